@@ -1,0 +1,1 @@
+"""Pure geometry: rotations and rigid motions, circles and bitangents, cross-ratios."""

@@ -1,0 +1,141 @@
+"""Rotations: Euler angles in the x-convention, rotation vectors, rigid motions.
+
+A rotation `R` takes world vectors into the laser frame, ``P_laser = R (P_world - origin)``.
+All functions work on stacks: leading dimensions are carried through.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+#: Below this sine of the second Euler angle, only the sum or difference of the others is determined.
+GIMBAL_LOCK = 1e-6
+
+
+def rotation_from_euler(euler: ArrayLike) -> Array:
+    """Rotation matrix of Euler angles in the x-convention (z-x'-z'').
+
+    Parameters
+    ----------
+    euler : array_like, shape (..., 3), rad
+        phi1 about z, phi2 about the new x, phi3 about the newest z.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        World to laser; the product BCD of Goldstein's *Classical Mechanics*, as in Figure 4.29.
+    """
+    phi1, phi2, phi3 = np.moveaxis(np.asarray(euler, float), -1, 0)
+    c1, s1, c2, s2, c3, s3 = (f(a) for a in (phi1, phi2, phi3) for f in (np.cos, np.sin))
+    rows = [
+        [c3 * c1 - c2 * s1 * s3, c3 * s1 + c2 * c1 * s3, s3 * s2],
+        [-s3 * c1 - c2 * s1 * c3, -s3 * s1 + c2 * c1 * c3, c3 * s2],
+        [s2 * s1, -s2 * c1, c2],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def euler_from_rotation(rotation: ArrayLike) -> Array:
+    """Euler angles in the x-convention, with phi2 in [0, pi].
+
+    Where sin(phi2) vanishes only phi1 + phi3 (or phi1 - phi3) is determined; phi1 is then set to zero.
+
+    Parameters
+    ----------
+    rotation : array_like, shape (..., 3, 3)
+
+    Returns
+    -------
+    ndarray, shape (..., 3), rad
+    """
+    r = np.asarray(rotation, float)
+    sine = np.hypot(r[..., 2, 0], r[..., 2, 1])
+    phi2 = np.arctan2(sine, r[..., 2, 2])
+    locked = sine < GIMBAL_LOCK
+    phi1 = np.where(locked, 0.0, np.arctan2(r[..., 2, 0], -r[..., 2, 1]))
+    phi3 = np.where(
+        locked, np.arctan2(-r[..., 1, 0], r[..., 0, 0]), np.arctan2(r[..., 0, 2], r[..., 1, 2])
+    )
+    return np.stack([phi1, phi2, phi3], axis=-1)
+
+
+def euler_jacobian(rotation: ArrayLike) -> Array:
+    """Change of the Euler angles under a small rotation of the laser frame.
+
+    Parameters
+    ----------
+    rotation : array_like, shape (..., 3, 3)
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        d(phi1, phi2, phi3) / d(rotation vector), for ``R -> exp([rotation vector]) R``.
+        Infinite rows where sin(phi2) is zero: there the angles are not determined.
+    """
+    euler = euler_from_rotation(rotation)
+    phi2, phi3 = euler[..., 1], euler[..., 2]
+    s2, c2, s3, c3 = np.sin(phi2), np.cos(phi2), np.sin(phi3), np.cos(phi3)
+    zero, one = np.zeros_like(s2), np.ones_like(s2)
+    # exp([w]) R: the frame's own angular velocity is -w; columns are the axes of phi1, phi2, phi3.
+    axes = [[s3 * s2, c3, zero], [c3 * s2, -s3, zero], [c2, zero, one]]
+    matrix = -np.stack([np.stack(row, axis=-1) for row in axes], axis=-2)
+    locked = s2 < GIMBAL_LOCK
+    safe = np.where(locked[..., None, None], np.eye(3), matrix)
+    return np.where(locked[..., None, None], np.inf, np.linalg.inv(safe))
+
+
+def skew(vector: ArrayLike) -> Array:
+    """Matrix [v] with ``[v] a = v x a``, shape (..., 3, 3)."""
+    x, y, z = np.moveaxis(np.asarray(vector, float), -1, 0)
+    zero = np.zeros_like(x)
+    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def rotation_from_vector(vector: ArrayLike) -> Array:
+    """Rotation matrix of a rotation vector (Rodrigues), ``exp([v])``, shape (..., 3, 3)."""
+    v = np.asarray(vector, float)
+    angle = np.linalg.norm(v, axis=-1)[..., None, None]
+    k = skew(v)
+    small = angle < 1e-6
+    safe = np.where(small, 1.0, angle)
+    sinc = np.where(small, 1.0 - angle**2 / 6.0, np.sin(safe) / safe)
+    cosc = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
+    return np.eye(3) + sinc * k + cosc * (k @ k)
+
+
+def vector_from_rotation(rotation: ArrayLike) -> Array:
+    """Rotation vector of a rotation matrix, of length at most pi, shape (..., 3)."""
+    from scipy.spatial.transform import Rotation
+
+    r = np.asarray(rotation, float)
+    return Rotation.from_matrix(r.reshape(-1, 3, 3)).as_rotvec().reshape(r.shape[:-1])
+
+
+def nearest_rotation(matrix: ArrayLike) -> Array:
+    """Proper rotation nearest to each matrix in the Frobenius norm, shape (..., 3, 3)."""
+    u, _, vt = np.linalg.svd(np.asarray(matrix, float))
+    u[..., :, 2] *= np.linalg.det(u @ vt)[..., None]
+    return u @ vt
+
+
+def rigid_transform(source: ArrayLike, destination: ArrayLike) -> tuple[Array, Array]:
+    """Least-squares rigid motion ``destination = R source + t`` between matched points.
+
+    Parameters
+    ----------
+    source, destination : array_like, shape (..., points, 3)
+
+    Returns
+    -------
+    rotation : ndarray, shape (..., 3, 3)
+    translation : ndarray, shape (..., 3), the points' unit
+    """
+    a, b = np.asarray(source, float), np.asarray(destination, float)
+    a_mean, b_mean = a.mean(axis=-2), b.mean(axis=-2)
+    covariance = np.swapaxes(b - b_mean[..., None, :], -1, -2) @ (a - a_mean[..., None, :])
+    rotation = nearest_rotation(covariance)
+    return rotation, b_mean - np.einsum("...ij,...j->...i", rotation, a_mean)

@@ -1,0 +1,1 @@
+"""The instrument as a projective camera: two offset mirrors, their boards and calibration."""

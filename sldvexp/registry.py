@@ -1,0 +1,121 @@
+"""Names to plugins, one namespace per configuration group.
+
+A plugin is a dataclass whose fields are its configuration. Registering it puts it into this table
+and into Hydra's ConfigStore, twice: as ``<group>/schema/<name>``, which the files in ``conf/``
+extend, and as ``<group>/<name>``, so that a plugin without a file works too.
+"""
+
+from __future__ import annotations
+
+import importlib
+import warnings
+from collections.abc import Callable
+from importlib.metadata import entry_points
+from typing import Any, TypeVar
+
+from hydra.core.config_store import ConfigStore
+
+from sldvexp.errors import UserError, nearest
+
+ENTRY_POINTS = "sldvexp.plugins"
+
+#: The modules that register the built-in plugins. None of them imports anything heavy.
+BUILT_IN = (
+    "sldvexp.target.circles",
+    "sldvexp.target.points",
+    "sldvexp.laser.two_mirror",
+    "sldvexp.instrument.file",
+    "sldvexp.pose.registration",
+    "sldvexp.pose.given",
+    "sldvexp.pose.digitizer",
+    "sldvexp.reconstruction.absolute",
+    "sldvexp.reconstruction.relative",
+    "sldvexp.reconstruction.combined",
+    "sldvexp.reconstruction.contravariant",
+    "sldvexp.check.cross_ratio",
+    "sldvexp.check.pose_equivalence",
+    "sldvexp.check.pose_repeats",
+    "sldvexp.check.printed",
+)
+
+_plugins: dict[str, dict[str, type]] = {}
+_loaded = False
+
+P = TypeVar("P", bound=type)
+
+
+def register(group: str, name: str) -> Callable[[P], P]:
+    """Class decorator: make a dataclass known as `name` in a configuration group.
+
+    Parameters
+    ----------
+    group : str
+        ``target``, ``laser``, ``instrument``, ``pose``, ``reconstruction`` or ``check``.
+    name : str
+        What a configuration selects, as in ``reconstruction=contravariant``.
+
+    Raises
+    ------
+    UserError
+        If another class already has that name.
+    """
+
+    def add(cls: P) -> P:
+        known = _plugins.setdefault(group, {}).setdefault(name, cls)
+        if (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
+            raise UserError(
+                f"two plugins are called {group}={name}: {known.__module__} and {cls.__module__}; "
+                "one of them must be renamed"
+            )
+        store = ConfigStore.instance()
+        store.store(group=f"{group}/schema", name=name, node=cls, provider="sldvexp")
+        store.store(group=group, name=name, node=cls, provider="sldvexp")
+        return cls
+
+    return add
+
+
+def load() -> None:
+    """Import the built-in plugins, then those of installed packages; a broken one only warns."""
+    global _loaded
+    if _loaded:
+        return
+    for module in BUILT_IN:
+        importlib.import_module(module)
+    for entry in entry_points(group=ENTRY_POINTS):
+        try:
+            entry.load()
+        except Exception as error:  # a stranger's package must not take the program down
+            package = entry.dist.name if entry.dist else entry.value
+            warnings.warn(
+                f"the plugin {entry.name} of the package {package} cannot be loaded: "
+                f"{type(error).__name__}: {error}",
+                stacklevel=2,
+            )
+    _loaded = True
+
+
+def get(group: str, name: str) -> type:
+    """The plugin class of that name, or a `UserError` that lists the valid ones."""
+    load()
+    try:
+        return _plugins[group][name]
+    except KeyError:
+        raise UserError(
+            f"there is no {group}={name}; {nearest(name, _plugins.get(group, {}))}"
+        ) from None
+
+
+def names(group: str) -> list[str]:
+    """The names of a group's plugins, sorted."""
+    load()
+    return sorted(_plugins.get(group, {}))
+
+
+def name_of(cls: Any) -> str | None:
+    """``group/name`` of a registered class, None for any other class."""
+    for group, members in _plugins.items():
+        for name, member in members.items():
+            if member is cls:
+                return f"{group}/{name}"
+    return None
