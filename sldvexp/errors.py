@@ -61,6 +61,10 @@ class Checks:
         ok = math.isfinite(value) and value >= 0
         self.require(ok, field, f"must be zero or a positive number, not {value}")
 
+    def probability(self, field: str, value: float) -> None:
+        """Require a number between zero and one, both excluded."""
+        self.require(0 < value < 1, field, f"must lie between 0 and 1, not {value}")
+
     def done(self) -> None:
         """Raise one `ConfigError` if anything was noted."""
         if self.problems:

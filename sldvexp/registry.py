@@ -19,6 +19,9 @@ from sldvexp.errors import UserError, nearest
 
 ENTRY_POINTS = "sldvexp.plugins"
 
+#: The configuration groups that hold plugins.
+GROUPS = ("target", "laser", "instrument", "pose", "reconstruction", "check")
+
 #: The modules that register the built-in plugins. None of them imports anything heavy.
 BUILT_IN = (
     "sldvexp.target.circles",

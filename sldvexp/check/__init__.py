@@ -1,0 +1,1 @@
+"""What is examined after the estimates: published numbers, conventions, tests of equality."""

@@ -1,0 +1,37 @@
+"""The conventions that explain numbers printed in Section 5.2; none is used for a result."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def sample_std(residuals: ArrayLike) -> float:
+    """The std of Tables 5.5 and 5.6: mean removed, divisor n - 1, modulus of complex residuals."""
+    return float(np.std(np.asarray(residuals), ddof=1))
+
+
+def printed_f(sse_partial: float, sse_full: float, n: int) -> float:
+    """F of Eq 5.17: one degree of freedom for the intercept, n - 1 for the full model's SSE.
+
+    A complex intercept has two real degrees of freedom and the full model leaves 2 (n - 4).
+    """
+    return (sse_partial - sse_full) / (sse_full / (n - 1))
+
+
+def printed_half_width(s: float, v_ii: ArrayLike) -> NDArray[np.float64]:
+    """Half-widths of Section 5.2.6 as printed: 1.96 s v_ii, without the square root of Eq 5.18.
+
+    Parameters
+    ----------
+    s : float
+        Sample standard deviation of the residuals.
+    v_ii : array_like
+        Diagonal of the inverse of ``D^T D``.
+    """
+    return 1.96 * s * np.asarray(v_ii, float)
+
+
+def half_width_with_root(s: float, v_ii: ArrayLike) -> NDArray[np.float64]:
+    """Eq 5.18 with the s and the 1.96 of the print: 1.96 s sqrt(v_ii)."""
+    return 1.96 * s * np.sqrt(np.asarray(v_ii, float))

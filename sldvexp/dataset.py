@@ -1,0 +1,201 @@
+"""The one place that knows a run's groups, variables, dimensions and units, and how it is stored."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from sldvexp.errors import UserError
+
+#: Coordinates that mean the same in every group.
+AXES: dict[str, tuple[str, ...]] = {
+    "axis": ("x", "y", "z"),
+    "laser_axis": ("x", "y", "z"),
+    "component": ("x", "y", "z"),
+    "mirror": ("up_down", "left_right"),
+    "angle_index": ("phi1", "phi2", "phi3"),
+}
+
+CONVENTIONS = {
+    "amplitude_convention": "peak",
+    "time_convention": "exp(+i omega t)",
+    "phase_reference": "reference channel",
+    "line_of_sight_convention": "positive towards the instrument",
+    "euler_convention": "x-convention (z-x'-z'')",
+}
+
+
+class Variable(NamedTuple):
+    """Dimensions (an optional one in brackets), units and meaning of one variable."""
+
+    dims: str
+    units: str
+    long_name: str
+
+
+_V = Variable
+VARIABLES: dict[str, dict[str, Variable]] = {
+    "target": {
+        "position": _V("point axis", "m", "position of the object's points"),
+        "position_std": _V("point axis", "m", "standard error of the position"),
+    },
+    "registration": {
+        "object_point": _V("view point axis", "m", "position of the point on the object"),
+        "angle": _V("view point mirror", "rad", "mirror angle that points the beam there"),
+        "dac": _V("view point mirror", "1", "DAC step of that angle"),
+        "used": _V("view point", "1", "1 where the view has the point"),
+    },
+    "pose": {
+        "origin": _V("view axis", "m", "origin of the laser frame in the world"),
+        "origin_std": _V("view axis", "m", "standard error of the origin"),
+        "origin_confidence": _V("view axis", "m", "half-width of the origin's interval"),
+        "rotation": _V("view laser_axis axis", "1", "rotation from world to laser axes"),
+        "euler": _V("view angle_index", "rad", "Euler angles, world to laser"),
+        "euler_std": _V("view angle_index", "rad", "standard error of the Euler angles"),
+        "euler_confidence": _V("view angle_index", "rad", "half-width of the angles' interval"),
+        "covariance": _V("view parameter parameter2", "m and rad", "covariance of the pose"),
+        "intrinsic": _V("view adjusted", "m, 1 and rad", "adjusted intrinsic parameter"),
+        "intrinsic_std": _V("view adjusted", "m, 1 and rad", "its standard error"),
+        "intrinsic_confidence": _V("view adjusted", "m, 1 and rad", "half-width of its interval"),
+        "residual": _V("view point mirror", "1", "observed minus predicted, DAC steps"),
+        "residual_rms": _V("view", "1", "root mean square of the residuals, DAC steps"),
+        "s": _V("view", "1", "standard deviation of a mirror reading, DAC steps"),
+        "s_deg": _V("view", "deg", "standard deviation of a mirror reading"),
+        "sse": _V("view", "deg2", "sum of the squared residuals"),
+        "dof": _V("view", "1", "degrees of freedom of the residuals"),
+        "other_origin": _V("view axis", "m", "origin of the other, worse solution"),
+        "other_rotation": _V("view laser_axis axis", "1", "rotation of the other solution"),
+        "other_sse": _V("view", "deg2", "sum of the squared residuals of the other solution"),
+        "other_found": _V("view", "1", "1 where a second solution exists"),
+    },
+    "line_of_sight": {
+        "direction_cosines": _V("view [point] axis", "1", "unit vector surface to instrument"),
+        "velocity": _V("view [point] [frequency]", "m/s", "velocity along the line of sight"),
+        "velocity_std": _V(
+            "view [point] [frequency]", "m/s", "its standard error, per real and imaginary part"
+        ),
+    },
+    "point": {
+        "velocity": _V("[point] component [frequency]", "m/s", "velocity"),
+        "velocity_std": _V("[point] component [frequency]", "m/s", "its standard error"),
+        "confidence": _V("[point] component [frequency]", "m/s", "half-width of its interval"),
+        "covariance": _V(
+            "[point] component component2 [frequency]", "m2/s2", "covariance of the velocity"
+        ),
+        "intercept": _V("[point] [frequency]", "m/s", "intercept of the full model"),
+        "intercept_std": _V("[point] [frequency]", "m/s", "its standard error"),
+        "f_statistic": _V("[point] [frequency]", "1", "F of the intercept against none"),
+        "f_p_value": _V("[point] [frequency]", "1", "probability of such an F without intercept"),
+        "residual": _V("[point] row [frequency]", "m/s", "measured minus predicted"),
+        "sse": _V("[point] [frequency]", "m2/s2", "sum of the squared residuals"),
+        "s": _V("[point] [frequency]", "m/s", "noise of one real component of a view"),
+        "dof": _V("[point] [frequency]", "1", "real degrees of freedom behind s"),
+        "chi2_p_value": _V("[point] [frequency]", "1", "probability of such residuals"),
+        "rcond": _V("[point]", "1", "reciprocal condition number in the 1-norm"),
+        "hadamard": _V("[point]", "1", "Hadamard condition number"),
+        "efficiency": _V("[point] component [frequency]", "1", "Gauss-Markov bound over variance"),
+        "observable": _V("[point] component", "1", "1 where the views determine the component"),
+        "basis": _V("[point] row axis", "1", "contravariant basis vectors"),
+        "unobservable_direction": _V(
+            "[point] direction axis", "1", "direction along which nothing is known"
+        ),
+        "observed_direction": _V("[point] direction2 axis", "1", "orthonormal directions observed"),
+        "observed_velocity": _V("[point] direction2 [frequency]", "m/s", "velocity along them"),
+        "observed_velocity_std": _V(
+            "[point] direction2 [frequency]", "m/s", "standard error of that velocity"
+        ),
+    },
+    "check": {
+        "published": _V("quantity", "as the quantity", "published or demanded value"),
+        "computed": _V("quantity", "as the quantity", "value of this run"),
+        "correct": _V("quantity", "as the quantity", "value by the correct formula"),
+        "tolerance": _V("quantity", "as the quantity", "largest accepted difference"),
+        "relation": _V("quantity", "", "how computed must stand to published"),
+        "passed": _V("quantity", "1", "1 where the run keeps it"),
+        "source": _V("quantity", "", "where the published value stands"),
+    },
+}
+
+
+def group(name: str, coords: Mapping[str, ArrayLike], **arrays: ArrayLike | None) -> xr.Dataset:
+    """Make one stage's group: arrays get their dimensions, units and meaning from `VARIABLES`.
+
+    Parameters
+    ----------
+    name : str
+        A key of `VARIABLES`.
+    coords : mapping of str to array_like
+        Coordinates besides `AXES`. An optional dimension is present if it has a coordinate here.
+    **arrays : array_like or None
+        The variables; None is left out.
+
+    Returns
+    -------
+    xarray.Dataset
+    """
+    known = VARIABLES[name]
+    data: dict[str, Any] = {}
+    for variable, values in arrays.items():
+        if values is None:
+            continue
+        spec = known[variable]
+        dims = _dims(spec, coords)
+        attributes = {"units": spec.units, "long_name": spec.long_name}
+        array = np.asarray(values)
+        data[variable] = (dims, array.astype(np.int8) if array.dtype == bool else array, attributes)
+    used = {d for dims, _, _ in data.values() for d in dims}
+    axes = {d: list(AXES[d]) for d in AXES if d in used}
+    given = {d: np.asarray(v) for d, v in coords.items() if d in used}
+    dataset = xr.Dataset(data, coords={**axes, **given})
+    if "frequency" in dataset.coords:
+        dataset["frequency"].attrs["units"] = "Hz"
+    return dataset
+
+
+def _dims(spec: Variable, coords: Mapping[str, ArrayLike]) -> tuple[str, ...]:
+    """Dimensions of a variable: all required ones, and the optional ones that have a coordinate."""
+    parts = [(d.strip("[]"), d.startswith("[")) for d in spec.dims.split()]
+    return tuple(d for d, optional in parts if not optional or d in coords)
+
+
+def save(tree: Mapping[str, xr.Dataset], attributes: Mapping[str, Any], path: Path) -> None:
+    """Write the run beside its final name and rename it: a file of that name is always whole.
+
+    Parameters
+    ----------
+    tree : mapping of str to xarray.Dataset
+        Group path (``pose``, ``point/method_1``) to its dataset.
+    attributes : mapping
+        Of the root.
+    path : Path
+    """
+    root = xr.Dataset(attrs={**CONVENTIONS, **attributes})
+    whole = xr.DataTree.from_dict({"/": root, **{f"/{k}": v for k, v in tree.items()}})
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        whole.to_netcdf(beside, engine="netcdf4", auto_complex=True)
+        os.replace(beside, path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def load(path: Path) -> xr.DataTree:
+    """Open a run's file, lazily.
+
+    Raises
+    ------
+    UserError
+        If it is missing or is not a run's netCDF-4 file.
+    """
+    if not path.is_file():
+        raise UserError(f"{path}: there is no such file; a run's dataset is called run.nc")
+    try:
+        return xr.open_datatree(path, engine="netcdf4", auto_complex=True)
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path}: is not a readable netCDF-4 file ({error})") from None

@@ -1,0 +1,59 @@
+"""`instrument=file`: line-of-sight velocities from a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from omegaconf import MISSING
+
+from sldvexp.paths import locate
+from sldvexp.registry import register
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+class Unit(Enum):
+    """Units in which a file may state velocities."""
+
+    m_per_s = "m_per_s"
+    mm_per_s = "mm_per_s"
+    um_per_s = "um_per_s"
+    inch_per_s = "inch_per_s"
+
+
+@register("instrument", "file")
+@dataclass
+class File:
+    """Velocities that were measured before, as CSV, netCDF or MATLAB arrays.
+
+    Parameters
+    ----------
+    path : str
+        A ``.csv`` (``view,dx,dy,dz,frequency,real,imag`` and optionally ``point`` and ``std``), or
+        ``.nc`` or ``.mat`` with arrays ``direction_cosines``, ``velocity``, ``frequency``, ``std``.
+    unit : Unit
+        Of the file's velocities.
+    """
+
+    path: str = MISSING
+    unit: Unit = Unit.m_per_s
+
+    def inputs(self) -> list[str]:
+        """The file."""
+        return [self.path]
+
+    def read(self) -> xr.Dataset:
+        """The group ``line_of_sight``.
+
+        Raises
+        ------
+        UserError
+            If the file is missing or is not what it should be.
+        """
+        from sldvexp.line_of_sight.read import read
+        from sldvexp.line_of_sight.table import VelocityUnit
+
+        return read(locate(self.path), VelocityUnit[self.unit.name]).group()

@@ -1,0 +1,93 @@
+"""What every instrument that scans can do; the rest of the program knows no more about it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import IntFlag
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: Order of the channels in every block of samples.
+CHANNELS = ("velocity", "reference")
+
+
+class Status(IntFlag):
+    """What the instrument itself says about a pixel."""
+
+    good = 0
+    dropped_out = 1
+    over_range = 2
+
+
+@dataclass(frozen=True)
+class Acquisition:
+    """How each pixel is sampled.
+
+    Parameters
+    ----------
+    rate : float, Hz
+        Samples per second and channel.
+    samples : int
+        Samples per pixel and channel.
+    excitation : tuple of float, Hz
+        Frequencies that the generator plays; empty leaves it off.
+    amplitude : float, V
+        Peak amplitude of each generated frequency.
+    """
+
+    rate: float
+    samples: int
+    excitation: tuple[float, ...]
+    amplitude: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Raw samples of some pixels.
+
+    Parameters
+    ----------
+    counts : ndarray of int16, shape (pixel, channel, sample)
+        Channels in the order of `CHANNELS`; each pixel starts at an arbitrary phase.
+    volts_per_count : ndarray, shape (channel,)
+    rate : float, Hz
+    status : ndarray of uint8, shape (pixel,)
+        Bits of `Status`.
+    """
+
+    counts: NDArray[np.int16]
+    volts_per_count: NDArray[np.float64]
+    rate: float
+    status: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
+
+
+class InstrumentError(Exception):
+    """The instrument did not do what was asked; its text says what happened and to which command."""
+
+
+class Instrument(Protocol):
+    """A scanning vibrometer with its boards and generator.
+
+    Used as a context manager: on leaving, whatever happened, the mirrors go home and the generator
+    is off. Methods raise `InstrumentError` for faults of the instrument (time-out, garbage,
+    disconnection, an entry in its error queue).
+    """
+
+    def __enter__(self) -> Instrument: ...
+
+    def __exit__(self, *exception: object) -> None: ...
+
+    def configure(self, acquisition: Acquisition) -> None:
+        """Set sampling and generator for all pixels that follow."""
+
+    def move(self, dac: Sequence[int]) -> None:
+        """Point the beam at (up_down, left_right) in DAC steps."""
+
+    def acquire(self) -> Samples:
+        """Sample one pixel where the beam stands."""
+
+    def scan(self, dac: NDArray[np.int64]) -> Samples:
+        """Move and sample a whole list, shape (pixel, 2), buffered by the instrument."""

@@ -1,0 +1,1 @@
+"""Measured line-of-sight velocities with their directions: one checked table, several formats."""

@@ -1,0 +1,106 @@
+"""Line-of-sight velocities as a long CSV table, one row a view (and point, and frequency)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from sldvexp.errors import UserError, nearest
+from sldvexp.line_of_sight.table import LineOfSight, VelocityUnit
+
+REQUIRED = ("view", "dx", "dy", "dz", "real")
+OPTIONAL = ("point", "frequency", "imag", "std")
+
+
+def read(path: Path, unit: VelocityUnit) -> LineOfSight:
+    """Read ``view,dx,dy,dz,frequency,real,imag`` with optional ``point`` and ``std``.
+
+    Parameters
+    ----------
+    path : Path
+    unit : VelocityUnit
+        Of the columns ``real``, ``imag`` and ``std``.
+
+    Returns
+    -------
+    LineOfSight
+        Real if there is no column ``imag``. Views, points and frequencies keep the file's order.
+
+    Raises
+    ------
+    UserError
+        If the file is no such table: columns, numbers, missing or repeated combinations.
+    """
+    table = _table(path)
+    key = [c for c in ("view", "point", "frequency") if c in table]
+    doubled = table[table.duplicated(key)]
+    if len(doubled):
+        raise UserError(f"{path}: line {doubled.index[0] + 2}: {_at(doubled.iloc[0], key)} is given twice")
+    labels = [list(dict.fromkeys(table[c])) if c in key else [None] for c in ("view", "point", "frequency")]
+    shape = tuple(len(axis) for axis in labels)
+    position = [
+        table[c].map({v: i for i, v in enumerate(axis)}).to_numpy() if c in key else np.zeros(len(table), int)
+        for c, axis in zip(("view", "point", "frequency"), labels, strict=True)
+    ]
+    where = np.ravel_multi_index(position, shape)
+    if len(table) != np.prod(shape):
+        gap = np.setdiff1d(np.arange(np.prod(shape)), where)[0]
+        lost = [str(axis[i]) for axis, i in zip(labels, np.unravel_index(gap, shape), strict=True)]
+        lost = [f"{c} {v}" for c, v in zip(("view", "point", "frequency"), lost, strict=True) if c in key]
+        raise UserError(f"{path}: there is no row for {', '.join(lost)}")
+
+    def cube(column: str) -> np.ndarray:
+        values = np.empty(len(table))
+        values[where] = table[column].to_numpy()
+        return values.reshape(shape)
+
+    velocity = cube("real") + 1j * cube("imag") if "imag" in table else cube("real")
+    cosines = np.stack([cube(c) for c in ("dx", "dy", "dz")], axis=-1)
+    moved = np.argwhere((cosines != cosines[:, :, :1]).any(axis=(2, 3)))
+    if len(moved):
+        raise UserError(
+            f"{path}: the direction of view {labels[0][moved[0, 0]]} differs between frequencies; "
+            "give directions that belong to one point as points of their own"
+        )
+    return LineOfSight(
+        source=str(path),
+        view=[str(v) for v in labels[0]],
+        point=[str(p) for p in labels[1]] if "point" in key else None,
+        frequency=np.array(labels[2], float) if "frequency" in key else None,
+        direction_cosines=cosines[:, :, 0],
+        velocity=velocity * unit.value,
+        std=cube("std") * unit.value if "std" in table else None,
+    )
+
+
+def _table(path: Path) -> pd.DataFrame:
+    """The checked columns, numbers as numbers."""
+    try:
+        table = pd.read_csv(path, dtype=str, comment="#", skipinitialspace=True, keep_default_na=False)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        raise UserError(f"{path}: is not a CSV table ({error})") from None
+    known = REQUIRED + OPTIONAL
+    for column in table.columns:
+        if column not in known:
+            raise UserError(f"{path}: unknown column {column!r}; {nearest(column, known)}")
+    for column in REQUIRED:
+        if column not in table:
+            raise UserError(f"{path}: the column {column} is missing; needed are {', '.join(REQUIRED)}")
+    if table.empty:
+        raise UserError(f"{path}: the table has no rows")
+    for column in set(table.columns) - {"view", "point"}:
+        numbers = pd.to_numeric(table[column], errors="coerce")
+        bad = table[column][~np.isfinite(numbers)]
+        if len(bad):
+            raise UserError(
+                f"{path}: line {bad.index[0] + 2}: {column} must be a finite number, not {bad.iloc[0]!r}"
+            )
+        table[column] = numbers
+    return table
+
+
+def _at(row: pd.Series, key: list[str]) -> str:
+    """``view 2, frequency 450`` for a row."""
+    return ", ".join(f"{c} {row[c]}" for c in key)

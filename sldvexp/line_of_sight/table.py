@@ -1,0 +1,119 @@
+"""Line-of-sight velocities of points seen from several views, checked once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from sldvexp import dataset
+from sldvexp.errors import UserError
+
+#: Unit vectors may be printed with three digits.
+LARGEST_LENGTH_ERROR = 5e-3
+
+
+class VelocityUnit(Enum):
+    """Units of velocity; the value is one of them in m/s."""
+
+    m_per_s = 1.0
+    mm_per_s = 1e-3
+    um_per_s = 1e-6
+    inch_per_s = 0.0254
+
+
+@dataclass(frozen=True)
+class LineOfSight:
+    """Velocities along known directions.
+
+    Parameters
+    ----------
+    source : str
+        File or instrument, for messages.
+    view : list of str
+    point : list of str or None
+        Labels of the points; None for a single point without a name.
+    frequency : ndarray or None, shape (frequency,), Hz
+        None for a single frequency that is not stated.
+    direction_cosines : ndarray, shape (view, point, 3)
+        Unit vectors from the surface to the instrument.
+    velocity : ndarray, shape (view, point, frequency), m/s
+        Real or complex.
+    std : ndarray or None, shape of `velocity`, m/s
+        Standard error of a velocity, per real and imaginary part.
+
+    Raises
+    ------
+    UserError
+        If a number is not finite, a direction is not a unit vector, a standard error is not
+        positive, or a frequency is negative or repeated.
+    """
+
+    source: str
+    view: list[str]
+    point: list[str] | None
+    frequency: NDArray[np.float64] | None
+    direction_cosines: NDArray[np.float64]
+    velocity: NDArray[np.float64] | NDArray[np.complex128]
+    std: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        self._check("direction cosine", np.isfinite(self.direction_cosines), "is not finite")
+        self._check("velocity", np.isfinite(self.velocity), "is not finite")
+        if self.std is not None:
+            self._check("standard error", np.isfinite(self.std), "is not finite")
+            self._check("standard error", self.std > 0, "must be positive")
+        length = np.linalg.norm(self.direction_cosines, axis=-1)
+        self._check(
+            "direction",
+            abs(length - 1) <= LARGEST_LENGTH_ERROR,
+            "must be a unit vector from the surface to the instrument",
+        )
+        for name, labels in (("view", self.view), ("point", self.point or [])):
+            if len(set(labels)) != len(labels):
+                raise UserError(f"{self.source}: a {name} is named twice in {', '.join(labels)}")
+        if self.frequency is not None:
+            self._check_frequencies(self.frequency)
+
+    def _check(self, what: str, good: NDArray[np.bool_], wrong: str) -> None:
+        """Complain about the first bad entry of an array that starts with (view, point)."""
+        if good.all():
+            return
+        index = np.argwhere(~good)[0]
+        at = [f"view {self.view[index[0]]}"]
+        if self.point is not None:
+            at.append(f"point {self.point[index[1]]}")
+        if self.frequency is not None and what in ("velocity", "standard error"):
+            at.append(f"{self.frequency[index[2]]:g} Hz")
+        raise UserError(f"{self.source}: the {what} of {', '.join(at)} {wrong}")
+
+    def _check_frequencies(self, frequency: NDArray[np.float64]) -> None:
+        """Frequencies are finite, not negative, and differ."""
+        bad = frequency[~(np.isfinite(frequency) & (frequency >= 0))]
+        if bad.size:
+            raise UserError(f"{self.source}: {bad[0]:g} is not a frequency in Hz")
+        if len(np.unique(frequency)) != len(frequency):
+            raise UserError(f"{self.source}: a frequency is given twice")
+
+    def group(self) -> xr.Dataset:
+        """The run's group ``line_of_sight``; unnamed single points and frequencies are dropped."""
+        coords: dict[str, list[str] | NDArray[np.float64]] = {"view": self.view}
+        sight, velocity, std = self.direction_cosines, self.velocity, self.std
+        if self.point is None:
+            sight, velocity = sight[:, 0], velocity[:, 0]
+            std = None if std is None else std[:, 0]
+        else:
+            coords["point"] = self.point
+        if self.frequency is None:
+            velocity, std = velocity[..., 0], None if std is None else std[..., 0]
+        else:
+            coords["frequency"] = self.frequency
+        made = dataset.group(
+            "line_of_sight", coords, direction_cosines=sight, velocity=velocity, velocity_std=std
+        )
+        made.attrs["source"] = Path(self.source).name
+        return made

@@ -1,0 +1,80 @@
+"""What a run's file must carry so that it can be explained and repeated."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import subprocess
+from collections.abc import Iterable
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf
+
+from sldvexp.config import plugin_names
+from sldvexp.errors import UserError
+from sldvexp.paths import locate
+
+PACKAGES = ("sldvexp", "numpy", "scipy", "xarray", "netCDF4", "hydra-core", "omegaconf")
+
+
+def attributes(config: DictConfig, inputs: Iterable[str], start: datetime) -> dict[str, Any]:
+    """Attributes of the dataset's root.
+
+    Parameters
+    ----------
+    config : DictConfig
+        The composed configuration.
+    inputs : iterable of str
+        Files read, as the configuration names them.
+    start : datetime
+        When the run began; the end is now.
+    """
+    resolved = OmegaConf.to_yaml(config, resolve=True)
+    return {
+        "title": "run of sldvexp",
+        "config": resolved,
+        "config_sha256": hashlib.sha256(resolved.encode()).hexdigest(),
+        "plugins": json.dumps(plugin_names(config)),
+        "inputs_sha256": json.dumps({path: sha256(locate(path)) for path in sorted(set(inputs))}),
+        "packages": json.dumps(versions()),
+        "git_commit": git_commit(),
+        "seed": config.seed,
+        "start_time": start.isoformat(),
+        "end_time": datetime.now(UTC).isoformat(),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that decide the numbers."""
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def sha256(path: Path) -> str:
+    """Digest of an input file."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read ({error.strerror})") from None
+
+
+def git_commit() -> str:
+    """Commit of the checkout that the program runs from, marked if changed; empty if installed."""
+    here = Path(__file__).resolve().parent
+    if not (here.parent / ".git").exists():
+        return ""
+    describe = ["git", "-C", str(here), "describe", "--always", "--dirty", "--abbrev=40"]
+    try:
+        return subprocess.run(describe, capture_output=True, text=True, timeout=10).stdout.strip()
+    except (OSError, subprocess.TimeoutExpired):
+        return ""

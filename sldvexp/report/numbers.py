@@ -1,0 +1,33 @@
+"""Numbers as text: as many digits as their bound supports."""
+
+from __future__ import annotations
+
+import math
+
+
+def number(value: complex, digits: int = 4) -> str:
+    """A real or complex number with `digits` significant digits."""
+    value = complex(value)
+    if math.isnan(value.real):
+        return "-"
+    if value.imag == 0:
+        return f"{value.real:.{digits}g}"
+    return f"{value.real:.{digits}g}{value.imag:+.{digits}g}i"
+
+
+def with_bound(value: complex, bound: float) -> str:
+    """``value ± bound``, rounded to two digits of the bound.
+
+    Examples
+    --------
+    >>> with_bound(-0.07263, 0.1934)
+    '-0.07 ± 0.19'
+    """
+    value = complex(value)
+    if not math.isfinite(bound) or bound <= 0:
+        return f"{number(value)} (no bound)" if not bound == 0 else number(value)
+    places = max(0, 1 - math.floor(math.log10(bound)))
+    text = f"{value.real:.{places}f}"
+    if value.imag:
+        text += f" {'+' if value.imag >= 0 else '-'} {abs(value.imag):.{places}f}i"
+    return f"{text} ± {bound:.{places}f}"

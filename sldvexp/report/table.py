@@ -1,0 +1,122 @@
+"""The table that closes a run on the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from sldvexp.report.numbers import number, with_bound
+
+#: Rows shown of a long group; the dataset has all of them.
+MOST_ROWS = 12
+NARROWEST = 110
+
+
+def closing_table(tree: Mapping[str, xr.Dataset], files: Sequence[Path]) -> None:
+    """Print what was estimated, what was published, what passed, what to mind, where the files lie.
+
+    Parameters
+    ----------
+    tree : mapping of str to xarray.Dataset
+    files : sequence of Path
+    """
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=max(console.width, NARROWEST))
+    estimates = Table("estimated", "value ± bound", "unit", "note", title="Estimates", title_justify="left")
+    for row in _estimates(tree):
+        estimates.add_row(*map(escape, row))
+    if estimates.row_count:
+        console.print(estimates)
+    if "check" in tree:
+        console.print(_published(tree["check"]))
+    notes = [n for g in tree.values() for n in str(g.attrs.get("notes", "")).splitlines()]
+    for note in dict.fromkeys(notes):
+        console.print(f"[yellow]note:[/] {escape(note)}", highlight=False)
+    for file in files:
+        console.print(str(file), soft_wrap=True, highlight=False)
+
+
+def _estimates(tree: Mapping[str, xr.Dataset]) -> Iterator[tuple[str, str, str, str]]:
+    """Rows of all groups that hold estimates."""
+    for name, group in tree.items():
+        if name == "pose":
+            for view in group["view"].values:
+                yield from _pose_rows(str(view), group.sel(view=view))
+        elif name.split("/")[0] == "point":
+            yield from _point_rows(name, group)
+
+
+def _pose_rows(view: str, pose: xr.Dataset) -> Iterator[tuple[str, str, str, str]]:
+    """Euler angles, origin, intrinsics and residual of one view."""
+    columns = (("euler", "angle_index", "rad"), ("origin", "axis", "m"), ("intrinsic", "adjusted", ""))
+    for variable, dim, unit in columns:
+        if variable not in pose:
+            continue
+        for label in pose[dim].values:
+            value = float(pose[variable].sel({dim: label}))
+            bounds = pose.get(f"{variable}_confidence")
+            bound = float(bounds.sel({dim: label})) if bounds is not None else np.nan
+            yield f"pose {view}: {label}", with_bound(value, bound), unit, ""
+    if "s" in pose:
+        note = f"SSE {number(float(pose['sse']))} deg²"
+        yield f"pose {view}: s", number(float(pose["s"])), "DAC steps", note
+
+
+def _point_rows(name: str, point: xr.Dataset) -> Iterator[tuple[str, str, str, str]]:
+    """Velocity components of the first points and frequencies, and what stands behind them."""
+    cases = [d for d in ("point", "frequency") if d in point["velocity"].dims]
+    stacked = point["velocity"].stack(case=cases) if cases else point["velocity"].expand_dims("case")
+    bounds = point["confidence"].stack(case=cases) if cases else point["confidence"].expand_dims("case")
+    shown = min(stacked.sizes["case"], max(1, MOST_ROWS // 3))
+    for i in range(shown):
+        value, bound = stacked.isel(case=i), bounds.isel(case=i)
+        labels = [f"{d} {value[d].item():g}" if d == "frequency" else f"{d} {value[d].item()}" for d in cases]
+        label = ", ".join([name.replace("point/", ""), *labels])
+        for component in point["component"].values:
+            text = with_bound(
+                complex(value.sel(component=component)), float(bound.sel(component=component))
+            )
+            yield f"{label}: V_{component}", text, "m/s", _merit(point, str(component), i)
+    if stacked.sizes["case"] > shown:
+        rest = stacked.sizes["case"] - shown
+        yield f"{name}: {rest} more", "in the dataset", "", ""
+
+
+def _merit(point: xr.Dataset, component: str, case: int) -> str:
+    """Efficiency and observability of a component."""
+    if "observable" in point:
+        observable = np.atleast_2d(np.asarray(point["observable"]))
+        index = list(point["component"].values).index(component)
+        if not observable.reshape(-1, 3)[min(case, len(observable.reshape(-1, 3)) - 1), index]:
+            return "not determined by these views"
+    if "efficiency" not in point:
+        return ""
+    efficiency = float(np.nanmin(point["efficiency"].sel(component=component)))
+    return f"efficiency {efficiency:.2f}, rcond {number(point.attrs['rcond'], 3)}"
+
+
+def _published(check: xr.Dataset) -> Table:
+    """Published numbers beside this run's."""
+    correct = np.isfinite(np.asarray(check["correct"])).any()
+    passed = int(check["passed"].sum())
+    table = Table(title=f"Expected: {passed} of {check.sizes['quantity']} met", title_justify="left")
+    for column in ("quantity", "", "expected", "computed", *(["correct formula"] * correct)):
+        table.add_column(column)
+    for column in ("tolerance", "met", "source"):
+        table.add_column(column)
+    for name in check["quantity"].values:
+        row = check.sel(quantity=name)
+        cells = [escape(str(name)), str(row["relation"].item()), number(row["published"].item(), 5)]
+        cells.append(number(row["computed"].item(), 5))
+        cells += [number(row["correct"].item(), 5)] * bool(correct)
+        met = "[green]yes[/]" if bool(row["passed"]) else "[red bold]NO[/]"
+        cells += [number(row["tolerance"].item(), 2), met, escape(str(row["source"].item()))]
+        table.add_row(*cells)
+    return table

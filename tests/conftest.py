@@ -1,0 +1,54 @@
+"""Fixtures of all tests: the command, run for real but inside this process."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+from sldvexp import app, dataset
+
+CONF = Path(__file__).parents[1] / "conf"
+
+
+@dataclass
+class Done:
+    """What one call of the command left: exit status, what it said, and its folder."""
+
+    status: int
+    out: str
+    err: str
+    folder: Path
+
+    @property
+    def tree(self) -> xr.DataTree:
+        """The run's dataset, in memory."""
+        with dataset.load(self.folder / "run.nc") as tree:
+            return tree.load()
+
+
+@pytest.fixture
+def sldvexp(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., Done]:
+    """Call the command with arguments, in an empty folder; runs go to numbered folders there."""
+    monkeypatch.chdir(tmp_path)
+    calls = []
+
+    def call(*arguments: str) -> Done:
+        folder = tmp_path / f"run{len(calls)}"
+        calls.append(folder)
+        given = any("hydra.run.dir" in a or a.startswith("-") for a in arguments)
+        where = [] if given else [f"hydra.run.dir={folder}"]
+        monkeypatch.setattr(sys, "argv", ["sldvexp", *arguments, *where])
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as stop:
+            app.main()
+        said = capsys.readouterr()
+        return Done(int(stop.value.code or 0), said.out, said.err, folder)
+
+    return call

@@ -1,0 +1,27 @@
+"""Every experiment in `conf/experiment/` meets everything that it expects."""
+
+from __future__ import annotations
+
+import pytest
+import yaml
+from conftest import CONF
+
+FOLDER = CONF / "experiment"
+EXPERIMENTS = sorted(str(p.relative_to(FOLDER).with_suffix("")) for p in FOLDER.rglob("*.yaml"))
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_experiment_meets_its_expectations(name, sldvexp):
+    done = sldvexp(f"experiment={name}")
+    assert done.status == 0, done.err + done.out
+    check = done.tree["check"]
+    missed = [str(q) for q, ok in zip(check["quantity"].values, check["passed"].values) if not ok]
+    assert missed == []
+    assert len(check["quantity"]) > 0
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_experiment_expects_something(name):
+    text = yaml.safe_load((FOLDER / f"{name}.yaml").read_text())
+    included = [d for d in text["defaults"] if isinstance(d, str) and d != "_self_"]
+    assert text.get("expect") or included
