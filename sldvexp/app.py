@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import sys
 
@@ -12,7 +11,7 @@ from omegaconf import DictConfig
 from sldvexp import complaints, registry
 from sldvexp.paths import conf_dir
 
-FAILED, MISSED, INTERRUPTED = 1, 2, 130
+DONE, FAILED, MISSED, INTERRUPTED = 0, 1, 2, 130
 
 
 def main() -> None:
@@ -23,34 +22,40 @@ def main() -> None:
     """
     full_error = os.environ.get("HYDRA_FULL_ERROR") == "1"
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises, and we choose the words
-    missed = False
+    worst = DONE
 
-    def task(cfg: DictConfig) -> bool:
+    def task(cfg: DictConfig) -> None:
+        """One job; its mistakes are told here, so that a sweep goes on with the next."""
         from hydra.core.hydra_config import HydraConfig
 
         from sldvexp.runner import run
 
-        nonlocal missed
-        passed = run(cfg, folder=HydraConfig.get().runtime.output_dir)
-        missed = missed or not passed
-        return passed
+        nonlocal worst
+        try:
+            passed = run(cfg, folder=HydraConfig.get().runtime.output_dir)
+            worst = worst or (DONE if passed else MISSED)
+        except Exception as error:
+            worst = _tell(error, full_error)
 
     try:
         registry.load()
-        conf = str(conf_dir())
-        hydra.main(version_base="1.3", config_path=conf, config_name="config")(task)()
+        hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name="config")(task)()
     except KeyboardInterrupt:
         print("sldvexp: interrupted", file=sys.stderr)
-        sys.exit(INTERRUPTED)
+        worst = INTERRUPTED
     except Exception as error:
-        told = complaints.sentence(error, sys.argv[1:])
-        if full_error or told is None:
-            raise
-        logging.getLogger(__name__).debug("the error in full", exc_info=error)
-        for line in told.splitlines():
-            print(f"sldvexp: {line}", file=sys.stderr)
-        sys.exit(FAILED)
-    sys.exit(MISSED if missed else 0)
+        worst = _tell(error, full_error)
+    sys.exit(worst)
+
+
+def _tell(error: Exception, full_error: bool) -> int:
+    """Print a user's mistake as a sentence; raise again what is a defect, or is wanted in full."""
+    told = complaints.sentence(error, sys.argv[1:])
+    if full_error or told is None:
+        raise error
+    for line in told.splitlines():
+        print(f"sldvexp: {line}", file=sys.stderr)
+    return FAILED
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from sldvexp.errors import ConfigError, Problem, nearest
 #: Groups whose value in the root is one plugin; `compare` and `check` hold named plugins.
 SINGLE_GROUPS = ("target", "laser", "instrument", "pose", "reconstruction")
 
+
 @dataclass
 class Expectation:
     """One number that a run must reproduce, or a bound that it must keep.
@@ -124,8 +125,12 @@ def build(config: DictConfig) -> Experiment:
 def plugin_names(config: DictConfig) -> dict[str, str]:
     """Which plugin stands at which key, ``{"pose": "pose/registration", ...}``."""
     nodes = [(group, config[group]) for group in SINGLE_GROUPS]
-    nodes += [(f"{key}.{name}", n) for key in ("compare", "check") for name, n in config[key].items()]
-    found = {key: registry.name_of(OmegaConf.get_type(node)) for key, node in nodes if node is not None}
+    nodes += [
+        (f"{key}.{name}", n) for key in ("compare", "check") for name, n in config[key].items()
+    ]
+    found = {
+        key: registry.name_of(OmegaConf.get_type(node)) for key, node in nodes if node is not None
+    }
     return {key: name for key, name in found.items() if name}
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,6 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
+from sldvexp.files import whole_or_nothing
 
 #: Coordinates that mean the same in every group.
 AXES: dict[str, tuple[str, ...]] = {
@@ -68,10 +68,11 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "s": _V("view", "1", "standard deviation of a mirror reading, DAC steps"),
         "s_deg": _V("view", "deg", "standard deviation of a mirror reading"),
         "sse": _V("view", "deg2", "sum of the squared residuals"),
-        "dof": _V("view", "1", "degrees of freedom of the residuals"),
+        "cost": _V("view", "1", "what was minimised, squared DAC steps"),
+        "dof": _V("view", "1", "degrees of freedom of the covariance"),
         "other_origin": _V("view axis", "m", "origin of the other, worse solution"),
         "other_rotation": _V("view laser_axis axis", "1", "rotation of the other solution"),
-        "other_sse": _V("view", "deg2", "sum of the squared residuals of the other solution"),
+        "other_cost": _V("view", "1", "cost of the other solution"),
         "other_found": _V("view", "1", "1 where a second solution exists"),
     },
     "line_of_sight": {
@@ -85,14 +86,12 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "velocity": _V("[point] component [frequency]", "m/s", "velocity"),
         "velocity_std": _V("[point] component [frequency]", "m/s", "its standard error"),
         "confidence": _V("[point] component [frequency]", "m/s", "half-width of its interval"),
-        "covariance": _V(
-            "[point] component component2 [frequency]", "m2/s2", "covariance of the velocity"
-        ),
         "intercept": _V("[point] [frequency]", "m/s", "intercept of the full model"),
         "intercept_std": _V("[point] [frequency]", "m/s", "its standard error"),
         "f_statistic": _V("[point] [frequency]", "1", "F of the intercept against none"),
         "f_p_value": _V("[point] [frequency]", "1", "probability of such an F without intercept"),
-        "residual": _V("[point] row [frequency]", "m/s", "measured minus predicted"),
+        "residual": _V("row [frequency]", "m/s", "measured minus predicted, of a single point"),
+        "matrix": _V("unknown unknown2", "1", "the matrix that is solved, of a single point"),
         "sse": _V("[point] [frequency]", "m2/s2", "sum of the squared residuals"),
         "s": _V("[point] [frequency]", "m/s", "noise of one real component of a view"),
         "dof": _V("[point] [frequency]", "1", "real degrees of freedom behind s"),
@@ -102,14 +101,44 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "efficiency": _V("[point] component [frequency]", "1", "Gauss-Markov bound over variance"),
         "observable": _V("[point] component", "1", "1 where the views determine the component"),
         "basis": _V("[point] row axis", "1", "contravariant basis vectors"),
-        "unobservable_direction": _V(
-            "[point] direction axis", "1", "direction along which nothing is known"
+        "deficient_point": _V("deficient", "1", "index of a point whose views are deficient"),
+        "observed_rank": _V("deficient", "1", "how many of its directions are determined"),
+        "observed_direction": _V(
+            "deficient direction axis", "1", "orthonormal; the first of them are determined"
         ),
-        "observed_direction": _V("[point] direction2 axis", "1", "orthonormal directions observed"),
-        "observed_velocity": _V("[point] direction2 [frequency]", "m/s", "velocity along them"),
-        "observed_velocity_std": _V(
-            "[point] direction2 [frequency]", "m/s", "standard error of that velocity"
+        "observed_velocity": _V(
+            "deficient direction [frequency]", "m/s", "velocity along the determined directions"
         ),
+        "observed_velocity_std": _V("deficient direction [frequency]", "m/s", "its standard error"),
+        "observed_confidence": _V(
+            "deficient direction [frequency]", "m/s", "half-width of its interval"
+        ),
+    },
+    "examined/bitangents": {
+        "position_inch": _V("point plane_axis", "inch", "bitangent point in its circles' plane"),
+    },
+    "examined/cross_ratio": {
+        "up_down": _V("kind", "1", "cross-ratio of the up-down mirror's planes"),
+        "left_right": _V("kind", "1", "cross-ratio of the left-right mirror's planes"),
+    },
+    "examined/pose_equivalence": {
+        "difference": _V("view quantity", "rad and m", "this pose minus the other"),
+        "t": _V("view quantity", "1", "Welch's t' of the difference"),
+        "dof": _V("view quantity", "1", "Welch-Satterthwaite degrees of freedom"),
+        "t_critical": _V("view quantity", "1", "critical value at those degrees of freedom"),
+        "t_critical_whole_dof": _V("view quantity", "1", "critical value, degrees rounded down"),
+        "reject": _V("view quantity", "1", "1 where the two poses differ significantly"),
+    },
+    "examined/pose_repeats": {
+        "std_ratio": _V("view parameter", "1", "std of simulated repeats over the reported one"),
+        "coverage": _V("view parameter", "1", "fraction of intervals that hold the truth"),
+    },
+    "examined/printed": {
+        "linpack_rcond": _V("method", "1", "reciprocal condition number as LINPACK estimates it"),
+        "std": _V("method", "m/s", "sample standard deviation of the residuals"),
+        "half_width": _V("method component", "m/s", "1.96 s v_ii, as printed"),
+        "f_statistic": _V("", "1", "F of the intercept by the printed convention"),
+        "f_critical": _V("", "1", "critical F with 1 and n - 1 degrees of freedom"),
     },
     "check": {
         "published": _V("quantity", "as the quantity", "published or demanded value"),
@@ -170,19 +199,15 @@ def save(tree: Mapping[str, xr.Dataset], attributes: Mapping[str, Any], path: Pa
     Parameters
     ----------
     tree : mapping of str to xarray.Dataset
-        Group path (``pose``, ``point/method_1``) to its dataset.
+        Group path (``pose``, ``compare/method_1``) to its dataset.
     attributes : mapping
         Of the root.
     path : Path
     """
     root = xr.Dataset(attrs={**CONVENTIONS, **attributes})
     whole = xr.DataTree.from_dict({"/": root, **{f"/{k}": v for k, v in tree.items()}})
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
+    with whole_or_nothing(path) as beside:
         whole.to_netcdf(beside, engine="netcdf4", auto_complex=True)
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def load(path: Path) -> xr.DataTree:

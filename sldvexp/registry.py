@@ -1,8 +1,8 @@
 """Names to plugins, one namespace per configuration group.
 
 A plugin is a dataclass whose fields are its configuration. Registering it puts it into this table
-and into Hydra's ConfigStore, twice: as ``<group>/schema/<name>``, which the files in ``conf/``
-extend, and as ``<group>/<name>``, so that a plugin without a file works too.
+and into Hydra's ConfigStore as ``<group>/schema/<name>``, which the files in ``conf/`` extend. A
+plugin of another package, which has no file there, is stored as ``<group>/<name>`` too.
 """
 
 from __future__ import annotations
@@ -29,12 +29,13 @@ BUILT_IN = (
     "sldvexp.laser.two_mirror",
     "sldvexp.instrument.file",
     "sldvexp.pose.registration",
-    "sldvexp.pose.given",
     "sldvexp.pose.digitizer",
+    "sldvexp.pose.given",
     "sldvexp.reconstruction.absolute",
     "sldvexp.reconstruction.relative",
     "sldvexp.reconstruction.combined",
     "sldvexp.reconstruction.contravariant",
+    "sldvexp.check.bitangents",
     "sldvexp.check.cross_ratio",
     "sldvexp.check.pose_equivalence",
     "sldvexp.check.pose_repeats",
@@ -72,7 +73,8 @@ def register(group: str, name: str) -> Callable[[P], P]:
             )
         store = ConfigStore.instance()
         store.store(group=f"{group}/schema", name=name, node=cls, provider="sldvexp")
-        store.store(group=group, name=name, node=cls, provider="sldvexp")
+        if not cls.__module__.startswith("sldvexp."):
+            store.store(group=group, name=name, node=cls, provider=cls.__module__)
         return cls
 
     return add

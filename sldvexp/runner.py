@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -17,6 +16,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from sldvexp import config, dataset, provenance
 from sldvexp.check.expectations import evaluate
 from sldvexp.errors import UserError
+from sldvexp.files import whole_or_nothing
 from sldvexp.report.pose_text import pose_text
 from sldvexp.report.table import closing_table
 
@@ -64,7 +64,9 @@ def run(cfg: DictConfig, folder: str) -> bool:
             "there is nothing to do: choose an experiment, for example experiment=pose "
             "(sldvexp --help lists them), or a target, a pose or an instrument"
         )
-    bar = Progress(SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), transient=True)
+    bar = Progress(
+        SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), transient=True
+    )
     with bar:
         task = bar.add_task("", total=len(steps))
         for name, step in steps:
@@ -76,7 +78,8 @@ def run(cfg: DictConfig, folder: str) -> bool:
     dataset.save(run.tree, attributes, path)
     texts = {"pose.txt": pose_text(run.tree["pose"])} if "pose" in run.tree else {}
     for name, text in texts.items():
-        _write(path.with_name(name), text)
+        with whole_or_nothing(path.with_name(name)) as beside:
+            beside.write_text(text)
     closing_table(run.tree, [path, *(path.with_name(n) for n in texts)])
     return "check" not in run.tree or bool(run.tree["check"]["passed"].all())
 
@@ -107,7 +110,7 @@ def _point(run: Run) -> None:
             "name a file with instrument=file instrument.path=..."
         )
     methods = {"point": run.experiment.reconstruction}
-    methods |= {f"point/{name}": m for name, m in run.experiment.compare.items()}
+    methods |= {f"compare/{name}": m for name, m in run.experiment.compare.items()}
     for group, method in methods.items():
         if method is not None:
             run.tree[group] = method.group(run.tree["line_of_sight"])
@@ -117,7 +120,7 @@ def _checks(run: Run) -> None:
     """What the configuration wants examined."""
     for name, check in run.experiment.check.items():
         run.inputs += check.inputs()
-        run.tree[f"check/{name}"] = check.examine(run.tree, run.rng)
+        run.tree[f"examined/{name}"] = check.examine(run.tree, run.rng)
 
 
 def _expectations(run: Run) -> None:
@@ -136,10 +139,3 @@ STEPS: tuple[tuple[str, Needed, Callable[[Run], None]], ...] = (
     ("checks", lambda e: bool(e.check), _checks),
     ("expectations", lambda e: bool(e.expect), _expectations),
 )
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a small text file whole or not at all."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    beside.write_text(text)
-    os.replace(beside, path)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class Check(ABC):
-    """Examines a run's dataset and adds what it found as a group ``check/<name>``."""
+    """Examines a run's dataset and adds what it found as a group ``examined/<name>``."""
 
     @abstractmethod
     def examine(self, tree: Mapping[str, xr.Dataset], rng: np.random.Generator) -> xr.Dataset:
@@ -21,7 +21,7 @@ class Check(ABC):
         Parameters
         ----------
         tree : mapping of str to xarray.Dataset
-            Group path to dataset, for example ``pose`` or ``point/method_1``.
+            Group path to dataset, for example ``pose`` or ``compare/method_1``.
         rng : numpy.random.Generator
             The run's generator.
 

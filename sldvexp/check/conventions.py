@@ -11,12 +11,13 @@ def sample_std(residuals: ArrayLike) -> float:
     return float(np.std(np.asarray(residuals), ddof=1))
 
 
-def printed_f(sse_partial: float, sse_full: float, n: int) -> float:
-    """F of Eq 5.17: one degree of freedom for the intercept, n - 1 for the full model's SSE.
+def printed_f(sse_partial: float, sse_full: float, std_full: float) -> float:
+    """F of Eq 5.17: the drop of the sum of squares over the full model's squared `sample_std`.
 
-    A complex intercept has two real degrees of freedom and the full model leaves 2 (n - 4).
+    That counts the intercept once and leaves n - 1 degrees of freedom; a complex intercept has two
+    and leaves 2 (n - 4). The print follows from the numbers as tabulated, to four decimals.
     """
-    return (sse_partial - sse_full) / (sse_full / (n - 1))
+    return (sse_partial - sse_full) / std_full**2
 
 
 def printed_half_width(s: float, v_ii: ArrayLike) -> NDArray[np.float64]:
@@ -30,8 +31,3 @@ def printed_half_width(s: float, v_ii: ArrayLike) -> NDArray[np.float64]:
         Diagonal of the inverse of ``D^T D``.
     """
     return 1.96 * s * np.asarray(v_ii, float)
-
-
-def half_width_with_root(s: float, v_ii: ArrayLike) -> NDArray[np.float64]:
-    """Eq 5.18 with the s and the 1.96 of the print: 1.96 s sqrt(v_ii)."""
-    return 1.96 * s * np.sqrt(np.asarray(v_ii, float))

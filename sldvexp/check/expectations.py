@@ -15,7 +15,9 @@ from sldvexp.errors import UserError, nearest
 if TYPE_CHECKING:
     from sldvexp.config import Expectation
 
-_OF = re.compile(r"(?P<group>[\w./-]+)(?:/(?P<variable>\w+)|@(?P<attribute>\w+))(?:\[(?P<at>[^]]*)\])?")
+_OF = re.compile(
+    r"(?P<group>[\w./-]+)(?:/(?P<variable>\w+)|@(?P<attribute>\w+))(?:\[(?P<at>[^]]*)\])?"
+)
 
 
 class Row(NamedTuple):
@@ -31,7 +33,9 @@ class Row(NamedTuple):
     source: str
 
 
-def evaluate(expect: Mapping[str, Expectation], tree: Mapping[str, xr.Dataset]) -> xr.Dataset | None:
+def evaluate(
+    expect: Mapping[str, Expectation], tree: Mapping[str, xr.Dataset]
+) -> xr.Dataset | None:
     """Compare a run with everything that its configuration expects.
 
     Parameters
@@ -92,7 +96,9 @@ def _select(values: xr.DataArray, at: str, where: str) -> xr.DataArray:
     for part in filter(None, at.split(",")):
         dim, _, label = (p.strip() for p in part.partition("="))
         if dim not in values.dims:
-            raise UserError(f"{where}: there is no dimension {dim}; {nearest(dim, map(str, values.dims))}")
+            raise UserError(
+                f"{where}: there is no dimension {dim}; {nearest(dim, map(str, values.dims))}"
+            )
         labels = [str(v) for v in values[dim].values]
         if label not in labels:
             raise UserError(f"{where}: {dim} has no label {label}; {nearest(label, labels)}")

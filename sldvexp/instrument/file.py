@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from typing import TYPE_CHECKING
 
 from omegaconf import MISSING
 
 from sldvexp.paths import locate
 from sldvexp.registry import register
+from sldvexp.units import VelocityUnit
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-class Unit(Enum):
-    """Units in which a file may state velocities."""
-
-    m_per_s = "m_per_s"
-    mm_per_s = "mm_per_s"
-    um_per_s = "um_per_s"
-    inch_per_s = "inch_per_s"
 
 
 @register("instrument", "file")
@@ -34,12 +25,12 @@ class File:
     path : str
         A ``.csv`` (``view,dx,dy,dz,frequency,real,imag`` and optionally ``point`` and ``std``), or
         ``.nc`` or ``.mat`` with arrays ``direction_cosines``, ``velocity``, ``frequency``, ``std``.
-    unit : Unit
+    unit : VelocityUnit
         Of the file's velocities.
     """
 
     path: str = MISSING
-    unit: Unit = Unit.m_per_s
+    unit: VelocityUnit = VelocityUnit.m_per_s
 
     def inputs(self) -> list[str]:
         """The file."""
@@ -54,6 +45,5 @@ class File:
             If the file is missing or is not what it should be.
         """
         from sldvexp.line_of_sight.read import read
-        from sldvexp.line_of_sight.table import VelocityUnit
 
-        return read(locate(self.path), VelocityUnit[self.unit.name]).group()
+        return read(locate(self.path), self.unit).group()

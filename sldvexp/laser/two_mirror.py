@@ -1,13 +1,15 @@
-"""`laser=two_mirror`: two galvanometer mirrors with offset, orthogonal axes, and their D/A board."""
+"""`laser=two_mirror`: galvanometer mirrors with offset, orthogonal axes, and their D/A board."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING
 
 from sldvexp.errors import Checks
 from sldvexp.registry import register
+from sldvexp.units import AngleUnit
 
 if TYPE_CHECKING:
     import numpy as np
@@ -15,19 +17,15 @@ if TYPE_CHECKING:
 
 MIRRORS = ("up_down", "left_right")
 
+#: Steps of u at which a calibration's slope is looked at.
+MONOTONIC_GRID = 1000
+
 
 class Board(Enum):
     """D/A converters by their range of steps."""
 
     bits_12_sign = (-4096, 4096)
     bits_16 = (-32768, 32767)
-
-
-class AngleUnit(Enum):
-    """Units in which a configuration may state angles; the value is one of them in rad."""
-
-    rad = 1.0
-    deg = 0.017453292519943295
 
 
 @dataclass
@@ -59,6 +57,40 @@ class Mirror:
         scale = self.unit.value
         return [scale * c for c in (self.zero, self.gain, *self.polynomial)]
 
+    def check(self, checks: Checks, name: str, board: Board) -> None:
+        """Note under `name` what makes this calibration useless on a board."""
+        known = len(checks.problems)
+        checks.finite(f"{name}.gain", self.gain)
+        checks.finite(f"{name}.zero", self.zero)
+        checks.finite(f"{name}.polynomial", *self.polynomial)
+        checks.require(
+            self.gain != 0, f"{name}.gain", "must not be zero: the mirror would not move"
+        )
+        if len(checks.problems) > known:
+            return
+        lowest = board.value[0] / board.value[1]
+        grid = [lowest + (1.0 - lowest) * i / MONOTONIC_GRID for i in range(MONOTONIC_GRID + 1)]
+        turns = next((u for u in grid if self._slope(u) * self.gain <= 0), None)
+        checks.require(
+            turns is None,
+            f"{name}.polynomial",
+            f"the angle must grow or shrink over the whole range of the board, but turns "
+            f"back at step {(turns or 0.0) * board.value[1]:.0f}",
+        )
+        reach = max(abs(self._angle(lowest)), abs(self._angle(1.0)))
+        checks.require(
+            reach < math.pi / 2,
+            f"{name}.gain",
+            f"full scale reaches {math.degrees(reach):.6g} deg; a mirror stays below 90 deg "
+            f"(unit is {self.unit.name})",
+        )
+
+    def _angle(self, u: float) -> float:
+        return sum(c * u**k for k, c in enumerate(self.coefficients))
+
+    def _slope(self, u: float) -> float:
+        return sum(k * c * u ** (k - 1) for k, c in enumerate(self.coefficients) if k)
+
 
 @register("laser", "two_mirror")
 @dataclass
@@ -84,13 +116,7 @@ class TwoMirror:
         checks = Checks()
         checks.non_negative("mirror_offset", self.mirror_offset)
         for name in MIRRORS:
-            mirror = getattr(self, name)
-            checks.finite(f"{name}.gain", mirror.gain)
-            checks.finite(f"{name}.zero", mirror.zero)
-            checks.finite(f"{name}.polynomial", *mirror.polynomial)
-            checks.require(
-                mirror.gain != 0, f"{name}.gain", "must not be zero: the mirror would not move"
-            )
+            getattr(self, name).check(checks, name, self.board)
         checks.done()
 
     @property
@@ -101,7 +127,9 @@ class TwoMirror:
         largest = self.board.value[1]
         return np.array([abs(getattr(self, m).coefficients[1]) / largest for m in MIRRORS])
 
-    def angle_from_dac(self, dac: ArrayLike, labels: ArrayLike | None = None) -> NDArray[np.float64]:
+    def angle_from_dac(
+        self, dac: ArrayLike, labels: ArrayLike | None = None
+    ) -> NDArray[np.float64]:
         """Mirror angles of DAC steps; see `sldvexp.laser.mirror.angle_from_dac`."""
         from sldvexp.laser import mirror
 

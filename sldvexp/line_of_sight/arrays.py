@@ -11,7 +11,8 @@ import xarray as xr
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.line_of_sight.table import LineOfSight, VelocityUnit
+from sldvexp.line_of_sight.table import LineOfSight
+from sldvexp.units import VelocityUnit
 
 REQUIRED = ("direction_cosines", "velocity")
 
@@ -26,7 +27,9 @@ def read_netcdf(path: Path, unit: VelocityUnit) -> LineOfSight:
         data = node.to_dataset().load()
     for name in REQUIRED:
         if name not in data:
-            raise UserError(f"{path}: the variable {name} is missing; needed are {', '.join(REQUIRED)}")
+            raise UserError(
+                f"{path}: the variable {name} is missing; needed are {', '.join(REQUIRED)}"
+            )
     stated = str(data["velocity"].attrs.get("units", unit.name)).replace("/", "_per_")
     if stated != unit.name:
         raise UserError(
@@ -34,7 +37,11 @@ def read_netcdf(path: Path, unit: VelocityUnit) -> LineOfSight:
             f"configuration instrument.unit={unit.name}; they must agree"
         )
     values: dict[str, Any] = {}
-    for name, key in (("direction_cosines", "direction_cosines"), ("velocity", "velocity"), ("velocity_std", "std")):
+    for name, key in (
+        ("direction_cosines", "direction_cosines"),
+        ("velocity", "velocity"),
+        ("velocity_std", "std"),
+    ):
         if name in data:
             values[key] = _ordered(data[name], path)
     values |= {d: data[d].values for d in ("view", "point", "frequency") if d in data.coords}
@@ -57,7 +64,9 @@ def read_matlab(path: Path, unit: VelocityUnit) -> LineOfSight:
         raise UserError(f"{path}: is not a readable MATLAB file ({error})") from None
     for name in REQUIRED:
         if name not in found:
-            raise UserError(f"{path}: the array {name} is missing; needed are {', '.join(REQUIRED)}")
+            raise UserError(
+                f"{path}: the array {name} is missing; needed are {', '.join(REQUIRED)}"
+            )
     values = {k: v for k, v in found.items() if not k.startswith("__")}
     if "frequency" in values:
         values["frequency"] = values["frequency"].ravel()
@@ -97,7 +106,9 @@ def _from_arrays(values: Mapping[str, Any], path: Path, unit: VelocityUnit) -> L
             "they must agree in views and points, and directions have 3 components"
         )
     if frequency is None and velocity.shape[2] > 1:
-        raise UserError(f"{path}: velocities at {velocity.shape[2]} frequencies need an array frequency")
+        raise UserError(
+            f"{path}: velocities at {velocity.shape[2]} frequencies need an array frequency"
+        )
     if frequency is not None and len(frequency) != velocity.shape[2]:
         raise UserError(
             f"{path}: there are {len(frequency)} frequencies but velocities at {velocity.shape[2]}"

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from sldvexp.errors import UserError, nearest
-from sldvexp.line_of_sight.table import LineOfSight, VelocityUnit
+from sldvexp.files import read_text
+from sldvexp.line_of_sight.table import LineOfSight
+from sldvexp.units import VelocityUnit
 
 REQUIRED = ("view", "dx", "dy", "dz", "real")
 OPTIONAL = ("point", "frequency", "imag", "std")
@@ -37,18 +40,29 @@ def read(path: Path, unit: VelocityUnit) -> LineOfSight:
     key = [c for c in ("view", "point", "frequency") if c in table]
     doubled = table[table.duplicated(key)]
     if len(doubled):
-        raise UserError(f"{path}: line {doubled.index[0] + 2}: {_at(doubled.iloc[0], key)} is given twice")
-    labels = [list(dict.fromkeys(table[c])) if c in key else [None] for c in ("view", "point", "frequency")]
+        raise UserError(
+            f"{path}: line {doubled.index[0]}: {_at(doubled.iloc[0], key)} is given twice"
+        )
+    labels = [
+        list(dict.fromkeys(table[c])) if c in key else [None]
+        for c in ("view", "point", "frequency")
+    ]
     shape = tuple(len(axis) for axis in labels)
     position = [
-        table[c].map({v: i for i, v in enumerate(axis)}).to_numpy() if c in key else np.zeros(len(table), int)
+        table[c].map({v: i for i, v in enumerate(axis)}).to_numpy()
+        if c in key
+        else np.zeros(len(table), int)
         for c, axis in zip(("view", "point", "frequency"), labels, strict=True)
     ]
     where = np.ravel_multi_index(position, shape)
     if len(table) != np.prod(shape):
         gap = np.setdiff1d(np.arange(np.prod(shape)), where)[0]
         lost = [str(axis[i]) for axis, i in zip(labels, np.unravel_index(gap, shape), strict=True)]
-        lost = [f"{c} {v}" for c, v in zip(("view", "point", "frequency"), lost, strict=True) if c in key]
+        lost = [
+            f"{c} {v}"
+            for c, v in zip(("view", "point", "frequency"), lost, strict=True)
+            if c in key
+        ]
         raise UserError(f"{path}: there is no row for {', '.join(lost)}")
 
     def cube(column: str) -> np.ndarray:
@@ -77,17 +91,24 @@ def read(path: Path, unit: VelocityUnit) -> LineOfSight:
 
 def _table(path: Path) -> pd.DataFrame:
     """The checked columns, numbers as numbers."""
+    text = read_text(path)
     try:
-        table = pd.read_csv(path, dtype=str, comment="#", skipinitialspace=True, keep_default_na=False)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise UserError(f"{path}: is not a CSV table ({error})") from None
+        table = pd.read_csv(
+            io.StringIO(text), dtype=str, comment="#", skipinitialspace=True, keep_default_na=False
+        )
+    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        raise UserError(f"{path}: is not a CSV table ({str(error).strip()})") from None
+    lines = [i for i, line in enumerate(text.splitlines(), 1) if line.split("#")[0].strip()]
+    table.index = pd.Index(lines[1 : 1 + len(table)])
     known = REQUIRED + OPTIONAL
     for column in table.columns:
         if column not in known:
             raise UserError(f"{path}: unknown column {column!r}; {nearest(column, known)}")
     for column in REQUIRED:
         if column not in table:
-            raise UserError(f"{path}: the column {column} is missing; needed are {', '.join(REQUIRED)}")
+            raise UserError(
+                f"{path}: the column {column} is missing; needed are {', '.join(REQUIRED)}"
+            )
     if table.empty:
         raise UserError(f"{path}: the table has no rows")
     for column in set(table.columns) - {"view", "point"}:
@@ -95,7 +116,7 @@ def _table(path: Path) -> pd.DataFrame:
         bad = table[column][~np.isfinite(numbers)]
         if len(bad):
             raise UserError(
-                f"{path}: line {bad.index[0] + 2}: {column} must be a finite number, not {bad.iloc[0]!r}"
+                f"{path}: line {bad.index[0]}: {column} must be a finite number, not {bad.iloc[0]!r}"
             )
         table[column] = numbers
     return table

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from sldvexp.errors import UserError
 from sldvexp.line_of_sight import arrays, csv
-from sldvexp.line_of_sight.table import LineOfSight, VelocityUnit
+from sldvexp.line_of_sight.table import LineOfSight
+from sldvexp.units import VelocityUnit
 
 READERS: dict[str, Callable[[Path, VelocityUnit], LineOfSight]] = {
     ".csv": csv.read,

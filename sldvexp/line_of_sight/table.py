@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
 
 import numpy as np
@@ -15,15 +14,6 @@ from sldvexp.errors import UserError
 
 #: Unit vectors may be printed with three digits.
 LARGEST_LENGTH_ERROR = 5e-3
-
-
-class VelocityUnit(Enum):
-    """Units of velocity; the value is one of them in m/s."""
-
-    m_per_s = 1.0
-    mm_per_s = 1e-3
-    um_per_s = 1e-6
-    inch_per_s = 0.0254
 
 
 @dataclass(frozen=True)

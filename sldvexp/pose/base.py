@@ -81,14 +81,15 @@ def pose_group(
 
     from sldvexp import dataset
     from sldvexp.geometry.rotation import euler_from_rotation, euler_jacobian
-    from sldvexp.statistics.intervals import half_width
+    from sldvexp.statistics.student import student_factor
 
     covariance = np.asarray(covariance, float)
     jacobian = euler_jacobian(rotation)
     euler_covariance = jacobian @ covariance[:, :3, :3] @ np.swapaxes(jacobian, -1, -2)
     euler_std = np.sqrt(np.einsum("vii->vi", euler_covariance))
     origin_std = np.sqrt(np.einsum("vii->vi", covariance[:, 3:6, 3:6]))
-    dof = np.asarray(dof, float)[:, None]
+    dof = np.asarray(dof, float)
+    factor = student_factor(confidence, dof)[:, None]
     group = dataset.group(
         "pose",
         {"view": list(views), "parameter": list(parameters), "parameter2": list(parameters)}
@@ -99,9 +100,9 @@ def pose_group(
         covariance=covariance,
         euler_std=euler_std,
         origin_std=origin_std,
-        euler_confidence=half_width(euler_std, dof, confidence),
-        origin_confidence=half_width(origin_std, dof, confidence),
-        dof=dof[:, 0],
+        euler_confidence=factor * euler_std,
+        origin_confidence=factor * origin_std,
+        dof=dof,
         **more,
     )
     group.attrs["confidence_level"] = confidence

@@ -63,14 +63,14 @@ def _parse(lines: list[str], path: Path, confidence: float) -> dict[str, KnownPo
                 raise UserError(f"{path}: line {number}: {line.strip()!r} has no number") from None
             found.setdefault(view, {})[match[1]] = value, bound / quantile
     if not found:
-        raise UserError(f"{path}: there is no pose: lines such as 'phi1 = -1.153 +- 0.004' are needed")
+        raise UserError(
+            f"{path}: there is no pose: lines such as 'phi1 = -1.153 +- 0.004' are needed"
+        )
     poses = {}
     for view, values in found.items():
         if missing := [n for n in _NAMES if n not in values]:
             raise UserError(f"{path}: view {view} lacks {', '.join(missing)}")
         numbers, std = zip(*(values[n] for n in _NAMES), strict=True)
         bounds = [] if any(map(math.isnan, std)) else list(std)
-        poses[view] = KnownPose(
-            list(numbers[:3]), list(numbers[3:]), bounds[:3], bounds[3:], unit=KnownPose.unit
-        )
+        poses[view] = KnownPose(list(numbers[:3]), list(numbers[3:]), bounds[:3], bounds[3:])
     return poses

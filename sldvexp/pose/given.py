@@ -66,7 +66,9 @@ class Given(PoseMethod):
     def __post_init__(self) -> None:
         checks = Checks()
         checks.require(
-            bool(self.path) != bool(self.views), "path", "give either a path or views, not both or none"
+            bool(self.path) != bool(self.views),
+            "path",
+            "give either a path or views, not both or none",
         )
         checks.probability("confidence", self.confidence)
         for name, view in self.views.items():

@@ -39,7 +39,10 @@ def _view_text(view: xr.Dataset, name: str) -> str:
         index = "angle_index" if variable == "euler" else "axis"
         bounds = view.get(f"{variable}_confidence", xr.full_like(view[variable], np.nan))
         for label in view[index].values:
-            value, bound = float(view[variable].sel({index: label})), float(bounds.sel({index: label}))
+            value, bound = (
+                float(view[variable].sel({index: label})),
+                float(bounds.sel({index: label})),
+            )
             known = f"+- {bound:.3f}" if np.isfinite(bound) else "(no bound)"
             lines.append(f"  {prefix + str(label):5} = {value:6.3f} {known}")
     if "intrinsic" in view:

@@ -15,7 +15,7 @@ from sldvexp.report.numbers import number, with_bound
 
 #: Rows shown of a long group; the dataset has all of them.
 MOST_ROWS = 12
-NARROWEST = 110
+NARROWEST = 132
 
 
 def closing_table(tree: Mapping[str, xr.Dataset], files: Sequence[Path]) -> None:
@@ -29,7 +29,9 @@ def closing_table(tree: Mapping[str, xr.Dataset], files: Sequence[Path]) -> None
     console = Console()
     if not console.is_terminal:
         console = Console(width=max(console.width, NARROWEST))
-    estimates = Table("estimated", "value ± bound", "unit", "note", title="Estimates", title_justify="left")
+    estimates = Table(
+        "estimated", "value ± bound", "unit", "note", title="Estimates", title_justify="left"
+    )
     for row in _estimates(tree):
         estimates.add_row(*map(escape, row))
     if estimates.row_count:
@@ -49,13 +51,17 @@ def _estimates(tree: Mapping[str, xr.Dataset]) -> Iterator[tuple[str, str, str, 
         if name == "pose":
             for view in group["view"].values:
                 yield from _pose_rows(str(view), group.sel(view=view))
-        elif name.split("/")[0] == "point":
+        elif name.split("/")[0] in ("point", "compare"):
             yield from _point_rows(name, group)
 
 
 def _pose_rows(view: str, pose: xr.Dataset) -> Iterator[tuple[str, str, str, str]]:
     """Euler angles, origin, intrinsics and residual of one view."""
-    columns = (("euler", "angle_index", "rad"), ("origin", "axis", "m"), ("intrinsic", "adjusted", ""))
+    columns = (
+        ("euler", "angle_index", "rad"),
+        ("origin", "axis", "m"),
+        ("intrinsic", "adjusted", ""),
+    )
     for variable, dim, unit in columns:
         if variable not in pose:
             continue
@@ -72,13 +78,20 @@ def _pose_rows(view: str, pose: xr.Dataset) -> Iterator[tuple[str, str, str, str
 def _point_rows(name: str, point: xr.Dataset) -> Iterator[tuple[str, str, str, str]]:
     """Velocity components of the first points and frequencies, and what stands behind them."""
     cases = [d for d in ("point", "frequency") if d in point["velocity"].dims]
-    stacked = point["velocity"].stack(case=cases) if cases else point["velocity"].expand_dims("case")
-    bounds = point["confidence"].stack(case=cases) if cases else point["confidence"].expand_dims("case")
+    stacked = (
+        point["velocity"].stack(case=cases) if cases else point["velocity"].expand_dims("case")
+    )
+    bounds = (
+        point["confidence"].stack(case=cases) if cases else point["confidence"].expand_dims("case")
+    )
     shown = min(stacked.sizes["case"], max(1, MOST_ROWS // 3))
     for i in range(shown):
         value, bound = stacked.isel(case=i), bounds.isel(case=i)
-        labels = [f"{d} {value[d].item():g}" if d == "frequency" else f"{d} {value[d].item()}" for d in cases]
-        label = ", ".join([name.replace("point/", ""), *labels])
+        labels = [
+            f"{d} {value[d].item():g}" if d == "frequency" else f"{d} {value[d].item()}"
+            for d in cases
+        ]
+        label = ", ".join([name.replace("compare/", ""), *labels])
         for component in point["component"].values:
             text = with_bound(
                 complex(value.sel(component=component)), float(bound.sel(component=component))
@@ -99,23 +112,25 @@ def _merit(point: xr.Dataset, component: str, case: int) -> str:
     if "efficiency" not in point:
         return ""
     efficiency = float(np.nanmin(point["efficiency"].sel(component=component)))
-    return f"efficiency {efficiency:.2f}, rcond {number(point.attrs['rcond'], 3)}"
+    return f"efficiency {number(efficiency, 2)}, rcond {number(point.attrs['rcond'], 3)}"
 
 
 def _published(check: xr.Dataset) -> Table:
     """Published numbers beside this run's."""
-    correct = np.isfinite(np.asarray(check["correct"])).any()
+    correct = bool(np.isfinite(np.asarray(check["correct"])).any())
     passed = int(check["passed"].sum())
-    table = Table(title=f"Expected: {passed} of {check.sizes['quantity']} met", title_justify="left")
+    table = Table(
+        title=f"Expected: {passed} of {check.sizes['quantity']} met", title_justify="left"
+    )
     for column in ("quantity", "", "expected", "computed", *(["correct formula"] * correct)):
-        table.add_column(column)
+        table.add_column(column, no_wrap=True)
     for column in ("tolerance", "met", "source"):
-        table.add_column(column)
+        table.add_column(column, overflow="fold")
     for name in check["quantity"].values:
         row = check.sel(quantity=name)
         cells = [escape(str(name)), str(row["relation"].item()), number(row["published"].item(), 5)]
         cells.append(number(row["computed"].item(), 5))
-        cells += [number(row["correct"].item(), 5)] * bool(correct)
+        cells += [number(row["correct"].item(), 5)] * correct
         met = "[green]yes[/]" if bool(row["passed"]) else "[red bold]NO[/]"
         cells += [number(row["tolerance"].item(), 2), met, escape(str(row["source"].item()))]
         table.add_row(*cells)

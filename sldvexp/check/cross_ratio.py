@@ -1,0 +1,100 @@
+"""`check=cross_ratio`: do the mirrors' planes keep the cross-ratio of the points they pass?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from sldvexp.check.base import Check
+from sldvexp.errors import Checks
+from sldvexp.registry import register
+
+if TYPE_CHECKING:
+    import numpy as np
+    import xarray as xr
+
+KINDS = ("laser points", "world points", "slopes", "angles")
+IDENTITY = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+
+
+@register("check", "cross_ratio")
+@dataclass
+class CrossRatio(Check):
+    """Cross-ratios of four points on a line, and of the mirror planes through them (4.4.3.6).
+
+    Parameters
+    ----------
+    up_down_points : 4 x 3 numbers
+        A, B, C, D in the laser frame, for the up-down mirror (Section 4.4.3.8).
+    left_right_points : 4 x 3 numbers
+        The same with equal up-down angles, for the left-right mirror (Section 4.4.3.9).
+    laser_to_world : 4 x 4 numbers
+        Homogeneous matrix for row vectors, ``P_world = P_laser T``, as the dissertation prints it.
+    mirror_offset : float
+        In the points' unit.
+    """
+
+    up_down_points: Any = None
+    left_right_points: Any = None
+    laser_to_world: Any = field(default_factory=lambda: [list(r) for r in IDENTITY])
+    mirror_offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        checks = Checks()
+        for name, rows, columns in (
+            ("up_down_points", 4, 3),
+            ("left_right_points", 4, 3),
+            ("laser_to_world", 4, 4),
+        ):
+            table = getattr(self, name)
+            checks.require(
+                _is_table(table, rows, columns), name, f"must be {rows} x {columns} numbers"
+            )
+        checks.non_negative("mirror_offset", self.mirror_offset)
+        checks.done()
+
+    def examine(self, tree: Mapping[str, xr.Dataset], rng: np.random.Generator) -> xr.Dataset:
+        """``up_down (kind)`` and ``left_right (kind)``, all equal if the mirrors are projective."""
+        import numpy as np
+
+        from sldvexp import dataset
+
+        up_down, left_right = (
+            np.array(points, float) for points in (self.up_down_points, self.left_right_points)
+        )
+        slope_up_down = up_down[:, 1] / up_down[:, 2]  # Eq 4.13
+        reach = np.hypot(left_right[:, 1], left_right[:, 2]) + self.mirror_offset
+        slope_left_right = left_right[:, 0] / reach  # Eq 4.15, the offset outside the root
+        return dataset.group(
+            "examined/cross_ratio",
+            {"kind": list(KINDS)},
+            up_down=self._ratios(up_down, slope_up_down),
+            left_right=self._ratios(left_right, slope_left_right),
+        )
+
+    def _ratios(self, points: np.ndarray, slopes: np.ndarray) -> list[float]:
+        """One cross-ratio of each of `KINDS`."""
+        import numpy as np
+
+        from sldvexp.geometry import cross_ratio
+
+        homogeneous = np.hstack([points, np.ones((4, 1))])
+        world = (homogeneous @ np.array(self.laser_to_world, float))[:, :3]
+        return [
+            float(cross_ratio.from_points(points)),
+            float(cross_ratio.from_points(world)),
+            float(cross_ratio.from_slopes(slopes)),
+            float(cross_ratio.from_angles(np.arctan(slopes))),
+        ]
+
+
+def _is_table(table: Any, rows: int, columns: int) -> bool:
+    """Whether nested lists hold so many finite numbers."""
+    return (
+        isinstance(table, list)
+        and len(table) == rows
+        and all(isinstance(row, list) and len(row) == columns for row in table)
+        and all(isinstance(x, int | float) and math.isfinite(x) for row in table for x in row)
+    )

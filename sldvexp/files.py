@@ -1,0 +1,66 @@
+"""Files as a whole: is there one, is it text, and how to replace one in a single step."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from sldvexp.errors import UserError
+
+
+def require_file(path: Path) -> None:
+    """Complain unless `path` is an existing file.
+
+    Raises
+    ------
+    UserError
+        If nothing is there, or a folder.
+    """
+    if path.is_dir():
+        raise UserError(f"{path}: is a folder; a file is needed")
+    if not path.exists():
+        raise UserError(f"{path}: there is no such file (looked from {Path.cwd()})")
+
+
+def read_text(path: Path) -> str:
+    """The text of a file.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read or is not text.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror or error}") from None
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text:
+        raise UserError(f"{path}: is not a text file, although its suffix says so")
+    return text
+
+
+@contextmanager
+def whole_or_nothing(path: Path) -> Iterator[Path]:
+    """A path beside `path` to write to; it takes the place of `path` when all went well.
+
+    Raises
+    ------
+    UserError
+        If the folder is missing or not writable.
+    """
+    beside = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        beside.touch()
+        yield beside
+        os.replace(beside, path)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        with suppress(OSError):
+            beside.unlink(missing_ok=True)

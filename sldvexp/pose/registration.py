@@ -1,0 +1,145 @@
+"""`pose=registration`: pose of each view from object points and the mirror angles that reach them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+from sldvexp.errors import Checks, nearest
+from sldvexp.pose.base import PoseMethod
+from sldvexp.registry import register
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from sldvexp.laser.two_mirror import TwoMirror
+    from sldvexp.target.base import Target
+
+#: What may be adjusted besides the pose.
+ADJUSTABLE = (
+    "mirror_offset",
+    "gain_up_down",
+    "zero_up_down",
+    "gain_left_right",
+    "zero_left_right",
+)
+
+
+class MirrorName(Enum):
+    """The two mirrors."""
+
+    up_down = 0
+    left_right = 1
+
+
+@dataclass
+class FromPoints(PoseMethod):
+    """What all methods share that solve for the pose from matched object and image points.
+
+    Parameters
+    ----------
+    adjust : dict of str to float
+        Intrinsics to adjust with the pose, with the standard deviation of what is known of them
+        beforehand (``.inf`` for nothing): mirror_offset (m), gain_up_down and gain_left_right
+        (relative to the calibration), zero_up_down and zero_left_right (rad). All others are fixed.
+    confidence : float
+        Level of the intervals.
+    max_iterations : int
+        Most steps of the non-linear solution.
+    """
+
+    adjust: dict[str, float] = field(default_factory=dict)
+    confidence: float = 0.95
+    max_iterations: int = 200
+
+    def __post_init__(self) -> None:
+        checks = Checks()
+        self._check(checks)
+        checks.done()
+
+    def _check(self, checks: Checks) -> None:
+        """Collect what is wrong with the fields; methods add to it."""
+        checks.probability("confidence", self.confidence)
+        least = f"must be at least 1, not {self.max_iterations}"
+        checks.require(self.max_iterations >= 1, "max_iterations", least)
+        for name, std in self.adjust.items():
+            known = name in ADJUSTABLE
+            checks.require(
+                known, f"adjust.{name}", f"cannot be adjusted; {nearest(name, ADJUSTABLE)}"
+            )
+            message = f"must be a positive standard deviation, or .inf for a free one, not {std}"
+            checks.require(std > 0, f"adjust.{name}", message)
+
+
+@register("pose", "registration")
+@dataclass
+class Registration(FromPoints):
+    """Pose from a registration file (Section 4.6.2), without a starting guess.
+
+    Parameters
+    ----------
+    path : str or dict of view name to str
+        Files of registration data: ``.reg`` (Figure 4.28), ``.csv`` or ``.nc``.
+    unit : str
+        Unit of the object points, for a file that does not state it: m, cm, mm, inch or ft.
+    inverted : list of MirrorName
+        Mirrors whose recorded angles grow the other way than in Eqs 4.2 and 4.3.
+    """
+
+    path: Any = None
+    unit: str = ""
+    inverted: list[MirrorName] = field(default_factory=list)
+
+    def _check(self, checks: Checks) -> None:
+        from sldvexp.units import LengthUnit
+
+        super()._check(checks)
+        paths = self.path.values() if isinstance(self.path, dict) else [self.path]
+        checks.require(
+            bool(self.path) and all(isinstance(p, str) and p for p in paths),
+            "path",
+            "must name a registration file, or one for each view as {front: a.reg, left: b.reg}",
+        )
+        units = LengthUnit.__members__
+        if self.unit:
+            message = f"{self.unit!r} is not a unit of length; {nearest(self.unit, units)}"
+            checks.require(self.unit in units, "unit", message)
+
+    def files(self) -> dict[str, str]:
+        """Path of each file, by the view it is said to hold; empty for as the file says."""
+        return self.path if isinstance(self.path, dict) else {"": self.path}
+
+    def inputs(self) -> list[str]:
+        """The registration files."""
+        return list(self.files().values())
+
+    def estimate(self, laser: TwoMirror, target: Target | None) -> dict[str, xr.Dataset]:
+        """Groups ``registration`` and ``pose``."""
+        from sldvexp.pose.from_points import estimate
+
+        return estimate(self, self._tables(), laser, target)
+
+    def _tables(self) -> list[Any]:
+        """Registration data of all views."""
+        from dataclasses import replace
+
+        from sldvexp.errors import UserError
+        from sldvexp.paths import locate
+        from sldvexp.registration import read
+        from sldvexp.units import LengthUnit
+
+        unit = LengthUnit[self.unit] if self.unit else None
+        tables = []
+        for view, path in self.files().items():
+            found = read(locate(path), unit)
+            if view and len(found) > 1:
+                raise UserError(
+                    f"{path}: holds {len(found)} views but is given as the view {view}; "
+                    "give the path alone"
+                )
+            tables += [replace(t, name=view or t.name) for t in found]
+        names = [t.name for t in tables]
+        if doubled := {n for n in names if names.count(n) > 1}:
+            raise UserError(f"the view {doubled.pop()} is given twice")
+        return tables

@@ -1,0 +1,130 @@
+"""What the solved pose is worth: covariance, standard errors and confidence intervals."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.geometry.rotation import euler_jacobian
+from sldvexp.pose.least_squares import Pose, Problem, cross_matrix, linearise, normal_equations
+from sldvexp.statistics.student import student_factor
+
+if TYPE_CHECKING:
+    from sldvexp.pose.solver import PoseSolution
+
+Array = NDArray[np.float64]
+
+#: Information in the worst direction, as a part of the average: nothing but rounding errors below.
+UNDETERMINED = 1e-13
+
+
+class Worth(NamedTuple):
+    """What the residuals of solved problems say.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (M, 2, N)
+        Over their standard deviations.
+    dof : ndarray, shape (M,)
+        Observations less parameters, and the share of each prior that the angles overrule.
+    variance : ndarray, shape (M,)
+        Of the unit of noise, estimated; infinite without degrees of freedom.
+    cofactor : ndarray, shape (M, parameters, parameters)
+        Covariance for a unit of noise.
+    undetermined : ndarray, shape (M, parameters)
+        Zero but where the information is singular: the parameters' shares in its worst direction,
+        which `cofactor` then leaves out.
+    """
+
+    residual: Array
+    dof: Array
+    variance: Array
+    cofactor: Array
+    undetermined: Array
+
+
+def worth(problem: Problem, pose: Pose) -> Worth:
+    """Cofactor matrix and estimated variance of solved problems, ``s^2 = SSE / dof``."""
+    at = linearise(problem, pose)
+    information, _ = normal_equations(problem, pose, at)
+    inverse, undetermined = cofactor(information)
+    returned = problem.prior_weight**2 * np.einsum("mkk->mk", inverse)[:, 6:]
+    dof = at.residual.shape[1] - information.shape[1] + returned.sum(axis=1)
+    sse = np.einsum("mk,mk->m", at.residual, at.residual)
+    variance = np.where(dof > 0, sse / np.where(dof > 0, dof, 1.0), np.inf)
+    residual = at.residual.reshape(problem.recorded.shape)
+    return Worth(residual, dof, variance, inverse, undetermined)
+
+
+def cofactor(information: Array) -> tuple[Array, Array]:
+    """Inverse of information matrices (M, p, p), and the shares (M, p) of what is undetermined."""
+    scale = np.sqrt(np.einsum("mkk->mk", information))
+    scale = np.where(scale > 0, scale, 1.0)
+    value, vector = np.linalg.eigh(information / (scale[:, :, None] * scale[:, None, :]))
+    singular = value[:, :1] <= UNDETERMINED
+    inverse_value = np.where(value > UNDETERMINED, 1 / np.maximum(value, UNDETERMINED), 0.0)
+    part = vector / scale[:, :, None]
+    inverse = (part * inverse_value[:, None, :]) @ part.swapaxes(-1, -2)
+    return inverse, np.where(singular, np.abs(vector[:, :, 0]), 0.0)
+
+
+def about_origin(cofactor: Array, rotation: Array, centre: Array) -> Array:
+    """Cofactor matrix of (rotation vector, origin) from that of (rotation vector, centre).
+
+    With ``centre = R (centroid - origin)`` a small rotation vector w and displacement d move the
+    origin by ``R' (w x centre - d)``.
+
+    Parameters
+    ----------
+    cofactor : ndarray, shape (..., parameters, parameters)
+        The first six parameters are those above; the others stay as they are.
+    rotation : ndarray, shape (..., 3, 3)
+    centre : ndarray, shape (..., 3), m
+    """
+    transform = np.zeros_like(cofactor)
+    np.einsum("...kk->...k", transform)[...] = 1.0
+    inverse = rotation.swapaxes(-1, -2)
+    transform[..., 3:6, :3] = -inverse @ cross_matrix(centre)
+    transform[..., 3:6, 3:6] = -inverse
+    return transform @ cofactor @ transform.swapaxes(-1, -2)
+
+
+def standard_error(solution: PoseSolution) -> Array:
+    """Standard errors of `solution.parameters`, shape (..., parameters); rad, m, relative."""
+    return np.sqrt(np.einsum("...kk->...k", solution.covariance))
+
+
+def euler_standard_error(solution: PoseSolution) -> Array:
+    """Standard errors of the Euler angles (x-convention), shape (..., 3), rad.
+
+    Infinite where the covariance is, and where phi2 is 0 or pi: there they are not determined.
+    """
+    by_vector, covariance = euler_jacobian(solution.rotation), solution.covariance[..., :3, :3]
+    known = np.isfinite(by_vector) & np.isfinite(covariance)
+    known = np.asarray(known.all(axis=(-1, -2)))[..., None]
+    by_vector = np.where(known[..., None], by_vector, 0.0)
+    covariance = np.where(known[..., None], covariance, 0.0)
+    square = np.einsum("...ij,...jk,...ik->...i", by_vector, covariance, by_vector)
+    return np.where(known, np.sqrt(square), np.inf)
+
+
+def half_width(solution: PoseSolution, error: Array, confidence: float = 0.95) -> Array:
+    """Half-widths of confidence intervals, Student's t times the standard errors (Eq 5.18).
+
+    Parameters
+    ----------
+    solution : PoseSolution
+    error : ndarray, shape (..., k)
+        Of `standard_error` or `euler_standard_error`.
+    confidence : float
+        Two-sided level.
+
+    Returns
+    -------
+    ndarray, shape (..., k), unit of `error`
+        Infinite where the noise is unknown and cannot be estimated.
+    """
+    factor = student_factor(confidence, solution.covariance_dof)
+    return np.where(np.isnan(factor), np.inf, factor)[..., None] * error

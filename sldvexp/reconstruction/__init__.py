@@ -1,0 +1,1 @@
+"""The velocity vector from line-of-sight velocities: one strategy a file, one shared estimator."""

@@ -1,0 +1,26 @@
+"""`reconstruction=absolute`: the views themselves (Eqs 5.3 to 5.5, and 5.12 with an intercept)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.registry import register
+
+if TYPE_CHECKING:
+    from sldvexp.reconstruction.rows import RowChoice
+
+
+@register("reconstruction", "absolute")
+@dataclass
+class Absolute(Reconstruction):
+    """Rows are single views, as in ``1,2,3``; by default all of them."""
+
+    def row_choice(self, view_names: Sequence[str]) -> RowChoice:
+        """Every view by itself."""
+        from sldvexp.reconstruction import rows
+
+        views = rows.views(view_names)
+        return rows.RowChoice(candidates=views, every=views)

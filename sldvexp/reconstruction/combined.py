@@ -1,0 +1,34 @@
+"""`reconstruction=combined`: views and differences of views together (Eq 5.9)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from sldvexp.errors import Checks
+from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.registry import register
+
+if TYPE_CHECKING:
+    from sldvexp.reconstruction.rows import RowChoice
+
+
+@register("reconstruction", "combined")
+@dataclass
+class Combined(Reconstruction):
+    """Rows are any mixture, as in ``1-5,2,4``; by default the best conditioned set."""
+
+    rows: str = "best"
+
+    def _check(self, checks: Checks) -> None:
+        super()._check(checks)
+        checks.require(
+            self.rows != "all", "rows", "must be best or rows as in 1-5,2,4: all is no mixture"
+        )
+
+    def row_choice(self, view_names: Sequence[str]) -> RowChoice:
+        """Every view and every difference of two views."""
+        from sldvexp.reconstruction import rows
+
+        return rows.RowChoice(candidates=rows.views(view_names) + rows.differences(view_names))

@@ -1,0 +1,156 @@
+"""What a point's views do not determine, and what they still do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.reconstruction.system import System
+
+Array = NDArray[np.float64]
+
+#: A component counts as determined if the undetermined directions lean towards it by less (cosine).
+LEAN = 1e-3
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class ObservedSubspace:
+    """Velocity along directions that are determined, at the points where not all components are.
+
+    Attributes
+    ----------
+    point : ndarray of int, shape (deficient,)
+        Indices of these points.
+    rank : ndarray of int, shape (deficient,)
+        How many directions are determined, 0 to 2.
+    direction : ndarray, shape (deficient, 3, axis)
+        Orthonormal; the first `rank` are determined, the others span what is not.
+    velocity, std, confidence : ndarray, shape (deficient, 3, frequency), m/s
+        Along these directions, bounds of real and imaginary part each; NaN beyond `rank`.
+    """
+
+    point: NDArray[np.int_]
+    rank: NDArray[np.int_]
+    direction: Array
+    velocity: NDArray[np.inexact]
+    std: Array
+    confidence: Array
+
+
+def undetermined(null: Array) -> Array:
+    """Projector onto the velocities that change no row, shape (point, axis, axis).
+
+    Parameters
+    ----------
+    null : ndarray, shape (point, parameter, parameter)
+        Rows that span the undetermined parameters, filled with zeros (`PointFit.null`). An
+        intercept among them is left out: what remains of each row is a direction all the same.
+    """
+    _, size, direction = np.linalg.svd(null[..., :3], full_matrices=False)
+    kept = direction * (size > LEAN)[..., None]
+    return np.swapaxes(kept, -1, -2) @ kept
+
+
+def determined_intercept(null: Array) -> NDArray[np.bool_]:
+    """Whether the full model's intercept is determined, shape (point,)."""
+    return np.linalg.norm(null[..., 3], axis=-1) <= LEAN
+
+
+def determined_components(null: Array) -> NDArray[np.bool_]:
+    """Which of x, y and z are determined, shape (point, component)."""
+    return np.sqrt(np.diagonal(undetermined(null), axis1=-2, axis2=-1)) <= LEAN
+
+
+def observed_subspace(
+    system: System, points: NDArray[np.int_], size: Array, factor: Array
+) -> ObservedSubspace:
+    """Velocities along the determined directions of some points.
+
+    Parameters
+    ----------
+    system : System
+    points : ndarray of int, shape (deficient,)
+    size : ndarray, shape (deficient, frequency)
+        Standard deviation of the noise, over the one that `PointFit.cofactor` is in units of.
+    factor : ndarray, shape (deficient,)
+        Half-width of the confidence interval over the standard error.
+
+    Returns
+    -------
+    ObservedSubspace
+    """
+    views = system.views
+    fit = system.fit(points)
+    assert fit.null is not None  # these points are deficient
+    lost = undetermined(fit.null)
+    rank = 3 - np.round(np.trace(lost, axis1=-2, axis2=-1)).astype(int)
+    kept_first = _basis(np.eye(3) - lost) + _last(_basis(lost))
+    beyond = np.arange(3) >= rank[:, None]
+    solution = kept_first @ fit.solution[:, :3]
+    velocity = np.einsum("pij,jpf->pif", solution, views.samples(points))
+    covariance = kept_first @ fit.cofactor[:, :3, :3] @ np.swapaxes(kept_first, -1, -2)
+    root = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 0.0))
+    root[beyond] = np.nan
+    velocity[beyond] = np.nan
+    std = views.fold(root[..., None]) * size[:, None]
+    each = slice(None, None, len(rank) // len(points))  # one of a point's frequencies
+    return ObservedSubspace(
+        point=points,
+        rank=rank[each],
+        direction=kept_first[each],
+        velocity=views.fold(velocity),
+        std=std,
+        confidence=std * factor[:, None, None],
+    )
+
+
+def _basis(projector: Array) -> Array:
+    """Orthonormal rows that span a projector's range, filled with zeros; axes where they fit.
+
+    Gram-Schmidt on its columns, the longest one left first.
+    """
+    rest = projector.copy()
+    basis = np.zeros_like(rest)
+    for k in range(3):
+        length = np.linalg.norm(rest, axis=-2)
+        # Rounding must not decide between columns of equal length.
+        longest = np.argmax(np.round(length, 9), axis=-1)[:, None]
+        size = np.take_along_axis(length, longest, axis=-1)
+        column = np.take_along_axis(rest, longest[:, None], axis=-1)[..., 0]
+        unit = np.where(size > 0.5, column / np.where(size > 0.5, size, 1.0), 0.0)
+        basis[:, k] = unit
+        rest = rest - unit[:, :, None] * (unit[:, None] @ rest)
+    return basis
+
+
+def _last(basis: Array) -> Array:
+    """The same rows, those of zeros first."""
+    order = np.argsort(np.any(basis != 0, axis=-1), axis=-1, kind="stable")
+    return np.take_along_axis(basis, order[..., None], axis=-2)
+
+
+def describe(subspace: ObservedSubspace, system: System) -> str:
+    """One sentence that names the undetermined directions, or those of the first such point."""
+    rows = system.rows
+    every_view = np.linalg.matrix_rank(rows.matrix) == len(system.views.names)
+    subject = "the views" if every_view else f"the rows {rows}"
+    verb = "do not determine" + (" beside an intercept" if system.intercept else "")
+    total = system.views.directions.shape[1]
+    same = np.ptp(np.abs(subspace.direction), axis=0).max() < 10 * LEAN
+    directions = " and ".join(_named(d) for d in subspace.direction[0][subspace.rank[0] :])
+    sentence = f"{subject} {verb} the velocity along {directions}"
+    if len(subspace.point) < total or not same:
+        sentence += f" at point {subspace.point[0]} (counted from 0)"
+    if len(subspace.point) > 1 and (len(subspace.point) < total or not same):
+        sentence += f"; at {len(subspace.point)} of {total} points something is not determined"
+    return sentence
+
+
+def _named(direction: Array) -> str:
+    """A unit vector in numbers and, along an axis, with its name."""
+    numbers = ", ".join(f"{x + 0.0:.2f}" for x in np.round(direction, 2))
+    along = [name for name, x in zip(AXES, direction, strict=True) if abs(x) > 1 - LEAN]
+    return f"({numbers})" + (f" ({along[0]})" if along else "")

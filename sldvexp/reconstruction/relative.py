@@ -1,0 +1,36 @@
+"""`reconstruction=relative`: differences of views (Eqs 5.7 and 5.8)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from sldvexp.errors import Checks
+from sldvexp.reconstruction.base import Model, Reconstruction
+from sldvexp.registry import register
+
+if TYPE_CHECKING:
+    from sldvexp.reconstruction.rows import RowChoice
+
+
+@register("reconstruction", "relative")
+@dataclass
+class Relative(Reconstruction):
+    """Rows are differences of two views, as in ``2-1,3-1,4-1``; by default all minus the first."""
+
+    def _check(self, checks: Checks) -> None:
+        super()._check(checks)
+        checks.require(
+            self.model is Model.partial,
+            "model",
+            "must be partial for relative: an intercept cancels in every difference",
+        )
+
+    def row_choice(self, view_names: Sequence[str]) -> RowChoice:
+        """Every difference of two views; ``all`` subtracts the first view from the others."""
+        from sldvexp.reconstruction import rows
+
+        return rows.RowChoice(
+            candidates=rows.differences(view_names), every=rows.differences_from_first(view_names)
+        )

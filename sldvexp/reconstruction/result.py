@@ -1,0 +1,207 @@
+"""What a reconstruction gives: velocities with bounds, and how good they can be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.reconstruction.model import design
+from sldvexp.reconstruction.observability import ObservedSubspace
+from sldvexp.reconstruction.quality import (
+    contravariant_basis,
+    hadamard_condition,
+    reciprocal_condition,
+    solved_matrix,
+)
+from sldvexp.reconstruction.rows import RowSet
+from sldvexp.reconstruction.system import System
+from sldvexp.statistics.chi_square import chi_square_p_value
+from sldvexp.statistics.f_test import FTest, f_test
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class PointVelocity:
+    """Velocity vectors at points; the geometry's numbers are computed when they are asked for.
+
+    Bounds hold for real and imaginary part each. What could not be determined is NaN and has a
+    flag, and `messages` says why.
+
+    Attributes
+    ----------
+    velocity : ndarray, shape (point, component, frequency), m/s
+    std : ndarray, shape (point, component, frequency), m/s
+        Standard error.
+    confidence : ndarray, shape (point, component, frequency), m/s
+        Half-width of the confidence interval, ``factor * std`` (Eq 5.18). Exact for normal noise
+        where `noise_from` is given, or rows and the rows are independent or weighted by noise. For
+        equal weights of correlated rows it is Satterthwaite's approximation; where `noise_from` is
+        views, estimate and noise depend on each other and the interval is on the safe side.
+    intercept, intercept_std : ndarray, shape (point, frequency), optional, m/s
+        Only in the full model; NaN where it is not determined.
+    squares : ndarray, shape (point, frequency)
+        What `sse` is computed from: it is itself, or the chi-square of given std.
+    expected_squares : ndarray, shape (point,)
+        Its expectation over the variance of the noise: `dof`, but for correlated rows that are
+        weighted equally.
+    dof : ndarray, shape (point,)
+        Real degrees of freedom of `s`: 2 (n - p) for complex data, n - p for real.
+    factor : ndarray, shape (point,)
+        Student's t at `dof`, the normal quantile for given std.
+    observable : ndarray of bool, shape (point, component)
+        Whether the rows determine the component.
+    bounded : ndarray of bool, shape (point,)
+        Whether bounds can be given: the std are known, or there is a residual.
+    noise_from : str
+        Where the noise was taken from: ``given`` std, residuals of the method's ``rows``, residuals
+        of all ``views`` where the rows leave none, or ``none``.
+    along : ObservedSubspace, optional
+        Velocities along determined directions where not all components are.
+    messages : tuple of str
+        What a user must know about flagged points, in sentences.
+    system : System
+        The views, rows and model that this was computed from.
+    """
+
+    velocity: NDArray[np.inexact]
+    std: Array
+    confidence: Array
+    intercept: NDArray[np.inexact] | None
+    intercept_std: Array | None
+    squares: Array
+    expected_squares: Array
+    dof: Array
+    factor: Array
+    observable: Flags
+    bounded: Flags
+    noise_from: str
+    along: ObservedSubspace | None
+    messages: tuple[str, ...]
+    system: System
+
+    @property
+    def rows(self) -> RowSet:
+        """The rows A that were used, the same at all points."""
+        return self.system.rows
+
+    @property
+    def sse(self) -> Array:
+        """Sum of squared residuals that `s` comes from, shape (point, frequency), (m/s)^2.
+
+        Of the rows, for equal weights. Of the views' errors that the rows imply, for noise weights:
+        the same thing for single views. With given std these weights have a mean of one. Of all
+        views where `noise_from` is views, since the rows leave no residual.
+        """
+        return self.squares if self._reference is None else self.squares * self._reference
+
+    @property
+    def s(self) -> Array:
+        """Standard deviation of a view's velocity, shape (point, frequency), m/s.
+
+        Of real and imaginary part each. Estimated from `sse`, also where the std are given (then of
+        a view of mean weight); NaN without degrees of freedom.
+        """
+        expected = np.where(self.expected_squares > 0, self.expected_squares, np.nan)
+        return np.sqrt(self.sse / expected[:, None].astype(self.sse.dtype))
+
+    @property
+    def size(self) -> Array:
+        """Standard deviation of the noise in units of the given std or, without them, in m/s."""
+        return self.s if self._reference is None else np.ones_like(self.squares)
+
+    @property
+    def _reference(self) -> Array | None:
+        """Variance of a view of mean weight, shape (1 or point, 1 or frequency)."""
+        std = self.system.views.std
+        return None if std is None else 1 / np.mean(std**-2.0, axis=0)
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of the components, shape (point, component, component, frequency), (m/s)^2.
+
+        Of the real parts, and of the imaginary parts; the two do not correlate. NaN where a
+        component is not determined.
+        """
+        fit = self.system.fit(slice(None))
+        cofactor = self.system.views.fold(fit.cofactor[:, :3, :3, None])
+        both = self.observable[:, :, None] & self.observable[:, None]
+        return np.where(both[..., None], cofactor * self.size[:, None, None] ** 2, np.nan)
+
+    def residuals(self) -> NDArray[np.inexact]:
+        """``A v - A X theta``, shape (row, point, frequency), m/s; computed anew at each call."""
+        views, rows = self.system.views, self.system.rows.matrix
+        fit = self.system.fit(slice(None))
+        model = design(views.geometry(slice(None))[0], self.system.intercept)
+        leaves = rows - rows @ model @ fit.solution
+        left = np.einsum("prv,vpf->prf", leaves, views.samples(slice(None)))
+        return np.moveaxis(views.fold(left), 1, 0)
+
+    @cached_property
+    def efficiency(self) -> Array:
+        """Least possible variance over this method's, shape (point, component, 1 or frequency).
+
+        The numerator is the Gauss-Markov bound of the same views without an intercept: 1 says that
+        no linear unbiased estimate does better. NaN where a component is not determined.
+        """
+        best = self.system.best_fit(slice(None), intercept=False).root
+        ratio = self.system.views.fold(((best / self._root) ** 2)[..., None])
+        return np.where(self.observable[..., None], ratio, np.nan)
+
+    @cached_property
+    def _root(self) -> Array:
+        return self.system.fit(slice(None)).root[:, :3]
+
+    @cached_property
+    def matrix(self) -> Array:
+        """The matrix that is solved, shape (point, parameter, parameter); see `solved_matrix`."""
+        directions = self.system.views.directions
+        return solved_matrix(directions, self.rows.matrix, self.system.intercept)
+
+    @cached_property
+    def rcond(self) -> Array:
+        """Exact reciprocal condition number of `matrix` in the 1-norm, shape (point,)."""
+        return reciprocal_condition(self.matrix)
+
+    @cached_property
+    def hadamard(self) -> Array:
+        """Hadamard condition number of `matrix`, shape (point,)."""
+        return hadamard_condition(self.matrix)
+
+    @cached_property
+    def basis(self) -> Array | None:
+        """Contravariant basis g^j of three rows, shape (point, 3, axis); None for other numbers."""
+        if len(self.rows) != 3 or self.system.intercept:
+            return None
+        return contravariant_basis(self.matrix)
+
+    @property
+    def chi_square(self) -> Array | None:
+        """Residuals against the given std, shape (point, frequency); None if none were given."""
+        return None if self._reference is None else self.squares
+
+    @property
+    def chi_square_p_value(self) -> Array | None:
+        """Probability of larger residuals if the given std are right, shape (point, frequency)."""
+        if self.chi_square is None:
+            return None
+        return chi_square_p_value(self.chi_square, self.dof[:, None])
+
+    @cached_property
+    def intercept_test(self) -> FTest | None:
+        """F-test of the full against the partial model (Eq 5.17 in the right degrees of freedom).
+
+        ``F = |beta0|^2 / (k std^2)`` with (k, dof) degrees of freedom; k is 2 for complex data,
+        whose intercept is two real parameters. Equal to the drop of the sum of squares over k, over
+        the full model's s^2, if all rows weigh alike. None in the partial model.
+        """
+        if self.intercept is None or self.intercept_std is None:
+            return None
+        k = self.system.views.real_components
+        statistic = np.abs(self.intercept) ** 2 / (k * self.intercept_std**2)
+        dof = np.inf if self.system.views.std is not None else self.dof[:, None]
+        return f_test(statistic, k, dof, self.system.confidence)

@@ -1,0 +1,221 @@
+"""Apply the estimators to all points and frequencies, block by block."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.reconstruction.base import Model, Reconstruction, Weights
+from sldvexp.reconstruction.estimator import PointFit
+from sldvexp.reconstruction.observability import (
+    describe,
+    determined_components,
+    determined_intercept,
+    observed_subspace,
+)
+from sldvexp.reconstruction.result import PointVelocity
+from sldvexp.reconstruction.rows import RowSet
+from sldvexp.reconstruction.system import GIVEN, NOWHERE, ROWS, VIEWS, System
+from sldvexp.reconstruction.views import Views
+from sldvexp.statistics.student import student_factor
+
+Array = NDArray[np.float64]
+
+#: Systems whose matrices are computed at once.
+SYSTEMS_PER_BLOCK = 8192
+#: Real numbers that are multiplied at once: they, the product and the results stay in the cache.
+NUMBERS_PER_STEP = 80_000
+MOST_THREADS = 4
+
+
+@dataclass
+class _Results:
+    """Arrays over all systems that the blocks fill; see `PointVelocity`."""
+
+    velocity: NDArray[np.inexact]
+    std: Array
+    confidence: Array
+    squares: Array
+    expected_squares: Array
+    factor: Array
+    dof: Array
+    rank: NDArray[np.int_]
+    observable: NDArray[np.bool_]
+    intercept: NDArray[np.inexact] | None
+    intercept_std: Array | None
+
+    @classmethod
+    def empty(cls, systems: int, frequencies: int, dtype: np.dtype, intercept: bool) -> _Results:
+        real = np.empty(0, dtype).real.dtype
+        return cls(
+            velocity=np.empty((systems, 3, frequencies), dtype),
+            std=np.empty((systems, 3, frequencies), real),
+            confidence=np.empty((systems, 3, frequencies), real),
+            squares=np.empty((systems, frequencies), real),
+            expected_squares=np.empty(systems),
+            factor=np.empty(systems),
+            dof=np.empty(systems),
+            rank=np.empty(systems, int),
+            observable=np.ones((systems, 3), bool),
+            intercept=np.empty((systems, frequencies), dtype) if intercept else None,
+            intercept_std=np.empty((systems, frequencies), real) if intercept else None,
+        )
+
+
+def solve(views: Views, rows: RowSet, method: Reconstruction) -> PointVelocity:
+    """Reconstruct the velocity at every point and frequency.
+
+    Matrices are computed once a point, unless std that change with frequency make them differ;
+    frequencies are right-hand sides, real and imaginary parts two of them.
+
+    Parameters
+    ----------
+    views : Views
+    rows : RowSet
+    method : Reconstruction
+        Its fields say which model is fitted and how.
+
+    Returns
+    -------
+    PointVelocity
+    """
+    system = System(
+        views,
+        rows,
+        intercept=method.model is Model.full,
+        generalised=method.weights is Weights.noise,
+        tolerance=method.rank_tolerance,
+        confidence=method.confidence,
+    )
+    points, frequencies = views.velocity.shape[1:]
+    each = frequencies if views.std_by_frequency else 1  # systems at a point
+    results = _Results.empty(
+        points * each, frequencies // each, views.velocity.dtype, system.intercept
+    )
+    step = max(1, SYSTEMS_PER_BLOCK // each)
+
+    def block(start: int) -> None:
+        span = slice(start, min(start + step, points))
+        _solve_block(system, span, slice(span.start * each, span.stop * each), results)
+
+    starts = range(0, points, step)
+    threads = min(MOST_THREADS, os.cpu_count() or 1, len(starts))
+    if threads == 1:
+        for start in starts:
+            block(start)
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(block, starts))
+    return _collect(system, results, each)
+
+
+def _solve_block(system: System, points: slice, span: slice, results: _Results) -> None:
+    """Fill the results of some points; `span` are their systems."""
+    fit = system.fit(points)
+    known = system.views.std is not None
+    components = system.views.real_components
+    dof = components * fit.dof
+    results.dof[span], results.rank[span] = dof, fit.rank
+    results.expected_squares[span] = components * fit.redundancy
+    results.factor[span] = student_factor(
+        system.confidence, np.full(len(dof), np.inf) if known else dof
+    )
+    _apply(fit, system.views, points, span, results)
+    if fit.null is None:
+        return
+    observable = results.observable[span] = determined_components(fit.null)
+    for array in (results.velocity, results.std, results.confidence):
+        array[span][~observable] = np.nan
+    if results.intercept is not None and results.intercept_std is not None:
+        lost = ~determined_intercept(fit.null)
+        results.intercept[span][lost] = results.intercept_std[span][lost] = np.nan
+
+
+def _apply(fit: PointFit, views: Views, points: slice, span: slice, results: _Results) -> None:
+    """``theta = H v`` and ``s = |K v| / sqrt(redundancy)``, a few points at a time."""
+    data = views.samples(points)
+    real = results.std.dtype
+    matrix = np.concatenate([fit.solution, fit.residual], axis=1).astype(real)
+    parameters, components = fit.solution.shape[1], views.real_components
+    root, factor = fit.root.astype(real), results.factor[span].astype(real)
+    expected = results.expected_squares[span]
+    per_square = 1 / np.where(expected > 0, expected, np.nan).astype(real)
+    step = max(1, NUMBERS_PER_STEP // max(1, data[:, 0].size * components))
+    for first in range(0, len(root), step):
+        part = slice(first, first + step)
+        here = slice(span.start + first, min(span.start + first + step, span.stop))
+        product = np.matmul(matrix[part], np.swapaxes(_as_real(data[:, part]), 0, 1))
+        if not np.all(np.isfinite(product)):
+            views.require_finite(points)
+        _as_real(results.velocity[here])[...] = product[:, :3]
+        left = product[:, parameters:]
+        squares = np.einsum("prf,prf->pf", left, left)
+        if components == 2:
+            squares = squares[:, ::2] + squares[:, 1::2]
+        results.squares[here] = squares
+        known = np.ones_like(squares)
+        size = np.sqrt(squares * per_square[part, None]) if fit.std is None else known
+        std = np.multiply(root[part, :3, None], size[:, None], out=results.std[here])
+        np.multiply(std, factor[part, None, None], out=results.confidence[here])
+        if results.intercept is not None and results.intercept_std is not None:
+            _as_real(results.intercept[here])[...] = product[:, 3]
+            np.multiply(root[part, 3:], size, out=results.intercept_std[here])
+
+
+def _as_real(data: NDArray[np.inexact]) -> NDArray[np.floating]:
+    """Complex numbers as pairs of real ones along the last dimension."""
+    return data.view(data.real.dtype)
+
+
+def _collect(system: System, results: _Results, each: int) -> PointVelocity:
+    """Bring systems back to points, and say in words what could not be determined."""
+    fold = system.views.fold
+    known = system.views.std is not None
+    dof = results.dof[::each]
+    velocity = PointVelocity(
+        velocity=fold(results.velocity),
+        std=fold(results.std),
+        confidence=fold(results.confidence),
+        intercept=None if results.intercept is None else fold(results.intercept),
+        intercept_std=None if results.intercept_std is None else fold(results.intercept_std),
+        squares=fold(results.squares),
+        expected_squares=results.expected_squares[::each],
+        dof=dof,
+        factor=results.factor[::each],
+        observable=results.observable[::each],
+        bounded=known | (dof > 0),
+        noise_from=_noise_from(system, dof),
+        along=None,
+        messages=(),
+        system=system,
+    )
+    return _with_flags(velocity, np.flatnonzero(results.rank[::each] < system.parameters))
+
+
+def _noise_from(system: System, dof: Array) -> str:
+    if system.views.std is not None:
+        return GIVEN
+    if not np.any(dof > 0):
+        return NOWHERE
+    return ROWS if system.residual_of_rows else VIEWS
+
+
+def _with_flags(result: PointVelocity, deficient: NDArray[np.int_]) -> PointVelocity:
+    """Add what is determined at deficient points, and the sentences about all flags."""
+    system, along, messages = result.system, None, []
+    if len(deficient):
+        size = result.size[deficient]
+        along = observed_subspace(system, deficient, size, result.factor[deficient])
+        messages.append(describe(along, system))
+    unbounded = np.sum(~result.bounded)
+    if unbounded:
+        count = len(system.views.names)
+        messages.append(
+            f"{count} view{'s' * (count > 1)} leave no residual at {unbounded} of "
+            f"{len(result.bounded)} points: no bounds without std or another view"
+        )
+    return replace(result, along=along, messages=tuple(messages))

@@ -1,0 +1,1 @@
+"""Statistics that several rooms share: quantiles of bounds and tests of hypotheses."""
