@@ -4,58 +4,127 @@ from __future__ import annotations
 
 import os
 import sys
+from argparse import Namespace
+from collections.abc import Sequence
+from typing import NoReturn
 
 import hydra
+from hydra._internal.utils import get_args_parser
 from omegaconf import DictConfig
 
-from sldvexp import complaints, registry
+from sldvexp import config, registry  # noqa: F401 (config: the root schema registers itself)
+from sldvexp.errors import UserError
 from sldvexp.paths import conf_dir
 
 DONE, FAILED, MISSED, INTERRUPTED = 0, 1, 2, 130
+
+FULL_ERROR = "HYDRA_FULL_ERROR"
 
 
 def main() -> None:
     """Compose the configuration, run it, and turn a user's mistake into one sentence.
 
     Exit status: 0 done, 1 not done (one sentence on standard error), 2 done but an expectation
-    was missed, 130 interrupted.
+    was missed, 130 interrupted. With HYDRA_FULL_ERROR=1 in the environment a mistake shows where
+    in the program it was found.
     """
-    full_error = os.environ.get("HYDRA_FULL_ERROR") == "1"
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises, and we choose the words
-    worst = DONE
+    wanted = os.environ.get(FULL_ERROR)
+    os.environ[FULL_ERROR] = "1"  # Hydra then raises, and we choose the words
+    try:
+        status = Command(sys.argv[1:], full_error=wanted == "1").run()
+    except KeyboardInterrupt:
+        print("sldvexp: interrupted", file=sys.stderr)
+        status = INTERRUPTED
+    finally:
+        os.environ.pop(FULL_ERROR)
+        if wanted is not None:
+            os.environ[FULL_ERROR] = wanted
+    sys.exit(status)
 
-    def task(cfg: DictConfig) -> None:
+
+class Command:
+    """One call of the command: one job, or the many of a sweep.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        The command line without the program's name.
+    full_error : bool
+        Whether mistakes are raised instead of told.
+    """
+
+    def __init__(self, arguments: Sequence[str], full_error: bool):
+        self.arguments = arguments
+        self.full_error = full_error
+        self.status = DONE
+        self.defect: Exception | None = None
+
+    def run(self) -> int:
+        """Run every job; the worst exit status of them."""
+        try:
+            registry.load()
+            self._check(self._options())
+            hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name="config")(
+                self._job
+            )()
+        except Exception as error:
+            if self.full_error or error is self.defect:
+                raise
+            from sldvexp import complaints
+            from sldvexp.origins import Origins
+
+            self._say(complaints.of_composition(error, Origins(self.arguments)))
+        return self.status
+
+    def _job(self, cfg: DictConfig) -> None:
         """One job; its mistakes are told here, so that a sweep goes on with the next."""
         from hydra.core.hydra_config import HydraConfig
 
         from sldvexp.runner import run
 
-        nonlocal worst
+        job = HydraConfig.get()
         try:
-            passed = run(cfg, folder=HydraConfig.get().runtime.output_dir)
-            worst = worst or (DONE if passed else MISSED)
+            passed = run(cfg, folder=job.runtime.output_dir)
+            self.status = self.status or (DONE if passed else MISSED)
         except Exception as error:
-            worst = _tell(error, full_error)
+            from sldvexp import complaints
+            from sldvexp.origins import Origins
 
-    try:
-        registry.load()
-        hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name="config")(task)()
-    except KeyboardInterrupt:
-        print("sldvexp: interrupted", file=sys.stderr)
-        worst = INTERRUPTED
-    except Exception as error:
-        worst = _tell(error, full_error)
-    sys.exit(worst)
+            overrides = [*job.overrides.hydra, *job.overrides.task]
+            told = complaints.sentence(error, Origins(self.arguments, overrides))
+            if told is None or self.full_error:
+                self.defect = error
+                raise
+            self._say(told)
 
+    def _options(self) -> Namespace:
+        """The options, all of which are Hydra's; a wrong one is a user's mistake like others."""
+        parser = get_args_parser()
 
-def _tell(error: Exception, full_error: bool) -> int:
-    """Print a user's mistake as a sentence; raise again what is a defect, or is wanted in full."""
-    told = complaints.sentence(error, sys.argv[1:])
-    if full_error or told is None:
-        raise error
-    for line in told.splitlines():
-        print(f"sldvexp: {line}", file=sys.stderr)
-    return FAILED
+        def refuse(message: str) -> NoReturn:
+            raise UserError(f"command line: {message}; sldvexp --hydra-help lists the options")
+
+        parser.error = refuse  # type: ignore[method-assign]
+        return parser.parse_args(list(self.arguments))
+
+    def _check(self, options: Namespace) -> None:
+        """Files that do not belong to the program must not make Hydra run code."""
+        if options.config_path:
+            raise UserError(
+                "command line: --config-path would replace the program's own configuration; "
+                "add a folder of yours with --config-dir"
+            )
+        searched = any("hydra.searchpath" in override for override in options.overrides)
+        if options.config_dir or options.config_name or searched:
+            from sldvexp import guard
+            from sldvexp.origins import Origins
+
+            guard.check(Origins(self.arguments))
+
+    def _say(self, told: str) -> None:
+        for line in told.splitlines():
+            print(f"sldvexp: {line}", file=sys.stderr)
+        self.status = FAILED
 
 
 if __name__ == "__main__":

@@ -3,94 +3,146 @@
 from __future__ import annotations
 
 import re
+from dataclasses import is_dataclass
 from pathlib import Path
 
 from hydra.errors import HydraException, MissingConfigException
 from omegaconf.errors import OmegaConfBaseException
+from yaml import MarkedYAMLError
 
-from sldvexp import config, registry
+from sldvexp import registry
+from sldvexp.config import SINGLE_GROUPS
 from sldvexp.errors import ConfigError, UserError, nearest
-from sldvexp.paths import conf_dir
+from sldvexp.origins import COMMAND_LINE, Origins, displayed
+from sldvexp.wording import refusal
+
+#: What Hydra says about an argument, and what a user is told; the pattern's groups fill it.
+ARGUMENTS = (
+    (r"Could not delete from config\. '(.*)' does not exist\.", "~{0} deletes what is not there"),
+    (r"Could not delete '(.*?)'\. No match in the defaults list", "~{0} deletes what is not there"),
+    (r"Could not delete from config\. The value of '(.*)' is (.*) and not (.*)\.",
+     "~{0}={2} deletes another value than the one that is there, {1}"),
+    (r"Could not append to config\. An item is already at '(.*)'\.",
+     "+{0} adds what is there already; leave out the +"),
+    (r"Could not override '(.*)'\.", "{0} is not chosen yet, so that it cannot be changed; what adds "
+     "something begins with +, as in +check@check.mine=bitangents"),
+    (r"Ambiguous value for argument '(.*)'",
+     "{0} has several values; -m runs each of them, [a, b] is a list, and quotes make a text"),
+    (r"Sweep parameters '(.*)' requires --multirun", "{0} is for a sweep, which needs -m"),
+    (r"force-add of config groups is not supported: '(.*)'",
+     "{0} chooses from a group, which takes no ++"),
+    (r"Override (.*) looks like a config group override, but config group '(.*)' does not exist",
+     "{0} names no group of the configuration; {groups}"),
+    (r"You must specify '(.*)', e\.g", "{0} must be chosen, as in {0}=name"),
+    (r"Additional config directory '(.*)' not found", "--config-dir: there is no folder {0}"),
+)  # fmt: skip
 
 
-def sentence(error: BaseException, arguments: list[str]) -> str | None:
+def sentence(error: BaseException, origins: Origins) -> str | None:
     """The user's sentence for an error, or None for a defect of the program itself.
 
     Parameters
     ----------
     error : BaseException
-    arguments : list of str
-        The command line, to tell whether a value came from there or from a file.
+    origins : Origins
+        Tells where settings come from.
     """
     if isinstance(error, ConfigError):
-        told = [f"{_where(p.field, arguments)} {p.message}" for p in error.problems]
-        return "\n".join(told)
+        return "\n".join(f"{origins.where(p.field)} {p.message}" for p in error.problems)
     if isinstance(error, UserError):
         return str(error)
+    if isinstance(error, OmegaConfBaseException) and error.full_key:
+        return f"{origins.where(error.full_key)} {refusal(error)}"
+    return None
+
+
+def of_composition(error: Exception, origins: Origins) -> str:
+    """The sentence for whatever keeps a configuration from being composed."""
+    cause = error.__cause__ or error.__context__
+    if told := sentence(error, origins):
+        return told
+    if unreadable := origins.unreadable:
+        return (
+            f"{COMMAND_LINE}: {unreadable[0]!r} cannot be read; write key=value, and put a value "
+            "with special characters into quotes of its own"
+        )
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:
-        return _missing_choice(error)
-    if isinstance(error, HydraException | OmegaConfBaseException):
-        return _composition(error, arguments)
+        return _missing_choice(error.missing_cfg_file, origins)
+    if isinstance(error, HydraException) and isinstance(cause, OmegaConfBaseException):
+        return _refused(str(error), cause, origins)
+    if isinstance(error, MarkedYAMLError | UnicodeDecodeError):
+        return _broken_file(error, origins)
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {error.strerror or error}"
-    return None
+    return _bad_choice(origins) or _bad_argument(error)
 
 
-def _missing_choice(error: MissingConfigException) -> str:
+def _missing_choice(path: str, origins: Origins) -> str:
     """An unknown plugin, experiment or other choice of a group."""
-    group, _, name = str(error.missing_cfg_file).rpartition("/")
-    options = [o for o in error.options or [] if o != "schema"]
-    if not group:
-        return f"there is no configuration {name}; is --config-dir right?"
-    if not options and group not in registry.GROUPS:
-        return f"{group} is not a configuration group; {nearest(group, registry.GROUPS)}"
-    return f"there is no {group}={name}; {nearest(name, options)}"
+    group, _, name = path.rpartition("/") if path.startswith("hydra/") else path.partition("/")
+    if not (options := origins.options_of(group)):
+        return f"there is no configuration {path}; {nearest(group, registry.GROUPS)}"
+    where = origins.where_chosen(group, name)
+    return f"{where}there is no {group}={name}; {nearest(name, options)}"
 
 
-def _composition(error: Exception, arguments: list[str]) -> str:
-    """A key or value that the composition refused."""
-    text = str(error)
-    cause = error if isinstance(error, OmegaConfBaseException) else error.__cause__
-    in_file = re.match(r"In '([^']+)'", text)
-    if isinstance(cause, OmegaConfBaseException) and cause.full_key:
-        where = f"conf/{in_file[1]}.yaml: {cause.full_key}" if in_file else None
-        where = where or _where(cause.full_key, arguments)
-        return f"{where} {_reason(cause)}"
-    if match := re.search(r"Could not override '([^']+)'", text):
-        key = match[1].split("@")[0]
-        known = [*registry.GROUPS, *config.Experiment.__dataclass_fields__]
-        return f"{_where(key, arguments)} is not a known setting; {nearest(key, set(known))}"
-    return " ".join(line.strip() for line in text.splitlines() if line.strip())
+def _refused(text: str, cause: OmegaConfBaseException, origins: Origins) -> str:
+    """A key or value that does not fit where a file or an argument puts it."""
+    key = str(cause.full_key)
+    if file := re.match(r"In '([^']+)'", text):
+        shown = origins.shown(file[1])
+        return f"{f'{shown}: {key}' if shown else origins.where(key)} {refusal(cause)}"
+    argument = re.match(r"Error merging override [+~]*([^=]*)=?(.*)", text)
+    name, value = argument.groups() if argument else (key, "")
+    if not (key.startswith(name) or name.startswith(key)):
+        key = name  # below what a + adds, OmegaConf forgets where it is
+    if "is incompatible with (int)" in str(cause) and name != key:
+        table, number = key.rsplit(".", 1)
+        leaf = name.removeprefix(f"{key}.")
+        return (
+            f"{COMMAND_LINE}: {name} cannot be reached by dots, since the entries of {table} are "
+            f"numbered; write '{table}={{{number}: {{{leaf}: {value}}}}}'"
+        )
+    group = key.split(".")[0]
+    if group in SINGLE_GROUPS and cause.parent_node is not None and cause.parent_node._is_none():
+        return (
+            f"{COMMAND_LINE}: {key} belongs to no plugin; choose one with {group}=...; "
+            f"{nearest('', origins.options_of(group))}"
+        )
+    told = f"{COMMAND_LINE}: {key} {refusal(cause)}"
+    added = re.search(r"To append to your config use (.*)", text)
+    return f"{told}; {added[1]} adds it" if added and not is_dataclass(cause.object_type) else told
 
 
-def _reason(cause: OmegaConfBaseException) -> str:
-    """What is wrong with a value or key, from OmegaConf's own words."""
-    text = str(cause.msg).splitlines()[0]
-    if re.search(r"not in '|not in struct", text):
-        schema = cause.object_type
-        valid = getattr(schema, "__dataclass_fields__", {})
-        return f"is not a known setting; {nearest(str(cause.key), valid)}"
-    return f"is refused: {text}"
+def _broken_file(error: MarkedYAMLError | UnicodeDecodeError, origins: Origins) -> str:
+    """A file that is not YAML, or not text."""
+    if isinstance(error, UnicodeDecodeError):
+        files = [f for folder in origins.folders for f in folder.rglob("*.yaml")]
+        broken = [displayed(f) for f in files if error.object in f.read_bytes()]
+        return f"{broken[0] if broken else 'a configuration file'}: is not a text file"
+    mark = error.problem_mark or error.context_mark
+    where = f"{displayed(Path(mark.name))}, line {mark.line + 1}" if mark else "a file"
+    return f"{where}: is not YAML: {error.problem or error.context}"
 
 
-def _where(key: str, arguments: list[str]) -> str:
-    """The command line's argument or the file of `conf/` that sets a key, before the key itself."""
-    for argument in arguments:
-        name = argument.lstrip("+~").partition("=")[0]
-        if name == key or key.startswith(f"{name}."):
-            return f"command line: {key}"
-    file = _file_that_sets(key, arguments)
-    return f"{file}: {key}" if file else key
-
-
-def _file_that_sets(key: str, arguments: list[str]) -> str | None:
-    """The experiment's or the group's file in `conf/` that mentions the key's last part."""
-    group, leaf = key.split(".")[0], re.split(r"[.\[]", key)[-1]
-    chosen = dict(a.lstrip("+").partition("=")[::2] for a in arguments if "=" in a)
-    names = [("experiment", chosen.get("experiment")), (group, chosen.get(group))]
-    for folder, name in names:
-        path = Path(folder) / f"{name}.yaml"
-        full = conf_dir() / path
-        if name and full.is_file() and re.search(rf"\b{re.escape(leaf)}\s*:", full.read_text()):
-            return f"conf/{path}"
+def _bad_choice(origins: Origins) -> str | None:
+    """An argument that chooses from a group what cannot be a name."""
+    for choice in origins.choices:
+        value, group = choice.value(), choice.key_or_group
+        names = value if isinstance(value, list) else [value]
+        if not choice.is_delete() and not all(isinstance(n, str) for n in names):
+            return (
+                f"{COMMAND_LINE}: {choice.input_line} must name a choice, and ~{group} leaves the "
+                f"group out; {nearest('', origins.options_of(group))}"
+            )
     return None
+
+
+def _bad_argument(error: Exception) -> str:
+    """What Hydra says about an argument, or at least its first line."""
+    text = str(error).strip() or type(error).__name__
+    for pattern, words in ARGUMENTS:
+        if match := re.match(pattern, text):
+            groups = nearest(match.groups()[-1], [*registry.GROUPS, "experiment"])
+            return f"{COMMAND_LINE}: {words.format(*match.groups(), groups=groups)}"
+    return f"the command line or the configuration is wrong: {text.splitlines()[0]}"

@@ -11,41 +11,41 @@ from omegaconf import MISSING, DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sldvexp import registry
-from sldvexp.errors import ConfigError, Problem, nearest
+from sldvexp.errors import ConfigError, Problem, UserError, nearest
 
-#: Groups whose value in the root is one plugin; `compare` and `check` hold named plugins.
+#: Groups whose value in the root is one plugin; those of `NAMED_GROUPS` hold several, by name.
 SINGLE_GROUPS = ("target", "laser", "instrument", "pose", "reconstruction")
+NAMED_GROUPS = {"compare": "reconstruction", "check": "check"}
 
 
 @dataclass
 class Expectation:
-    """One number that a run must reproduce, or a bound that it must keep.
+    """Numbers that a run must reproduce, or bounds that it must keep, from one source.
+
+    Every mapping goes from what is compared, ``group/variable``, ``group/variable[dim=label, ...]``
+    or ``group@attribute`` of the run's dataset, to the value.
 
     Parameters
     ----------
-    of : str
-        What is compared: ``group/variable``, ``group/variable[dim=label, ...]`` or
-        ``group@attribute`` of the run's dataset.
-    published : number, string of a complex number, or nested list of them, optional
-        The printed value; compared element by element within `tolerance`.
-    tolerance : float
-        Largest accepted absolute difference.
-    at_most, at_least : float, optional
-        Bounds, instead of or besides a published value.
-    correct : str, optional
-        Where the dataset has the same quantity by the correct formula, when `of` follows the
-        convention of the print.
     source : str
         Table, figure or section.
+    tolerance : float
+        Largest accepted absolute difference, of real and imaginary part each.
+    published : dict of str to number, text of a complex number, or nested lists of them
+        Compared element by element.
+    at_most, at_least : dict of str to float
+        Bounds.
+    correct : dict of str to str
+        Where the dataset has the same quantity by the correct formula, when what is compared
+        follows the convention of the print.
     """
 
-    of: str = MISSING
-    published: Any = None
-    tolerance: float = 0.0
-    at_most: float | None = None
-    at_least: float | None = None
-    correct: str | None = None
     source: str = ""
+    tolerance: float = 0.0
+    published: dict[str, Any] = field(default_factory=dict)
+    at_most: dict[str, float] = field(default_factory=dict)
+    at_least: dict[str, float] = field(default_factory=dict)
+    correct: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass
@@ -58,10 +58,10 @@ class Experiment:
         Seed of the run's one random generator.
     target, laser, instrument, pose, reconstruction : plugin or None
         A stage without a plugin is left out.
-    compare : dict of str to reconstruction plugin
-        Further reconstructions of the same measurements, each in a group of its own.
-    check : dict of str to check plugin
-        What is examined after the estimates.
+    compare : dict of str to reconstruction
+        Further reconstructions of the same measurements, ``{plugin: relative, rows: all}``.
+    check : dict of str to check
+        What is examined after the estimates, ``{plugin: pose_repeats, repeats: 1000}``.
     expect : dict of str to Expectation
         What the run must reproduce.
     """
@@ -74,8 +74,11 @@ class Experiment:
     reconstruction: Any = None
     compare: dict[str, Any] = field(default_factory=dict)
     check: dict[str, Any] = field(default_factory=dict)
-    expect: dict[str, Expectation] = field(default_factory=dict)
+    expect: dict[str, Any] = field(default_factory=dict)
 
+
+#: What is said of a key that `names_code`.
+NO_CODE = "is refused: a configuration names plugins and cannot name code"
 
 ConfigStore.instance().store(name="experiment_schema", node=Experiment, provider="sldvexp")
 
@@ -98,21 +101,21 @@ def build(config: DictConfig) -> Experiment:
     ConfigError
         Every unknown key, missing value and refused value, each with its full key.
     """
+    config = _with_schemas(config)
     problems = [*_unknown_keys(config, ""), *_missing(config)]
     if problems:
         raise ConfigError(problems)
     values: dict[str, Any] = {}
     for group in SINGLE_GROUPS:
         values[group] = _plugin(config[group], group, group, problems)
-    for key, group in (("compare", "reconstruction"), ("check", "check")):
+    for key, group in NAMED_GROUPS.items():
         values[key] = {
             str(name): _plugin(node, group, f"{key}.{name}", problems)
             for name, node in config[key].items()
         }
     expect: dict[str, Any] = OmegaConf.to_object(config.expect)  # type: ignore[assignment]
     for name, expectation in expect.items():
-        bounds = (expectation.published, expectation.at_most, expectation.at_least)
-        if all(b is None for b in bounds):
+        if not (expectation.published or expectation.at_most or expectation.at_least):
             message = "says nothing: give published, at_most or at_least"
             problems.append(Problem(f"expect.{name}", message))
     if config.seed < 0:
@@ -123,15 +126,49 @@ def build(config: DictConfig) -> Experiment:
 
 
 def plugin_names(config: DictConfig) -> dict[str, str]:
-    """Which plugin stands at which key, ``{"pose": "pose/registration", ...}``."""
-    nodes = [(group, config[group]) for group in SINGLE_GROUPS]
-    nodes += [
-        (f"{key}.{name}", n) for key in ("compare", "check") for name, n in config[key].items()
-    ]
-    found = {
-        key: registry.name_of(OmegaConf.get_type(node)) for key, node in nodes if node is not None
-    }
-    return {key: name for key, name in found.items() if name}
+    """Which plugin each group has, ``{"pose": "registration", ...}``; a file alone may not say it."""
+    kinds = {g: OmegaConf.get_type(config[g]) for g in SINGLE_GROUPS if config[g] is not None}
+    names = {g: registry.name_of(kind) for g, kind in kinds.items()}
+    return {g: name.partition("/")[2] for g, name in names.items() if name}
+
+
+def _with_schemas(config: DictConfig) -> DictConfig:
+    """The configuration with named plugins and expectations merged onto their schemas."""
+    typed = config.copy()
+    problems: list[Problem] = []
+    for key in (*NAMED_GROUPS, "expect"):
+        for name, node in config[key].items():
+            full = f"{key}.{name}"
+            try:
+                typed[key][name] = _onto_schema(node, NAMED_GROUPS.get(key))
+            except UserError as error:
+                problems.append(Problem(full, str(error)))
+            except OmegaConfBaseException as error:
+                problems.append(_from_omegaconf(error, full))
+    if problems:
+        raise ConfigError(problems)
+    return typed
+
+
+def _onto_schema(node: Any, group: str | None) -> DictConfig:
+    """One entry of `compare` or `check`, typed as its `plugin` says, or one of `expect`."""
+    if group is None:
+        return OmegaConf.merge(OmegaConf.structured(Expectation), node)  # type: ignore[return-value]
+    if not isinstance(node, DictConfig) or not isinstance(node.get("plugin"), str):
+        valid = nearest("", registry.names(group))
+        raise UserError(f"must say which plugin it is, as in {{plugin: name}}. {valid}")
+    schema = OmegaConf.structured(registry.get(group, node["plugin"]))
+    rest = OmegaConf.masked_copy(node, [k for k in node if k != "plugin"])
+    return OmegaConf.merge(schema, rest)  # type: ignore[return-value]
+
+
+def _from_omegaconf(error: OmegaConfBaseException, key: str) -> Problem:
+    """OmegaConf's complaint about a value or key below `key`."""
+    full = f"{key}.{error.full_key}" if error.full_key else key
+    valid = getattr(error.object_type, "__dataclass_fields__", {})
+    if valid and str(error.key) not in valid:
+        return Problem(full, f"is not a known setting; {nearest(str(error.key), valid)}")
+    return Problem(full, f"is refused: {str(error.msg).splitlines()[0]}")
 
 
 def _plugin(node: Any, group: str, key: str, problems: list[Problem]) -> Any:
@@ -148,7 +185,7 @@ def _plugin(node: Any, group: str, key: str, problems: list[Problem]) -> Any:
     except ConfigError as error:
         problems += [Problem(f"{key}.{p.field}", p.message) for p in error.problems]
     except OmegaConfBaseException as error:
-        problems.append(Problem(error.full_key or key, str(error.msg).splitlines()[0]))
+        problems.append(_from_omegaconf(error, key))
     return None
 
 
@@ -165,11 +202,15 @@ def _unknown_keys(node: Any, path: str) -> Iterator[Problem]:
         full = f"{path}.{key}" if path else str(key)
         if valid is not None and key not in valid:
             yield Problem(full, f"is not a known setting; {nearest(str(key), valid)}")
-        elif str(key).startswith("_") and str(key).endswith("_"):
-            message = "is refused: a configuration names plugins and cannot name code"
-            yield Problem(full, message)
+        elif names_code(key):
+            yield Problem(full, NO_CODE)
         else:
             yield from _unknown_keys(value, full)
+
+
+def names_code(key: object) -> bool:
+    """Whether a key is one by which Hydra finds something to call, such as ``_target_``."""
+    return str(key).startswith("_") and str(key).endswith("_")
 
 
 def _missing(config: DictConfig) -> Iterator[Problem]:

@@ -7,10 +7,10 @@ plugin of another package, which has no file there, is stored as ``<group>/<name
 
 from __future__ import annotations
 
+import functools
 import importlib
 import warnings
 from collections.abc import Callable
-from importlib.metadata import entry_points
 from typing import Any, TypeVar
 
 from hydra.core.config_store import ConfigStore
@@ -43,7 +43,6 @@ BUILT_IN = (
 )
 
 _plugins: dict[str, dict[str, type]] = {}
-_loaded = False
 
 P = TypeVar("P", bound=type)
 
@@ -81,13 +80,26 @@ def register(group: str, name: str) -> Callable[[P], P]:
 
 
 def load() -> None:
-    """Import the built-in plugins, then those of installed packages; a broken one only warns."""
-    global _loaded
-    if _loaded:
-        return
+    """Import the built-in plugins."""
     for module in BUILT_IN:
         importlib.import_module(module)
-    for entry in entry_points(group=ENTRY_POINTS):
+
+
+@functools.cache
+def load_installed() -> bool:
+    """Import the plugins of installed packages, once; a broken one only warns.
+
+    Looking for them takes longer than everything else at the start, so it is done when a name is
+    not built in.
+
+    Returns
+    -------
+    bool
+        Whether there are any.
+    """
+    
+    entries = entry_points(group=ENTRY_POINTS)
+    for entry in entries:
         try:
             entry.load()
         except Exception as error:  # a stranger's package must not take the program down
@@ -97,23 +109,24 @@ def load() -> None:
                 f"{type(error).__name__}: {error}",
                 stacklevel=2,
             )
-    _loaded = True
+    return bool(entries)
 
 
 def get(group: str, name: str) -> type:
     """The plugin class of that name, or a `UserError` that lists the valid ones."""
     load()
+    if name not in _plugins.get(group, {}):
+        load_installed()
     try:
         return _plugins[group][name]
     except KeyError:
-        raise UserError(
-            f"there is no {group}={name}; {nearest(name, _plugins.get(group, {}))}"
-        ) from None
+        raise UserError(f"there is no {group}={name}; {nearest(name, names(group))}") from None
 
 
 def names(group: str) -> list[str]:
     """The names of a group's plugins, sorted."""
     load()
+    load_installed()
     return sorted(_plugins.get(group, {}))
 
 

@@ -75,12 +75,12 @@ def lookup(of: str, tree: Mapping[str, xr.Dataset], where: str) -> tuple[list[st
             f"{where}: {of!r} is not of the form group/variable[dim=label] or group@attribute"
         )
     if match["group"] not in tree:
-        raise UserError(f"{where}: the run has no group {match['group']}; {nearest(of, tree)}")
+        raise UserError(f"{where}: the run has no group {match['group']}; {nearest(match['group'], tree)}")
     group = tree[match["group"]]
     if match["attribute"]:
         if match["attribute"] not in group.attrs:
             valid = nearest(match["attribute"], map(str, group.attrs))
-            raise UserError(f"{where}: {match['group']} has no attribute {of!r}; {valid}")
+            raise UserError(f"{where}: {match['group']} has no attribute {match['attribute']}; {valid}")
         values = xr.DataArray(group.attrs[match["attribute"]])
     elif match["variable"] not in group:
         valid = nearest(match["variable"], map(str, group.data_vars))
@@ -113,40 +113,33 @@ def _labels(values: xr.DataArray) -> Iterator[str]:
         yield f"[{', '.join(parts)}]" if parts else ""
 
 
-def _compare(name: str, expectation: Expectation, tree: Mapping[str, xr.Dataset]) -> Iterator[Row]:
+def _compare(
+    name: str, expectation: Expectation, tree: Mapping[str, xr.Dataset]
+) -> Iterator[Row]:
     """The rows of one expectation."""
-    where = f"expect.{name}"
-    labels, computed = lookup(expectation.of, tree, where)
-    correct = np.full(computed.shape, np.nan, dtype=complex)
-    if expectation.correct is not None:
-        correct = np.broadcast_to(lookup(expectation.correct, tree, where)[1], computed.shape)
     demands = (
         ("=", expectation.published),
         ("<=", expectation.at_most),
         (">=", expectation.at_least),
     )
-    for relation, value in demands:
-        if value is None:
-            continue
-        published = _numbers(value, where)
-        if relation == "=" and published.shape != computed.shape:
-            raise UserError(
-                f"{where}: published has the shape {published.shape}, "
-                f"{expectation.of} has {computed.shape}"
-            )
-        flat = zip(
-            labels,
-            np.broadcast_to(published, computed.shape).flat,
-            computed.flat,
-            correct.flat,
-            strict=True,
-        )
-        for label, wanted, got, right in flat:
-            passed = _passes(got, relation, wanted, expectation.tolerance)
-            yield Row(
-                f"{name}{label}", wanted, got, right, expectation.tolerance, relation, passed,
-                expectation.source,
-            )  # fmt: skip
+    for relation, values in demands:
+        for of, value in values.items():
+            where = f"expect.{name}: {of}"
+            labels, computed = lookup(of, tree, where)
+            published = _numbers(value, where)
+            if relation == "=" and published.shape != computed.shape:
+                raise UserError(
+                    f"{where}: published has the shape {published.shape}, "
+                    f"the run has {computed.shape}"
+                )
+            correct = np.array(np.nan)
+            if of in expectation.correct:
+                correct = lookup(expectation.correct[of], tree, where)[1]
+            columns = np.broadcast_arrays(published, computed, correct)
+            for label, wanted, got, right in zip(labels, *(c.flat for c in columns), strict=True):
+                passed = _passes(got, relation, wanted, expectation.tolerance)
+                numbers = (f"{name}: {of}{label}", wanted, got, right, expectation.tolerance)
+                yield Row(*numbers, relation, passed, expectation.source)
 
 
 def _passes(got: complex, relation: str, wanted: complex, tolerance: float) -> bool:

@@ -55,12 +55,13 @@ def read_matlab(path: Path, unit: VelocityUnit) -> LineOfSight:
     views x points x frequencies), and optionally ``std`` (as velocity), ``frequency`` and ``view``.
     """
     from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
 
     try:
         found = loadmat(path)
     except NotImplementedError:
         raise UserError(f"{path}: is a MATLAB 7.3 file; save it with the option -v7") from None
-    except (ValueError, TypeError, OSError) as error:
+    except (MatReadError, ValueError, TypeError, OSError) as error:
         raise UserError(f"{path}: is not a readable MATLAB file ({error})") from None
     for name in REQUIRED:
         if name not in found:

@@ -49,6 +49,11 @@ def turned(rotation: Array, vector: Array) -> Array:
     return rotation + scale[..., None, None] * ((k + k @ k) @ rotation)
 
 
+def solve(matrix: Array, right: Array) -> Array:
+    """Solve ``matrix x = right`` for stacks of matrices (..., n, n) and vectors (..., n)."""
+    return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0], np.float64)
+
+
 class Pose(NamedTuple):
     """A stack of poses: rotation (M, 3, 3), centre (M, 3) in m, intrinsics (M, 5)."""
 
@@ -225,7 +230,7 @@ def levenberg_marquardt(
         diagonal = np.einsum("mkk->mk", matrix)
         extra = damping[:, None] * diagonal
         diagonal += extra
-        step: Array = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
+        step = solve(matrix, right)
         expected = np.einsum("mk,mk->m", step, right + extra * step)
         trial = pose.moved(step, problem.adjusted)
         then = linearise(problem, trial)

@@ -109,7 +109,7 @@ def observations(
         normal=_least_spread(points),
         angles=np.ascontiguousarray(recorded.swapaxes(-1, -2)),
         step=steps,
-        std=_deviations(std, recorded.shape[:2]),
+        std=_deviations(std, recorded.shape[:2], batched),
         noise_known=std is not None,
         nominal=np.array([mirror_offset, 1.0, 0.0, 1.0, 0.0]),
         prior_std={INTRINSICS.index(name): float(prior) for name, prior in adjust.items()},
@@ -168,7 +168,7 @@ def _check_adjust(
         )
 
 
-def _deviations(std: ArrayLike | None, shape: tuple[int, ...]) -> Array:
+def _deviations(std: ArrayLike | None, shape: tuple[int, ...], batched: bool) -> Array:
     """Standard deviations, shape (batch or 1, 1, points), DAC steps."""
     if std is None:
         return np.ones((1, 1, shape[1]))
@@ -176,7 +176,8 @@ def _deviations(std: ArrayLike | None, shape: tuple[int, ...]) -> Array:
         given = np.broadcast_to(np.asarray(std, float), shape)
     except ValueError:
         raise UserError(
-            f"std must have one value a point, shape {shape}, not {np.shape(std)}"
+            f"std must have one value a point, {shape if batched else shape[1:]}, "
+            f"not {np.shape(std)}"
         ) from None
     _check_all(np.isfinite(given) & (given > 0), "the std", "must be positive")
     return given[:, None, :]

@@ -122,7 +122,8 @@ def solve_pose(
         Names from `INTRINSICS` to the standard deviation of their Gaussian prior about the nominal
         value (m, rad, gains relative), `inf` for a free one. What is not named stays nominal.
     std : array_like, broadcastable to (batch, points), optional, DAC steps
-        Standard deviation of each angle. Without it all are alike and estimated from the residuals.
+        Standard deviation of each angle. Without it all are alike and estimated from the residuals,
+        so that a prior which the angles contradict is taken for more noise.
     max_iterations : int
         Of each start.
 

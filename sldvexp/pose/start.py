@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.geometry.rotation import rotation_from_euler
-from sldvexp.pose.least_squares import SKEW, turned
+from sldvexp.pose.least_squares import SKEW, solve, turned
 
 Array = NDArray[np.float64]
 
 #: Viewing directions over the sphere and turns about each: about 30 deg from one to the next.
 DIRECTIONS, TURNS = 50, 12
 #: Rotations of the grid that are refined; the lowest valley may begin at a higher grid point.
-CANDIDATES = 8
+CANDIDATES = 16
 #: Gauss-Newton steps of each refinement.
 REFINEMENTS = 5
 #: ``vec(R) GENERATORS`` is d vec(exp([w]) R) / dw, for the three components of w in turn.
@@ -97,7 +97,7 @@ def object_space_form(points: Array, normal: Array, distance: Array) -> ObjectSp
     by_r = np.concatenate(rows, axis=-2)
     by_t = normal.reshape(*lead, 3, 2 * n)
     mixed = by_t @ by_r.swapaxes(-1, -2)
-    translation: Array = -np.linalg.solve(by_t @ by_t.swapaxes(-1, -2), mixed)
+    translation = -np.linalg.inv(by_t @ by_t.swapaxes(-1, -2)) @ mixed
     quadratic = by_r @ by_r.swapaxes(-1, -2) + mixed.swapaxes(-1, -2) @ translation
     return ObjectSpaceForm(quadratic, translation)
 
@@ -139,12 +139,11 @@ def refined(rotation: Array, form: ObjectSpaceForm) -> Array:
         lifted = lift(rotation)
         tangent = (lifted[..., :9] @ GENERATORS).reshape(*lifted.shape[:-1], 3, 9)
         pull = tangent @ form.quadratic[..., :9, :]
-        gradient = pull @ lifted[..., None]
+        gradient = (pull @ lifted[..., None])[..., 0]
         hessian = pull[..., :9] @ tangent.swapaxes(-1, -2)
         diagonal = np.einsum("...kk->...k", hessian)
         diagonal += 1e-4 * diagonal.sum(axis=-1, keepdims=True)
-        step: Array = np.linalg.solve(hessian, gradient)[..., 0]
-        rotation = turned(rotation, -step)
+        rotation = turned(rotation, -solve(hessian, gradient))
     return rotation
 
 

@@ -65,7 +65,7 @@ def determined_components(null: Array) -> NDArray[np.bool_]:
 
 
 def observed_subspace(
-    system: System, points: NDArray[np.int_], size: Array, factor: Array
+    system: System, points: NDArray[np.int_], noise: Array, factor: Array
 ) -> ObservedSubspace:
     """Velocities along the determined directions of some points.
 
@@ -73,8 +73,8 @@ def observed_subspace(
     ----------
     system : System
     points : ndarray of int, shape (deficient,)
-    size : ndarray, shape (deficient, frequency)
-        Standard deviation of the noise, over the one that `PointFit.cofactor` is in units of.
+    noise : ndarray, shape (deficient, frequency)
+        Size of the noise that `PointFit.cofactor` is in units of.
     factor : ndarray, shape (deficient,)
         Half-width of the confidence interval over the standard error.
 
@@ -95,7 +95,7 @@ def observed_subspace(
     root = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 0.0))
     root[beyond] = np.nan
     velocity[beyond] = np.nan
-    std = views.fold(root[..., None]) * size[:, None]
+    std = views.fold(root[..., None]) * noise[:, None]
     each = slice(None, None, len(rank) // len(points))  # one of a point's frequencies
     return ObservedSubspace(
         point=points,

@@ -18,6 +18,7 @@ from sldvexp.reconstruction.quality import (
 )
 from sldvexp.reconstruction.rows import RowSet
 from sldvexp.reconstruction.system import System
+from sldvexp.reconstruction.views import Points
 from sldvexp.statistics.chi_square import chi_square_p_value
 from sldvexp.statistics.f_test import FTest, f_test
 
@@ -106,13 +107,22 @@ class PointVelocity:
         Of real and imaginary part each. Estimated from `sse`, also where the std are given (then of
         a view of mean weight); NaN without degrees of freedom.
         """
-        expected = np.where(self.expected_squares > 0, self.expected_squares, np.nan)
-        return np.sqrt(self.sse / expected[:, None].astype(self.sse.dtype))
+        return self._per_expectation(self.sse, slice(None))
 
-    @property
-    def size(self) -> Array:
-        """Standard deviation of the noise in units of the given std or, without them, in m/s."""
-        return self.s if self._reference is None else np.ones_like(self.squares)
+    def noise(self, points: Points = slice(None)) -> Array:
+        """Size of the noise that bounds are in units of, shape (point, frequency).
+
+        `s`, or 1 if the std are given.
+        """
+        squares = self.squares[points]
+        if self._reference is not None:
+            return np.ones_like(squares)
+        return self._per_expectation(squares, points)
+
+    def _per_expectation(self, squares: Array, points: Points) -> Array:
+        expected = self.expected_squares[points]
+        expected = np.where(expected > 0, expected, np.nan).astype(squares.dtype)
+        return np.sqrt(squares / expected[:, None])
 
     @property
     def _reference(self) -> Array | None:
@@ -130,7 +140,7 @@ class PointVelocity:
         fit = self.system.fit(slice(None))
         cofactor = self.system.views.fold(fit.cofactor[:, :3, :3, None])
         both = self.observable[:, :, None] & self.observable[:, None]
-        return np.where(both[..., None], cofactor * self.size[:, None, None] ** 2, np.nan)
+        return np.where(both[..., None], cofactor * self.noise()[:, None, None] ** 2, np.nan)
 
     def residuals(self) -> NDArray[np.inexact]:
         """``A v - A X theta``, shape (row, point, frequency), m/s; computed anew at each call."""
@@ -149,7 +159,8 @@ class PointVelocity:
         no linear unbiased estimate does better. NaN where a component is not determined.
         """
         best = self.system.best_fit(slice(None), intercept=False).root
-        ratio = self.system.views.fold(((best / self._root) ** 2)[..., None])
+        with np.errstate(divide="ignore", invalid="ignore"):  # where nothing is determined
+            ratio = self.system.views.fold(((best / self._root) ** 2)[..., None])
         return np.where(self.observable[..., None], ratio, np.nan)
 
     @cached_property

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 #: Sets beyond this number are not searched: it would take longer than reading the data.
 LARGEST_SEARCH = 3_000_000
 #: Condition numbers that a search computes, sets times points, before it looks at fewer points.
-EFFORT = 200_000
+EFFORT = 50_000
 #: Condition numbers equal to this many digits count as equal: the first set of them is taken.
 DIGITS = 10
 

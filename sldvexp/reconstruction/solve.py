@@ -145,25 +145,32 @@ def _apply(fit: PointFit, views: Views, points: slice, span: slice, results: _Re
     expected = results.expected_squares[span]
     per_square = 1 / np.where(expected > 0, expected, np.nan).astype(real)
     step = max(1, NUMBERS_PER_STEP // max(1, data[:, 0].size * components))
+    product = np.empty((min(step, len(root)), matrix.shape[1], components * data.shape[2]), real)
     for first in range(0, len(root), step):
-        part = slice(first, first + step)
-        here = slice(span.start + first, min(span.start + first + step, span.stop))
-        product = np.matmul(matrix[part], np.swapaxes(_as_real(data[:, part]), 0, 1))
-        if not np.all(np.isfinite(product)):
+        part = slice(first, min(first + step, len(root)))
+        here = slice(span.start + part.start, span.start + part.stop)
+        done = product[: part.stop - part.start]
+        with np.errstate(invalid="ignore"):  # looked at next
+            np.matmul(matrix[part], np.swapaxes(_as_real(data[:, part]), 0, 1), out=done)
+        if not np.all(np.isfinite(done)):
             views.require_finite(points)
-        _as_real(results.velocity[here])[...] = product[:, :3]
-        left = product[:, parameters:]
-        squares = np.einsum("prf,prf->pf", left, left)
-        if components == 2:
-            squares = squares[:, ::2] + squares[:, 1::2]
-        results.squares[here] = squares
-        known = np.ones_like(squares)
-        size = np.sqrt(squares * per_square[part, None]) if fit.std is None else known
-        std = np.multiply(root[part, :3, None], size[:, None], out=results.std[here])
+        _as_real(results.velocity[here])[...] = done[:, :3]
+        squares = _sum_of_squares(done[:, parameters:], components, out=results.squares[here])
+        size = 1 if fit.std is not None else np.sqrt(squares * per_square[part, None])[:, None]
+        std = np.multiply(root[part, :3, None], size, out=results.std[here])
         np.multiply(std, factor[part, None, None], out=results.confidence[here])
         if results.intercept is not None and results.intercept_std is not None:
-            _as_real(results.intercept[here])[...] = product[:, 3]
-            np.multiply(root[part, 3:], size, out=results.intercept_std[here])
+            _as_real(results.intercept[here])[...] = done[:, 3]
+            results.intercept_std[here] = (root[part, 3:, None] * size)[:, 0]
+
+
+def _sum_of_squares(left: Array, components: int, out: Array) -> Array:
+    """``|left|^2`` over rows, and over the real numbers of a sample, shape (system, frequency)."""
+    squares = np.einsum("prf,prf->pf", left, left)
+    if components == 1:
+        out[...] = squares
+        return out
+    return np.add(squares[:, ::2], squares[:, 1::2], out=out)
 
 
 def _as_real(data: NDArray[np.inexact]) -> NDArray[np.floating]:
@@ -208,14 +215,15 @@ def _with_flags(result: PointVelocity, deficient: NDArray[np.int_]) -> PointVelo
     """Add what is determined at deficient points, and the sentences about all flags."""
     system, along, messages = result.system, None, []
     if len(deficient):
-        size = result.size[deficient]
-        along = observed_subspace(system, deficient, size, result.factor[deficient])
+        noise = result.noise(deficient)
+        along = observed_subspace(system, deficient, noise, result.factor[deficient])
         messages.append(describe(along, system))
     unbounded = np.sum(~result.bounded)
     if unbounded:
         count = len(system.views.names)
+        leave = f"{count} views leave" if count > 1 else "1 view leaves"
         messages.append(
-            f"{count} view{'s' * (count > 1)} leave no residual at {unbounded} of "
-            f"{len(result.bounded)} points: no bounds without std or another view"
+            f"{leave} no residual at {unbounded} of {len(result.bounded)} points: "
+            "no bounds without std or another view"
         )
     return replace(result, along=along, messages=tuple(messages))

@@ -126,8 +126,8 @@ def _published(check: xr.Dataset) -> Table:
         table.add_column(column, no_wrap=True)
     for column in ("tolerance", "met", "source"):
         table.add_column(column, overflow="fold")
-    for name in check["quantity"].values:
-        row = check.sel(quantity=name)
+    for i, name in enumerate(check["quantity"].values):
+        row = check.isel(quantity=i)
         cells = [escape(str(name)), str(row["relation"].item()), number(row["published"].item(), 5)]
         cells.append(number(row["computed"].item(), 5))
         cells += [number(row["correct"].item(), 5)] * correct

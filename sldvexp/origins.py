@@ -1,0 +1,219 @@
+"""Which argument of the command line, or which file, gave a setting its value."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import yaml
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra._internal.utils import create_config_search_path, get_args_parser
+from hydra.core.config_search_path import SearchPathQuery
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override
+from hydra.errors import HydraException
+from hydra.types import RunMode
+from omegaconf import OmegaConf
+
+from sldvexp.paths import conf_dir
+
+COMMAND_LINE = "command line"
+
+
+@dataclass(frozen=True)
+class Layer:
+    """What one argument or one file contributes to the configuration.
+
+    Parameters
+    ----------
+    source : str
+        Its name in messages.
+    package : str
+        Where in the configuration it is put; empty for the root.
+    values : dict, list or scalar
+    outside : bool
+        Whether it is a file that does not belong to the program.
+    """
+
+    source: str
+    package: str
+    values: Any
+    outside: bool = False
+
+    def sets(self, key: str) -> bool:
+        """Whether this gives a value to a dotted key."""
+        package, parts = parts_of(self.package), parts_of(key)
+        if parts[: len(package)] != package:
+            return False
+        value = self.values
+        for part in parts[len(package) :]:
+            if isinstance(value, list) and part.isdigit():
+                value = dict(enumerate(value))
+            named = {str(k): v for k, v in value.items()} if isinstance(value, dict) else {}
+            if part not in named:
+                return False
+            value = named[part]
+        return bool(value != "???")
+
+
+class Origins:
+    """The layers of a configuration, in the order in which later ones win.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        The command line without the program's name.
+    overrides : sequence of str, optional
+        The settings of one job of a sweep, instead of those of the command line.
+    """
+
+    def __init__(self, arguments: Sequence[str], overrides: Sequence[str] | None = None):
+        self.arguments = arguments
+        self.options, _ = get_args_parser().parse_known_args(list(arguments))
+        if overrides is not None:
+            self.options.overrides = list(overrides)
+
+    def with_overrides(self, overrides: Sequence[str]) -> Origins:
+        """The same folders with other settings."""
+        return Origins(self.arguments, overrides)
+
+    def where(self, key: str) -> str:
+        """The key after the argument or file that sets it; the key alone if none is found."""
+        last_first = self.layers[::-1]
+        found = [layer for layer in last_first if layer.sets(key)]
+        found += [layer for layer in last_first if layer.package.startswith(f"{key}.")]
+        return f"{found[0].source}: {key}" if found else key
+
+    @cached_property
+    def layers(self) -> list[Layer]:
+        """Files, then arguments; no files if they cannot be found out."""
+        try:
+            files = self.files()
+        except Exception:  # the configuration is broken, which is told with better words elsewhere
+            files = []
+        values = [o for o in self.overrides if o not in self.choices]
+        return [
+            *files,
+            *(Layer(COMMAND_LINE, o.package or o.key_or_group, None) for o in self.choices),
+            *(Layer(COMMAND_LINE, o.key_or_group, o.value()) for o in values),
+        ]
+
+    @cached_property
+    def overrides(self) -> list[Override]:
+        """The arguments that can be read as settings."""
+        read = (_read(text, self._loader) for text in self.options.overrides)
+        return [override for override in read if override]
+
+    @property
+    def unreadable(self) -> list[str]:
+        """The arguments that cannot be read as settings."""
+        return [text for text in self.options.overrides if not _read(text)]
+
+    @cached_property
+    def choices(self) -> list[Override]:
+        """The arguments that choose from a group, and do not set a value."""
+        exists = self._loader.repository.group_exists
+        found = [o for o in self.overrides if exists(o.key_or_group)]
+        return [o for o in found if not isinstance(o.value(), dict)]
+
+    def options_of(self, group: str) -> set[str]:
+        """What can be chosen of a group, also in folders below it."""
+        found = set(self._loader.repository.get_group_options(group))
+        for folder in self.folders:
+            below = folder / group
+            found |= {str(f.relative_to(below).with_suffix("")) for f in below.rglob("*.yaml")}
+        return {o for o in found if not o.startswith("schema")}
+
+    def where_chosen(self, group: str, name: str) -> str:
+        """The argument or the one file that chooses `name` of a group; empty if none is found."""
+        if any(o.key_or_group == group and name in _listed(o.value()) for o in self.choices):
+            return f"{COMMAND_LINE}: "
+        files = [f for folder in self.folders for f in folder.rglob("*.yaml")]
+        choosing = [f for f in files if name in _listed(_defaults(f).get(group))]
+        return f"{displayed(choosing[0])}: " if len(choosing) == 1 else ""
+
+    def shown(self, path: str) -> str:
+        """The file of a configuration such as ``pose/given``, for messages; empty if none."""
+        files = [folder / f"{path}.yaml" for folder in self.folders]
+        return next((displayed(f.resolve()) for f in files if f.is_file()), "")
+
+    def files(self) -> list[Layer]:
+        """The files of the composition, also those from outside."""
+        defaults = self._loader.compute_defaults_list(
+            self.options.config_name or "config", self.options.overrides, RunMode.RUN
+        ).defaults
+        layers = []
+        for default in defaults:
+            found = self._loader.repository.load_config(default.config_path or "")
+            if found is None or not found.path.startswith("file://"):
+                continue
+            folder = Path(found.path.removeprefix("file://"))
+            file = (folder / f"{default.config_path}.yaml").resolve()
+            outside = not file.is_relative_to(conf_dir())
+            values = OmegaConf.to_container(found.config)
+            layers.append(Layer(displayed(file), default.package or "", values, outside))
+        return layers
+
+    @property
+    def folders(self) -> list[Path]:
+        """The folders that hold configuration files."""
+        sources = self._loader.repository.get_sources()
+        return [Path(source.path) for source in sources if source.scheme() == "file"]
+
+    @cached_property
+    def _loader(self) -> ConfigLoaderImpl:
+        path = create_config_search_path(str(conf_dir()))
+        added = [self.options.config_dir] if self.options.config_dir else []
+        for override in map(_read, self.options.overrides):
+            if override and override.key_or_group == "hydra.searchpath":
+                added += [p.removeprefix("file://") for p in _listed(override.value())]
+        for folder in (f for f in added if "://" not in f):
+            before_schema = SearchPathQuery(provider="schema")
+            path.prepend("command-line", f"file://{Path(folder).absolute()}", before_schema)
+        return ConfigLoaderImpl(path)
+
+
+def displayed(file: Path) -> str:
+    """A configuration file's name for messages."""
+    if file.is_relative_to(conf_dir()):
+        return f"conf/{file.relative_to(conf_dir())}"
+    return str(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file)
+
+
+def parts_of(key: str) -> list[str]:
+    """``a.b[0].c`` as ``[a, b, 0, c]``."""
+    return [part for part in re.split(r"\.|\[(\d+)\]\.?", key) if part]
+
+
+def _read(text: str, loader: ConfigLoaderImpl | None = None) -> Override | None:
+    """An argument as a setting, None if it cannot be read as one."""
+    try:
+        override = OverridesParser.create(loader).parse_overrides([text])[0]
+    except HydraException:
+        return None
+    return override if override.key_or_group else None
+
+
+def _listed(value: Any) -> list[str]:
+    """The names in a choice, which is one or a list."""
+    values = value if isinstance(value, list) else [value]
+    return [v for v in values if isinstance(v, str)]
+
+
+def _defaults(file: Path) -> dict[str, list[str]]:
+    """What a file's defaults list chooses, by group; what is not such a file chooses nothing."""
+    try:
+        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        return {}
+    chosen: dict[str, list[str]] = {}
+    for item in content.get("defaults", []) if isinstance(content, dict) else []:
+        pairs = item.items() if isinstance(item, dict) else [(file.parent.name, item)]
+        for key, value in pairs:
+            group = str(key).split()[-1].lstrip("/").partition("@")[0]
+            chosen.setdefault(group, []).extend(_listed(value))
+    return chosen

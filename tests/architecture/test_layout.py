@@ -1,0 +1,30 @@
+"""The layout keeps its promises: imports flow one way, and modules stay readable."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+LONGEST = 350
+
+
+def test_imports_flow_one_way():
+    lint = Path(sys.executable).with_name("lint-imports")
+    done = subprocess.run([lint], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+
+
+def test_no_module_is_too_long():
+    modules = (ROOT / "sldvexp").rglob("*.py")
+    long = {
+        str(m.relative_to(ROOT)): n
+        for m in modules
+        if (n := len(m.read_text().splitlines())) > LONGEST
+    }
+    assert long == {}
+
+
+def test_configurations_name_no_code():
+    assert [p for p in (ROOT / "conf").rglob("*.yaml") if "_target_" in p.read_text()] == []

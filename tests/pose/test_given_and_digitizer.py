@@ -1,0 +1,174 @@
+"""Poses that are known, and poses from digitised triples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from sldvexp.errors import ConfigError, UserError
+from sldvexp.geometry.rotation import euler_from_rotation, rotation_from_euler
+from sldvexp.pose.digitizer import Digitizer
+from sldvexp.pose.files import read_poses
+from sldvexp.pose.given import Given, KnownPose
+from sldvexp.pose.triples import estimate
+from sldvexp.report.pose_text import pose_text
+
+EULER, ORIGIN = [-1.149, 2.545, 1.928], [0.871, 0.489, 1.554]
+POSTS = {"low": [0.3, -0.25, -0.05], "med": [-0.3, -0.25, 0.1], "high": [0.0, 0.35, -0.2]}
+CORNERS = {"a": [0.0, 0.0, 0.0], "b": [0.28, 0.0, 0.0], "c": [0.28, 0.28, 0.0]}
+FIGURE_4_29 = """Registration data file name: cmm_pos2.reg
+SSE 0.00079, s^2 0.0000, s (deg) 0.0055, s (DAC steps) 0.9039
+Parameters - radians and meters
+  phi1 = -1.153 +- 0.004
+  phi2 =  2.547 +- 0.002
+  phi3 =  1.913 +- 0.004
+  x0_x =  0.862 +- 0.003
+  x0_y =  0.508 +- 0.004
+  x0_z =  1.553 +- 0.003
+"""
+
+
+def test_numbers_with_a_sample_size_become_means_with_student_bounds():
+    known = KnownPose(EULER, ORIGIN, [0.06, 0.02, 0.05], [0.02, 0.02, 0.006], samples=7)
+    pose = Given(views={"front": known}).group()
+    np.testing.assert_allclose(pose["euler"][0], EULER, rtol=1e-12)
+    np.testing.assert_allclose(pose["euler_std"][0], np.array(known.euler_std) / np.sqrt(7))
+    factor = stats.t.ppf(0.975, 6)
+    np.testing.assert_allclose(
+        pose["origin_confidence"][0], factor * np.array(known.origin_std) / np.sqrt(7)
+    )
+
+
+def test_figure_4_29_is_read_and_written(tmp_path):
+    path = tmp_path / "cmm_pos2.txt"
+    path.write_text(FIGURE_4_29)
+    pose = read_poses(path, 0.95)
+    np.testing.assert_allclose(pose["euler"][0], [-1.153, 2.547, 1.913], rtol=1e-12)
+    np.testing.assert_allclose(pose["origin_confidence"][0], [0.003, 0.004, 0.003], rtol=1e-12)
+    again = pose_text(pose)
+    for line in FIGURE_4_29.splitlines()[3:]:
+        assert line.replace("  ", " ").strip() in again.replace("  ", " ")
+
+
+def test_an_earlier_run_gives_its_pose(sldvexp):
+    first = sldvexp("experiment=dissertation/registration")
+    path = f"pose.path={first.folder}/run.nc"
+    without = ("~check.pose_repeats", "~expect.residuals")
+    second = sldvexp("experiment=pose", "pose=given", path, *without)
+    assert second.status == 0, second.err
+    one, two = (run.tree["pose"] for run in (first, second))
+    for name in ("origin", "rotation", "covariance"):
+        np.testing.assert_array_equal(one[name], two[name])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("nothing\n", "there is no pose"),
+        ("phi1 = 1\nphi2 = 2\n", "view pose lacks phi3, x0_x, x0_y, x0_z"),
+        ("phi1 = one\n", "line 1: 'phi1 = one' has no number"),
+    ],
+)
+def test_wrong_texts_are_named(tmp_path, text, message):
+    path = tmp_path / "pose.txt"
+    path.write_text(text)
+    with pytest.raises(UserError, match=message):
+        read_poses(path, 0.95)
+
+
+def test_wrong_numbers_are_collected():
+    with pytest.raises(ConfigError) as error:
+        Given(views={"a": KnownPose([1.0], [0, 0, np.nan], samples=1)}, confidence=2.0)
+    fields = {p.field for p in error.value.problems}
+    assert fields == {"confidence", "views.a.euler", "views.a.origin", "views.a.samples"}
+
+
+def digitise(rng, path, noise, repeats=7):
+    """A digitizer's file in axes of its own; the pose above is the truth."""
+    rotation = rotation_from_euler(EULER)
+    axes, shift = rotation_from_euler([0.3, 0.2, -0.1]), np.array([-1.0, 0.4, 2.0])
+    posts = {k: rotation.T @ np.array(v) + ORIGIN for k, v in POSTS.items()}
+    lines = ["point,x_mm,y_mm,z_mm"]
+    for name, world in {**posts, **CORNERS}.items():
+        for _ in range(repeats):
+            xyz = 1e3 * (axes @ world + shift + noise * rng.standard_normal(3))
+            lines.append(",".join([name, *map(repr, xyz.tolist())]))
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_exact_triples_recover_the_pose(tmp_path):
+    path = tmp_path / "d.csv"
+    digitise(np.random.default_rng(0), path, 0.0)
+    pose = estimate(Digitizer(path=str(path), instrument_points=POSTS, object_points=CORNERS))
+    np.testing.assert_allclose(euler_from_rotation(pose["rotation"][0]), EULER, atol=1e-12)
+    np.testing.assert_allclose(pose["origin"][0], ORIGIN, atol=1e-12)
+    assert pose.attrs["fit_rms"] < 1e-12
+
+
+def test_plain_table_is_the_same(tmp_path):
+    path = tmp_path / "d.csv"
+    digitise(np.random.default_rng(1), path, 0.002)
+    rows = [line.split(",")[1:] for line in path.read_text().splitlines()[1:]]
+    (tmp_path / "d.sev").write_text("\n".join(" ".join(r) for r in rows))
+    from sldvexp.units import LengthUnit
+
+    def scaled(points):
+        return {k: [1e3 * x for x in v] for k, v in points.items()}
+
+    one = estimate(Digitizer(path=str(path), instrument_points=POSTS, object_points=CORNERS))
+    two = estimate(
+        Digitizer(str(tmp_path / "d.sev"), LengthUnit.mm, scaled(POSTS), scaled(CORNERS))
+    )
+    np.testing.assert_allclose(one["origin"], two["origin"], rtol=1e-12)
+    np.testing.assert_allclose(one["covariance"], two["covariance"], rtol=1e-6, atol=1e-18)
+
+
+def test_bounds_cover_the_truth(tmp_path):
+    rng, repeats = np.random.default_rng(2), 300
+    inside = []
+    for _ in range(repeats):
+        digitise(rng, tmp_path / "d.csv", 0.002)
+        pose = estimate(
+            Digitizer(str(tmp_path / "d.csv"), instrument_points=POSTS, object_points=CORNERS)
+        )
+        error = np.hstack([pose["euler"][0] - EULER, pose["origin"][0] - ORIGIN])
+        bound = np.hstack([pose["euler_confidence"][0], pose["origin_confidence"][0]])
+        inside.append(np.abs(error) <= bound)
+    # Four standard deviations of a binomial share of 0.95.
+    np.testing.assert_allclose(
+        np.mean(inside, axis=0), 0.95, atol=4 * np.sqrt(0.95 * 0.05 / repeats)
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t: t.replace("high,", "hihg,"), "no point is called hihg; did you mean high"),
+        (lambda t: "\n".join(t.splitlines()[:-1]), "equally often, but there is"),
+        (lambda t: t.replace("x_mm", "x_mn"), "the column x_mm is missing"),
+        (lambda t: t.replace("low,", "low,x"), "must be a number"),
+    ],
+)
+def test_wrong_digitizer_files_are_named(tmp_path, change, message):
+    path = tmp_path / "d.csv"
+    digitise(np.random.default_rng(3), path, 0.001)
+    path.write_text(change(path.read_text()))
+    with pytest.raises(UserError, match=message):
+        estimate(Digitizer(str(path), instrument_points=POSTS, object_points=CORNERS))
+
+
+def test_points_on_a_line_are_refused(tmp_path):
+    path = tmp_path / "d.csv"
+    digitise(np.random.default_rng(4), path, 0.001)
+    line = {"low": [0.0, 0, 0], "med": [0.1, 0, 0], "high": [0.2, 0, 0]}
+    with pytest.raises(UserError, match="pose.instrument_points: the points lie on one line"):
+        estimate(Digitizer(str(path), instrument_points=line, object_points=CORNERS))
+
+
+def test_one_repeat_says_that_it_has_no_bounds(tmp_path):
+    path = tmp_path / "d.csv"
+    digitise(np.random.default_rng(5), path, 0.001, repeats=1)
+    pose = estimate(Digitizer(str(path), instrument_points=POSTS, object_points=CORNERS))
+    assert np.isnan(pose["origin_std"]).all()
+    assert "a single repeat gives no bounds" in pose.attrs["notes"]

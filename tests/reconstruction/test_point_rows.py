@@ -1,0 +1,118 @@
+"""Rows as they are written, and the search for the best."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from sldvexp.errors import UserError
+from sldvexp.reconstruction.absolute import Absolute
+from sldvexp.reconstruction.combined import Combined
+from sldvexp.reconstruction.relative import Relative
+from sldvexp.reconstruction.rows import differences, parse, views
+from sldvexp.reconstruction.search import best_rows
+
+NAMES = ("left", "right", "front-left", "top", "2")
+
+
+def test_numbers() -> None:
+    rows = parse("1-5, 2,4", "12345")
+    np.testing.assert_array_equal(rows.matrix, [[1, 0, 0, 0, -1], [0, 1, 0, 0, 0], [0, 0, 0, 1, 0]])
+    assert str(rows) == "1-5,2,4"
+
+
+def test_names() -> None:
+    rows = parse("left-right,front-left,top-front-left,front-left-left,4-1", NAMES)
+    assert rows.labels == (
+        "left-right",
+        "front-left",
+        "top-front-left",
+        "front-left-left",
+        "top-left",
+    )
+    np.testing.assert_array_equal(rows.matrix[2], [0, 0, -1, 1, 0])
+
+
+def test_a_name_wins_over_a_number() -> None:
+    assert parse("2", NAMES).matrix[0, 4] == 1
+    assert parse("1", NAMES).matrix[0, 0] == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        ("1,6", "'6' is no view .a name, or a number from 1 to 5. and no difference"),
+        ("0", "'0' is no view"),
+        ("2-6", "'2-6' is no view"),
+        ("lefd", "did you mean left"),
+        ("1,,2", "'' is no view"),
+        ("1-", "'1-' is no view"),
+        ("-1", "'-1' is no view"),
+        ("1+2", "'1.2' is no view"),
+        ("left-1", "subtracts a view from itself"),
+        ("1,left", "contain left twice"),
+        ("1-3,3-1", "contain 3-1 twice"),
+    ],
+)
+def test_rows_that_are_not(text: str, match: str) -> None:
+    with pytest.raises(UserError, match=match):
+        parse(text, NAMES)
+
+
+@pytest.mark.parametrize(
+    ("method", "match"),
+    [
+        (Absolute(rows="1,2,4-3"), "the row 4-3 is a difference of views"),
+        (Relative(rows="2-1,3,4-1"), "the row 3 is a single view"),
+    ],
+)
+def test_rows_of_another_method(method: Absolute | Relative, match: str) -> None:
+    with pytest.raises(UserError, match=match):
+        method.row_set(np.ones((4, 1, 3)), "1234")
+
+
+def some_directions(points: int = 1, count: int = 5) -> np.ndarray:
+    d = np.random.default_rng(5).normal(size=(count, points, 3)) + np.array([0, 0, 2])
+    return d / np.linalg.norm(d, axis=-1, keepdims=True)
+
+
+def test_best_is_the_largest_of_all_triples() -> None:
+    directions = some_directions()
+    candidates = views("12345") + differences("12345")
+    found = best_rows(candidates, directions, 3, False, 1e-4)
+
+    def rcond(triple: tuple[int, ...]) -> float:
+        return 1 / np.linalg.cond(candidates.matrix[list(triple)] @ directions[:, 0], 1)
+
+    every = {t: rcond(t) for t in combinations(range(15), 3)}
+    assert found.labels == candidates.take(np.array(max(every, key=every.__getitem__))).labels
+
+
+def test_one_set_serves_all_points_by_its_median() -> None:
+    directions = some_directions(points=7)
+    rows = views("12345")
+    found = best_rows(rows, directions, 3, False, 1e-4)
+
+    def median(triple: tuple[int, ...]) -> float:
+        matrices = np.swapaxes(directions[list(triple)], 0, 1)
+        return float(np.median(1 / np.linalg.cond(matrices, 1)))
+
+    best = max(combinations(range(5), 3), key=median)
+    assert found.labels == rows.take(np.array(best)).labels
+
+
+def test_best_follows_the_views_when_their_order_changes() -> None:
+    directions = some_directions()
+    order = [3, 0, 4, 2, 1]
+    one = Absolute(rows="best").row_set(directions, "abcde")
+    other = Absolute(rows="best").row_set(directions[order], [*"daecb"])
+    assert set(one.labels) == set(other.labels)
+
+
+def test_twelve_views_are_searched_and_sixty_refused() -> None:
+    rows = Combined().row_set(some_directions(points=50, count=12), [f"v{k}" for k in range(12)])
+    assert len(rows) == 3
+    with pytest.raises(UserError, match="too many to search for the best; write the rows"):
+        Combined().row_set(some_directions(count=60), [f"v{k}" for k in range(60)])
