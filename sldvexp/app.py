@@ -6,11 +6,12 @@ import os
 import sys
 from argparse import Namespace
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import hydra
 from hydra._internal.utils import get_args_parser
-from omegaconf import DictConfig
+from hydra.errors import MissingConfigException
+from omegaconf import DictConfig, OmegaConf
 
 from sldvexp import config, registry  # noqa: F401 (config: the root schema registers itself)
 from sldvexp.errors import UserError
@@ -64,9 +65,13 @@ class Command:
         try:
             registry.load()
             self._check(self._options())
-            hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name="config")(
-                self._job
-            )()
+            try:
+                self._compose_and_run()
+            except MissingConfigException:
+                # Perhaps a plugin of an installed package, which only now are looked for.
+                if not registry.load_installed():
+                    raise
+                self._compose_and_run()
         except Exception as error:
             if self.full_error or error is self.defect:
                 raise
@@ -75,6 +80,10 @@ class Command:
 
             self._say(complaints.of_composition(error, Origins(self.arguments)))
         return self.status
+
+    def _compose_and_run(self) -> None:
+        start = hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name="config")
+        start(self._job)()
 
     def _job(self, cfg: DictConfig) -> None:
         """One job; its mistakes are told here, so that a sweep goes on with the next."""
@@ -90,8 +99,9 @@ class Command:
             from sldvexp import complaints
             from sldvexp.origins import Origins
 
-            overrides = [*job.overrides.hydra, *job.overrides.task]
-            told = complaints.sentence(error, Origins(self.arguments, overrides))
+            lines: Any = OmegaConf.to_container(job.overrides, resolve=False)  # type: ignore[arg-type]
+            settings = [*lines["hydra"], *lines["task"]]
+            told = complaints.sentence(error, Origins(self.arguments, settings))
             if told is None or self.full_error:
                 self.defect = error
                 raise

@@ -11,7 +11,7 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import MarkedYAMLError
 
 from sldvexp import registry
-from sldvexp.config import SINGLE_GROUPS
+from sldvexp.config import NAMED_GROUPS, SINGLE_GROUPS
 from sldvexp.errors import ConfigError, UserError, nearest
 from sldvexp.origins import COMMAND_LINE, Origins, displayed
 from sldvexp.wording import refusal
@@ -24,8 +24,8 @@ ARGUMENTS = (
      "~{0}={2} deletes another value than the one that is there, {1}"),
     (r"Could not append to config\. An item is already at '(.*)'\.",
      "+{0} adds what is there already; leave out the +"),
-    (r"Could not override '(.*)'\.", "{0} is not chosen yet, so that it cannot be changed; what adds "
-     "something begins with +, as in +check@check.mine=bitangents"),
+    (r"Could not override '(.*)'\.",
+     "{0} is not chosen in this configuration, so that it cannot be changed; +{0}=... adds it"),
     (r"Ambiguous value for argument '(.*)'",
      "{0} has several values; -m runs each of them, [a, b] is a list, and quotes make a text"),
     (r"Sweep parameters '(.*)' requires --multirun", "{0} is for a sweep, which needs -m"),
@@ -36,6 +36,12 @@ ARGUMENTS = (
     (r"You must specify '(.*)', e\.g", "{0} must be chosen, as in {0}=name"),
     (r"Additional config directory '(.*)' not found", "--config-dir: there is no folder {0}"),
 )  # fmt: skip
+
+#: Entries with numbers for names, and new ones whose settings have types, have no dotted paths.
+UNREACHABLE = (
+    r"Key \d+ \(str\) is incompatible with \(int\)|"
+    r"Invalid type assigned: dict is not a subclass of \w+\. value: \{\}"
+)
 
 
 def sentence(error: BaseException, origins: Origins) -> str | None:
@@ -48,7 +54,7 @@ def sentence(error: BaseException, origins: Origins) -> str | None:
         Tells where settings come from.
     """
     if isinstance(error, ConfigError):
-        return "\n".join(f"{origins.where(p.field)} {p.message}" for p in error.problems)
+        return "\n".join(_joined(origins.where(p.field), p.message) for p in error.problems)
     if isinstance(error, UserError):
         return str(error)
     if isinstance(error, OmegaConfBaseException) and error.full_key:
@@ -66,6 +72,8 @@ def of_composition(error: Exception, origins: Origins) -> str:
             f"{COMMAND_LINE}: {unreadable[0]!r} cannot be read; write key=value, and put a value "
             "with special characters into quotes of its own"
         )
+    if told := _bad_choice(origins):
+        return told
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:
         return _missing_choice(error.missing_cfg_file, origins)
     if isinstance(error, HydraException) and isinstance(cause, OmegaConfBaseException):
@@ -74,7 +82,13 @@ def of_composition(error: Exception, origins: Origins) -> str:
         return _broken_file(error, origins)
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {error.strerror or error}"
-    return _bad_choice(origins) or _bad_argument(error)
+    return _bad_argument(error)
+
+
+def _joined(where: str, message: str) -> str:
+    """A message that goes on from the name of its setting, or that stands by itself."""
+    goes_on = re.match(r"(must|is|are|has|cannot|needs|refers|says)\b", message)
+    return f"{where} {message}" if goes_on else f"{where}: {message}"
 
 
 def _missing_choice(path: str, origins: Origins) -> str:
@@ -94,17 +108,18 @@ def _refused(text: str, cause: OmegaConfBaseException, origins: Origins) -> str:
         return f"{f'{shown}: {key}' if shown else origins.where(key)} {refusal(cause)}"
     argument = re.match(r"Error merging override [+~]*([^=]*)=?(.*)", text)
     name, value = argument.groups() if argument else (key, "")
+    entry = key.split(".")[-1]
+    if re.match(UNREACHABLE, str(cause)) and f".{entry}" in name:
+        table, _, leaf = name.partition(f".{entry}")
+        inner = f"{{{leaf[1:]}: {value}}}" if leaf else value
+        return (
+            f"{COMMAND_LINE}: {name} cannot be reached by dots; "
+            f"write '{table}={{{entry}: {inner}}}'"
+        )
     if not (key.startswith(name) or name.startswith(key)):
         key = name  # below what a + adds, OmegaConf forgets where it is
-    if "is incompatible with (int)" in str(cause) and name != key:
-        table, number = key.rsplit(".", 1)
-        leaf = name.removeprefix(f"{key}.")
-        return (
-            f"{COMMAND_LINE}: {name} cannot be reached by dots, since the entries of {table} are "
-            f"numbered; write '{table}={{{number}: {{{leaf}: {value}}}}}'"
-        )
-    group = key.split(".")[0]
-    if group in SINGLE_GROUPS and cause.parent_node is not None and cause.parent_node._is_none():
+    group, *below = key.split(".")
+    if group in SINGLE_GROUPS and len(below) == 1 and "is not in struct" in str(cause):
         return (
             f"{COMMAND_LINE}: {key} belongs to no plugin; choose one with {group}=...; "
             f"{nearest('', origins.options_of(group))}"
@@ -129,6 +144,12 @@ def _bad_choice(origins: Origins) -> str | None:
     """An argument that chooses from a group what cannot be a name."""
     for choice in origins.choices:
         value, group = choice.value(), choice.key_or_group
+        if group in NAMED_GROUPS:
+            return (
+                f"{COMMAND_LINE}: {choice.input_line} must be a table; a plugin is added to it by "
+                f"a name of yours, as in {group}.mine.plugin=name; "
+                f"{nearest('', registry.names(group))}"
+            )
         names = value if isinstance(value, list) else [value]
         if not choice.is_delete() and not all(isinstance(n, str) for n in names):
             return (

@@ -11,10 +11,20 @@ from omegaconf import MISSING, DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sldvexp import registry
-from sldvexp.errors import ConfigError, Problem, UserError, nearest
+from sldvexp.errors import Checks, ConfigError, Problem, UserError, nearest
+from sldvexp.wording import refusal
 
 #: Groups whose value in the root is one plugin; those of `NAMED_GROUPS` hold several, by name.
-SINGLE_GROUPS = ("target", "laser", "instrument", "pose", "reconstruction")
+SINGLE_GROUPS = (
+    "target",
+    "laser",
+    "scene",
+    "scan",
+    "instrument",
+    "signal",
+    "pose",
+    "reconstruction",
+)
 NAMED_GROUPS = {"compare": "reconstruction", "check": "check"}
 
 
@@ -47,6 +57,20 @@ class Expectation:
     at_least: dict[str, float] = field(default_factory=dict)
     correct: dict[str, str] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        checks = Checks()
+        checks.non_negative("tolerance", self.tolerance)
+        compared = [*self.published, *self.at_most, *self.at_least]
+        checks.require(bool(compared), "", "says nothing: give published, at_most or at_least")
+        for name in ("at_most", "at_least"):
+            for of, bound in getattr(self, name).items():
+                number = isinstance(bound, int | float) and bound == bound
+                checks.require(number, f"{name}.{of}", f"must be a number, not {bound}")
+        for of in self.correct:
+            message = f"is compared with nothing; {nearest(of, compared)}"
+            checks.require(of in compared, f"correct.{of}", message)
+        checks.done()
+
 
 @dataclass
 class Experiment:
@@ -56,7 +80,7 @@ class Experiment:
     ----------
     seed : int
         Seed of the run's one random generator.
-    target, laser, instrument, pose, reconstruction : plugin or None
+    target, laser, scene, scan, instrument, signal, pose, reconstruction : plugin or None
         A stage without a plugin is left out.
     compare : dict of str to reconstruction
         Further reconstructions of the same measurements, ``{plugin: relative, rows: all}``.
@@ -69,7 +93,10 @@ class Experiment:
     seed: int = 0
     target: Any = None
     laser: Any = None
+    scene: Any = None
+    scan: Any = None
     instrument: Any = None
+    signal: Any = None
     pose: Any = None
     reconstruction: Any = None
     compare: dict[str, Any] = field(default_factory=dict)
@@ -80,7 +107,9 @@ class Experiment:
 #: What is said of a key that `names_code`.
 NO_CODE = "is refused: a configuration names plugins and cannot name code"
 
-ConfigStore.instance().store(name="experiment_schema", node=Experiment, provider="sldvexp")
+ConfigStore.instance().store(
+    name="experiment_schema", node=registry.schema_of(Experiment), provider="sldvexp"
+)
 
 
 def build(config: DictConfig) -> Experiment:
@@ -101,8 +130,15 @@ def build(config: DictConfig) -> Experiment:
     ConfigError
         Every unknown key, missing value and refused value, each with its full key.
     """
+    if OmegaConf.get_type(config) is not Experiment:
+        raise UserError("a configuration's defaults must begin with experiment_schema")
+    lost = {f.name for f in fields(Experiment)} - {
+        str(k) for k, _ in config.items_ex(resolve=False)
+    }
+    if lost:
+        raise ConfigError(Problem(key, "cannot be deleted") for key in sorted(lost))
     config = _with_schemas(config)
-    problems = [*_unknown_keys(config, ""), *_missing(config)]
+    problems = list(_refused_keys(config, ""))
     if problems:
         raise ConfigError(problems)
     values: dict[str, Any] = {}
@@ -113,11 +149,9 @@ def build(config: DictConfig) -> Experiment:
             str(name): _plugin(node, group, f"{key}.{name}", problems)
             for name, node in config[key].items()
         }
-    expect: dict[str, Any] = OmegaConf.to_object(config.expect)  # type: ignore[assignment]
-    for name, expectation in expect.items():
-        if not (expectation.published or expectation.at_most or expectation.at_least):
-            message = "says nothing: give published, at_most or at_least"
-            problems.append(Problem(f"expect.{name}", message))
+    expect = {
+        str(name): _object(node, f"expect.{name}", problems) for name, node in config.expect.items()
+    }
     if config.seed < 0:
         problems.append(Problem("seed", f"must be zero or a positive integer, not {config.seed}"))
     if problems:
@@ -126,7 +160,7 @@ def build(config: DictConfig) -> Experiment:
 
 
 def plugin_names(config: DictConfig) -> dict[str, str]:
-    """Which plugin each group has, ``{"pose": "registration", ...}``; a file alone may not say it."""
+    """Which plugin each group has, ``{"pose": "registration"}``; a file alone may not say it."""
     kinds = {g: OmegaConf.get_type(config[g]) for g in SINGLE_GROUPS if config[g] is not None}
     names = {g: registry.name_of(kind) for g, kind in kinds.items()}
     return {g: name.partition("/")[2] for g, name in names.items() if name}
@@ -137,12 +171,14 @@ def _with_schemas(config: DictConfig) -> DictConfig:
     typed = config.copy()
     problems: list[Problem] = []
     for key in (*NAMED_GROUPS, "expect"):
-        for name, node in config[key].items():
+        for name, node in config[key].items_ex(resolve=False):
             full = f"{key}.{name}"
             try:
                 typed[key][name] = _onto_schema(node, NAMED_GROUPS.get(key))
-            except UserError as error:
-                problems.append(Problem(full, str(error)))
+            except ConfigError as error:
+                problems += [
+                    Problem(f"{full}.{p.field}".rstrip("."), p.message) for p in error.problems
+                ]
             except OmegaConfBaseException as error:
                 problems.append(_from_omegaconf(error, full))
     if problems:
@@ -150,25 +186,27 @@ def _with_schemas(config: DictConfig) -> DictConfig:
     return typed
 
 
-def _onto_schema(node: Any, group: str | None) -> DictConfig:
+def _onto_schema(node: Any, group: str | None) -> Any:
     """One entry of `compare` or `check`, typed as its `plugin` says, or one of `expect`."""
     if group is None:
-        return OmegaConf.merge(OmegaConf.structured(Expectation), node)  # type: ignore[return-value]
-    if not isinstance(node, DictConfig) or not isinstance(node.get("plugin"), str):
-        valid = nearest("", registry.names(group))
-        raise UserError(f"must say which plugin it is, as in {{plugin: name}}. {valid}")
-    schema = OmegaConf.structured(registry.get(group, node["plugin"]))
-    rest = OmegaConf.masked_copy(node, [k for k in node if k != "plugin"])
-    return OmegaConf.merge(schema, rest)  # type: ignore[return-value]
+        if not isinstance(node, DictConfig):
+            raise ConfigError([Problem("", "must be a table, as in {at_most: {group/name: 1.0}}")])
+        return OmegaConf.merge(OmegaConf.structured(Expectation), node)
+    settings = dict(node.items_ex(resolve=False)) if isinstance(node, DictConfig) else {}
+    if not isinstance(name := settings.pop("plugin", None), str):
+        message = f"must say which plugin it is, as in {{plugin: {registry.names(group)[0]}}}"
+        raise ConfigError([Problem("", f"{message}; {nearest('', registry.names(group))}")])
+    try:
+        schema = OmegaConf.structured(registry.get(group, name))
+    except UserError as error:
+        raise ConfigError([Problem("plugin", str(error))]) from None
+    return OmegaConf.merge(schema, OmegaConf.masked_copy(node, [str(key) for key in settings]))
 
 
 def _from_omegaconf(error: OmegaConfBaseException, key: str) -> Problem:
-    """OmegaConf's complaint about a value or key below `key`."""
-    full = f"{key}.{error.full_key}" if error.full_key else key
-    valid = getattr(error.object_type, "__dataclass_fields__", {})
-    if valid and str(error.key) not in valid:
-        return Problem(full, f"is not a known setting; {nearest(str(error.key), valid)}")
-    return Problem(full, f"is refused: {str(error.msg).splitlines()[0]}")
+    """OmegaConf's complaint about a value or key at or below `key`."""
+    found = error.full_key or key
+    return Problem(found if found.startswith(key) else f"{key}.{found}", refusal(error))
 
 
 def _plugin(node: Any, group: str, key: str, problems: list[Problem]) -> Any:
@@ -178,42 +216,45 @@ def _plugin(node: Any, group: str, key: str, problems: list[Problem]) -> Any:
     name = registry.name_of(OmegaConf.get_type(node)) if isinstance(node, DictConfig) else None
     if name is None or not name.startswith(f"{group}/"):
         valid = nearest("", registry.names(group))
-        problems.append(Problem(key, f"is not a plugin of the group {group}. {valid}"))
+        message = f"has settings but no plugin; choose one with {group}=name. {valid}"
+        problems.append(Problem(key, message))
         return None
+    return _object(node, key, problems)
+
+
+def _object(node: Any, key: str, problems: list[Problem]) -> Any:
+    """The object that a typed node stands for, or None with its problems noted."""
     try:
         return OmegaConf.to_object(node)
     except ConfigError as error:
-        problems += [Problem(f"{key}.{p.field}", p.message) for p in error.problems]
+        problems += [Problem(f"{key}.{p.field}".rstrip("."), p.message) for p in error.problems]
     except OmegaConfBaseException as error:
         problems.append(_from_omegaconf(error, key))
     return None
 
 
-def _unknown_keys(node: Any, path: str) -> Iterator[Problem]:
-    """Keys that no schema knows, also those that a `+` on the command line forced in."""
+def _refused_keys(node: Any, path: str) -> Iterator[Problem]:
+    """Keys that no schema knows, also those that a `+` forced in, and values still `???`."""
     if isinstance(node, ListConfig):
         for i, item in enumerate(node._iter_ex(resolve=False)):
-            yield from _unknown_keys(item, f"{path}[{i}]")
+            yield from _refused_keys(item, f"{path}[{i}]")
     if not isinstance(node, DictConfig) or node._is_none() or node._is_missing():
         return
     schema = OmegaConf.get_type(node)
     valid = {f.name for f in fields(schema)} if is_dataclass(schema) else None
     for key, value in node.items_ex(resolve=False):
-        full = f"{path}.{key}" if path else str(key)
-        if valid is not None and key not in valid:
-            yield Problem(full, f"is not a known setting; {nearest(str(key), valid)}")
-        elif names_code(key):
+        name = str(key)
+        full = f"{path}.{name}" if path else name
+        if valid is not None and name not in valid:
+            yield Problem(full, f"is not a known setting; {nearest(name, valid)}")
+        elif names_code(name):
             yield Problem(full, NO_CODE)
+        elif isinstance(value, str) and value == MISSING:
+            yield Problem(full, "must be given")
         else:
-            yield from _unknown_keys(value, full)
+            yield from _refused_keys(value, full)
 
 
-def names_code(key: object) -> bool:
+def names_code(key: str) -> bool:
     """Whether a key is one by which Hydra finds something to call, such as ``_target_``."""
-    return str(key).startswith("_") and str(key).endswith("_")
-
-
-def _missing(config: DictConfig) -> Iterator[Problem]:
-    """Values still `???`."""
-    for key in sorted(OmegaConf.missing_keys(config)):
-        yield Problem(key, f"must be given, for example {key}=...")
+    return key.startswith("_") and key.endswith("_")

@@ -51,6 +51,13 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "dac": _V("view point mirror", "1", "DAC step of that angle"),
         "used": _V("view point", "1", "1 where the view has the point"),
     },
+    "edge": {
+        "dac": _V("edge mirror", "1", "edge of a circle on a scan line, DAC steps"),
+        "dac_std": _V("edge", "1", "its standard error along the scan line, DAC steps"),
+        "direction": _V("edge mirror", "1", "unit vector along the scan line"),
+        "width": _V("edge", "1", "width of the edge's profile along the scan line, DAC steps"),
+        "circle": _V("edge", "1", "which rough centre the line belongs to"),
+    },
     "pose": {
         "origin": _V("view axis", "m", "origin of the laser frame in the world"),
         "origin_std": _V("view axis", "m", "standard error of the origin"),
@@ -67,6 +74,7 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "residual_rms": _V("view", "1", "root mean square of the residuals, DAC steps"),
         "s": _V("view", "1", "standard deviation of a mirror reading, DAC steps"),
         "s_deg": _V("view", "deg", "standard deviation of a mirror reading"),
+        "rim": _V("view", "m", "by how much edges are seen outside of their circles"),
         "sse": _V("view", "deg2", "sum of the squared residuals"),
         "cost": _V("view", "1", "what was minimised, squared DAC steps"),
         "dof": _V("view", "1", "degrees of freedom of the covariance"),

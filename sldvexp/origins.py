@@ -17,11 +17,12 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException
 from hydra.types import RunMode
-from omegaconf import OmegaConf
+from omegaconf import MISSING, OmegaConf
 
 from sldvexp.paths import conf_dir
 
 COMMAND_LINE = "command line"
+NOTHING = object()
 
 
 @dataclass(frozen=True)
@@ -44,20 +45,18 @@ class Layer:
     values: Any
     outside: bool = False
 
-    def sets(self, key: str) -> bool:
-        """Whether this gives a value to a dotted key."""
+    def value(self, key: str) -> Any:
+        """What this gives to a dotted key, `NOTHING` if it does not."""
         package, parts = parts_of(self.package), parts_of(key)
         if parts[: len(package)] != package:
-            return False
+            return NOTHING
         value = self.values
         for part in parts[len(package) :]:
-            if isinstance(value, list) and part.isdigit():
+            if isinstance(value, list):
                 value = dict(enumerate(value))
             named = {str(k): v for k, v in value.items()} if isinstance(value, dict) else {}
-            if part not in named:
-                return False
-            value = named[part]
-        return bool(value != "???")
+            value = named.get(part, NOTHING)
+        return value
 
 
 class Origins:
@@ -84,9 +83,13 @@ class Origins:
     def where(self, key: str) -> str:
         """The key after the argument or file that sets it; the key alone if none is found."""
         last_first = self.layers[::-1]
-        found = [layer for layer in last_first if layer.sets(key)]
-        found += [layer for layer in last_first if layer.package.startswith(f"{key}.")]
-        return f"{found[0].source}: {key}" if found else key
+        for layer in last_first:
+            value = layer.value(key)
+            if value is not NOTHING:
+                left_open = value == MISSING and layer.source != COMMAND_LINE
+                return key if left_open else f"{layer.source}: {key}"
+        below = (layer for layer in last_first if layer.package.startswith(f"{key}."))
+        return next((f"{layer.source}: {key}" for layer in below), key)
 
     @cached_property
     def layers(self) -> list[Layer]:

@@ -14,21 +14,38 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from hydra.core.config_store import ConfigStore
+from omegaconf import DictConfig, OmegaConf
 
 from sldvexp.errors import UserError, nearest
 
 ENTRY_POINTS = "sldvexp.plugins"
 
 #: The configuration groups that hold plugins.
-GROUPS = ("target", "laser", "instrument", "pose", "reconstruction", "check")
+GROUPS = (
+    "target",
+    "laser",
+    "scene",
+    "scan",
+    "instrument",
+    "signal",
+    "pose",
+    "reconstruction",
+    "check",
+)
 
 #: The modules that register the built-in plugins. None of them imports anything heavy.
 BUILT_IN = (
     "sldvexp.target.circles",
     "sldvexp.target.points",
     "sldvexp.laser.two_mirror",
+    "sldvexp.virtual_lab.scene_calibration",
+    "sldvexp.virtual_lab.scene_plate",
+    "sldvexp.scan.calibration",
     "sldvexp.instrument.file",
+    "sldvexp.signal.sine_fit",
     "sldvexp.pose.registration",
+    "sldvexp.pose.bitangent",
+    "sldvexp.pose.edge",
     "sldvexp.pose.digitizer",
     "sldvexp.pose.given",
     "sldvexp.reconstruction.absolute",
@@ -53,7 +70,7 @@ def register(group: str, name: str) -> Callable[[P], P]:
     Parameters
     ----------
     group : str
-        ``target``, ``laser``, ``instrument``, ``pose``, ``reconstruction`` or ``check``.
+        One of `GROUPS`.
     name : str
         What a configuration selects, as in ``reconstruction=contravariant``.
 
@@ -71,12 +88,23 @@ def register(group: str, name: str) -> Callable[[P], P]:
                 "one of them must be renamed"
             )
         store = ConfigStore.instance()
-        store.store(group=f"{group}/schema", name=name, node=cls, provider="sldvexp")
+        schema = schema_of(cls)
+        store.store(group=f"{group}/schema", name=name, node=schema, provider="sldvexp")
         if not cls.__module__.startswith("sldvexp."):
-            store.store(group=group, name=name, node=cls, provider=cls.__module__)
+            store.store(group=group, name=name, node=schema, provider=cls.__module__)
         return cls
 
     return add
+
+
+def schema_of(cls: type) -> DictConfig:
+    """The schema of a dataclass, in which entries can be added to tables of names without a +."""
+    schema: DictConfig = OmegaConf.structured(cls)
+    for key in schema:
+        child = schema._get_node(key)
+        if isinstance(child, DictConfig) and OmegaConf.get_type(child) is dict:
+            OmegaConf.set_struct(child, False)
+    return schema
 
 
 def load() -> None:
@@ -97,7 +125,8 @@ def load_installed() -> bool:
     bool
         Whether there are any.
     """
-    
+    from importlib.metadata import entry_points
+
     entries = entry_points(group=ENTRY_POINTS)
     for entry in entries:
         try:

@@ -12,8 +12,6 @@ import xarray as xr
 
 from sldvexp import app, dataset
 
-CONF = Path(__file__).parents[1] / "conf"
-
 
 @dataclass
 class Done:

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from sldvexp import dataset
-from sldvexp.errors import UserError, nearest
+from sldvexp.errors import ConfigError, Problem, UserError, nearest
 
 if TYPE_CHECKING:
     from sldvexp.config import Expectation
@@ -54,7 +54,12 @@ def evaluate(
     UserError
         If an expectation names something that the run does not have, or of another shape.
     """
-    rows = [row for name, e in expect.items() for row in _compare(name, e, tree)]
+    rows: list[Row] = []
+    for name, expectation in expect.items():
+        try:
+            rows += _compare(name, expectation, tree)
+        except UserError as error:
+            raise ConfigError([Problem(f"expect.{name}", str(error))]) from None
     if not rows:
         return None
     columns: dict[str, Any] = {f: np.array([getattr(r, f) for r in rows]) for f in Row._fields}
@@ -64,44 +69,48 @@ def evaluate(
     return dataset.group("check", {"quantity": columns.pop("quantity")}, **columns)
 
 
-def lookup(of: str, tree: Mapping[str, xr.Dataset], where: str) -> tuple[list[str], np.ndarray]:
+def lookup(of: str, tree: Mapping[str, xr.Dataset]) -> tuple[list[str], np.ndarray]:
     """The labels and numbers that an expression such as ``pose/origin[axis=x]`` stands for.
 
-    Dimensions of length one are dropped. `where` names the expression in an error's sentence.
+    Dimensions of length one are dropped.
     """
     match = _OF.fullmatch(of.strip())
     if match is None:
-        raise UserError(
-            f"{where}: {of!r} is not of the form group/variable[dim=label] or group@attribute"
-        )
+        raise UserError(f"{of!r} is not of the form group/variable[dim=label] or group@attribute")
     if match["group"] not in tree:
-        raise UserError(f"{where}: the run has no group {match['group']}; {nearest(match['group'], tree)}")
+        raise UserError(
+            f"{of}: the run has no group {match['group']}; {nearest(match['group'], tree)}"
+        )
     group = tree[match["group"]]
     if match["attribute"]:
         if match["attribute"] not in group.attrs:
             valid = nearest(match["attribute"], map(str, group.attrs))
-            raise UserError(f"{where}: {match['group']} has no attribute {match['attribute']}; {valid}")
+            raise UserError(
+                f"{of}: {match['group']} has no attribute {match['attribute']}; {valid}"
+            )
         values = xr.DataArray(group.attrs[match["attribute"]])
     elif match["variable"] not in group:
         valid = nearest(match["variable"], map(str, group.data_vars))
-        raise UserError(f"{where}: {match['group']} has no variable {match['variable']}; {valid}")
+        raise UserError(f"{of}: {match['group']} has no variable {match['variable']}; {valid}")
     else:
         values = group[match["variable"]]
-    values = _select(values, match["at"] or "", where).squeeze(drop=True)
+    if values.dtype.kind not in "biufc":
+        raise UserError(f"{of}: is text, not a number")
+    values = _select(values, match["at"] or "", of).squeeze(drop=True)
     return list(_labels(values)), np.asarray(values)
 
 
-def _select(values: xr.DataArray, at: str, where: str) -> xr.DataArray:
+def _select(values: xr.DataArray, at: str, of: str) -> xr.DataArray:
     """``dim=label, dim=label`` applied to an array; labels are compared as text."""
     for part in filter(None, at.split(",")):
         dim, _, label = (p.strip() for p in part.partition("="))
         if dim not in values.dims:
             raise UserError(
-                f"{where}: there is no dimension {dim}; {nearest(dim, map(str, values.dims))}"
+                f"{of}: there is no dimension {dim}; {nearest(dim, map(str, values.dims))}"
             )
         labels = [str(v) for v in values[dim].values]
         if label not in labels:
-            raise UserError(f"{where}: {dim} has no label {label}; {nearest(label, labels)}")
+            raise UserError(f"{of}: {dim} has no label {label}; {nearest(label, labels)}")
         values = values.isel({dim: labels.index(label)})
     return values
 
@@ -113,9 +122,7 @@ def _labels(values: xr.DataArray) -> Iterator[str]:
         yield f"[{', '.join(parts)}]" if parts else ""
 
 
-def _compare(
-    name: str, expectation: Expectation, tree: Mapping[str, xr.Dataset]
-) -> Iterator[Row]:
+def _compare(name: str, expectation: Expectation, tree: Mapping[str, xr.Dataset]) -> Iterator[Row]:
     """The rows of one expectation."""
     demands = (
         ("=", expectation.published),
@@ -124,22 +131,31 @@ def _compare(
     )
     for relation, values in demands:
         for of, value in values.items():
-            where = f"expect.{name}: {of}"
-            labels, computed = lookup(of, tree, where)
-            published = _numbers(value, where)
-            if relation == "=" and published.shape != computed.shape:
-                raise UserError(
-                    f"{where}: published has the shape {published.shape}, "
-                    f"the run has {computed.shape}"
-                )
+            labels, computed = lookup(of, tree)
+            if relation == "=":
+                published = _numbers(value, of)
+                _require_shape(of, "published has", published, computed)
+            elif np.iscomplexobj(computed):
+                raise UserError(f"{of}: is complex, and has no bound; give what is published")
+            else:
+                published = np.asarray(value)
             correct = np.array(np.nan)
             if of in expectation.correct:
-                correct = lookup(expectation.correct[of], tree, where)[1]
+                correct = lookup(expectation.correct[of], tree)[1]
+                _require_shape(of, f"{expectation.correct[of]} has", correct, computed)
             columns = np.broadcast_arrays(published, computed, correct)
             for label, wanted, got, right in zip(labels, *(c.flat for c in columns), strict=True):
                 passed = _passes(got, relation, wanted, expectation.tolerance)
                 numbers = (f"{name}: {of}{label}", wanted, got, right, expectation.tolerance)
                 yield Row(*numbers, relation, passed, expectation.source)
+
+
+def _require_shape(of: str, what: str, given: np.ndarray, computed: np.ndarray) -> None:
+    """Complain about numbers that cannot stand beside those of the run."""
+    if given.shape != computed.shape:
+        sizes = [" x ".join(map(str, a.shape)) or "1" for a in (given, computed)]
+        plural = "" if sizes[0] == "1" else "s"
+        raise UserError(f"{of}: {what} {sizes[0]} number{plural}, but the run has {sizes[1]}")
 
 
 def _passes(got: complex, relation: str, wanted: complex, tolerance: float) -> bool:
@@ -151,11 +167,17 @@ def _passes(got: complex, relation: str, wanted: complex, tolerance: float) -> b
     return bool(difference <= tolerance if relation == "<=" else difference >= -tolerance)
 
 
-def _numbers(value: Any, where: str) -> np.ndarray:
+def _numbers(value: Any, of: str) -> np.ndarray:
     """Published numbers, complex ones written as text, as an array."""
     if isinstance(value, list | tuple):
-        return np.array([_numbers(v, where) for v in value])
+        rows = [_numbers(v, of) for v in value]
+        if len({row.shape for row in rows}) > 1:
+            raise UserError(f"{of}: published must have equally long rows")
+        return np.array(rows)
     try:
-        return np.asarray(complex(str(value).replace(" ", "").replace("i", "j")))
+        number = complex(str(value).replace(" ", "").replace("i", "j"))
     except ValueError:
-        raise UserError(f"{where}: published must be numbers, not {value!r}") from None
+        number = complex("nan")
+    if np.isnan(number):
+        raise UserError(f"{of}: published must be numbers, not {value!r}")
+    return np.asarray(number)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from sldvexp.check.base import Check
 from sldvexp.errors import Checks, UserError
-from sldvexp.pose.given import Given, KnownPose
+from sldvexp.geometry.known_pose import KnownPose
+from sldvexp.pose.given import Given
 from sldvexp.registry import register
 
 if TYPE_CHECKING:

@@ -89,5 +89,9 @@ class Instrument(Protocol):
     def acquire(self) -> Samples:
         """Sample one pixel where the beam stands."""
 
-    def scan(self, dac: NDArray[np.int64]) -> Samples:
-        """Move and sample a whole list, shape (pixel, 2), buffered by the instrument."""
+    def scan(self, dac: NDArray[np.int64], stream: int | None = None) -> Samples:
+        """Move and sample a whole list, shape (pixel, 2), buffered by the instrument.
+
+        A simulated instrument draws the noise of scan line `stream` again whenever it is given the
+        same number; to others it means nothing.
+        """

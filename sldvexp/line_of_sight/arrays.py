@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
@@ -22,9 +23,12 @@ def read_netcdf(path: Path, unit: VelocityUnit) -> LineOfSight:
 
     The file's own unit of velocity must agree with `unit`.
     """
-    with dataset.load(path) as tree:
-        node = tree["line_of_sight"] if "line_of_sight" in tree.children else tree
-        data = node.to_dataset().load()
+    try:
+        with dataset.load(path) as tree:
+            node = tree["line_of_sight"] if "line_of_sight" in tree.children else tree
+            data = node.to_dataset().load()
+    except RuntimeError:  # the netCDF library's word for data that its own index contradicts
+        raise UserError(f"{path}: is a damaged netCDF-4 file") from None
     for name in REQUIRED:
         if name not in data:
             raise UserError(
@@ -44,6 +48,8 @@ def read_netcdf(path: Path, unit: VelocityUnit) -> LineOfSight:
     ):
         if name in data:
             values[key] = _ordered(data[name], path)
+    if ("point" in data["velocity"].dims) != ("point" in data["direction_cosines"].dims):
+        raise UserError(f"{path}: velocity and direction_cosines must both have a dimension point")
     values |= {d: data[d].values for d in ("view", "point", "frequency") if d in data.coords}
     return _from_arrays(values, path, unit)
 
@@ -55,14 +61,13 @@ def read_matlab(path: Path, unit: VelocityUnit) -> LineOfSight:
     views x points x frequencies), and optionally ``std`` (as velocity), ``frequency`` and ``view``.
     """
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
 
     try:
         found = loadmat(path)
     except NotImplementedError:
         raise UserError(f"{path}: is a MATLAB 7.3 file; save it with the option -v7") from None
-    except (MatReadError, ValueError, TypeError, OSError) as error:
-        raise UserError(f"{path}: is not a readable MATLAB file ({error})") from None
+    except Exception:  # whatever the reader stumbles over in a file that is none, or is damaged
+        raise UserError(f"{path}: is not a readable MATLAB file") from None
     for name in REQUIRED:
         if name not in found:
             raise UserError(
@@ -71,8 +76,8 @@ def read_matlab(path: Path, unit: VelocityUnit) -> LineOfSight:
     values = {k: v for k, v in found.items() if not k.startswith("__")}
     if "frequency" in values:
         values["frequency"] = values["frequency"].ravel()
-    if "view" in values:
-        values["view"] = [str(np.squeeze(v)).strip() for v in values["view"].ravel()]
+    for name in {"view", "point"} & set(values):
+        values[name] = [str(np.squeeze(v)).strip() for v in values[name].ravel()]
     return _from_arrays(values, path, unit)
 
 
@@ -89,11 +94,10 @@ def _ordered(array: xr.DataArray, path: Path) -> np.ndarray:
 
 def _from_arrays(values: Mapping[str, Any], path: Path, unit: VelocityUnit) -> LineOfSight:
     """Give missing point and frequency dimensions length one and check the shapes."""
-    cosines = np.asarray(values["direction_cosines"], float)
-    velocity = np.asarray(values["velocity"])
+    cosines = _numbers(values, "direction_cosines", path)
+    velocity = _numbers(values, "velocity", path)
     several = cosines.ndim == 3
     cosines = cosines if several else cosines[:, None]
-    frequency = values.get("frequency")
 
     def cube(array: np.ndarray) -> np.ndarray:
         array = array if several else np.expand_dims(array, 1)
@@ -101,28 +105,58 @@ def _from_arrays(values: Mapping[str, Any], path: Path, unit: VelocityUnit) -> L
 
     velocity = cube(velocity)
     views, points = cosines.shape[:2]
-    if velocity.shape[:2] != (views, points) or cosines.shape[-1] != 3 or velocity.ndim != 3:
+    if velocity.shape[:2] != (views, points) or cosines.shape[2:] != (3,) or velocity.ndim != 3:
         raise UserError(
-            f"{path}: velocity has the shape {velocity.shape} and direction_cosines {cosines.shape}; "
-            "they must agree in views and points, and directions have 3 components"
+            f"{path}: velocity has the shape {velocity.shape} and direction_cosines "
+            f"{cosines.shape}; they must agree in views and points, and directions need 3 numbers"
         )
-    if frequency is None and velocity.shape[2] > 1:
-        raise UserError(
-            f"{path}: velocities at {velocity.shape[2]} frequencies need an array frequency"
-        )
-    if frequency is not None and len(frequency) != velocity.shape[2]:
-        raise UserError(
-            f"{path}: there are {len(frequency)} frequencies but velocities at {velocity.shape[2]}"
-        )
-    std = values.get("std")
-    labels = values.get("point")
-    names = labels if labels is not None else range(1, points + 1)
+    frequency = _frequencies(values, velocity.shape[2], path)
+    std = None
+    if "std" in values:
+        std = cube(_numbers(values, "std", path).astype(float)) * unit.value
+        try:
+            std = np.broadcast_to(std, velocity.shape)
+        except ValueError:
+            raise UserError(
+                f"{path}: the standard errors have the shape {std.shape}, the velocities "
+                f"{velocity.shape}; they must agree, or have length 1 where they stay the same"
+            ) from None
     return LineOfSight(
         source=str(path),
-        view=[str(v) for v in values.get("view", range(1, views + 1))],
-        point=[str(p) for p in names] if several else None,
-        frequency=None if frequency is None else np.asarray(frequency, float),
-        direction_cosines=cosines,
+        view=_labels(values, "view", views, path),
+        point=_labels(values, "point", points, path) if several else None,
+        frequency=frequency,
+        direction_cosines=cosines.astype(float),
         velocity=velocity * unit.value,
-        std=None if std is None else cube(np.asarray(std, float)) * unit.value,
+        std=std,
     )
+
+
+def _numbers(values: Mapping[str, Any], name: str, path: Path) -> np.ndarray:
+    """An array that must hold numbers, along views at least."""
+    array = np.asarray(values[name])
+    if array.dtype.kind not in ("biuf" if name != "velocity" else "biufc"):
+        raise UserError(f"{path}: {name} must hold {'' if name == 'velocity' else 'real '}numbers")
+    if array.ndim < 1 + (name == "direction_cosines"):
+        raise UserError(f"{path}: {name} must have an entry for every view")
+    return array
+
+
+def _labels(values: Mapping[str, Any], dim: str, size: int, path: Path) -> list[str]:
+    """The names of views or points; numbers from 1 if there are none."""
+    names = [str(name) for name in values.get(dim, range(1, size + 1))]
+    if len(names) != size:
+        raise UserError(f"{path}: there are {len(names)} names of {dim}s, but {size} {dim}s")
+    return names
+
+
+def _frequencies(values: Mapping[str, Any], size: int, path: Path) -> NDArray[np.float64] | None:
+    """The frequencies of the velocities; None for a single one that is not stated."""
+    if "frequency" not in values:
+        if size > 1:
+            raise UserError(f"{path}: velocities at {size} frequencies need an array frequency")
+        return None
+    frequency = _numbers(values, "frequency", path).astype(float)
+    if len(frequency) != size:
+        raise UserError(f"{path}: there are {len(frequency)} frequencies but velocities at {size}")
+    return frequency

@@ -15,6 +15,11 @@ from sldvexp.units import VelocityUnit
 
 REQUIRED = ("view", "dx", "dy", "dz", "real")
 OPTIONAL = ("point", "frequency", "imag", "std")
+#: Least values, and what is said of smaller ones.
+LEAST = {
+    "frequency": (0.0, "must be a finite number of zero or more"),
+    "std": (np.finfo(float).tiny, "must be a positive number"),
+}
 
 
 def read(path: Path, unit: VelocityUnit) -> LineOfSight:
@@ -41,7 +46,7 @@ def read(path: Path, unit: VelocityUnit) -> LineOfSight:
     doubled = table[table.duplicated(key)]
     if len(doubled):
         raise UserError(
-            f"{path}: line {doubled.index[0]}: {_at(doubled.iloc[0], key)} is given twice"
+            f"{path}, line {doubled.index[0]}: {_at(doubled.iloc[0], key)} is given twice"
         )
     labels = [
         list(dict.fromkeys(table[c])) if c in key else [None]
@@ -90,16 +95,42 @@ def read(path: Path, unit: VelocityUnit) -> LineOfSight:
 
 
 def _table(path: Path) -> pd.DataFrame:
-    """The checked columns, numbers as numbers."""
+    """The checked columns, numbers as numbers, with the file's line numbers as index."""
     text = read_text(path)
+    lines = [i for i, line in enumerate(text.splitlines(), 1) if line.split("#")[0].strip()]
+    if not lines:
+        raise UserError(f"{path}: is empty; needed are the columns {', '.join(REQUIRED)}")
     try:
         table = pd.read_csv(
             io.StringIO(text), dtype=str, comment="#", skipinitialspace=True, keep_default_na=False
         )
-    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        raise UserError(f"{path}: is not a CSV table ({str(error).strip()})") from None
-    lines = [i for i, line in enumerate(text.splitlines(), 1) if line.split("#")[0].strip()]
+    except pd.errors.ParserError:
+        raise _uneven(text, lines, path) from None
+    if not isinstance(table.index, pd.RangeIndex):  # pandas takes what is too much for labels
+        raise _uneven(text, lines, path)
     table.index = pd.Index(lines[1 : 1 + len(table)])
+    _check_columns(table, path)
+    for column in table.columns:
+        if column in ("view", "point"):
+            good = table[column].str.strip() != ""
+            right = "must be a name"
+        else:
+            numbers = pd.to_numeric(table[column], errors="coerce")
+            good = np.isfinite(numbers)
+            right = "must be a finite number"
+            if column in LEAST:
+                good &= numbers >= LEAST[column][0]
+                right = LEAST[column][1]
+        if not good.all():
+            line, wrong = table.index[~good][0], table[column][~good].iloc[0]
+            raise UserError(f"{path}, line {line}: {column} {right}, not {wrong!r}")
+        if column not in ("view", "point"):
+            table[column] = numbers
+    return table
+
+
+def _check_columns(table: pd.DataFrame, path: Path) -> None:
+    """Complain about columns that are unknown or missing, and a table of nothing else."""
     known = REQUIRED + OPTIONAL
     for column in table.columns:
         if column not in known:
@@ -111,15 +142,17 @@ def _table(path: Path) -> pd.DataFrame:
             )
     if table.empty:
         raise UserError(f"{path}: the table has no rows")
-    for column in set(table.columns) - {"view", "point"}:
-        numbers = pd.to_numeric(table[column], errors="coerce")
-        bad = table[column][~np.isfinite(numbers)]
-        if len(bad):
-            raise UserError(
-                f"{path}: line {bad.index[0]}: {column} must be a finite number, not {bad.iloc[0]!r}"
+
+
+def _uneven(text: str, lines: list[int], path: Path) -> UserError:
+    """What to say of a table that is none: the first row that is too long, or an open quote."""
+    rows = [text.splitlines()[line - 1].split(",") for line in lines]
+    for line, row in zip(lines, rows, strict=True):
+        if len(row) > len(rows[0]):
+            return UserError(
+                f"{path}, line {line}: has {len(row)} values under {len(rows[0])} columns"
             )
-        table[column] = numbers
-    return table
+    return UserError(f"{path}: is not a CSV table; is a quotation mark left open?")
 
 
 def _at(row: pd.Series, key: list[str]) -> str:

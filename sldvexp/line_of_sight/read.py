@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from sldvexp.errors import UserError
+from sldvexp.files import require_file
 from sldvexp.line_of_sight import arrays, csv
 from sldvexp.line_of_sight.table import LineOfSight
 from sldvexp.units import VelocityUnit
@@ -25,8 +26,7 @@ def read(path: Path, unit: VelocityUnit) -> LineOfSight:
     UserError
         If the file is missing, of an unknown kind, or not what its reader needs.
     """
-    if not path.is_file():
-        raise UserError(f"{path}: there is no such file")
+    require_file(path)
     if path.suffix.lower() not in READERS:
         raise UserError(f"{path}: the ending must be one of {', '.join(READERS)}")
     return READERS[path.suffix.lower()](path, unit)

@@ -52,34 +52,33 @@ class LineOfSight:
     std: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        self._check("direction cosine", np.isfinite(self.direction_cosines), "is not finite")
-        self._check("velocity", np.isfinite(self.velocity), "is not finite")
-        if self.std is not None:
-            self._check("standard error", np.isfinite(self.std), "is not finite")
-            self._check("standard error", self.std > 0, "must be positive")
-        length = np.linalg.norm(self.direction_cosines, axis=-1)
-        self._check(
-            "direction",
-            abs(length - 1) <= LARGEST_LENGTH_ERROR,
-            "must be a unit vector from the surface to the instrument",
-        )
+        cosines, velocity, std = self.direction_cosines, self.velocity, self.std
+        self._check("direction cosine", cosines, np.isfinite(cosines), "must be finite")
+        self._check("velocity", velocity, np.isfinite(velocity), "must be finite")
+        if std is not None:
+            self._check("standard error", std, np.isfinite(std) & (std > 0), "must be positive")
+        length = np.linalg.norm(cosines, axis=-1)
+        unit = abs(length - 1) <= LARGEST_LENGTH_ERROR
+        right = "must be 1: directions are unit vectors from the surface to the instrument"
+        self._check("length of the direction", length, unit, right)
         for name, labels in (("view", self.view), ("point", self.point or [])):
             if len(set(labels)) != len(labels):
                 raise UserError(f"{self.source}: a {name} is named twice in {', '.join(labels)}")
         if self.frequency is not None:
             self._check_frequencies(self.frequency)
 
-    def _check(self, what: str, good: NDArray[np.bool_], wrong: str) -> None:
+    def _check(self, what: str, values: NDArray, good: NDArray[np.bool_], right: str) -> None:
         """Complain about the first bad entry of an array that starts with (view, point)."""
         if good.all():
             return
-        index = np.argwhere(~good)[0]
+        index = tuple(np.argwhere(~good)[0])
         at = [f"view {self.view[index[0]]}"]
         if self.point is not None:
             at.append(f"point {self.point[index[1]]}")
         if self.frequency is not None and what in ("velocity", "standard error"):
             at.append(f"{self.frequency[index[2]]:g} Hz")
-        raise UserError(f"{self.source}: the {what} of {', '.join(at)} {wrong}")
+        shown = f"the {what} of {', '.join(at)} is {values[index]:.6g}"
+        raise UserError(f"{self.source}: {shown}, but {right}")
 
     def _check_frequencies(self, frequency: NDArray[np.float64]) -> None:
         """Frequencies are finite, not negative, and differ."""

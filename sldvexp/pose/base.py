@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from sldvexp.laser.two_mirror import TwoMirror
     from sldvexp.target.base import Target
 
-#: The six extrinsics: a small rotation vector of the laser frame (rad), the origin in the world (m).
+#: The six extrinsics: a small rotation vector of the laser frame (rad) and the origin (m).
 EXTRINSICS = ("rotation_x", "rotation_y", "rotation_z", "x", "y", "z")
 
 
@@ -23,13 +23,17 @@ class PoseMethod(ABC):
     """A way to find where the instrument stood."""
 
     @abstractmethod
-    def estimate(self, laser: TwoMirror, target: Target | None) -> dict[str, xr.Dataset]:
+    def estimate(
+        self, laser: TwoMirror, target: Target | None, tree: Mapping[str, xr.Dataset]
+    ) -> dict[str, xr.Dataset]:
         """The pose of every view, with bounds.
 
         Parameters
         ----------
         laser : TwoMirror
         target : Target or None
+        tree : mapping of str to xarray.Dataset
+            What the run has so far; scanned edges are the groups ``edge/<view>``.
 
         Returns
         -------
@@ -80,28 +84,25 @@ def pose_group(
     import numpy as np
 
     from sldvexp import dataset
-    from sldvexp.geometry.rotation import euler_from_rotation, euler_jacobian
-    from sldvexp.statistics.student import student_factor
+    from sldvexp.geometry.rotation import euler_from_rotation
+    from sldvexp.pose.statistics import euler_standard_error, half_width, standard_error
 
-    covariance = np.asarray(covariance, float)
-    jacobian = euler_jacobian(rotation)
-    euler_covariance = jacobian @ covariance[:, :3, :3] @ np.swapaxes(jacobian, -1, -2)
-    euler_std = np.sqrt(np.einsum("vii->vi", euler_covariance))
-    origin_std = np.sqrt(np.einsum("vii->vi", covariance[:, 3:6, 3:6]))
+    rotation, covariance = np.asarray(rotation, float), np.asarray(covariance, float)
+    euler_std = euler_standard_error(rotation, covariance)
+    origin_std = standard_error(covariance)[:, 3:6]
     dof = np.asarray(dof, float)
-    factor = student_factor(confidence, dof)[:, None]
+    labels = {"view": list(views), "parameter": list(parameters), "parameter2": list(parameters)}
     group = dataset.group(
         "pose",
-        {"view": list(views), "parameter": list(parameters), "parameter2": list(parameters)}
-        | (coords or {}),
+        labels | (coords or {}),
         rotation=rotation,
         origin=origin,
         euler=euler_from_rotation(rotation),
         covariance=covariance,
         euler_std=euler_std,
         origin_std=origin_std,
-        euler_confidence=factor * euler_std,
-        origin_confidence=factor * origin_std,
+        euler_confidence=half_width(euler_std, dof, confidence),
+        origin_confidence=half_width(origin_std, dof, confidence),
         dof=dof,
         **more,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -69,7 +70,9 @@ class Digitizer(PoseMethod):
         """The digitised points."""
         return [self.path]
 
-    def estimate(self, laser: TwoMirror, target: Target | None) -> dict[str, xr.Dataset]:
+    def estimate(
+        self, laser: TwoMirror, target: Target | None, tree: Mapping[str, xr.Dataset]
+    ) -> dict[str, xr.Dataset]:
         """The group ``pose``: mean and spread of the poses of the single repeats."""
         from sldvexp.pose.triples import estimate
 

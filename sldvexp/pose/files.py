@@ -10,7 +10,10 @@ import xarray as xr
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.pose.given import KnownPose, known_poses
+from sldvexp.fields import number
+from sldvexp.files import read_text, require_file
+from sldvexp.geometry.known_pose import KnownPose
+from sldvexp.pose.given import known_poses
 
 _LINE = re.compile(r"^\s*(phi[123]|x0_[xyz])\s*=\s*(\S+)(?:\s*\+-\s*(\S+))?")
 _NAMES = ("phi1", "phi2", "phi3", "x0_x", "x0_y", "x0_z")
@@ -32,17 +35,15 @@ def read_poses(path: Path, confidence: float) -> xr.Dataset:
     UserError
         If the file is missing or has no whole pose.
     """
-    if path.suffix == ".nc":
+    require_file(path)
+    if path.suffix.lower() == ".nc":
         with dataset.load(path) as tree:
             if "pose" not in tree.children:
                 raise UserError(f"{path}: the run has no group pose")
             group = tree["pose"].to_dataset().load()
         group.attrs.pop("notes", None)
         return group
-    try:
-        lines = path.read_text().splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"{path}: cannot be read as text ({error})") from None
+    lines = read_text(path).splitlines()
     return known_poses(_parse(lines, path, confidence), confidence)
 
 
@@ -53,15 +54,18 @@ def _parse(lines: list[str], path: Path, confidence: float) -> dict[str, KnownPo
     quantile = NormalDist().inv_cdf(0.5 + confidence / 2)
     found: dict[str, dict[str, tuple[float, float]]] = {}
     view = path.stem
-    for number, line in enumerate(lines, 1):
+    for count, line in enumerate(lines, 1):
         if line.startswith("View:"):
             view = line.removeprefix("View:").strip()
         if match := _LINE.match(line):
-            try:
-                value, bound = float(match[2]), float(match[3] or "nan")
-            except ValueError:
-                raise UserError(f"{path}: line {number}: {line.strip()!r} has no number") from None
-            found.setdefault(view, {})[match[1]] = value, bound / quantile
+            where, name = f"{path}, line {count}", match[1]
+            value = number(match[2], name, where)
+            bound = number(match[3], f"the bound of {name}", where) if match[3] else math.nan
+            if bound < 0:
+                raise UserError(f"{where}: the bound of {name} must not be negative, not {bound}")
+            if name in found.setdefault(view, {}):
+                raise UserError(f"{where}: {name} of view {view} stands there twice")
+            found[view][name] = value, bound / quantile
     if not found:
         raise UserError(
             f"{path}: there is no pose: lines such as 'phi1 = -1.153 +- 0.004' are needed"
@@ -71,6 +75,9 @@ def _parse(lines: list[str], path: Path, confidence: float) -> dict[str, KnownPo
         if missing := [n for n in _NAMES if n not in values]:
             raise UserError(f"{path}: view {view} lacks {', '.join(missing)}")
         numbers, std = zip(*(values[n] for n in _NAMES), strict=True)
-        bounds = [] if any(map(math.isnan, std)) else list(std)
+        unbounded = [n for n in _NAMES if math.isnan(values[n][1])]
+        if 0 < len(unbounded) < len(_NAMES):
+            raise UserError(f"{path}: view {view} has bounds, but none of {', '.join(unbounded)}")
+        bounds = [] if unbounded else list(std)
         poses[view] = KnownPose(list(numbers[:3]), list(numbers[3:]), bounds[:3], bounds[3:])
     return poses

@@ -13,6 +13,7 @@ import xarray as xr
 from sldvexp.errors import UserError
 from sldvexp.pose.base import pose_group
 from sldvexp.pose.solver import PoseSolution, solve_pose
+from sldvexp.pose.statistics import half_width, standard_error
 from sldvexp.registration.netcdf import to_dataset
 from sldvexp.statistics.student import student_factor
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.pose.registration import Registration
+    from sldvexp.pose.registration import FromPoints, MirrorName
     from sldvexp.registration.table import RegistrationTable
     from sldvexp.target.base import Target
 
@@ -28,13 +29,16 @@ if TYPE_CHECKING:
 
 #: A file's object point further than this from the target's (and than its errors) is noted, m.
 ROUNDING = 5e-6
+#: Residuals, DAC steps, beyond the largest mean of Table 4.3 and two of its standard deviations.
+LARGE = 14.0
 
 
 def estimate(
-    method: Registration,
+    method: FromPoints,
     tables: Sequence[RegistrationTable],
-    laser: TwoMirror,
+    laser: TwoMirror | None,
     target: Target | None,
+    inverted: Sequence[MirrorName] = (),
 ) -> dict[str, xr.Dataset]:
     """Solve every view and make the groups ``registration`` and ``pose``.
 
@@ -42,9 +46,11 @@ def estimate(
     ----------
     method : FromPoints
     tables : sequence of RegistrationTable
-    laser : TwoMirror
+    laser : TwoMirror or None
     target : Target or None
         If there is one, object points of the same number are compared with it.
+    inverted : sequence of MirrorName
+        Mirrors whose recorded angles grow the other way.
 
     Returns
     -------
@@ -53,11 +59,14 @@ def estimate(
     Raises
     ------
     UserError
-        If a view has too few points or its pose is not determined or not found.
+        If there is no laser, an angle or DAC step is beyond its range, or a view has too few points
+        or its pose is not determined or not found.
     """
+    if laser is None:
+        raise UserError("the pose needs the instrument's mirrors: choose one with laser=name")
     sign = np.ones(2)
-    sign[[m.value for m in method.inverted]] = -1
-    angles = [sign * table.angle_through(laser) for table in tables]
+    sign[[m.value for m in inverted]] = -1
+    angles = [sign * _angles(table, laser) for table in tables]
     solutions = [
         _solve(method, table, angle, laser) for table, angle in zip(tables, angles, strict=True)
     ]
@@ -73,7 +82,7 @@ def estimate(
 
 
 def _solve(
-    method: Registration, table: RegistrationTable, angle: Array, laser: TwoMirror
+    method: FromPoints, table: RegistrationTable, angle: Array, laser: TwoMirror
 ) -> PoseSolution:
     """One view's solution, its problems told with its name."""
     where = f"{table.source or 'registration data'}, view {table.name}"
@@ -96,14 +105,25 @@ def _solve(
     return solution
 
 
+def _angles(table: RegistrationTable, laser: TwoMirror) -> Array:
+    """The recorded angles, or those of the recorded DAC steps."""
+    try:
+        return table.angle_through(laser)
+    except UserError as error:
+        raise UserError(f"{table.source}: {error}") from None
+
+
 def _as_solved(table: RegistrationTable, angle: Array, laser: TwoMirror) -> RegistrationTable:
     """Registration data with the angles that the pose was solved from, and their DAC steps."""
-    dac = laser.dac_from_angle(angle, table.labels) if table.dac is None else table.dac
+    try:
+        dac = laser.dac_from_angle(angle, table.labels) if table.dac is None else table.dac
+    except UserError as error:
+        raise UserError(f"{table.source}: {error}") from None
     return replace(table, angle=angle, dac=dac)
 
 
 def _pose_group(
-    method: Registration,
+    method: FromPoints,
     tables: Sequence[RegistrationTable],
     solutions: Sequence[PoseSolution],
     laser: TwoMirror,
@@ -122,12 +142,12 @@ def _pose_group(
     more: dict[str, Any] = {}
     adjusted = solutions[0].parameters[6:]
     if adjusted:
-        std = np.sqrt(np.einsum("vii->vi", covariance[:, 6:, 6:]))
+        std = standard_error(covariance)[:, 6:]
         coords["adjusted"] = list(adjusted)
         more = {
             "intrinsic": np.array([[s.intrinsics[a] for a in adjusted] for s in solutions]),
             "intrinsic_std": std,
-            "intrinsic_confidence": std * student_factor(method.confidence, dof)[:, None],
+            "intrinsic_confidence": half_width(std, each("covariance_dof"), method.confidence),
         }
     with np.errstate(divide="ignore", invalid="ignore"):
         s_deg = np.sqrt(sse / dof)
@@ -159,7 +179,7 @@ def _pose_group(
 
 
 def _notes(
-    method: Registration, table: RegistrationTable, solution: PoseSolution, target: Target | None
+    method: FromPoints, table: RegistrationTable, solution: PoseSolution, target: Target | None
 ) -> Iterator[str]:
     """What a reader of this view's pose should mind."""
     from scipy.special import fdtri
@@ -176,6 +196,11 @@ def _notes(
                 f"(squared residuals {ratio:.2f} times larger); more points or a second plane tell "
                 "them apart"
             )
+    if np.isfinite(solution.s) and solution.s > LARGE:
+        yield (
+            f"{view}: the residuals, {solution.s:.1f} DAC steps, are larger than any method of "
+            "Table 4.3 leaves; are the points matched to their angles, units and mirrors right?"
+        )
     yield from _intrinsic_notes(method, view, solution)
     z = table.object_point[:, 2]
     if np.ptp(z) == 0 and solution.origin[2] < z[0]:
@@ -188,7 +213,7 @@ def _notes(
         yield from _target_notes(view, table, target)
 
 
-def _intrinsic_notes(method: Registration, view: str, solution: PoseSolution) -> Iterator[str]:
+def _intrinsic_notes(method: FromPoints, view: str, solution: PoseSolution) -> Iterator[str]:
     """Adjusted intrinsics that the data cannot tell from their nominal values."""
     factor = float(student_factor(method.confidence, solution.covariance_dof))
     for i, name in enumerate(solution.parameters[6:], 6):

@@ -2,46 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from sldvexp.errors import Checks
+from sldvexp.geometry.known_pose import KnownPose
 from sldvexp.pose.base import PoseMethod, pose_group
 from sldvexp.registry import register
-from sldvexp.units import LengthUnit
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from sldvexp.laser.two_mirror import TwoMirror
     from sldvexp.target.base import Target
-
-
-@dataclass
-class KnownPose:
-    """One view's pose as numbers.
-
-    Parameters
-    ----------
-    euler : list of float, rad
-        phi1, phi2, phi3 in the x-convention, world to laser.
-    origin : list of float
-        x, y, z of the laser frame's origin in the world.
-    euler_std, origin_std : list of float
-        Standard deviations; empty if unknown.
-    samples : int
-        With samples, the deviations are those of a sample of that size and the pose is its mean;
-        with 0 they are the standard errors of the pose itself, exactly known.
-    unit : LengthUnit
-        Of origin and origin_std.
-    """
-
-    euler: list[float] = field(default_factory=list)
-    origin: list[float] = field(default_factory=list)
-    euler_std: list[float] = field(default_factory=list)
-    origin_std: list[float] = field(default_factory=list)
-    samples: int = 0
-    unit: LengthUnit = LengthUnit.m
 
 
 @register("pose", "given")
@@ -95,7 +69,9 @@ class Given(PoseMethod):
         """The file, if poses come from one."""
         return [self.path] if self.path else []
 
-    def estimate(self, laser: TwoMirror, target: Target | None) -> dict[str, xr.Dataset]:
+    def estimate(
+        self, laser: TwoMirror, target: Target | None, tree: Mapping[str, xr.Dataset]
+    ) -> dict[str, xr.Dataset]:
         """The known poses as the group ``pose``."""
         return {"pose": self.group()}
 

@@ -26,8 +26,6 @@ DAMPING, LEAST_DAMPING = 1e-4, 1e-12
 TOLERANCE = 1e-12
 #: The same for a start that is being beaten, relative to how far it is behind.
 TOLERANCE_BEHIND = 1e-8
-#: With more damping than this a small step proves nothing: the start is stuck, not converged.
-STUCK = 1e3
 #: ``w SKEW`` is the matrix ``[w]`` of a cross product, flattened.
 SKEW = skew(np.eye(3)).reshape(3, 9)
 
@@ -239,7 +237,7 @@ def levenberg_marquardt(
         with np.errstate(invalid="ignore", divide="ignore"):  # infinite costs are never finished
             enough = TOLERANCE * (1 + least) + TOLERANCE_BEHIND * (at.cost - least)
             ratio = (at.cost - then.cost) / expected
-        done = (expected <= enough) & np.isfinite(at.cost) & (damping < STUCK)
+        done = (expected <= enough) & np.isfinite(at.cost)
         better = then.cost <= at.cost + np.where(done, TOLERANCE * at.cost, 0.0)
         pose, at = choose(better, trial, pose), choose(better, then, at)
         for field, value in zip(solution, pose, strict=True):

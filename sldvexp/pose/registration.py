@@ -1,7 +1,8 @@
-"""`pose=registration`: pose of each view from object points and the mirror angles that reach them."""
+"""`pose=registration`: pose of each view from points and the mirror angles that reach them."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Any
@@ -68,7 +69,7 @@ class FromPoints(PoseMethod):
             checks.require(
                 known, f"adjust.{name}", f"cannot be adjusted; {nearest(name, ADJUSTABLE)}"
             )
-            message = f"must be a positive standard deviation, or .inf for a free one, not {std}"
+            message = f"must be a positive standard deviation, infinite for a free one, not {std}"
             checks.require(std > 0, f"adjust.{name}", message)
 
 
@@ -114,11 +115,13 @@ class Registration(FromPoints):
         """The registration files."""
         return list(self.files().values())
 
-    def estimate(self, laser: TwoMirror, target: Target | None) -> dict[str, xr.Dataset]:
+    def estimate(
+        self, laser: TwoMirror, target: Target | None, tree: Mapping[str, xr.Dataset]
+    ) -> dict[str, xr.Dataset]:
         """Groups ``registration`` and ``pose``."""
         from sldvexp.pose.from_points import estimate
 
-        return estimate(self, self._tables(), laser, target)
+        return estimate(self, self._tables(), laser, target, self.inverted)
 
     def _tables(self) -> list[Any]:
         """Registration data of all views."""

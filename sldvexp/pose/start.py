@@ -193,10 +193,8 @@ def start_poses(
     form = object_space_form(points, *beam_planes(angles, mirror_offset))
     form = ObjectSpaceForm(form.quadratic[:, None], form.translation[:, None])
     candidates = refined(lowest_on_grid(form)[:, 0], form)
-    lifted = lift(candidates)
-    error = np.where(form.centre(lifted)[..., 2] > 0, form.error(lifted), np.inf)
-    lowest = np.argmin(error, axis=-1)[:, None]
-    best = np.take_along_axis(candidates, lowest[..., None, None], axis=1)
+    lowest = np.argmin(form.error(lift(candidates)), axis=-1)
+    best = candidates[np.arange(len(lowest)), lowest][:, None]
     mirrored = flipped(best, form.centre(lift(best)), normal[:, None])
     rotation = refined(np.concatenate([best, mirrored], axis=1), form)
     return rotation, form.centre(lift(rotation))

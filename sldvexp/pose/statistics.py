@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 from sldvexp.geometry.rotation import euler_jacobian
 from sldvexp.pose.least_squares import Pose, Problem, cross_matrix, linearise, normal_equations
 from sldvexp.statistics.student import student_factor
-
-if TYPE_CHECKING:
-    from sldvexp.pose.solver import PoseSolution
 
 Array = NDArray[np.float64]
 
@@ -91,40 +88,51 @@ def about_origin(cofactor: Array, rotation: Array, centre: Array) -> Array:
     return transform @ cofactor @ transform.swapaxes(-1, -2)
 
 
-def standard_error(solution: PoseSolution) -> Array:
-    """Standard errors of `solution.parameters`, shape (..., parameters); rad, m, relative."""
-    return np.sqrt(np.einsum("...kk->...k", solution.covariance))
+def standard_error(covariance: Array) -> Array:
+    """Standard errors of the parameters of a covariance, shape (..., parameters)."""
+    return np.sqrt(np.einsum("...kk->...k", covariance))
 
 
-def euler_standard_error(solution: PoseSolution) -> Array:
+def euler_standard_error(rotation: Array, covariance: Array) -> Array:
     """Standard errors of the Euler angles (x-convention), shape (..., 3), rad.
 
-    Infinite where the covariance is, and where phi2 is 0 or pi: there they are not determined.
+    Parameters
+    ----------
+    rotation : ndarray, shape (..., 3, 3)
+    covariance : ndarray, shape (..., parameters, parameters)
+        Its first three parameters are the rotation vector, rad.
+
+    Returns
+    -------
+    ndarray
+        NaN where the covariance is; infinite where it is, and where phi2 is 0 or pi: there the
+        angles are not determined.
     """
-    by_vector, covariance = euler_jacobian(solution.rotation), solution.covariance[..., :3, :3]
+    by_vector, covariance = euler_jacobian(rotation), covariance[..., :3, :3]
     known = np.isfinite(by_vector) & np.isfinite(covariance)
     known = np.asarray(known.all(axis=(-1, -2)))[..., None]
+    nothing = np.where(np.isnan(covariance).any(axis=(-1, -2)), np.nan, np.inf)[..., None]
     by_vector = np.where(known[..., None], by_vector, 0.0)
     covariance = np.where(known[..., None], covariance, 0.0)
     square = np.einsum("...ij,...jk,...ik->...i", by_vector, covariance, by_vector)
-    return np.where(known, np.sqrt(square), np.inf)
+    return np.where(known, np.sqrt(square), nothing)
 
 
-def half_width(solution: PoseSolution, error: Array, confidence: float = 0.95) -> Array:
+def half_width(error: Array, dof: Array, confidence: float) -> Array:
     """Half-widths of confidence intervals, Student's t times the standard errors (Eq 5.18).
 
     Parameters
     ----------
-    solution : PoseSolution
     error : ndarray, shape (..., k)
-        Of `standard_error` or `euler_standard_error`.
+    dof : ndarray, shape (...)
+        Degrees of freedom behind the errors; infinite if they are known.
     confidence : float
         Two-sided level.
 
     Returns
     -------
     ndarray, shape (..., k), unit of `error`
-        Infinite where the noise is unknown and cannot be estimated.
+        Infinite without degrees of freedom: the noise is unknown and cannot be estimated.
     """
-    factor = student_factor(confidence, solution.covariance_dof)
+    factor = student_factor(confidence, dof)
     return np.where(np.isnan(factor), np.inf, factor)[..., None] * error

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 LARGEST_SEARCH = 3_000_000
 #: Condition numbers that a search computes, sets times points, before it looks at fewer points.
 EFFORT = 50_000
+#: Sets whose condition numbers are computed together.
+SETS_AT_ONCE = 2000
 #: Condition numbers equal to this many digits count as equal: the first set of them is taken.
 DIGITS = 10
 
@@ -69,7 +71,7 @@ def best_rows(
     rank = int(rank_of(matrices, tolerance).max())
     best, best_score = np.arange(size), -1.0
     every_set = combinations(range(len(candidates)), size)
-    while chunk := list(islice(every_set, max(1, EFFORT // len(points)))):
+    while chunk := list(islice(every_set, SETS_AT_ONCE)):
         indices = np.array(chunk)
         score = np.round(np.median(_scores(matrices[:, indices], rank), axis=0), DIGITS)
         if score.max() > best_score:

@@ -20,7 +20,6 @@ from pathlib import Path
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.laser.two_mirror import MIRRORS
 from sldvexp.fields import (
     csv_lines,
     first_time,
@@ -29,6 +28,7 @@ from sldvexp.fields import (
     unit_of_columns,
     whole_number,
 )
+from sldvexp.laser.two_mirror import MIRRORS
 from sldvexp.registration.table import RegistrationTable
 from sldvexp.units import AngleUnit, LengthUnit, decimal_in
 

@@ -9,7 +9,8 @@ from sldvexp.check.cross_ratio import CrossRatio
 from sldvexp.check.pose_equivalence import PoseEquivalence
 from sldvexp.check.pose_repeats import PoseRepeats
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.pose.given import Given, KnownPose
+from sldvexp.geometry.known_pose import KnownPose
+from sldvexp.pose.given import Given
 from sldvexp.pose.registration import Registration
 
 
@@ -20,7 +21,7 @@ def rng():
 def test_simulated_repeats_confirm_the_bounds_and_expose_false_ones():
     from sldvexp.laser.two_mirror import TwoMirror
 
-    tree = Registration(path="conf://data/figure_4_28.reg").estimate(TwoMirror(), None)
+    tree = Registration(path="conf://data/figure_4_28.reg").estimate(TwoMirror(), None, {})
     found = PoseRepeats(repeats=400).examine(tree, rng())
     # Four standard errors of a standard deviation, and of a share of 0.95, from 400 repeats.
     np.testing.assert_allclose(found["std_ratio"], 1, atol=4 / np.sqrt(800))

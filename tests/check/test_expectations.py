@@ -58,7 +58,7 @@ def test_the_correct_formula_stands_beside():
         ({"published": {"pose@fti": 1}}, "pose has no attribute fti; did you mean fit"),
         ({"published": {"pose/origin[axs=y]": 1}}, "there is no dimension axs"),
         ({"published": {"pose/origin[axis=w]": 1}}, "axis has no label w"),
-        ({"published": {"pose/origin": [1, 2]}}, r"shape \(2,\), the run has \(3,\)"),
+        ({"published": {"pose/origin": [1, 2]}}, "published has 2 numbers, but the run has 3"),
         ({"published": {"pose/sse": "much"}}, "must be numbers, not 'much'"),
         ({"published": {"sse": 1}}, "is not of the form group/variable"),
     ],

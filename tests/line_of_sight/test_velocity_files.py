@@ -115,11 +115,11 @@ BAD = [
         HEAD + "1,0,0,1,450,1,0\n1,0,1,0,500,1,0\n",
         "direction of view 1 differs between frequencies",
     ),
-    (HEAD + "1,0,0,1.2,450,1,0\n", "direction of view 1 must be a unit vector"),
-    (HEAD + "1,0,0,1,-450,1,0\n", "-450 is not a frequency in Hz"),
-    ("view,dx,dy,dz,real,std\n1,0,0,1,1,0\n", "standard error of view 1 must be positive"),
-    ("", "is not a CSV table"),
-    (HEAD + "1,0,0,1,450,1,0,7\n1,0,0,1,450,1,0,7,8\n", "is not a CSV table"),
+    (HEAD + "1,0,0,1.2,450,1,0\n", "the length of the direction of view 1 is 1.2, but must be 1"),
+    (HEAD + "1,0,0,1,-450,1,0\n", "line 2: frequency must be a finite number of zero or more, not '-450'"),
+    ("view,dx,dy,dz,real,std\n1,0,0,1,1,0\n", "line 2: std must be a positive number, not '0'"),
+    ("", "is empty; needed are the columns view, dx, dy, dz, real"),
+    (HEAD + "1,0,0,1,450,1,0,7\n1,0,0,1,450,1,0,7,8\n", "line 2: has 8 values under 7 columns"),
 ]
 
 

@@ -7,10 +7,11 @@ import pytest
 from scipy import stats
 
 from sldvexp.errors import ConfigError, UserError
+from sldvexp.geometry.known_pose import KnownPose
 from sldvexp.geometry.rotation import euler_from_rotation, rotation_from_euler
 from sldvexp.pose.digitizer import Digitizer
 from sldvexp.pose.files import read_poses
-from sldvexp.pose.given import Given, KnownPose
+from sldvexp.pose.given import Given
 from sldvexp.pose.triples import estimate
 from sldvexp.report.pose_text import pose_text
 
@@ -67,7 +68,7 @@ def test_an_earlier_run_gives_its_pose(sldvexp):
     [
         ("nothing\n", "there is no pose"),
         ("phi1 = 1\nphi2 = 2\n", "view pose lacks phi3, x0_x, x0_y, x0_z"),
-        ("phi1 = one\n", "line 1: 'phi1 = one' has no number"),
+        ("phi1 = one\n", "line 1: phi1 must be a number, not 'one'"),
     ],
 )
 def test_wrong_texts_are_named(tmp_path, text, message):

@@ -161,7 +161,7 @@ def test_a_rigid_motion_of_the_world_moves_the_pose_only(scene: Scene, seed: int
     there = scene.solve(scene.noisy)
     np.testing.assert_allclose(there.cost, here.cost, rtol=1e-9)
     np.testing.assert_allclose(there.residual, here.residual, atol=1e-5)
-    error = standard_error(here)
+    error = standard_error(here.covariance)
     moved = vector_from_rotation(there.rotation @ turn @ here.rotation.T)
     assert (np.abs(moved) < 1e-4 * error[:3]).all()
     np.testing.assert_allclose(
@@ -177,7 +177,7 @@ def test_the_order_of_the_points_does_not_matter(scene: Scene, seed: int) -> Non
     scene.points = scene.points[order]
     there = scene.solve(scene.noisy[order])
     np.testing.assert_allclose(there.residual, here.residual[order], atol=1e-5)
-    assert (np.abs(there.origin - here.origin) < 1e-4 * standard_error(here)[3:]).all()
+    assert (np.abs(there.origin - here.origin) < 1e-4 * standard_error(here.covariance)[3:]).all()
     np.testing.assert_allclose(there.covariance, here.covariance, rtol=1e-3, atol=1e-12)
 
 
@@ -276,7 +276,7 @@ def test_figure_4_28_barely_determines_the_mirror_offset(up_down: float) -> None
     found = figure_4_28(up_down, adjust={"mirror_offset": math.inf})
     assert found.sse_deg2 <= 0.00054
     assert found.dof == 25
-    error = standard_error(found)[found.parameters.index("mirror_offset")]
+    error = standard_error(found.covariance)[found.parameters.index("mirror_offset")]
     assert found.intrinsics["mirror_offset"] == pytest.approx(0.0057, abs=1e-4)
     assert error == pytest.approx(0.0108, abs=1e-4)
 
@@ -393,8 +393,8 @@ def test_the_zero_of_the_up_down_mirror_is_a_rotation() -> None:
         solve_pose(DEEP, angles, step=STEP, adjust={"zero_up_down": math.inf})
     found = solve_pose(DEEP, angles, step=STEP, adjust={"zero_up_down": 0.002}, std=1.0)
     assert found.intrinsics["zero_up_down"] == pytest.approx(0.0, abs=1e-9)
-    assert standard_error(found)[6] == pytest.approx(0.002)
-    assert standard_error(found)[0] > 0.0019
+    assert standard_error(found.covariance)[6] == pytest.approx(0.002)
+    assert standard_error(found.covariance)[0] > 0.0019
 
 
 @pytest.mark.parametrize("std", [None, 1.0])
@@ -406,7 +406,7 @@ def test_a_prior_lies_between_fixed_and_free(std: float | None) -> None:
         adjust = {"mirror_offset": prior}
         found = solve_pose(DEEP, angles, step=STEP, mirror_offset=nominal, adjust=adjust, std=std)
         assert found.converged
-        return float(found.intrinsics["mirror_offset"]), float(standard_error(found)[6])
+        return float(found.intrinsics["mirror_offset"]), float(standard_error(found.covariance)[6])
 
     free, error = offset(0.045, math.inf)
     nominal = free - error

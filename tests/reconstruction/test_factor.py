@@ -64,8 +64,8 @@ def test_condition_numbers() -> None:
     matrix = np.array([[3.0, 0, 0], [0, 2, 0], [0, 0, 1]])
     assert reciprocal_condition(matrix) == pytest.approx(1 / 3)
     assert hadamard_condition(matrix) == pytest.approx(1)
-    sheared = np.array([[1.0, 0], [1, 1]])
-    assert hadamard_condition(sheared) == pytest.approx(1 / np.sqrt(2))
-    assert reciprocal_condition(sheared) == pytest.approx(1 / 4)
+    sheared = np.array([[1.0, 2], [0, 3]])
+    assert hadamard_condition(sheared) == pytest.approx(1 / np.sqrt(5))
+    assert reciprocal_condition(sheared) == pytest.approx(1 / (5 * 1))  # inverse: 1, -2/3; 0, 1/3
     assert hadamard_condition(np.zeros((3, 3))) == 0
     assert reciprocal_condition(np.zeros((2, 3, 3))) == pytest.approx([0, 0])

@@ -138,6 +138,12 @@ def test_best_rows_of_deficient_views(method: Combined | Contravariant | Absolut
     np.testing.assert_allclose(result.velocity[0, [0, 2], 0], V[[0, 2]], atol=1e-12)
 
 
+def test_best_rows_see_as_much_as_all_views_do() -> None:
+    directions = unit([[0, 0, 1], [0, 0, 1], [0, 0, -1], [1, 0, 1]])
+    result = Absolute(rows="best").reconstruct(directions, directions @ V)
+    np.testing.assert_array_equal(result.observable, [[True, False, True]])
+
+
 def test_good_and_deficient_points_together() -> None:
     rng = np.random.default_rng(2)
     good = unit(rng.normal(size=(4, 3)).tolist())

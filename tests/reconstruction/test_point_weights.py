@@ -110,6 +110,10 @@ def test_scale_of_given_std_is_kept() -> None:
     assert ten.chi_square is not None
     np.testing.assert_allclose(ten.chi_square, one.chi_square / 100, rtol=1e-12)
     np.testing.assert_allclose(ten.sse, one.sse, rtol=1e-12)
+    mean_weight_one = 1 / std**2 / np.mean(1 / std**2)
+    left = np.abs(one.residuals()[:, 0, 0]) ** 2
+    assert one.sse[0, 0] == pytest.approx(np.sum(mean_weight_one * left))
+    assert one.s[0, 0] == pytest.approx(np.sqrt(one.sse[0, 0] / (2 * (6 - 3))))
     assert one.chi_square_p_value is not None
     assert ten.chi_square_p_value is not None
     assert ten.chi_square_p_value[0, 0] > one.chi_square_p_value[0, 0]
@@ -143,6 +147,8 @@ def test_std_may_change_with_point_and_frequency(method: Absolute | Relative) ->
         np.testing.assert_allclose(
             together.residuals()[..., f], alone.residuals()[..., 0], rtol=1e-9, atol=1e-12
         )
+    one_point = method.reconstruct(directions[:, 2], v[:, 2], std[:, 2])
+    np.testing.assert_allclose(one_point.std[0], together.std[2], rtol=1e-9)
     by_point = method.reconstruct(directions, v, std[..., :1])
     for p in range(4):
         alone = method.reconstruct(directions[:, p], v[:, p], std[:, p, 0])

@@ -1,0 +1,215 @@
+"""Ellipses fitted to edge points: outliers, covariance, and what the points do not tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sldvexp.errors import UserError, nearest
+from sldvexp.geometry.conic import Ellipse, signed_distance
+from sldvexp.geometry.conic_estimators import (
+    METHODS,
+    NUMBERS,
+    EdgePoints,
+    NoEllipseError,
+    gain,
+    least_quantile,
+    quantile,
+)
+
+Array = NDArray[np.float64]
+
+#: Median of the absolute value of a standard normal variable.
+NORMAL_MEDIAN = 0.6745
+#: Residuals below this many steps are rounding.
+ROUNDING = 1e-9
+#: Rounds of fitting and rejecting; the set of outliers settles within a few.
+ROUNDS = 20
+#: Least arc, and largest standard error of a semi-axis as a fraction of it.
+LEAST_ARC = np.radians(120.0)
+LARGEST_STD = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class ConicFit:
+    """An ellipse and what its edge points say about it.
+
+    Parameters
+    ----------
+    ellipse : Ellipse
+    residual : ndarray, shape (n,), steps
+        Orthogonal distance of every edge point, positive outside.
+    residual_std : ndarray, shape (n,), steps
+        Standard error of each edge point across the edge.
+    used : ndarray of bool, shape (n,)
+        False for outliers.
+    arc : float, rad
+        360 deg less the largest gap between neighbouring edge points.
+    """
+
+    ellipse: Ellipse
+    residual: Array
+    residual_std: Array
+    used: NDArray[np.bool_]
+    arc: float
+
+    @property
+    def outliers(self) -> int:
+        """How many edge points were rejected."""
+        return int(np.count_nonzero(~self.used))
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of `chi_square`."""
+        return int(np.count_nonzero(self.used)) - NUMBERS
+
+    @property
+    def chi_square(self) -> float:
+        """Sum of squared residuals over their variances; expected to be `dof`."""
+        return float(np.sum((self.residual / self.residual_std)[self.used] ** 2))
+
+
+def fit_ellipse(
+    position: ArrayLike,
+    std: ArrayLike | None = None,
+    direction: ArrayLike | None = None,
+    *,
+    method: str = "likelihood",
+    reject: float = 4.0,
+    name: str = "the circle",
+) -> ConicFit:
+    """Ellipse through edge points, with outliers rejected.
+
+    Parameters
+    ----------
+    position : array_like, shape (n, 2), steps
+    std : array_like, broadcastable to (n,), steps, optional
+        Standard error of each point. Without it all are equal and their size is estimated from the
+        residuals; the least number of points is then six instead of five.
+    direction : array_like, shape (n, 2), optional
+        Unit vectors of the scan lines, along which the errors are.
+    method : str
+        ``likelihood``: least squares of the orthogonal distances over their standard errors.
+        ``algebraic``: least squares of Eq 4.19, weighted by the standard errors.
+    reject : float
+        Points farther from the ellipse than this many standard errors are outliers.
+    name : str
+        What the circle is called in messages.
+
+    Raises
+    ------
+    UserError
+        If the points are too few, fit a hyperbola, cover too short an arc or leave the ellipse
+        undetermined; it names the circle and says what was seen.
+    """
+    if method not in METHODS:
+        raise UserError(f"there is no conic fit {method}; {nearest(method, METHODS)}")
+    place = np.asarray(position, float).reshape(-1, 2)
+    n, least = len(place), NUMBERS + (std is None)
+    if n < least:
+        raise UserError(f"{name}: an ellipse needs {least} edge points or more, not {n}")
+    error = np.broadcast_to(1.0 if std is None else np.asarray(std, float), (n,))
+    _check_numbers(place, error, name)
+    arc = _check_arc(place, name)
+    mean, scale = place.mean(axis=0), float(np.sqrt(place.var(axis=0).sum()))
+    along = None if direction is None else np.asarray(direction, float)
+    points = EdgePoints((place - mean) / scale, error / scale, along)
+    try:
+        parameters, used = _without_outliers(points, method, reject, known=std is not None)
+    except NoEllipseError:
+        seen = _seen(place, arc)
+        raise UserError(
+            f"{name}: its {seen}, fit a hyperbola, not an ellipse; look whether they belong to one "
+            f"circle and go around it"
+        ) from None
+
+    distance, normal = signed_distance(points.position, parameters)
+    across = points.across(normal)
+    variance = 1.0
+    if std is None:
+        dof = np.count_nonzero(used) - NUMBERS
+        variance = max(float(np.sum((distance / across)[used] ** 2)) / dof, ROUNDING**2)
+    unit = np.array([scale, scale, scale**2, scale**2, scale**2])
+    change = unit[:, None] * gain(points[used], parameters, method)
+    shifted = unit * parameters + np.array([*mean, 0.0, 0.0, 0.0])
+    ellipse = Ellipse(shifted, variance * change @ change.T)
+    _check_determined(ellipse, _seen(place[used], arc), name)
+    return ConicFit(ellipse, scale * distance, np.sqrt(variance) * scale * across, used, arc)
+
+
+def _without_outliers(
+    points: EdgePoints, method: str, reject: float, known: bool
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Fit, reject what is far, fit again, until the same points remain.
+
+    A point within `reject` of its known standard error is never an outlier, however well the
+    others fit.
+    """
+    least = 1.0 if known else ROUNDING
+    parameters = least_quantile(points.position)
+    used = _near(points, parameters, reject, least)
+    for _ in range(ROUNDS):
+        parameters = METHODS[method](points[used], parameters)
+        near = _near(points, parameters, reject, least)
+        if np.array_equal(near, used):
+            break
+        used = near
+    return parameters, used
+
+
+def _near(points: EdgePoints, parameters: Array, reject: float, least: float) -> NDArray[np.bool_]:
+    distance, normal = signed_distance(points.position, parameters)
+    size = np.abs(distance) / points.across(normal)
+    return size <= reject * max(float(quantile(size)) / NORMAL_MEDIAN, least)
+
+
+def _check_numbers(position: Array, std: Array, name: str) -> None:
+    bad = ~np.isfinite(position).all(axis=-1)
+    if bad.any():
+        raise UserError(f"{name}: the position of edge point {np.argmax(bad)} must be finite")
+    bad = ~(np.isfinite(std) & (std > 0))
+    if bad.any():
+        raise UserError(
+            f"{name}: the standard error of edge point {np.argmax(bad)} must be a positive number "
+            f"of steps, not {std[bad][0]:.3g}"
+        )
+
+
+def _check_arc(position: Array, name: str) -> float:
+    """Arc that the points cover as seen from the centre of the best circle, which always exists."""
+    away = position - position.mean(axis=0)
+    design = np.column_stack([2.0 * away, np.ones(len(away))])
+    solution, _, rank, _ = np.linalg.lstsq(design, (away**2).sum(axis=-1), rcond=None)
+    if rank < 3:
+        raise UserError(
+            f"{name}: its {_seen(position, 0.0)}, lie on one line; no ellipse fits them"
+        )
+    y, x = (away - solution[:2]).T[::-1]
+    turn = np.sort(np.arctan2(y, x))
+    gaps = np.diff(turn, append=turn[0] + 2 * np.pi)
+    arc = float(2 * np.pi - gaps.max())
+    if arc < LEAST_ARC:
+        raise UserError(
+            f"{name}: its {_seen(position, arc)}, go round too little of it, an ellipse needs "
+            f"{np.degrees(LEAST_ARC):.0f} deg or more; scan lines that cross the rest of its edge"
+        )
+    return arc
+
+
+def _check_determined(ellipse: Ellipse, seen: str, name: str) -> None:
+    relative = float(np.max(ellipse.semi_axes_std / ellipse.semi_axes))
+    if not relative <= LARGEST_STD:
+        raise UserError(
+            f"{name}: its {seen}, leave a semi-axis uncertain by {100 * relative:.0f} %, more than "
+            f"{100 * LARGEST_STD:.0f} %; scan more lines across its edge"
+        )
+
+
+def _seen(position: Array, arc: float) -> str:
+    low, high = position.min(axis=0), position.max(axis=0)
+    return (
+        f"{len(position)} edge points, over {np.degrees(arc):.0f} deg of arc and between steps "
+        f"({low[0]:.0f}, {low[1]:.0f}) and ({high[0]:.0f}, {high[1]:.0f})"
+    )

@@ -1,0 +1,1 @@
+"""Velocity images: edges along scan lines, their conics, and which circle each one is."""

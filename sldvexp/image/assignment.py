@@ -1,0 +1,198 @@
+"""Assignments of the image's ellipses to the object's circles, and how well each of them fits."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.geometry import bitangent, circles
+from sldvexp.geometry.conic import Ellipse
+from sldvexp.image.projection import apply, fit_projection
+
+if TYPE_CHECKING:
+    from sldvexp.target.circles import Circles
+
+Array = NDArray[np.float64]
+
+#: Circles whose assignments are all tried; they predict where the others of their plane are.
+BASE = 3
+#: Choices of the base that are followed up.
+KEEP = 200
+#: Assignments of one plane that are tried with other planes: within this factor of its best, or of
+#: the step that the projective approximation may leave.
+WITHIN, APPROXIMATION = 10.0, 1.0
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """Indices of the ellipses by the circles' numbers, on one plane or on all.
+
+    Parameters
+    ----------
+    ellipse : dict of int to int
+    mirrored : bool
+    residual : float, steps
+        Root mean square of what the best projective map leaves at the bitangent points.
+    """
+
+    ellipse: dict[int, int]
+    mirrored: bool
+    residual: float
+
+
+class _Image:
+    """The image's ellipses as far as assignments need them: centres and all bitangent points."""
+
+    def __init__(self, ellipses: Sequence[Ellipse]):
+        parameters = np.array([e.parameters for e in ellipses])
+        self.centre = parameters[:, :2]
+        self.table = bitangent.bitangent_points(parameters[:, None], parameters[None])
+
+    def points(self, pairs: NDArray[np.intp], mirrored: bool) -> Array:
+        """Points of pairs in the order of the object's, shape (..., 8 pairs, 2); NaN for none."""
+        points = self.table[pairs[..., 0], pairs[..., 1]]
+        points = points[..., bitangent.MIRRORED, :, :] if mirrored else points
+        return points.reshape(*pairs.shape[:-2], -1, 2)
+
+
+def assignments(
+    target: Circles, ellipses: Sequence[Ellipse], turns: Sequence[bool]
+) -> list[Assignment]:
+    """All assignments that a projective map allows, best first.
+
+    Circles on several planes are assigned plane by plane and then together, by one camera matrix
+    for all. A circle alone on its plane has no bitangents and is left out.
+
+    Parameters
+    ----------
+    target : Circles
+    ellipses : sequence of Ellipse
+    turns : sequence of bool
+        Whether to try the image as it is (False) and mirrored (True).
+    """
+    image = _Image(ellipses)
+    planes = [members for members in circles_by_plane(target) if len(members) > 1]
+    by_plane = [_on_plane(target, members, image, turns) for members in planes]
+    if len(by_plane) == 1:
+        return by_plane[0]
+    likely = [
+        [a for a in plane if a.residual <= WITHIN * max(plane[0].residual, APPROXIMATION)]
+        for plane in by_plane
+    ]
+    found = []
+    for parts in itertools.product(*likely):
+        whole = {number: k for part in parts for number, k in part.ellipse.items()}
+        turn = parts[0].mirrored
+        alike = all(part.mirrored == turn for part in parts)
+        if alike and len(set(whole.values())) == len(whole):
+            found.append(Assignment(whole, turn, _camera_residual(target, whole, turn, image)))
+    return _sorted(found)
+
+
+def circles_by_plane(target: Circles) -> list[list[int]]:
+    """Numbers of the circles of each plane."""
+    planes: dict[str, list[int]] = {}
+    for number in sorted(target.circles):
+        planes.setdefault(target.circles[number].plane, []).append(number)
+    return list(planes.values())
+
+
+def _on_plane(
+    target: Circles, members: list[int], image: _Image, turns: Sequence[bool]
+) -> list[Assignment]:
+    """Assignments of one plane's circles to ellipses, best first.
+
+    All ordered choices of ellipses are tried for three circles that stand far from one line; the
+    homography of each tells which ellipses are nearest to where the other circles must be.
+    """
+    base = _base(target, members)
+    order = base + [n for n in members if n not in base]
+    basic, pairs = (list(itertools.combinations(range(k), 2)) for k in (len(base), len(order)))
+    centres = np.array([_numbers(target, n)[:2] for n in order])
+    permutations = np.array(list(itertools.permutations(range(len(image.centre)), len(base))))
+    found = []
+    for turn in turns:
+        homography, residual = _fit(target, order, basic, image, permutations, turn)
+        likely = np.argsort(residual)[:KEEP]
+        place, _ = apply(homography[likely], centres)
+        choice = _with_nearest(permutations[likely], place, image.centre)
+        _, residual = _fit(target, order, pairs, image, choice, turn)
+        found += [
+            Assignment(dict(zip(order, row.tolist(), strict=True)), turn, float(rms))
+            for row, rms in zip(choice, residual, strict=True)
+        ]
+    return _sorted(found)
+
+
+def _sorted(found: list[Assignment]) -> list[Assignment]:
+    possible = [a for a in found if np.isfinite(a.residual)]
+    return sorted(possible, key=lambda a: a.residual)
+
+
+def _base(target: Circles, members: list[int]) -> list[int]:
+    """Three circles of a plane (or both of two) whose centres make the largest triangle."""
+
+    def area(chosen: Iterable[int]) -> float:
+        (x1, y1, _), (x2, y2, _), (x3, y3, _) = (_numbers(target, n) for n in chosen)
+        return abs((x2 - x1) * (y3 - y1) - (x3 - x1) * (y2 - y1))
+
+    if len(members) < BASE:
+        return members
+    return list(max(itertools.combinations(members, BASE), key=area))
+
+
+def _numbers(target: Circles, number: int) -> list[float]:
+    circle = target.circles[number]
+    return [circle.x, circle.y, circle.diameter / 2]
+
+
+def _plane_points(target: Circles, pairs: Sequence[tuple[int, int]]) -> Array:
+    """Bitangent points of pairs of circles in their plane's axes, shape (8 pairs, 2)."""
+    a, b = np.swapaxes([[_numbers(target, n) for n in pair] for pair in pairs], 0, 1)
+    return circles.bitangent_points(a, b).reshape(-1, 2)
+
+
+def _fit(
+    target: Circles,
+    order: list[int],
+    pairs: list[tuple[int, int]],
+    image: _Image,
+    choice: NDArray[np.intp],
+    mirrored: bool,
+) -> tuple[Array, Array]:
+    """Homography and residual of every choice of ellipses, shapes (choice, 3, 3) and (choice,)."""
+    points = _plane_points(target, [(order[i], order[j]) for i, j in pairs])
+    return fit_projection(points, image.points(choice[:, np.array(pairs)], mirrored))
+
+
+def _with_nearest(choice: NDArray[np.intp], place: Array, centre: Array) -> NDArray[np.intp]:
+    """Complete each choice by the ellipses, not yet taken, nearest to where circles must be."""
+    free = np.ones((len(choice), len(centre)), bool)
+    rows = np.arange(len(choice))
+    free[rows[:, None], choice] = False
+    for k in range(choice.shape[1], place.shape[1]):
+        distance = np.linalg.norm(centre - np.nan_to_num(place[:, k, None]), axis=-1)
+        nearest = np.argmin(np.where(free, distance, np.inf), axis=1)
+        free[rows, nearest] = False
+        choice = np.column_stack([choice, nearest])
+    return choice
+
+
+def _camera_residual(
+    target: Circles, ellipse: dict[int, int], mirrored: bool, image: _Image
+) -> float:
+    points, images = [], []
+    for members in circles_by_plane(target):
+        pairs = list(itertools.combinations([n for n in members if n in ellipse], 2))
+        if pairs:
+            plane = target.planes[target.circles[members[0]].plane]
+            points.append(plane.origin + _plane_points(target, pairs) @ plane.axes()[:2])
+            index = np.array([[ellipse[n] for n in pair] for pair in pairs])
+            images.append(image.points(index, mirrored))
+    _, residual = fit_projection(np.concatenate(points), np.concatenate(images))
+    return float(residual)

@@ -1,0 +1,94 @@
+"""Image coordinates in which the two-mirror scanner is a pinhole camera, but for its mirror offset.
+
+``(tan(up_down), tan(left_right) / cos(up_down))`` is ``(y / z, x / z)`` where the mirrors have no
+offset (Eqs 4.2 and 4.3): there the image of a circle is an ellipse and that of a line a line,
+which neither DAC steps nor angles achieve. An offset e leaves the factor ``1 / (1 + e / range)`` on
+the second coordinate, nearly the same for a whole calibration object. The unit is a DAC step at 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.polynomial import polynomial
+from numpy.typing import ArrayLike, NDArray
+
+from sldvexp.geometry.bitangent import Bitangents
+from sldvexp.image.lines import Edges
+from sldvexp.laser.two_mirror import MIRRORS
+
+if TYPE_CHECKING:
+    from sldvexp.laser.two_mirror import TwoMirror
+
+Array = NDArray[np.float64]
+
+
+def pinhole_from_dac(laser: TwoMirror, dac: ArrayLike) -> Array:
+    """Pinhole coordinates of DAC steps.
+
+    Parameters
+    ----------
+    laser : TwoMirror
+    dac : array_like, shape (..., 2), steps
+
+    Returns
+    -------
+    ndarray, shape (..., 2), steps
+
+    Raises
+    ------
+    UserError
+        If a step is beyond the board's range.
+    """
+    up_down, left_right = np.moveaxis(laser.angle_from_dac(dac), -1, 0)
+    plane = np.stack([np.tan(up_down), np.tan(left_right) / np.cos(up_down)], axis=-1)
+    return plane / laser.step
+
+
+def dac_from_pinhole(laser: TwoMirror, pinhole: ArrayLike) -> Array:
+    """DAC steps of pinhole coordinates, the inverse of `pinhole_from_dac`, shape (..., 2)."""
+    y, x = np.moveaxis(np.asarray(pinhole, float) * laser.step, -1, 0)
+    up_down = np.arctan(y)
+    angle = np.stack([up_down, np.arctan(x * np.cos(up_down))], axis=-1)
+    return laser.dac_from_angle(angle)
+
+
+def pinhole_jacobian(laser: TwoMirror, dac: ArrayLike) -> Array:
+    """Derivative of `pinhole_from_dac`, shape (..., 2, 2)."""
+    steps = np.asarray(dac, float)
+    up_down, left_right = np.moveaxis(laser.angle_from_dac(steps), -1, 0)
+    by_angle = np.zeros((*steps.shape, 2))
+    by_angle[..., 0, 0] = 1.0 / np.cos(up_down) ** 2
+    by_angle[..., 1, 0] = np.tan(left_right) * np.sin(up_down) / np.cos(up_down) ** 2
+    by_angle[..., 1, 1] = 1.0 / (np.cos(left_right) ** 2 * np.cos(up_down))
+    largest = laser.board.value[1]
+    by_step = [
+        polynomial.polyval(u, polynomial.polyder(getattr(laser, name).coefficients)) / largest
+        for name, u in zip(MIRRORS, np.moveaxis(steps / largest, -1, 0), strict=True)
+    ]
+    return by_angle * np.stack(by_step, axis=-1)[..., None, :] / laser.step[:, None]
+
+
+def pinhole_edges(laser: TwoMirror, edges: Edges) -> Edges:
+    """Edges in pinhole coordinates, with their directions, standard errors and widths."""
+    along = np.einsum("nij,nj->ni", pinhole_jacobian(laser, edges.position), edges.direction)
+    stretch = np.linalg.norm(along, axis=-1)
+    return replace(
+        edges,
+        position=pinhole_from_dac(laser, edges.position),
+        std=edges.std * stretch,
+        direction=along / stretch[:, None],
+        width=edges.width * stretch,
+    )
+
+
+def dac_bitangents(laser: TwoMirror, found: Bitangents) -> Bitangents:
+    """Bitangent points of ellipses in pinhole coordinates, in DAC steps."""
+    points = dac_from_pinhole(laser, found.points)
+    inverse = np.linalg.inv(pinhole_jacobian(laser, points))
+    covariance = np.einsum(
+        "pleij,plejqmfk,qmfhk->pleiqmfh", inverse, found.covariance, inverse, optimize=True
+    )
+    return Bitangents(points, covariance)

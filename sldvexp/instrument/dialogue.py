@@ -1,0 +1,204 @@
+"""Commands, questions and blocks of samples, as a profile says, over lines to its devices."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from sldvexp.instrument.line import Disturbance, Line
+from sldvexp.instrument.profile import Device, Header, Profile
+from sldvexp.instrument.protocol import InstrumentError
+
+if TYPE_CHECKING:
+    from sldvexp.instrument.profile import Commands
+
+#: Errors that are read from a queue at most.
+QUEUE = 20
+
+#: Characters of a command or an answer that messages show.
+SHOWN = 40
+
+
+class Dialogue:
+    """Lines to all devices of a profile.
+
+    Parameters
+    ----------
+    profile : Profile
+    connect : callable
+        Opens the line to the device of that name.
+    timeout : float, s
+        How long an answer may take.
+
+    Raises
+    ------
+    InstrumentError
+        For every fault; as `Disturbance` if it may be gone at the next try.
+    """
+
+    def __init__(self, profile: Profile, connect: Callable[[str], Line], timeout: float) -> None:
+        self.profile = profile
+        self.timeout = timeout
+        self._lines: dict[str, Line] = {}
+        try:
+            for name, device in profile.devices.items():
+                self._lines[name] = _told(name, "", connect, name)
+                self._greet(name, device)
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Hang up."""
+        for line in self._lines.values():
+            line.close()
+        self._lines = {}
+
+    def run(
+        self, commands: Commands, values: Mapping[str, object] | None = None, patience: float = 0.0
+    ) -> None:
+        """Send a group of commands; afterwards every device it addressed is asked for errors.
+
+        Parameters
+        ----------
+        commands : dict of str to list of str
+        values : mapping, optional
+            Of the placeholders.
+        patience : float, s
+            How much longer than usual the devices may be busy with them.
+        """
+        for device, texts in commands.items():
+            filled = [text.format(**(values or {})) for text in texts]
+            for text in filled:
+                self._send(device, text)
+            if filled:
+                self.require_no_error(device, "; ".join(filled), patience)
+
+    def ask(self, device: str, question: str, patience: float = 0.0) -> str:
+        """The line that answers a question."""
+        self._send(device, question)
+        end = self._ends(device)[1]
+        line = self._lines[device]
+        answer = _told(device, question, line.receive_line, end, self.timeout + patience)
+        return answer.decode("ascii", errors="replace").strip()
+
+    def numbers(self, device: str, question: str, count: int) -> list[float]:
+        """The finite numbers that answer a question, separated by commas."""
+        answer = self.ask(device, question)
+        try:
+            values = [float(text) for text in answer.split(",")]
+        except ValueError:
+            values = []
+        if len(values) != count or not all(math.isfinite(v) for v in values):
+            wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+            raise Disturbance(
+                f"{device} answered {_short(answer)} to {question}, where {wanted} had to come"
+            )
+        return values
+
+    def block(self, question: str, count: int, patience: float = 0.0) -> bytes:
+        """The block of `count` bytes that answers a question of the profile's data."""
+        data = self.profile.data
+        line, end = self._lines[data.device], data.end.encode("latin-1")
+
+        def received(bytes_: int) -> bytes:
+            return _told(data.device, question, line.receive, bytes_, self.timeout + patience)
+
+        if question:
+            self._send(data.device, question)
+        if data.header is Header.ieee:
+            self._read_header(received, question, count)
+        block = received(count + len(end))
+        if block[count:] != end:
+            raise Disturbance(
+                f"{data.device} sent more than the {count} bytes that answer {question}"
+            )
+        return block[:count]
+
+    def require_no_error(self, device: str, after: str, patience: float = 0.0) -> None:
+        """Empty a device's queue of errors, and complain about the oldest."""
+        found = self._errors(device, patience)
+        if found:
+            more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+            raise InstrumentError(f"{device} reports {found[0]}{more} after {_short(after)}")
+
+    def verify(self, playing: bool) -> None:
+        """Ask what must be so for a measurement to be right."""
+        for question in self.profile.verify:
+            if playing or not question.while_playing:
+                answer = self.ask(question.device, question.ask)
+                if answer != question.answer:
+                    raise InstrumentError(
+                        f"{question.otherwise}: {question.device} answered {_short(answer)} to "
+                        f"{question.ask}, not {question.answer}"
+                    )
+
+    def _greet(self, name: str, device: Device) -> None:
+        """Ask a device who it is, and forget errors from before."""
+        if device.identify:
+            answer = self.ask(name, device.identify)
+            if not re.match(device.identity, answer):
+                # Whatever answers here may be the rest of an earlier answer.
+                raise Disturbance(
+                    f"{name} says that it is {_short(answer)}, which the profile does not expect "
+                    f"({device.identity})"
+                )
+        self._errors(name)
+
+    def _errors(self, device: str, patience: float = 0.0) -> list[str]:
+        """All entries of a device's queue of errors, the oldest first."""
+        queue = self.profile.devices[device].errors
+        found = []
+        for _ in range(QUEUE):
+            answer = self.ask(device, queue.ask, patience)
+            match = re.fullmatch(queue.answer, answer)
+            if match is None:
+                raise Disturbance(
+                    f"{device} answered {_short(answer)} to {queue.ask}, which is no entry of its "
+                    "queue of errors"
+                )
+            if match[1] == queue.none:
+                break
+            meaning = queue.meaning.get(match[1], "")
+            found.append(f"{answer}: {meaning}" if meaning else answer)
+        return found
+
+    def _send(self, device: str, text: str) -> None:
+        message = text.encode("latin-1") + self._ends(device)[0]
+        _told(device, text, self._lines[device].send, message)
+
+    def _ends(self, device: str) -> tuple[bytes, bytes]:
+        known = self.profile.devices[device]
+        return known.sent_end.encode("latin-1"), known.answer_end.encode("latin-1")
+
+    def _read_header(self, received: Callable[[int], bytes], question: str, count: int) -> None:
+        """``#<digits><bytes>`` must announce the right number of bytes."""
+        start = received(2)
+        digits = received(int(start[1:])) if re.fullmatch(rb"#[1-9]", start) else b""
+        if not digits.isdigit():
+            raise Disturbance(
+                f"{self.profile.data.device} answered {_short((start + digits).decode('latin-1'))} "
+                f"to {question}, which is not the beginning of a block"
+            )
+        if int(digits) != count:
+            raise Disturbance(
+                f"{self.profile.data.device} announced {int(digits)} bytes to answer {question}, "
+                f"where {count} had to come"
+            )
+
+
+def _told(device: str, command: str, action: Callable[..., Any], *arguments: Any) -> Any:
+    """What `action` returns; its complaints begin with the device and end with the command."""
+    try:
+        return action(*arguments)
+    except InstrumentError as error:
+        after = f" after {_short(command)}" if command else ""
+        raise type(error)(f"{device}: {error}{after}") from error
+
+
+def _short(text: str) -> str:
+    """A text as messages show it."""
+    shown = repr(text if len(text) <= SHOWN else f"{text[:SHOWN]}...")
+    return shown

@@ -1,0 +1,144 @@
+"""A line to one device, through VISA."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+from typing import TYPE_CHECKING, Any, Protocol
+
+from sldvexp.instrument.protocol import InstrumentError
+
+if TYPE_CHECKING:
+    from pyvisa.resources import MessageBasedResource
+
+#: Bytes read at once; each such part may take as long as a whole answer.
+CHUNK = 2**16
+
+
+class Disturbance(InstrumentError):
+    """What may be gone at the next try: no answer, a lost connection, garbage."""
+
+
+class Line(Protocol):
+    """Messages to a device and bytes from it."""
+
+    def send(self, message: bytes) -> None:
+        """Send all bytes."""
+
+    def receive_line(self, end: bytes, patience: float) -> bytes:
+        """The bytes up to `end`, which is left away; the first is waited for `patience` s."""
+
+    def receive(self, count: int, patience: float) -> bytes:
+        """So many bytes."""
+
+    def close(self) -> None:
+        """Hang up."""
+
+
+class VisaLine:
+    """A VISA session as a `Line`.
+
+    Parameters
+    ----------
+    resource : str
+        As in ``TCPIP::127.0.0.1::5025::SOCKET`` or ``GPIB0::9::INSTR``.
+    backend : str
+        PyVISA's, ``@py`` or ``@ivi``.
+    timeout : float, s
+        Longest pause inside an answer.
+
+    Raises
+    ------
+    InstrumentError
+        If there can be no such session.
+    Disturbance
+        If nobody answers there.
+    """
+
+    def __init__(self, resource: str, backend: str, timeout: float) -> None:
+        import pyvisa
+
+        self._timeout = timeout
+        milliseconds = max(1, round(1000 * timeout))
+        try:
+            manager = pyvisa.ResourceManager(backend)
+            opened: Any = manager.open_resource(resource, open_timeout=milliseconds)
+        except (pyvisa.VisaIOError, OSError) as error:
+            raise Disturbance(f"{resource} cannot be reached: {_first_line(error)}") from error
+        except Exception as error:  # backends raise what they like for what they do not know
+            raise InstrumentError(f"{resource} cannot be opened: {_first_line(error)}") from error
+        self._session: MessageBasedResource = opened
+        self._session.timeout = milliseconds
+        self._errors = (pyvisa.VisaIOError, OSError)
+        self._socket = _socket_of(opened)
+        if self._socket is not None:
+            if refused := self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+                self.close()
+                raise Disturbance(f"{resource} cannot be reached: {os.strerror(refused)}")
+            # Without this a question that follows a command waits 40 ms for an acknowledgement.
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def send(self, message: bytes) -> None:
+        """See `Line`."""
+        try:
+            self._session.write_raw(message)
+        except self._errors as error:
+            raise Disturbance(f"the connection was lost ({_first_line(error)})") from error
+
+    def receive_line(self, end: bytes, patience: float) -> bytes:
+        """See `Line`."""
+        self._session.read_termination = end.decode("latin-1")
+        return self._received(self._session.read_raw, patience).removesuffix(end)
+
+    def receive(self, count: int, patience: float) -> bytes:
+        """See `Line`."""
+        self._session.read_termination = None  # a byte of data may look like the end of a line
+        return self._received(lambda: self._session.read_bytes(count, CHUNK), patience)
+
+    def close(self) -> None:
+        """See `Line`."""
+        self._session.close()
+
+    def _received(self, read: Any, patience: float) -> bytes:
+        """What a reading function returns, or what came in its way."""
+        if self._socket is None:
+            self._session.timeout = max(1, round(1000 * max(patience, self._timeout)))
+        else:
+            self._wait(self._socket, patience)
+        try:
+            return bytes(read())
+        except self._errors as error:
+            if self._socket is not None and _closed(self._socket):
+                raise Disturbance("the connection was lost in the middle of the answer") from error
+            raise Disturbance(f"the answer broke off ({_first_line(error)})") from error
+
+    def _wait(self, link: socket.socket, patience: float) -> None:
+        """Wait for an answer to begin; PyVISA itself does not notice a connection that ends."""
+        ready, _, _ = select.select([link], [], [], patience)
+        if not ready:
+            raise Disturbance(f"there was no answer within {patience:.3g} s")
+        if _closed(link):
+            raise Disturbance("the connection was lost")
+
+
+def _socket_of(session: Any) -> socket.socket | None:
+    """The socket under a session of PyVISA-py, None if it has none."""
+    known = getattr(session.visalib, "sessions", {})
+    interface = getattr(known.get(session.session), "interface", None)
+    return interface if isinstance(interface, socket.socket) else None
+
+
+def _closed(link: socket.socket) -> bool:
+    """Whether the other side has hung up, and nothing is left to read."""
+    try:
+        return link.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+
+
+def _first_line(error: Exception) -> str:
+    """What an error says, in one line."""
+    return (str(error).strip() or type(error).__name__).splitlines()[0].rstrip(".")

@@ -1,0 +1,57 @@
+"""`pose=bitangent`: the dissertation's automated pose from bitangent points of fitted conics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from sldvexp.pose.registration import FromPoints
+from sldvexp.registry import register
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from sldvexp.laser.two_mirror import TwoMirror
+    from sldvexp.target.base import Target
+
+
+@register("pose", "bitangent")
+@dataclass
+class Bitangent(FromPoints):
+    """Conics through the edges, their bitangent points, and the pose from these (4.4.4.2).
+
+    Parameters
+    ----------
+    pinhole : bool
+        Fit the conics in coordinates in which the image of a circle is an ellipse but for the
+        mirror offset. With false they are fitted in DAC steps, as the dissertation does.
+    """
+
+    pinhole: bool = True
+
+    def estimate(
+        self, laser: TwoMirror, target: Target | None, tree: Mapping[str, xr.Dataset]
+    ) -> dict[str, xr.Dataset]:
+        """Groups ``registration`` and ``pose`` of all scanned views."""
+        from sldvexp.pose.from_points import estimate
+        from sldvexp.pose.images import (
+            circles_of,
+            edge_views,
+            image_notes,
+            match_images,
+            registration_table,
+        )
+        from sldvexp.session.circles import edges_of
+
+        circles = circles_of(target, "bitangent")
+        images = [
+            match_images(view, edges_of(group), circles, laser, self.pinhole)
+            for view, group in edge_views(tree, "bitangent").items()
+        ]
+        tables = [registration_table(i, circles) for i in images]
+        groups = estimate(self, tables, laser, None)
+        notes = [n for i in images for n in image_notes(i)]
+        kept = str(groups["pose"].attrs["notes"]).splitlines()
+        groups["pose"].attrs["notes"] = "\n".join([*notes, *kept])
+        return groups

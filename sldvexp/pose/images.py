@@ -1,0 +1,140 @@
+"""What every pose method needs that starts from the edges of circles: views, conics, matching."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from sldvexp.errors import UserError
+from sldvexp.geometry.bitangent import Bitangents
+from sldvexp.image.conics import fit_circle
+from sldvexp.image.lines import Edges
+from sldvexp.image.matching import Match, bitangent_images, match_circles
+from sldvexp.image.pinhole import dac_bitangents, pinhole_edges
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.registration.table import RegistrationTable
+from sldvexp.target.base import Target
+from sldvexp.target.circles import Circles
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CircleImages:
+    """The edges of one view's circles, matched to the calibration object.
+
+    Parameters
+    ----------
+    view : str
+    edges : dict of int to Edges
+        By the circle's number, in DAC steps, freed from the spot's size; outliers left out.
+    bitangents : Bitangents
+        Image points of the selected pairs, DAC steps.
+    match : Match
+    misfit : float
+        Root mean square of the conics' residuals over their standard errors.
+    """
+
+    view: str
+    edges: dict[int, Edges]
+    bitangents: Bitangents
+    match: Match
+    misfit: float
+
+
+def edge_views(tree: Mapping[str, xr.Dataset], method: str) -> dict[str, xr.Dataset]:
+    """The groups ``edge/<view>`` of a run, by view.
+
+    Raises
+    ------
+    UserError
+        If nothing was scanned.
+    """
+    views = {k.removeprefix("edge/"): v for k, v in tree.items() if k.startswith("edge/")}
+    if not views:
+        raise UserError(
+            f"pose={method} needs scans of the calibration object: choose scan=calibration and an "
+            "instrument that scans, for example instrument=simulated scene=calibration"
+        )
+    return views
+
+
+def circles_of(target: Target | None, method: str) -> Circles:
+    """The target, if it is one of circles; UserError otherwise."""
+    if not isinstance(target, Circles):
+        raise UserError(f"pose={method} needs a target of circles, for example target=dissertation")
+    return target
+
+
+def match_images(
+    view: str, edges: list[Edges], target: Circles, laser: TwoMirror, pinhole: bool
+) -> CircleImages:
+    """Fit a conic to each circle's image and find out which circle it is.
+
+    Parameters
+    ----------
+    view : str
+    edges : list of Edges
+        Of the circles in any order, DAC steps.
+    target : Circles
+    laser : TwoMirror
+    pinhole : bool
+        Fit in coordinates where the image of a circle is an ellipse, instead of in DAC steps.
+
+    Raises
+    ------
+    UserError
+        If a circle makes no ellipse or the ellipses fit the object in no way or in two.
+    """
+    image = [pinhole_edges(laser, e) for e in edges] if pinhole else edges
+    fits = [fit_circle(e) for e in image]
+    ellipses = [fit.ellipse for fit, _ in fits]
+    try:
+        match = match_circles(target, ellipses)
+        found = bitangent_images(ellipses, match, target.selected_pairs())
+    except UserError as error:
+        raise UserError(f"view {view}: {error}") from None
+    if pinhole:
+        found = dac_bitangents(laser, found)
+    square = sum(fit.chi_square for fit, _ in fits)
+    freedom = sum(fit.dof for fit, _ in fits)
+    return CircleImages(
+        view,
+        {n: _used(edges[k], fits[k][0].used) for n, k in match.ellipse.items()},
+        found,
+        match,
+        float(np.sqrt(square / freedom)),
+    )
+
+
+def registration_table(images: CircleImages, target: Circles) -> RegistrationTable:
+    """The view's bitangent points as registration data, with the object's numbering."""
+    points = target.points()
+    # (pair, line, circle, mirror) to the numbering a left, a right, b left, b right.
+    external = images.bitangents.points[:, :2].swapaxes(1, 2).reshape(-1, 2)
+    return RegistrationTable(
+        name=images.view, number=points.number, object_point=points.position, dac=external
+    )
+
+
+def image_notes(images: CircleImages) -> list[str]:
+    """What to mind about a view's images."""
+    notes = []
+    if images.match.mirrored:
+        notes.append(
+            f"view {images.view}: the image is a mirror image of the object; a mirror is wired the "
+            "other way round, the mirrors are swapped, or the object is seen from behind"
+        )
+    return notes
+
+
+def _used(edges: Edges, used: NDArray[np.bool_]) -> Edges:
+    """The edges that are no outliers."""
+    from dataclasses import replace
+
+    parts = ("position", "std", "direction", "width", "line", "rising")
+    return replace(edges, **{p: getattr(edges, p)[used] for p in parts})

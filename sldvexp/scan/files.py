@@ -1,0 +1,75 @@
+"""The legacy text files of a scan: `Scan6pt`, `ScanRect` and `ScanList` (Appendix A).
+
+Pairs stand in the files as left-right, up-down; here and in every array up_down comes first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.errors import UserError
+from sldvexp.files import read_text, require_file, whole_or_nothing
+
+Steps = NDArray[np.int64]
+
+
+def read_centres(path: Path) -> Steps:
+    """Rough centres of the circles (`Scan6pt`), shape (circle, 2), one pair a line."""
+    return _pairs(list(_rows(path)), path)
+
+
+def read_rectangle(path: Path) -> tuple[int, int, Steps]:
+    """Rows, columns and the four corners (`ScanRect`), the corners of shape (4, 2)."""
+    rows = list(_rows(path))
+    if len(rows) != 5:
+        raise UserError(
+            f"{path}: needs a line of rows and columns and four of corners, has {len(rows)}"
+        )
+    (_, (first, second)), corners = rows[0], _pairs(rows[1:], path)
+    if first < 1 or second < 1:
+        raise UserError(f"{path}: rows and columns must be positive, not {first} and {second}")
+    return first, second, corners
+
+
+def read_list(path: Path) -> Steps:
+    """All pixels of a scan in their order (`ScanList`), shape (pixel, 2)."""
+    return _pairs(list(_rows(path)), path)
+
+
+def write_list(path: Path, dac: Iterable[Iterable[int]]) -> None:
+    """Write the pixels of a scan as `ScanList`; whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    dac : iterable of pairs (up_down, left_right), steps
+    """
+    with whole_or_nothing(path) as beside:
+        beside.write_text("".join(f"{lr} {ud}\n" for ud, lr in dac))
+
+
+def _rows(path: Path) -> Iterator[tuple[int, tuple[int, int]]]:
+    """Line number and two whole numbers of every line that is neither blank nor a comment."""
+    require_file(path)
+    for line, text in enumerate(read_text(path).splitlines(), 1):
+        cells = text.replace(",", " ").split()
+        if not cells or cells[0].startswith("#"):
+            continue
+        try:
+            first, second = map(int, cells)
+        except ValueError:
+            raise UserError(
+                f"{path}, line {line}: must be two whole numbers, not {text.strip()!r}"
+            ) from None
+        yield line, (first, second)
+
+
+def _pairs(rows: list[tuple[int, tuple[int, int]]], path: Path) -> Steps:
+    """Pairs with up_down first."""
+    if not rows:
+        raise UserError(f"{path}: has no pixels")
+    return np.array([(ud, lr) for _, (lr, ud) in rows], dtype=np.int64)

@@ -1,0 +1,90 @@
+"""Scan lines in DAC steps: across a circle whose place is roughly known, and along an ellipse.
+
+Pixels are whole steps, (up_down, left_right).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Steps = NDArray[np.int64]
+
+
+def across(centre: ArrayLike, lines: int, pixels: int) -> Steps:
+    """Lines through a rough centre, turned evenly against one another.
+
+    Parameters
+    ----------
+    centre : array_like, shape (2,), steps
+    lines : int
+        The dissertation's three give six edge points, one more than a conic needs.
+    pixels : int
+        Contiguous steps of each line along the mirror that moves faster.
+
+    Returns
+    -------
+    ndarray of int, shape (line, pixel, 2)
+    """
+    angle = np.pi * np.arange(lines) / lines
+    direction = np.stack([np.sin(angle), np.cos(angle)], axis=-1)
+    direction /= np.abs(direction).max(axis=-1, keepdims=True)
+    along = np.arange(pixels) - pixels // 2
+    return _whole(np.asarray(centre, float) + along[:, None] * direction[:, None, :])
+
+
+def along_ellipse(centre: ArrayLike, axes: ArrayLike, lines: int, pixels: int) -> Steps:
+    """Short lines across an ellipse, normal to it, spaced evenly in its parameter.
+
+    Parameters
+    ----------
+    centre : array_like, shape (2,), steps
+    axes : array_like, shape (2, 2), steps
+        Rows are the semi-axes as vectors, ``x(t) = centre + cos(t) axes[0] + sin(t) axes[1]``.
+    lines : int
+        The dissertation's 44.
+    pixels : int
+        The dissertation's 25, contiguous; the ellipse crosses each line in its middle.
+
+    Returns
+    -------
+    ndarray of int, shape (line, pixel, 2)
+        Every line runs from the inside outwards.
+    """
+    t = 2 * np.pi * (np.arange(lines) + 0.5) / lines
+    a, b = np.asarray(axes, float)
+    point = np.asarray(centre, float) + np.cos(t)[:, None] * a + np.sin(t)[:, None] * b
+    tangent = -np.sin(t)[:, None] * a + np.cos(t)[:, None] * b
+    normal = np.stack([tangent[:, 1], -tangent[:, 0]], axis=-1)
+    normal *= np.sign(np.sum(normal * (point - centre), axis=-1, keepdims=True))
+    normal /= np.abs(normal).max(axis=-1, keepdims=True)
+    offset = np.arange(pixels) - pixels // 2
+    return _whole(point[:, None, :] + offset[:, None] * normal[:, None, :])
+
+
+def rectangle(corners: ArrayLike, rows: int, columns: int) -> Steps:
+    """Grid over the box that holds four corners (Section 3.2.1).
+
+    Parameters
+    ----------
+    corners : array_like, shape (4, 2), steps
+    rows, columns : int
+        Along up_down and along left_right; 0 for every step, contiguous.
+
+    Returns
+    -------
+    ndarray of int, shape (row, column, 2)
+        Fewer rows or columns than asked for where the box has fewer steps.
+    """
+    axes = []
+    box = zip(np.min(corners, axis=0), np.max(corners, axis=0), (rows, columns), strict=True)
+    for low, high, count in box:
+        places = np.linspace(low, high, count or int(high - low) + 1)
+        axes.append(np.unique(np.rint(places).astype(np.int64)))
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+
+def _whole(steps: Array) -> Steps:
+    """The nearest whole steps."""
+    return np.rint(steps).astype(np.int64)

@@ -1,0 +1,1 @@
+"""A measuring session: scan lines through an instrument, kept one by one, and what they show."""

@@ -1,0 +1,61 @@
+"""All views of a calibration object, one after the other, through any instrument that scans."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from sldvexp.instrument.protocol import Acquisition
+from sldvexp.paths import locate
+from sldvexp.scan.files import read_centres
+from sldvexp.session.camera import Camera
+from sldvexp.session.circles import edge_group, scan_circles
+from sldvexp.session.journal import Journal
+
+if TYPE_CHECKING:
+    from sldvexp.scan.calibration import Calibration, Centres, Sampling
+
+
+def scan_views(experiment: Any, journal: Path) -> dict[str, xr.Dataset]:
+    """Scan the calibration object from every view.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        With ready plugins: scene, laser, target, scan, instrument and signal, and the seed.
+    journal : Path
+        Folder for finished scan lines; what it has is not scanned again.
+
+    Returns
+    -------
+    dict of str to xarray.Dataset
+        The groups ``edge/<view>``.
+    """
+    e = experiment
+    scan: Calibration = e.scan
+    found = {}
+    for view, centres in scan.views.items():
+        with e.instrument.open(e.scene, e.laser, e.target, seed=e.seed, view=view) as instrument:
+            acquisition = acquisition_of(scan.sampling)
+            instrument.configure(acquisition)
+            camera = Camera(instrument, e.signal, acquisition, Journal(journal / view))
+            edges = scan_circles(camera, scan, _rough(centres), e.laser)
+        found[f"edge/{view}"] = edge_group(edges)
+    return found
+
+
+def acquisition_of(sampling: Sampling) -> Acquisition:
+    """What the instrument is told about each pixel."""
+    s = sampling
+    return Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude)
+
+
+def _rough(centres: Centres) -> NDArray[np.int64]:
+    """Rough centres of a view, shape (circle, 2), steps."""
+    if centres.path:
+        return read_centres(locate(centres.path))
+    return np.array(centres.dac, dtype=np.int64)

@@ -1,0 +1,164 @@
+"""From velocity to counts: vibrometer, noise, drop-outs, hum, and the A/D converter.
+
+Time dependence is exp(+i w t); amplitudes are peak values. The sampling of each pixel starts at a
+random time, the same for everything that is sampled.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.instrument.protocol import Acquisition, Status
+from sldvexp.virtual_lab.scene import Digitizer, Vibrometer
+
+Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
+Complex = NDArray[np.complex128]
+
+#: Counts of the converter on each side of zero.
+HALF_COUNTS = 2**15
+
+#: Frequency of the mains, Hz.
+MAINS = 50.0
+
+#: Products are made in pieces of this size (cosines and sines, samples), too small for BLAS to
+#: share them out among threads: so the last bits do not depend on how many threads there are.
+PART, SPAN = 8, 512
+
+#: Sampling of a pixel starts anywhere within this time, s.
+START = 1.0
+
+
+class Electronics:
+    """The two channels as one acquisition uses them.
+
+    Parameters
+    ----------
+    vibrometer : Vibrometer
+    digitizer : Digitizer
+    acquisition : Acquisition
+    frequency : ndarray, shape (tone,), Hz
+        That the generator truly plays.
+    """
+
+    def __init__(
+        self,
+        vibrometer: Vibrometer,
+        digitizer: Digitizer,
+        acquisition: Acquisition,
+        frequency: Array,
+    ) -> None:
+        self._vibrometer = vibrometer
+        self._digitizer = digitizer
+        self._acquisition = acquisition
+        self._orders = np.arange(1, 2 + len(vibrometer.harmonics))
+        harmonics = np.outer(self._orders, frequency).ravel()
+        self._velocity_tones = np.append(harmonics, MAINS)
+        self._reference_tones = frequency
+        self._velocity_carrier = self._carrier(self._velocity_tones)
+        self._reference_carrier = self._carrier(frequency)
+        ranges = np.array([digitizer.velocity_range, digitizer.reference_range])
+        self.volts_per_count: Array = ranges / HALF_COUNTS
+
+    def record(
+        self, velocity: Complex, lit: NDArray[np.bool_], uniform: Array, normal: Array32
+    ) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
+        """Counts of some pixels.
+
+        Parameters
+        ----------
+        velocity : ndarray of complex, shape (block, tone), m/s
+            Along the line of sight, relative to the excitation. A block may be longer than the
+            pixels it holds: products of matrices of one shape make results of the same last bits.
+        lit : ndarray of bool, shape (block,)
+            Whether light comes back.
+        uniform : ndarray, shape (pixel, 4)
+        normal : ndarray of float32, shape (pixel, channel, sample)
+
+        Returns
+        -------
+        counts : ndarray of int16, shape (pixel, channel, sample)
+        status : ndarray of uint8, shape (pixel,)
+        """
+        n, v = len(normal), self._vibrometer
+        start = np.zeros(len(velocity))
+        start[:n] = START * uniform[:, 0]
+        signal = _sum_of_tones(
+            self._velocity_phasors(velocity), self._velocity_tones, start, self._velocity_carrier
+        )
+        amplitude = np.full(velocity.shape, complex(self._acquisition.amplitude))
+        reference = _sum_of_tones(amplitude, self._reference_tones, start, self._reference_carrier)
+        noise = self._band_limited(normal[:, 0], len(velocity))
+        full_scale = v.sensitivity * v.full_scale
+        volts = np.empty(normal.shape, np.float32)
+        volts[:, 0] = signal[:n] + np.float32(v.noise * full_scale) * noise
+        volts[:, 1] = reference[:n] + np.float32(self._digitizer.reference_noise) * normal[:, 1]
+        lost = self._lost(lit[:n], uniform)
+        np.copyto(volts[:, 0], np.float32(v.burst * full_scale) * noise, where=lost)
+        return self._converted(volts, np.any(lost, axis=1))
+
+    def _carrier(self, frequency: Array) -> Array32:
+        """Cosines and sines of the tones over one record, shape (2 tone, sample)."""
+        a = self._acquisition
+        angle = 2 * np.pi * np.outer(frequency, np.arange(a.samples) / a.rate)
+        return np.concatenate([np.cos(angle), np.sin(angle)]).astype(np.float32)
+
+    def _velocity_phasors(self, velocity: Complex) -> Complex:
+        """Voltages of the fundamentals, their harmonics and the hum, shape (pixel, tone), V.
+
+        A distorted cosine cos(w t + phi) has the harmonics r_n cos(n (w t + phi)).
+        """
+        v = self._vibrometer
+        size, phase = v.sensitivity * np.abs(velocity), np.angle(velocity)
+        parts = [
+            r * size * np.exp(1j * n * phase)
+            for n, r in zip(self._orders, (1.0, *v.harmonics), strict=True)
+        ]
+        return np.concatenate([*parts, np.full((len(velocity), 1), complex(v.hum))], axis=1)
+
+    def _lost(self, lit: NDArray[np.bool_], uniform: Array) -> NDArray[np.bool_]:
+        """Samples without light: those of a speckle's burst, or all; shape (pixel, sample)."""
+        samples = self._acquisition.samples
+        lost = np.repeat(~lit[:, None], samples, axis=1)
+        begin, end = np.floor(np.sort(uniform[:, 2:4], axis=1) * samples).astype(int).T
+        for pixel in np.flatnonzero(uniform[:, 1] < self._vibrometer.drop_out):
+            lost[pixel, begin[pixel] : end[pixel] + 1] = True
+        return lost
+
+    def _band_limited(self, noise: Array32, block: int) -> Array32:
+        """White noise as it is, or cut off at the bandwidth and as strong, if sampling shows it."""
+        a, bandwidth = self._acquisition, self._vibrometer.bandwidth
+        if bandwidth >= a.rate / 2:
+            return noise
+        keep = np.fft.rfftfreq(a.samples, 1.0 / a.rate) <= bandwidth
+        lines = np.where((np.arange(len(keep)) * 2) % a.samples == 0, 1, 2)
+        gain = np.sqrt(a.samples / lines[keep].sum())
+        filled = np.zeros((block, a.samples), np.float32)
+        filled[: len(noise)] = noise
+        limited = np.fft.irfft(np.fft.rfft(filled) * keep * gain, a.samples)
+        return limited[: len(noise)].astype(np.float32)
+
+    def _converted(
+        self, volts: Array32, lost: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
+        """Counts and status of voltages; beyond its range the converter stays at its last count."""
+        volts /= self.volts_per_count.astype(np.float32)[:, None]
+        np.rint(volts, out=volts)
+        counts = np.clip(volts, -HALF_COUNTS, HALF_COUNTS - 1, out=volts).astype(np.int16)
+        rails = (counts == -HALF_COUNTS) | (counts == HALF_COUNTS - 1)
+        status = np.where(rails.any(axis=(1, 2)), Status.over_range, Status.good).astype(np.uint8)
+        if self._vibrometer.drop_out_reported:
+            status |= np.where(lost, Status.dropped_out, Status.good).astype(np.uint8)
+        return counts, status
+
+
+def _sum_of_tones(phasors: Complex, frequency: Array, start: Array, carrier: Array32) -> Array32:
+    """Time series ``Re sum_k phasor_k exp(i w_k (start + t))``, shape (pixel, sample)."""
+    turned = phasors * np.exp(2j * np.pi * frequency * start[:, None])
+    parts = np.concatenate([turned.real, -turned.imag], axis=1).astype(np.float32)
+    total = np.zeros((len(parts), carrier.shape[1]), np.float32)
+    for k in range(0, len(carrier), PART):
+        for n in range(0, carrier.shape[1], SPAN):
+            total[:, n : n + SPAN] += parts[:, k : k + PART] @ carrier[k : k + PART, n : n + SPAN]
+    return total

@@ -1,0 +1,253 @@
+"""The virtual lab: an instrument in front of a scene, and the truth about both."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sldvexp.errors import UserError, nearest
+from sldvexp.geometry.rotation import rotation_from_euler
+from sldvexp.instrument.protocol import Acquisition, InstrumentError, Samples
+from sldvexp.laser.model import project
+from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
+from sldvexp.target.base import Target
+from sldvexp.virtual_lab.beam import beams
+from sldvexp.virtual_lab.calibration_object import CalibrationObject
+from sldvexp.virtual_lab.electronics import Electronics
+from sldvexp.virtual_lab.noise import PixelNoise
+from sldvexp.virtual_lab.plate import VibratingPlate
+from sldvexp.virtual_lab.scene import Scene
+
+Array = NDArray[np.float64]
+
+#: Pixels computed at once, filled up if they are fewer: arithmetic in arrays of one shape gives a
+#: pixel the same last bits wherever it stands in a list.
+BLOCK = 64
+
+
+class VirtualLab:
+    """A scanning vibrometer in a scene; an `Instrument` that runs in this process.
+
+    Parameters
+    ----------
+    scene : Scene
+    laser : TwoMirror
+        The mirrors as the experiment knows them; the scene says how the true ones differ.
+    target : Target, optional
+        The calibration object as the experiment knows it.
+    seed : int or sequence of int
+        Of everything random: two labs of one seed are the same.
+
+    Raises
+    ------
+    UserError
+        If the scene does not fit the target.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        laser: TwoMirror,
+        target: Target | None = None,
+        seed: int | Sequence[int] = 0,
+    ) -> None:
+        self.scene = scene
+        self.mirrors = scene.mirrors.applied(laser)
+        self.position = (0, 0)
+        self.shutter_open = True
+        self._seed = [seed] if isinstance(seed, int) else list(seed)
+        rng = np.random.default_rng(np.random.SeedSequence([*self._seed, len(self._seed)]))
+        self.objects = scene.objects(target, rng)
+        self._acquisition: Acquisition | None = None
+        self.start_stream(0)
+        self.use_view(next(iter(scene.views)))
+
+    def __enter__(self) -> VirtualLab:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.home()
+
+    def use_view(self, name: str) -> None:
+        """Stand where a view says; UserError if the scene has no such view."""
+        rotation, origin = self.true_pose(name)
+        self.view = name
+        self._rotation, self._origin = rotation, origin
+        self._noise = PixelNoise(self._seed, name)
+
+    def start_stream(self, stream: int) -> None:
+        """Let the pixels that follow be those of a scan line, counted from 0.
+
+        A pixel's noise depends on the seed, the view, the number of samples, `stream` and the
+        pixel's place in it, and on nothing else: a line that is measured again under its own
+        number comes out the same to the bit, another number gives new noise.
+
+        Parameters
+        ----------
+        stream : int
+            From 0 to 2^64 - 1.
+        """
+        self._stream, self._pixel = stream, 0
+
+    def configure(self, acquisition: Acquisition) -> None:
+        """Set sampling and generator for all pixels that follow."""
+        a = acquisition
+        numbers = [a.rate, a.amplitude, *a.excitation]
+        if not (a.rate > 0 and a.samples > 0 and np.isfinite(numbers).all()):
+            raise InstrumentError(f"configure: rate and samples must be positive numbers, not {a}")
+        if a.amplitude < 0 or any(f <= 0 for f in a.excitation):
+            raise InstrumentError(
+                f"configure: frequencies must be positive and the amplitude not negative, not {a}"
+            )
+        self._acquisition = a
+        self._frequency = np.array(a.excitation, float) * (1.0 + self.scene.generator_error)
+        scene = self.scene
+        self._electronics = Electronics(scene.vibrometer, scene.digitizer, a, self._frequency)
+
+    def home(self) -> None:
+        """Mirrors to step 0 and the generator off."""
+        self.position = (0, 0)
+        if self._acquisition is not None:
+            self.configure(Acquisition(self._acquisition.rate, self._acquisition.samples, ()))
+
+    def move(self, dac: Sequence[int]) -> None:
+        """Point the beam at (up_down, left_right) in DAC steps."""
+        steps = self._checked(np.reshape(dac, (1, -1)))
+        self.position = (int(steps[0, 0]), int(steps[0, 1]))
+
+    def acquire(self) -> Samples:
+        """Sample one pixel where the beam stands."""
+        return self.scan(np.array([self.position]))
+
+    def scan(self, dac: ArrayLike, stream: int | None = None) -> Samples:
+        """Move to and sample a list of pixels.
+
+        Parameters
+        ----------
+        dac : array_like of int, shape (pixel, 2)
+        stream : int, optional
+            Number of the scan line that this list begins, see `start_stream`; without it the
+            pixels go on where the last ones ended.
+
+        Returns
+        -------
+        Samples
+
+        Raises
+        ------
+        InstrumentError
+            If nothing was configured, or the board has no such steps.
+        """
+        if self._acquisition is None:
+            raise InstrumentError("scan: the instrument was not configured; call configure first")
+        steps = self._checked(np.asarray(dac))
+        if stream is not None:
+            self.start_stream(stream)
+        counts = np.empty((len(steps), 2, self._acquisition.samples), np.int16)
+        status = np.empty(len(steps), np.uint8)
+        for begin in range(0, len(steps), BLOCK):
+            part = slice(begin, min(begin + BLOCK, len(steps)))
+            counts[part], status[part] = self._block(steps[part])
+        if len(steps):
+            self.position = (int(steps[-1, 0]), int(steps[-1, 1]))
+        scales = self._electronics.volts_per_count
+        return Samples(counts, scales, self._acquisition.rate, status)
+
+    def true_pose(self, view: str) -> tuple[Array, Array]:
+        """Rotation (3, 3), world to laser, and origin (3,), m, of a view."""
+        if view not in self.scene.views:
+            raise UserError(f"the scene has no view {view}; {nearest(view, self.scene.views)}")
+        pose = self.scene.views[view]
+        return rotation_from_euler(pose.euler), pose.unit.value * np.array(pose.origin)
+
+    def true_dac(self, points: ArrayLike) -> Array:
+        """DAC steps, not rounded, that point the beam at points of the world from this view.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., 3), m
+
+        Returns
+        -------
+        ndarray, shape (..., 2), steps
+            For the true mirrors and wiring.
+        """
+        in_laser = (np.asarray(points, float) - self._origin) @ self._rotation.T
+        dac = self.mirrors.dac_from_angle(project(in_laser, self.mirrors.mirror_offset))
+        return dac[..., ::-1] if self.scene.mirrors.swapped else dac
+
+    def true_edge(self, circle: int, azimuth: ArrayLike) -> Array:
+        """Where the edge of a circle lies in this view, machining errors included.
+
+        Parameters
+        ----------
+        circle : int
+            Its number.
+        azimuth : array_like, shape (...), rad
+            Angles from the x axis of the circle's plane.
+
+        Returns
+        -------
+        ndarray, shape (..., 2), steps
+            Not rounded.
+        """
+        return self.true_dac(self.calibration_object.edge(circle, np.asarray(azimuth)))
+
+    @property
+    def calibration_object(self) -> CalibrationObject:
+        """The true calibration object; UserError if there is none."""
+        found = [o for o in self.objects if isinstance(o, CalibrationObject)]
+        if not found:
+            raise UserError("the virtual lab has no calibration object; choose a target of circles")
+        return found[0]
+
+    @property
+    def plate(self) -> VibratingPlate:
+        """The true plate with its `velocity` and `strain`; UserError if there is none."""
+        found = [o for o in self.objects if isinstance(o, VibratingPlate)]
+        if not found:
+            raise UserError("the virtual lab has no plate; choose scene=plate")
+        return found[0]
+
+    def _checked(self, dac: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The steps, if the board has them."""
+        if dac.ndim != 2 or dac.shape[1] != len(MIRRORS) or dac.dtype.kind not in "iu":
+            raise InstrumentError(
+                f"move: needs pairs of whole DAC steps (up_down, left_right), not an array of "
+                f"{dac.dtype} and shape {dac.shape}"
+            )
+        low, high = self.mirrors.board.value
+        outside = np.argwhere((dac < low) | (dac > high))
+        if len(outside):
+            pixel, mirror = outside[0]
+            raise InstrumentError(
+                f"move: pixel {pixel} asks for {MIRRORS[mirror]} step {dac[pixel, mirror]}, but "
+                f"the board has {low} to {high}"
+            )
+        return dac
+
+    def _block(self, dac: NDArray[np.int64]) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
+        """Counts and status of at most BLOCK pixels."""
+        assert self._acquisition is not None
+        n, samples = len(dac), self._acquisition.samples
+        filled = dac[np.minimum(np.arange(BLOCK), n - 1)]
+        velocity, lit = self._look(filled)
+        uniform, normal = self._noise.draw(self._stream, self._pixel, n, samples)
+        self._pixel += n
+        velocity *= self._acquisition.amplitude
+        return self._electronics.record(velocity, lit, uniform, normal)
+
+    def _look(self, dac: NDArray[np.int64]) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
+        """Velocity (pixel, tone), m/s per V, along the beams, and whether light comes back."""
+        wired = dac[:, ::-1] if self.scene.mirrors.swapped else dac
+        light = beams(self.mirrors, wired, self._rotation, self._origin, self.scene.spot)
+        seen = [o.seen(light, self._frequency) for o in self.objects]
+        distance = np.stack([d for d, _ in seen])
+        first = distance.argmin(axis=0)
+        hit = np.isfinite(distance.min(axis=0))
+        resting = -light.direction[:, 2] * self.scene.residual
+        velocity = np.stack([v for _, v in seen])[first, np.arange(len(dac))]
+        velocity = np.where(hit[:, None], velocity, resting[:, None])
+        return velocity, (hit | self.scene.backdrop) & self.shutter_open

@@ -1,0 +1,199 @@
+"""What every scene of the virtual lab has: where the instrument stands and how it measures."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from sldvexp.errors import Checks
+from sldvexp.geometry.known_pose import KnownPose
+from sldvexp.virtual_lab.true_mirrors import MirrorErrors
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from sldvexp.target.base import Target
+    from sldvexp.virtual_lab.scene_object import SceneObject
+
+
+@dataclass
+class Spot:
+    """The laser spot: a Gaussian beam focused at some distance.
+
+    Its radius (intensity 1/e^2 of the axis) at distance d is
+    ``waist sqrt(1 + ((d - focus) / rayleigh)**2)``.
+
+    Parameters
+    ----------
+    waist : float, m
+        Radius where it is smallest; 0 makes the beam a line.
+    focus : float, m
+        Distance of the waist from the scanning mirror.
+    rayleigh : float, m
+        Distance from the waist at which the spot's area has doubled; a diffraction-limited beam
+        has pi waist^2 / wavelength.
+    """
+
+    waist: float = 0.0003
+    focus: float = 1.7
+    rayleigh: float = 0.45
+
+    def check(self, checks: Checks, name: str) -> None:
+        """Note under `name` what no beam can be."""
+        checks.non_negative(f"{name}.waist", self.waist)
+        checks.non_negative(f"{name}.focus", self.focus)
+        checks.positive(f"{name}.rayleigh", self.rayleigh)
+
+
+@dataclass
+class Vibrometer:
+    """From velocity to voltage, with what the instrument adds.
+
+    Parameters
+    ----------
+    sensitivity : float, V per m/s
+        100 mV per mm/s in the medium range (Section 3.1).
+    full_scale : float, m/s
+        Of that range: 10 V.
+    noise : float
+        Laser noise, root mean square over full scale.
+    bandwidth : float, Hz
+        The noise is white up to here. Sampled more slowly than twice this, it folds and stays
+        white with the same root mean square.
+    drop_out : float
+        Probability that a pixel loses its light to speckle for a random part of its samples.
+    burst : float
+        Noise without light, root mean square over full scale.
+    drop_out_reported : bool
+        Whether the instrument says so in the pixel's status.
+    harmonics : list of float
+        Amplitudes of the second, third... harmonic over that of the fundamental.
+    hum : float, V
+        Peak amplitude of the mains' 50 Hz in the velocity signal.
+    """
+
+    sensitivity: float = 100.0
+    full_scale: float = 0.1
+    noise: float = 0.005
+    bandwidth: float = 20000.0
+    drop_out: float = 0.0
+    burst: float = 0.2
+    drop_out_reported: bool = True
+    harmonics: list[float] = field(default_factory=list)
+    hum: float = 0.0
+
+    def check(self, checks: Checks, name: str) -> None:
+        """Note under `name` what no vibrometer can be."""
+        for key in ("sensitivity", "full_scale", "bandwidth"):
+            checks.positive(f"{name}.{key}", getattr(self, key))
+        for key in ("noise", "burst", "hum"):
+            checks.non_negative(f"{name}.{key}", getattr(self, key))
+        for i, value in enumerate(self.harmonics):
+            checks.non_negative(f"{name}.harmonics[{i}]", value)
+        possible = 0 <= self.drop_out <= 1
+        message = f"must be a probability from 0 to 1, not {self.drop_out}"
+        checks.require(possible, f"{name}.drop_out", message)
+
+
+@dataclass
+class Digitizer:
+    """The 16-bit A/D converter of both channels.
+
+    Parameters
+    ----------
+    velocity_range, reference_range : float, V
+        Each channel converts -range to +range and stays at its last count beyond.
+    reference_noise : float, V
+        Root mean square of the reference channel's noise, white.
+    """
+
+    velocity_range: float = 10.0
+    reference_range: float = 5.0
+    reference_noise: float = 0.001
+
+    def check(self, checks: Checks, name: str) -> None:
+        """Note under `name` what no converter can be."""
+        checks.positive(f"{name}.velocity_range", self.velocity_range)
+        checks.positive(f"{name}.reference_range", self.reference_range)
+        checks.non_negative(f"{name}.reference_noise", self.reference_noise)
+
+
+@dataclass
+class Scene(ABC):
+    """The truth: everything that the program behind the instrument does not know.
+
+    Parameters
+    ----------
+    views : dict of str to KnownPose
+        Where the instrument truly stands in each view; world axes are the calibration object's.
+    mirrors : MirrorErrors
+        How the true mirrors differ from those of the group ``laser``.
+    spot : Spot
+    vibrometer : Vibrometer
+    digitizer : Digitizer
+    generator_error : float
+        By which part the generator's frequencies are too high.
+    residual : float, m/s per V of excitation
+        Peak velocity along the world's z of everything that should rest.
+    backdrop : bool
+        Whether the beam beside all objects falls on something that rests, or is lost.
+    """
+
+    views: dict[str, KnownPose] = field(default_factory=dict)
+    mirrors: MirrorErrors = field(default_factory=MirrorErrors)
+    spot: Spot = field(default_factory=Spot)
+    vibrometer: Vibrometer = field(default_factory=Vibrometer)
+    digitizer: Digitizer = field(default_factory=Digitizer)
+    generator_error: float = 0.0
+    residual: float = 0.0
+    backdrop: bool = True
+
+    def __post_init__(self) -> None:
+        checks = Checks()
+        checks.require(
+            bool(self.views), "views", "give at least one view, where the instrument stands"
+        )
+        for name, view in self.views.items():
+            _check_view(checks, f"views.{name}", view)
+        self.mirrors.check(checks, "mirrors")
+        self.spot.check(checks, "spot")
+        self.vibrometer.check(checks, "vibrometer")
+        self.digitizer.check(checks, "digitizer")
+        slow = math.isfinite(self.generator_error) and self.generator_error > -1
+        message = f"must be a finite number above -1, not {self.generator_error}"
+        checks.require(slow, "generator_error", message)
+        checks.finite("residual", self.residual)
+        self.check(checks)
+        checks.done()
+
+    def check(self, checks: Checks) -> None:  # noqa: B027 (a scene need not have more to check)
+        """Note what is wrong with the fields that a scene adds."""
+
+    @abstractmethod
+    def objects(self, target: Target | None, rng: np.random.Generator) -> list[SceneObject]:
+        """Everything that the beam can hit.
+
+        Parameters
+        ----------
+        target : Target or None
+            The calibration object as the experiment knows it.
+        rng : numpy.random.Generator
+            For how the true objects differ from what is known of them.
+
+        Raises
+        ------
+        UserError
+            If the scene does not fit the target.
+        """
+
+
+def _check_view(checks: Checks, name: str, view: KnownPose) -> None:
+    for key in ("euler", "origin"):
+        values = getattr(view, key)
+        message = f"must be three numbers, not {len(values)}"
+        checks.require(len(values) == 3, f"{name}.{key}", message)
+        checks.finite(f"{name}.{key}", *values)
+    uncertain = bool(view.euler_std or view.origin_std or view.samples)
+    checks.require(not uncertain, name, "is a true pose: it has no standard deviations or samples")
