@@ -11,9 +11,10 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import MarkedYAMLError
 
 from sldvexp import registry
+from sldvexp.conf_files import displayed, wrong
 from sldvexp.config import NAMED_GROUPS, SINGLE_GROUPS
 from sldvexp.errors import ConfigError, UserError, nearest
-from sldvexp.origins import COMMAND_LINE, Origins, displayed
+from sldvexp.origins import COMMAND_LINE, Origins
 from sldvexp.wording import refusal
 
 #: What Hydra says about an argument, and what a user is told; the pattern's groups fill it.
@@ -34,7 +35,18 @@ ARGUMENTS = (
     (r"Override (.*) looks like a config group override, but config group '(.*)' does not exist",
      "{0} names no group of the configuration; {groups}"),
     (r"You must specify '(.*)', e\.g", "{0} must be chosen, as in {0}=name"),
+    (r"Multiple values for (.*?)\. To override", "two files choose {0}; in the defaults of the "
+     "second the item must be 'override /{0}: name'"),
+    (r"hydra\.searchpath must be a list of strings", "hydra.searchpath must be a list of folders"),
     (r"Additional config directory '(.*)' not found", "--config-dir: there is no folder {0}"),
+)  # fmt: skip
+
+#: What Hydra says about a file's defaults list, and what a user is told.
+IN_FILES = (
+    (r"Could not override '(.*)'\. No match in the defaults list",
+     "its defaults override {0}, which the configuration does not have; {groups}"),
+    (r"Multiple values for (.*)\. To override", "its defaults choose {0} a second time; the item "
+     "must be 'override /{0}: name'"),
 )  # fmt: skip
 
 #: Entries with numbers for names, and new ones whose settings have types, have no dotted paths.
@@ -64,7 +76,6 @@ def sentence(error: BaseException, origins: Origins) -> str | None:
 
 def of_composition(error: Exception, origins: Origins) -> str:
     """The sentence for whatever keeps a configuration from being composed."""
-    cause = error.__cause__ or error.__context__
     if told := sentence(error, origins):
         return told
     if unreadable := origins.unreadable:
@@ -76,13 +87,22 @@ def of_composition(error: Exception, origins: Origins) -> str:
         return told
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:
         return _missing_choice(error.missing_cfg_file, origins)
+    cause = error.__cause__ or error.__context__
     if isinstance(error, HydraException) and isinstance(cause, OmegaConfBaseException):
         return _refused(str(error), cause, origins)
-    if isinstance(error, MarkedYAMLError | UnicodeDecodeError):
-        return _broken_file(error, origins)
-    if isinstance(error, OSError) and error.filename is not None:
-        return f"{error.filename}: {error.strerror or error}"
-    return _bad_argument(error)
+    if isinstance(error, MarkedYAMLError) and (mark := error.problem_mark or error.context_mark):
+        said = error.problem or error.context
+        return f"{displayed(Path(mark.name))}, line {mark.line + 1}: is not YAML: {said}"
+    for reason in (error, cause):
+        if isinstance(reason, OSError) and reason.filename is not None:
+            return f"{reason.filename}: cannot be made or read: {reason.strerror or reason}"
+    if isinstance(error, RecursionError):
+        return "a configuration file includes itself in its defaults, perhaps by way of others"
+    if not isinstance(error, HydraException):
+        broken = [f"{displayed(f)}: {what}" for f in origins.files if (what := wrong(f))]
+        if broken:
+            return broken[0]
+    return _bad_argument(error, origins)
 
 
 def _joined(where: str, message: str) -> str:
@@ -93,11 +113,14 @@ def _joined(where: str, message: str) -> str:
 
 def _missing_choice(path: str, origins: Origins) -> str:
     """An unknown plugin, experiment or other choice of a group."""
-    group, _, name = path.rpartition("/") if path.startswith("hydra/") else path.partition("/")
-    if not (options := origins.options_of(group)):
-        return f"there is no configuration {path}; {nearest(group, registry.GROUPS)}"
-    where = origins.where_chosen(group, name)
-    return f"{where}there is no {group}={name}; {nearest(name, options)}"
+    nested = path.startswith("hydra/") or "/schema/" in path
+    group, _, name = path.rpartition("/") if nested else path.partition("/")
+    if not name:
+        return f"{COMMAND_LINE}: there is no configuration {path}; is --config-name right?"
+    where = origins.where_chosen(group, name) or origins.where_chosen(*path.split("/", 1))
+    options = registry.names(group.removesuffix("/schema")) if nested else origins.options_of(group)
+    told = f"there is no {group}={name}; {nearest(name, options)}"
+    return f"{where}: {told}" if where else told
 
 
 def _refused(text: str, cause: OmegaConfBaseException, origins: Origins) -> str:
@@ -105,7 +128,11 @@ def _refused(text: str, cause: OmegaConfBaseException, origins: Origins) -> str:
     key = str(cause.full_key)
     if file := re.match(r"In '([^']+)'", text):
         shown = origins.shown(file[1])
-        return f"{f'{shown}: {key}' if shown else origins.where(key)} {refusal(cause)}"
+        if key == "experiment":
+            return f"{shown}: must begin with the line '# @package _global_', as experiments do"
+        chosen = any(choice.package == key for choice in origins.choices)
+        source = COMMAND_LINE if chosen else shown
+        return f"{source}: {key} {refusal(cause)}".replace(":  ", ": ").removeprefix(": ")
     argument = re.match(r"Error merging override [+~]*([^=]*)=?(.*)", text)
     name, value = argument.groups() if argument else (key, "")
     entry = key.split(".")[-1]
@@ -129,17 +156,6 @@ def _refused(text: str, cause: OmegaConfBaseException, origins: Origins) -> str:
     return f"{told}; {added[1]} adds it" if added and not is_dataclass(cause.object_type) else told
 
 
-def _broken_file(error: MarkedYAMLError | UnicodeDecodeError, origins: Origins) -> str:
-    """A file that is not YAML, or not text."""
-    if isinstance(error, UnicodeDecodeError):
-        files = [f for folder in origins.folders for f in folder.rglob("*.yaml")]
-        broken = [displayed(f) for f in files if error.object in f.read_bytes()]
-        return f"{broken[0] if broken else 'a configuration file'}: is not a text file"
-    mark = error.problem_mark or error.context_mark
-    where = f"{displayed(Path(mark.name))}, line {mark.line + 1}" if mark else "a file"
-    return f"{where}: is not YAML: {error.problem or error.context}"
-
-
 def _bad_choice(origins: Origins) -> str | None:
     """An argument that chooses from a group what cannot be a name."""
     for choice in origins.choices:
@@ -151,7 +167,9 @@ def _bad_choice(origins: Origins) -> str | None:
                 f"{nearest('', registry.names(group))}"
             )
         names = value if isinstance(value, list) else [value]
-        if not choice.is_delete() and not all(isinstance(n, str) for n in names):
+        if choice.is_delete() or choice.is_sweep_override():
+            continue
+        if not all(isinstance(n, str) for n in names):
             return (
                 f"{COMMAND_LINE}: {choice.input_line} must name a choice, and ~{group} leaves the "
                 f"group out; {nearest('', origins.options_of(group))}"
@@ -159,11 +177,13 @@ def _bad_choice(origins: Origins) -> str | None:
     return None
 
 
-def _bad_argument(error: Exception) -> str:
-    """What Hydra says about an argument, or at least its first line."""
+def _bad_argument(error: Exception, origins: Origins) -> str:
+    """What Hydra says about an argument or a defaults list, or at least its first line."""
     text = str(error).strip() or type(error).__name__
-    for pattern, words in ARGUMENTS:
+    file, text = re.match(r"(?:In '?([^']*?)'?: )?(.*)", text, re.DOTALL).groups()  # type: ignore[union-attr]
+    where = origins.shown(file) if file else COMMAND_LINE
+    for pattern, words in IN_FILES if file else ARGUMENTS:
         if match := re.match(pattern, text):
             groups = nearest(match.groups()[-1], [*registry.GROUPS, "experiment"])
-            return f"{COMMAND_LINE}: {words.format(*match.groups(), groups=groups)}"
-    return f"the command line or the configuration is wrong: {text.splitlines()[0]}"
+            return f"{where}: {words.format(*match.groups(), groups=groups)}"
+    return f"{where or 'the configuration'}: {text.splitlines()[0]}"

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 from sldvexp.config import NO_CODE, names_code
 from sldvexp.errors import UserError
-from sldvexp.origins import Layer, Origins, parts_of
+from sldvexp.origins import COMMAND_LINE, Layer, Origins, parts_of
 
 #: Hydra's settings that hold no code.
 HARMLESS = ("run", "sweep", "mode", "verbose", "job.name")
@@ -23,10 +24,13 @@ def check(origins: Origins) -> None:
     Raises
     ------
     UserError
-        At the first such file.
+        At the first such file, or folder that is not there.
     """
+    for folder in origins.folders_added:
+        if not Path(folder).is_dir():
+            raise UserError(f"{COMMAND_LINE}: there is no folder {folder}")
     for job in _jobs(origins):
-        for layer in job.files():
+        for layer in job.layers_of_files():
             if layer.outside:
                 _check_layer(layer)
 
@@ -34,10 +38,10 @@ def check(origins: Origins) -> None:
 def _jobs(origins: Origins) -> Iterator[Origins]:
     """One configuration for every combination of choices that a sweep makes."""
     swept = [o for o in origins.choices if o.is_sweep_override()]
-    lines = [o for o in origins.options.overrides if o not in [s.input_line for s in swept]]
+    lines = [line for line in origins.settings if line not in [s.input_line for s in swept]]
     values = [[f"{s.get_key_element()}={v}" for v in s.sweep_string_iterator()] for s in swept]
     for combination in product(*values):
-        yield origins.with_overrides([*lines, *combination])
+        yield Origins(origins.arguments, [*lines, *combination])
 
 
 def _check_layer(layer: Layer) -> None:
@@ -45,24 +49,25 @@ def _check_layer(layer: Layer) -> None:
     content = layer.values
     for part in reversed(parts_of(layer.package)):
         content = {part: content}
+    if not isinstance(content, dict):
+        return
     for key in _keys(content):
         if names_code(key.rsplit(".", 1)[-1]):
             raise UserError(f"{layer.source}: {key} {NO_CODE}")
-    of_hydra = content.get("hydra", {}) if isinstance(content, dict) else {}
+    of_hydra = content.get("hydra", {})
     for key in _keys(of_hydra) if isinstance(of_hydra, dict) else [""]:
         below = any(key == h or key.startswith(f"{h}.") for h in HARMLESS)
         above = any(h.startswith(f"{key}.") for h in HARMLESS)
         if not (below or above):
             raise UserError(
                 f"{layer.source}: {f'hydra.{key}'.rstrip('.')} is refused: a file that does not "
-                f"belong to the program may set of hydra {', '.join(HARMLESS)} only"
+                f"belong to the program may set only these of hydra: {', '.join(HARMLESS)}"
             )
 
 
 def _keys(node: Any, path: str = "") -> Iterator[str]:
     """Dotted keys of all settings, those of tables before what is in them."""
-    items = node.items() if isinstance(node, dict) else enumerate(node)
-    for key, value in items:
+    for key, value in node.items() if isinstance(node, dict) else enumerate(node):
         full = f"{path}.{key}" if path else str(key)
         yield full
         if isinstance(value, dict | list):

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
+from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import yaml
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.utils import create_config_search_path, get_args_parser
 from hydra.core.config_search_path import SearchPathQuery
@@ -19,6 +19,8 @@ from hydra.errors import HydraException
 from hydra.types import RunMode
 from omegaconf import MISSING, OmegaConf
 
+from sldvexp import conf_files
+from sldvexp.conf_files import displayed
 from sldvexp.paths import conf_dir
 
 COMMAND_LINE = "command line"
@@ -66,19 +68,41 @@ class Origins:
     ----------
     arguments : sequence of str
         The command line without the program's name.
-    overrides : sequence of str, optional
-        The settings of one job of a sweep, instead of those of the command line.
+    settings : sequence of str, optional
+        Those of one job of a sweep, instead of those of the command line.
     """
 
-    def __init__(self, arguments: Sequence[str], overrides: Sequence[str] | None = None):
+    def __init__(self, arguments: Sequence[str], settings: Sequence[str] | None = None):
         self.arguments = arguments
-        self.options, _ = get_args_parser().parse_known_args(list(arguments))
-        if overrides is not None:
-            self.options.overrides = list(overrides)
+        self._settings = settings
 
-    def with_overrides(self, overrides: Sequence[str]) -> Origins:
-        """The same folders with other settings."""
-        return Origins(self.arguments, overrides)
+    @cached_property
+    def options(self) -> Namespace:
+        """The command line's options."""
+        return get_args_parser().parse_known_args(list(self.arguments))[0]
+
+    @cached_property
+    def settings(self) -> list[str]:
+        """The arguments that are no options."""
+        return list(self.options.overrides if self._settings is None else self._settings)
+
+    @property
+    def unreadable(self) -> list[str]:
+        """The arguments that cannot be read as settings."""
+        return [text for text in self.settings if not _read(text)]
+
+    @cached_property
+    def overrides(self) -> list[Override]:
+        """The arguments that can be read as settings."""
+        read = (_read(text, self._loader) for text in self.settings)
+        return [override for override in read if override]
+
+    @cached_property
+    def choices(self) -> list[Override]:
+        """Those of them that choose from a group, and do not set a value."""
+        exists = self._loader.repository.group_exists
+        found = [o for o in self.overrides if exists(o.key_or_group)]
+        return [o for o in found if not isinstance(o.value(), dict)]
 
     def where(self, key: str) -> str:
         """The key after the argument or file that sets it; the key alone if none is found."""
@@ -93,61 +117,22 @@ class Origins:
 
     @cached_property
     def layers(self) -> list[Layer]:
-        """Files, then arguments; no files if they cannot be found out."""
+        """Choices, files, values of arguments; no files if they cannot be found out."""
         try:
-            files = self.files()
+            files = self.layers_of_files()
         except Exception:  # the configuration is broken, which is told with better words elsewhere
             files = []
         values = [o for o in self.overrides if o not in self.choices]
         return [
-            *files,
             *(Layer(COMMAND_LINE, o.package or o.key_or_group, None) for o in self.choices),
+            *files,
             *(Layer(COMMAND_LINE, o.key_or_group, o.value()) for o in values),
         ]
 
-    @cached_property
-    def overrides(self) -> list[Override]:
-        """The arguments that can be read as settings."""
-        read = (_read(text, self._loader) for text in self.options.overrides)
-        return [override for override in read if override]
-
-    @property
-    def unreadable(self) -> list[str]:
-        """The arguments that cannot be read as settings."""
-        return [text for text in self.options.overrides if not _read(text)]
-
-    @cached_property
-    def choices(self) -> list[Override]:
-        """The arguments that choose from a group, and do not set a value."""
-        exists = self._loader.repository.group_exists
-        found = [o for o in self.overrides if exists(o.key_or_group)]
-        return [o for o in found if not isinstance(o.value(), dict)]
-
-    def options_of(self, group: str) -> set[str]:
-        """What can be chosen of a group, also in folders below it."""
-        found = set(self._loader.repository.get_group_options(group))
-        for folder in self.folders:
-            below = folder / group
-            found |= {str(f.relative_to(below).with_suffix("")) for f in below.rglob("*.yaml")}
-        return {o for o in found if not o.startswith("schema")}
-
-    def where_chosen(self, group: str, name: str) -> str:
-        """The argument or the one file that chooses `name` of a group; empty if none is found."""
-        if any(o.key_or_group == group and name in _listed(o.value()) for o in self.choices):
-            return f"{COMMAND_LINE}: "
-        files = [f for folder in self.folders for f in folder.rglob("*.yaml")]
-        choosing = [f for f in files if name in _listed(_defaults(f).get(group))]
-        return f"{displayed(choosing[0])}: " if len(choosing) == 1 else ""
-
-    def shown(self, path: str) -> str:
-        """The file of a configuration such as ``pose/given``, for messages; empty if none."""
-        files = [folder / f"{path}.yaml" for folder in self.folders]
-        return next((displayed(f.resolve()) for f in files if f.is_file()), "")
-
-    def files(self) -> list[Layer]:
+    def layers_of_files(self) -> list[Layer]:
         """The files of the composition, also those from outside."""
         defaults = self._loader.compute_defaults_list(
-            self.options.config_name or "config", self.options.overrides, RunMode.RUN
+            self.options.config_name or "config", self.settings, RunMode.RUN
         ).defaults
         layers = []
         for default in defaults:
@@ -161,6 +146,36 @@ class Origins:
             layers.append(Layer(displayed(file), default.package or "", values, outside))
         return layers
 
+    def options_of(self, group: str) -> set[str]:
+        """What can be chosen of a group, also in folders below it."""
+        found = set(self._loader.repository.get_group_options(group))
+        for folder in self.folders:
+            below = (folder / group).rglob("*.yaml")
+            found |= {
+                str(f.relative_to(folder / group).with_suffix("")) for f in below if f.is_file()
+            }
+        return {o for o in found if not o.startswith("schema")}
+
+    def where_chosen(self, group: str, name: str) -> str:
+        """The argument or the one file that chooses `name` of a group; empty if none is found."""
+        for choice in (o for o in self.choices if o.key_or_group == group):
+            swept = choice.sweep_string_iterator() if choice.is_sweep_override() else []
+            if name in [*swept, *conf_files.names(choice.value())]:
+                return COMMAND_LINE
+        choosing = [f for f in self.files if name in conf_files.choices(f).get(group, [])]
+        return displayed(choosing[0]) if len(choosing) == 1 else ""
+
+    def shown(self, path: str) -> str:
+        """The file of a configuration such as ``pose/given``, for messages; empty if none."""
+        files = [folder / f"{path}.yaml" for folder in self.folders]
+        return next((displayed(f.resolve()) for f in files if f.is_file()), "")
+
+    @property
+    def files(self) -> list[Path]:
+        """All configuration files, whether composed or not."""
+        found = (file for folder in self.folders for file in folder.rglob("*.yaml"))
+        return [file for file in found if file.is_file()]
+
     @property
     def folders(self) -> list[Path]:
         """The folders that hold configuration files."""
@@ -168,23 +183,21 @@ class Origins:
         return [Path(source.path) for source in sources if source.scheme() == "file"]
 
     @cached_property
+    def folders_added(self) -> list[str]:
+        """Those that the command line adds to the program's own."""
+        added = [self.options.config_dir] if self.options.config_dir else []
+        for override in map(_read, self.settings):
+            if override and override.key_or_group == "hydra.searchpath":
+                added += conf_files.names(override.value())
+        return [a.removeprefix("file://") for a in added if "://" not in a.removeprefix("file://")]
+
+    @cached_property
     def _loader(self) -> ConfigLoaderImpl:
         path = create_config_search_path(str(conf_dir()))
-        added = [self.options.config_dir] if self.options.config_dir else []
-        for override in map(_read, self.options.overrides):
-            if override and override.key_or_group == "hydra.searchpath":
-                added += [p.removeprefix("file://") for p in _listed(override.value())]
-        for folder in (f for f in added if "://" not in f):
-            before_schema = SearchPathQuery(provider="schema")
+        before_schema = SearchPathQuery(provider="schema")
+        for folder in self.folders_added:
             path.prepend("command-line", f"file://{Path(folder).absolute()}", before_schema)
         return ConfigLoaderImpl(path)
-
-
-def displayed(file: Path) -> str:
-    """A configuration file's name for messages."""
-    if file.is_relative_to(conf_dir()):
-        return f"conf/{file.relative_to(conf_dir())}"
-    return str(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file)
 
 
 def parts_of(key: str) -> list[str]:
@@ -199,24 +212,3 @@ def _read(text: str, loader: ConfigLoaderImpl | None = None) -> Override | None:
     except HydraException:
         return None
     return override if override.key_or_group else None
-
-
-def _listed(value: Any) -> list[str]:
-    """The names in a choice, which is one or a list."""
-    values = value if isinstance(value, list) else [value]
-    return [v for v in values if isinstance(v, str)]
-
-
-def _defaults(file: Path) -> dict[str, list[str]]:
-    """What a file's defaults list chooses, by group; what is not such a file chooses nothing."""
-    try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
-        return {}
-    chosen: dict[str, list[str]] = {}
-    for item in content.get("defaults", []) if isinstance(content, dict) else []:
-        pairs = item.items() if isinstance(item, dict) else [(file.parent.name, item)]
-        for key, value in pairs:
-            group = str(key).split()[-1].lstrip("/").partition("@")[0]
-            chosen.setdefault(group, []).extend(_listed(value))
-    return chosen

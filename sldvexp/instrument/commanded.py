@@ -70,7 +70,8 @@ class CommandedInstrument:
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        self._acquisition = self._position = None
+        # Nothing that might be refused on the way: going home must not depend on it.
+        self._acquisition, self._position, self._view = None, None, ""
         try:
             self._persistently("going home", self._go_home)
         except InstrumentError as left:
@@ -85,6 +86,11 @@ class CommandedInstrument:
 
     def configure(self, acquisition: Acquisition) -> None:
         """Set sampling and generator for all pixels that follow."""
+        numbers = (acquisition.rate, acquisition.amplitude, *acquisition.excitation)
+        if not (np.isfinite(numbers).all() and acquisition.rate > 0 and acquisition.samples > 0):
+            raise InstrumentError(
+                f"configuring: rate and samples must be positive numbers, not {acquisition}"
+            )
         self._acquisition = acquisition
         if acquisition.excitation and not self.profile.commands.generator_on:
             tones = ", ".join(f"{f:g}" for f in acquisition.excitation)
@@ -150,16 +156,26 @@ class CommandedInstrument:
 
     def _once(self, step: Callable[[Dialogue], T]) -> T:
         """Do a step, over a new connection if the last step left the old one in disorder."""
+        known, self._dialogue = self._dialogue, None
+        dialogue = known or Dialogue(self.profile, self._connect, self._timeout)
+        in_order = False
         try:
-            if self._dialogue is None:
-                self._dialogue = Dialogue(self.profile, self._connect, self._timeout)
-                self._restore(self._dialogue)
-            return step(self._dialogue)
-        except BaseException as error:
-            # A refusal leaves nothing unread; whatever else may, also an operator's Ctrl-C.
-            if isinstance(error, Disturbance) or not isinstance(error, InstrumentError):
-                self._hang_up()
+            if known is None:
+                self._restore(dialogue)
+            done = step(dialogue)
+            in_order = True
+            return done
+        except Disturbance:
             raise
+        except InstrumentError:
+            # A refusal leaves nothing unread; whatever else may, also an operator's Ctrl-C.
+            in_order = known is not None
+            raise
+        finally:
+            if in_order:
+                self._dialogue = dialogue
+            else:
+                dialogue.close()
 
     def _hang_up(self) -> None:
         if self._dialogue is not None:

@@ -15,8 +15,10 @@ Array = NDArray[np.float64]
 
 #: Places of the mirror offset, the rim and the circles' errors among the parameters.
 OFFSET, RIM, MOVED = 6, 7, 8
-#: A step below this many standard errors ends the iteration.
-SETTLED = 1e-6
+#: A step that moves all edges by less, in their standard errors, ends the iteration.
+SETTLED = 1e-7
+#: Least noise in standard errors: noise-free data must not void what is known beforehand.
+LEAST = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +100,7 @@ def solve_edges(
         residual, jacobian = residuals(
             points, rotation, origin, nominal + state[OFFSET], moved, state[RIM]
         )
-        s = max(float(np.sqrt(residual @ residual / dof)), 1e-9)
+        s = max(float(np.sqrt(residual @ residual / dof)), LEAST)
         j = jacobian[:, free] / s
         information = j.T @ j + np.diag(weight)
         gradient = j.T @ residual / s + weight * state[free]
@@ -107,7 +109,7 @@ def solve_edges(
         full[free] = step
         rotation, origin = rotation_from_vector(full[:3]) @ rotation, origin + full[3:6]
         state[OFFSET:] += full[OFFSET:]
-        if step @ information @ step < SETTLED**2:
+        if np.linalg.norm(jacobian[:, free] @ step) < SETTLED:
             break
     else:
         raise UserError(f"{where}: the edges gave no pose in {max_iterations} iterations")

@@ -1,0 +1,123 @@
+"""The `sldvexp-lab` command: the virtual lab of a configuration as a server on this machine."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from sldvexp import registry
+from sldvexp.errors import UserError
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+    from sldvexp.config import Experiment
+
+#: Where `instrument=visa` looks for it.
+PORT = 5025
+
+
+def main() -> None:
+    """Serve until Ctrl-C. Exit status: 0, or 1 with one sentence for a user's mistake."""
+    options = _parser().parse_args()
+    try:
+        serve(options.settings, options.host, options.port)
+    except UserError as error:
+        for line in str(error).splitlines():
+            print(f"sldvexp-lab: {line}", file=sys.stderr)
+        sys.exit(1)
+
+
+def serve(settings: Sequence[str], host: str = "127.0.0.1", port: int = PORT) -> None:
+    """Start the lab of a configuration, print VISA's name of it, and serve until Ctrl-C.
+
+    Parameters
+    ----------
+    settings : sequence of str
+        As `sldvexp` takes them; of the configuration only scene, target, laser and seed matter.
+    host : str
+    port : int
+        0 takes a free one.
+
+    Raises
+    ------
+    UserError
+        If the configuration is wrong or has no scene, or the port is not free.
+    """
+    from sldvexp.virtual_lab.lab import VirtualLab
+    from sldvexp.virtual_lab.server import LabServer
+
+    made = experiment(settings)
+    if made.scene is None:
+        raise UserError("there is no scene to serve; choose scene=calibration or scene=plate")
+    lab = VirtualLab(made.scene, made.laser, made.target, made.seed)
+    try:
+        server = LabServer(lab, host, port)
+    except OSError as error:
+        told = f"cannot listen on {host}, port {port}: {error.strerror or error}"
+        raise UserError(f"{told}; --port 0 takes a free one") from None
+    with server, suppress(KeyboardInterrupt):
+        print(server.resource, flush=True)
+        server.stopping.wait()
+
+
+def experiment(settings: Sequence[str]) -> Experiment:
+    """The plugins of a configuration.
+
+    Raises
+    ------
+    UserError
+        If something is wrong with it.
+    """
+    from sldvexp import complaints, config
+    from sldvexp.origins import Origins
+
+    origins = Origins(list(settings))
+    registry.load()
+    try:
+        composed = _composed(settings)
+    except Exception as error:
+        raise UserError(complaints.of_composition(error, origins)) from error
+    try:
+        return config.build(composed)
+    except Exception as error:
+        if told := complaints.sentence(error, origins):
+            raise UserError(told) from error
+        raise
+
+
+def _composed(settings: Sequence[str]) -> DictConfig:
+    from hydra import compose, initialize_config_dir
+    from hydra.errors import MissingConfigException
+
+    from sldvexp.paths import conf_dir
+
+    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
+        try:
+            return compose("config", overrides=list(settings))
+        except MissingConfigException:
+            # Perhaps a scene or a target of an installed package, which only now are looked for.
+            if not registry.load_installed():
+                raise
+            return compose("config", overrides=list(settings))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="sldvexp-lab",
+        description="Serve the virtual lab of a configuration to instrument=visa.",
+        epilog="Example: sldvexp-lab scene=plate target=two_planes laser=ometron_16bit seed=3",
+    )
+    parser.add_argument("settings", nargs="*", metavar="key=value", help="as sldvexp takes them")
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen on (%(default)s)")
+    parser.add_argument(
+        "--port", type=int, default=PORT, help="0 takes a free one (default: %(default)s)"
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    main()
