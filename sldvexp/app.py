@@ -99,7 +99,7 @@ class Command:
             from sldvexp import complaints
             from sldvexp.origins import Origins
 
-            lines: Any = OmegaConf.to_container(job.overrides, resolve=False)  # type: ignore[arg-type]
+            lines: Any = OmegaConf.to_container(job.overrides, resolve=False)
             settings = [*lines["hydra"], *lines["task"]]
             told = complaints.sentence(error, Origins(self.arguments, settings))
             if told is None or self.full_error:

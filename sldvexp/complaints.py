@@ -95,7 +95,7 @@ def of_composition(error: Exception, origins: Origins) -> str:
         return f"{displayed(Path(mark.name))}, line {mark.line + 1}: is not YAML: {said}"
     for reason in (error, cause):
         if isinstance(reason, OSError) and reason.filename is not None:
-            return f"{reason.filename}: cannot be made or read: {reason.strerror or reason}"
+            return f"{reason.filename}: cannot be made or written: {reason.strerror or reason}"
     if isinstance(error, RecursionError):
         return "a configuration file includes itself in its defaults, perhaps by way of others"
     if not isinstance(error, HydraException):
@@ -184,6 +184,7 @@ def _bad_argument(error: Exception, origins: Origins) -> str:
     where = origins.shown(file) if file else COMMAND_LINE
     for pattern, words in IN_FILES if file else ARGUMENTS:
         if match := re.match(pattern, text):
-            groups = nearest(match.groups()[-1], [*registry.GROUPS, "experiment"])
-            return f"{where}: {words.format(*match.groups(), groups=groups)}"
+            found = match.groups() or ("",)
+            groups = nearest(found[-1], [*registry.GROUPS, "experiment"])
+            return f"{where}: {words.format(*found, groups=groups)}"
     return f"{where or 'the configuration'}: {text.splitlines()[0]}"

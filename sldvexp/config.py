@@ -216,7 +216,11 @@ def _plugin(node: Any, group: str, key: str, problems: list[Problem]) -> Any:
     name = registry.name_of(OmegaConf.get_type(node)) if isinstance(node, DictConfig) else None
     if name is None or not name.startswith(f"{group}/"):
         valid = nearest("", registry.names(group))
-        message = f"has settings but no plugin; choose one with {group}=name. {valid}"
+        message = (
+            f"has settings but no plugin; choose one with {group}=name, with 'override /{group}: "
+            f"name' in an experiment's defaults, or with schema/name@_here_ in those of a file of "
+            f"{group}/; {valid}"
+        )
         problems.append(Problem(key, message))
         return None
     return _object(node, key, problems)

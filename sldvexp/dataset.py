@@ -1,4 +1,4 @@
-"""The one place that knows a run's groups, variables, dimensions and units, and how it is stored."""
+"""The one place that knows a run's groups, variables, dimensions, units, and how it is stored."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def _choices(group: str, folders: list[Path]) -> Iterator[str]:
 
 
 def _by_name(group: str, name: str) -> bool:
-    """Whether a plugin without a file can be chosen: checks by `plugin`, those of other packages."""
+    """Whether a plugin without a file can be chosen: checks, and those of other packages."""
     return group == "check" or not registry.get(group, name).__module__.startswith("sldvexp.")
 
 

@@ -42,6 +42,8 @@ BUILT_IN = (
     "sldvexp.virtual_lab.scene_plate",
     "sldvexp.scan.calibration",
     "sldvexp.instrument.file",
+    "sldvexp.instrument.visa",
+    "sldvexp.virtual_lab.simulated",
     "sldvexp.signal.sine_fit",
     "sldvexp.pose.registration",
     "sldvexp.pose.bitangent",

@@ -23,11 +23,13 @@ class Bitangents(Check):
 
     def examine(self, tree: Mapping[str, xr.Dataset], rng: np.random.Generator) -> xr.Dataset:
         """``position_inch (point, plane_axis)``."""
+        import numpy as np
+
         from sldvexp import dataset
 
         if "target" not in tree:
             raise UserError("check=bitangents needs a calibration object: choose a target")
         target = tree["target"]
         position = target["position"].sel(axis=["x", "y"]) / LengthUnit.inch.value
-        coords = {"point": target["point"].values, "plane_axis": ["x", "y"]}
+        coords = {"point": target["point"].values, "plane_axis": np.array(["x", "y"])}
         return dataset.group("examined/bitangents", coords, position_inch=position.values)

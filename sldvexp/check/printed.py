@@ -53,7 +53,7 @@ class Printed(Check):
             partial, full = tree[self.partial], tree[self.full]
             tabulated = partial.attrs["sse"], full.attrs["sse"], rows[self.full]["std"]
             more["f_statistic"] = printed_f(*(round(x, self.decimals) for x in tabulated))
-            more["f_critical"] = fdtri(1, full.sizes["row"] - 1, 0.95)
+            more["f_critical"] = float(fdtri(1, full.sizes["row"] - 1, 0.95))
         return dataset.group("examined/printed", {"method": methods}, **columns, **more)
 
 

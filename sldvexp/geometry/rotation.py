@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-#: Below this sine of the second Euler angle, only the sum or difference of the others is determined.
+#: Below this sine of phi2, only the sum or difference of the other angles is determined.
 GIMBAL_LOCK = 1e-6
 
 
@@ -41,7 +41,7 @@ def rotation_from_euler(euler: ArrayLike) -> Array:
 def euler_from_rotation(rotation: ArrayLike) -> Array:
     """Euler angles in the x-convention, with phi2 in [0, pi].
 
-    Where sin(phi2) vanishes only phi1 + phi3 (or phi1 - phi3) is determined; phi1 is then set to zero.
+    Where sin(phi2) vanishes only phi1 + phi3 (or phi1 - phi3) is determined; phi1 is then zero.
 
     Parameters
     ----------

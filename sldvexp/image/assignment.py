@@ -38,11 +38,14 @@ class Assignment:
     mirrored : bool
     residual : float, steps
         Root mean square of what the best projective map leaves at the bitangent points.
+    upright : bool
+        False for a camera that would see near planes far and far planes near.
     """
 
     ellipse: dict[int, int]
     mirrored: bool
     residual: float
+    upright: bool = True
 
 
 class _Image:
@@ -90,7 +93,7 @@ def assignments(
         turn = parts[0].mirrored
         alike = all(part.mirrored == turn for part in parts)
         if alike and len(set(whole.values())) == len(whole):
-            found.append(Assignment(whole, turn, _camera_residual(target, whole, turn, image)))
+            found.append(_by_camera(target, whole, turn, image))
     return _sorted(found)
 
 
@@ -183,9 +186,15 @@ def _with_nearest(choice: NDArray[np.intp], place: Array, centre: Array) -> NDAr
     return choice
 
 
-def _camera_residual(
+def _by_camera(
     target: Circles, ellipse: dict[int, int], mirrored: bool, image: _Image
-) -> float:
+) -> Assignment:
+    """Assignment on all planes, judged by one camera matrix.
+
+    Objects with the same circles on two planes fit one camera as well that exchanges the planes and
+    turns space inside out. The axes (up, left, away from the instrument) are left-handed, so that
+    the camera's determinant is negative for planes that face the instrument.
+    """
     points, images = [], []
     for members in circles_by_plane(target):
         pairs = list(itertools.combinations([n for n in members if n in ellipse], 2))
@@ -194,5 +203,8 @@ def _camera_residual(
             points.append(plane.origin + _plane_points(target, pairs) @ plane.axes()[:2])
             index = np.array([[ellipse[n] for n in pair] for pair in pairs])
             images.append(image.points(index, mirrored))
-    _, residual = fit_projection(np.concatenate(points), np.concatenate(images))
-    return float(residual)
+    in_space = np.concatenate(points)
+    camera, residual = fit_projection(in_space, np.concatenate(images))
+    _, depth = apply(camera, in_space)
+    turn = np.linalg.det(camera[:, :3]) * np.sign(depth[0])
+    return Assignment(ellipse, mirrored, float(residual), bool((turn > 0) == mirrored))

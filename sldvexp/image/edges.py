@@ -113,7 +113,7 @@ def _edges(
     good = is_edge(reason)
     line = found.line[good]
     return Edges(
-        position=lines.place(line, edge[good]),
+        position=lines.place(line, edge[good], width[good]),
         std=std[good],
         direction=lines.direction[line],
         width=width[good],

@@ -90,6 +90,7 @@ def match_circles(
             f"no bitangents to be matched by; put a second circle on all but one of these planes"
         )
     found = assignments(target, ellipses, [False, True] if mirrored is None else [mirrored])
+    found = _upright(found)
     _check(found, ellipses)
     best = found[0]
     left = set(range(len(ellipses))) - set(best.ellipse.values())
@@ -132,6 +133,18 @@ def bitangent_images(
     return Bitangents(found.points[:, MIRRORED], covariance)
 
 
+def _upright(found: list[Assignment]) -> list[Assignment]:
+    """Assignments without those that rival an upright one but see space inside out."""
+    near = [a for a in found if not _worse(a, found[0])]
+    if not any(a.upright for a in near):
+        return found
+    return [a for a in found if a.upright or a not in near]
+
+
+def _worse(other: Assignment, best: Assignment) -> bool:
+    return other.residual >= DISTINCT * max(best.residual, APPROXIMATION)
+
+
 def _check(found: list[Assignment], ellipses: Sequence[Ellipse]) -> None:
     """Refuse an image of something else, and a second assignment nearly as good as the first."""
     size = min(float(e.semi_axes[1]) for e in ellipses)
@@ -145,7 +158,7 @@ def _check(found: list[Assignment], ellipses: Sequence[Ellipse]) -> None:
     if len(found) < 2:
         return
     best, second = found[:2]
-    if second.residual < DISTINCT * max(best.residual, APPROXIMATION):
+    if not _worse(second, best):
         ratio = second.residual / max(best.residual, np.finfo(float).tiny)
         moved = [n for n in sorted(best.ellipse) if best.ellipse[n] != second.ellipse[n]]
         how = [f"circles {', '.join(map(str, moved))} change places"] if moved else []

@@ -108,18 +108,16 @@ def fit_profiles(
     numbers, settled = _least_squares(along, magnitude, weight, numbers, pitch)
 
     model, jacobian = step_profile(along, numbers)
-    width = np.exp(numbers[:, 1])
     resolved = _resolved(numbers, pitch)
     rows = weight[..., None] * jacobian
     between = pitch / np.sqrt(12.0)  # of two pixels: every place is as likely
-    std = np.where(resolved, _edge_std(rows), between)
     inside = (numbers[:, 0] > along[:, 0]) & (numbers[:, 0] < along[:, -1])
     return Profiles(
         edge=numbers[:, 0],
-        width=width,
+        width=np.exp(numbers[:, 1]),
         before=numbers[:, 2],
         after=numbers[:, 3],
-        edge_std=np.where(width < pitch / 2, np.minimum(std, between), std),
+        edge_std=np.where(resolved, _edge_std(rows), between),
         chi_square=np.sum((weight * (magnitude - model)) ** 2, axis=1),
         dof=np.count_nonzero(weight, axis=1) - 4,
         resolved=resolved,
@@ -167,14 +165,10 @@ def _least_squares(
     cost = np.sum((weight * (magnitude - model)) ** 2, axis=1)
     for _ in range(ITERATIONS):
         rows = weight[..., None] * jacobian
-        residual = weight * (magnitude - model)
-        pull = np.einsum("npi,np->ni", rows, residual)
-        # a width at its bound that wants beyond it is held while the others move
-        rows[(numbers[:, 1] <= narrowest) & (pull[:, 1] < 0), :, 1] = 0.0
         normal = np.swapaxes(rows, 1, 2) @ rows
         scale = np.maximum(np.einsum("nii->ni", normal), TINY)
         normal += damping[:, None, None] * scale[:, None, :] * np.eye(4)
-        pull = np.einsum("npi,np->ni", rows, residual)
+        pull = np.einsum("npi,np->ni", rows, weight * (magnitude - model))
         step = np.linalg.solve(normal, pull[..., None])[..., 0]
         trial = numbers + step
         trial[:, 1] = np.clip(trial[:, 1], narrowest, widest)

@@ -53,6 +53,7 @@ class Digitizer(PoseMethod):
     def __post_init__(self) -> None:
         checks = Checks()
         checks.probability("confidence", self.confidence)
+        checks.require(bool(self.view.strip()), "view", "must be a name")
         for name in ("instrument_points", "object_points"):
             points = getattr(self, name)
             enough = f"needs at least three points, not {len(points)}"

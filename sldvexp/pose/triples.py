@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from sldvexp.errors import UserError, nearest
+from sldvexp.errors import ConfigError, Problem, UserError, nearest
 from sldvexp.fields import csv_lines, number, unit_of_columns
 from sldvexp.files import read_text, require_file
 from sldvexp.geometry.rotation import nearest_rotation, rigid_transform, vector_from_rotation
@@ -44,8 +44,20 @@ def estimate(method: Digitizer) -> xr.Dataset:
     posts = len(method.instrument_points)
     known = [np.array(list(p.values()), float) * method.unit.value for p in (
         method.instrument_points, method.object_points)]  # fmt: skip
-    for what, points in zip(("instrument_points", "object_points"), known, strict=True):
-        _require_triangle(points, f"pose.{what}")
+    for what, points, measured in zip(
+        ("instrument_points", "object_points"),
+        known,
+        (digitised[:, :posts], digitised[:, posts:]),
+        strict=True,
+    ):
+        if not _is_triangle(points):
+            message = "the points lie on one line; the rotation about it is unknown"
+            raise ConfigError([Problem(f"pose.{what}", message)])
+        for repeat, triple in enumerate(measured, 1):
+            if not _is_triangle(triple):
+                raise UserError(
+                    f"{path}: repeat {repeat} of the {what} lies on one line; digitise it again"
+                )
     to_laser, laser_shift = rigid_transform(digitised[:, :posts], known[0])
     to_world, world_shift = rigid_transform(digitised[:, posts:], known[1])
     rotation = to_laser @ np.swapaxes(to_world, 1, 2)
@@ -153,8 +165,7 @@ def _plain_rows(path: Path) -> Iterator[list[float]]:
         yield [number(c, "a coordinate", f"{path}, line {line}") for c in cells]
 
 
-def _require_triangle(points: Array, where: str) -> None:
-    """Complain about points on one line: they leave a rotation undetermined."""
+def _is_triangle(points: Array) -> bool:
+    """Whether points span a plane: those on one line leave the rotation about it unknown."""
     extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    if not extent[1] > COLLINEAR * extent[0]:
-        raise UserError(f"{where}: the points lie on one line; the rotation about it is unknown")
+    return bool(extent[1] > COLLINEAR * extent[0])

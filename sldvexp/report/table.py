@@ -71,7 +71,7 @@ def _pose_rows(view: str, pose: xr.Dataset) -> Iterator[tuple[str, str, str, str
             bound = float(bounds.sel({dim: label})) if bounds is not None else np.nan
             yield f"pose {view}: {label}", with_bound(value, bound), unit, ""
     if "s" in pose:
-        note = f"SSE {number(float(pose['sse']))} deg²"
+        note = f"SSE {number(float(pose['sse']))} deg²" if "sse" in pose else ""
         yield f"pose {view}: s", number(float(pose["s"])), "DAC steps", note
 
 

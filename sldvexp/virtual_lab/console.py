@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 #: Where `instrument=visa` looks for it.
 PORT = 5025
 
+#: Whose lab it is if no experiment is chosen.
+EXPERIMENT = "experiment=dissertation/automated_pose"
+
 
 def main() -> None:
     """Serve until Ctrl-C. Exit status: 0, or 1 with one sentence for a user's mistake."""
@@ -37,7 +40,7 @@ def serve(settings: Sequence[str], host: str = "127.0.0.1", port: int = PORT) ->
     Parameters
     ----------
     settings : sequence of str
-        As `sldvexp` takes them; of the configuration only scene, target, laser and seed matter.
+        As `sldvexp` takes them; of the experiment only scene, target, laser and seed matter.
     host : str
     port : int
         0 takes a free one.
@@ -65,7 +68,7 @@ def serve(settings: Sequence[str], host: str = "127.0.0.1", port: int = PORT) ->
 
 
 def experiment(settings: Sequence[str]) -> Experiment:
-    """The plugins of a configuration.
+    """The plugins of a configuration, `EXPERIMENT` if it does not choose another.
 
     Raises
     ------
@@ -75,6 +78,8 @@ def experiment(settings: Sequence[str]) -> Experiment:
     from sldvexp import complaints, config
     from sldvexp.origins import Origins
 
+    if not any(s.lstrip("~").startswith("experiment") for s in settings):
+        settings = [EXPERIMENT, *settings]
     origins = Origins(list(settings))
     registry.load()
     try:

@@ -199,3 +199,12 @@ class ShutterCloses(Fault):
         """Close it, and answer."""
         server.dialect.lab.shutter_open = False
         send(answer)
+
+
+@dataclass
+class Surplus(Fault):
+    """A byte too many before the end of the answer."""
+
+    def spoil(self, answer: bytes, send: Send, server: LabServer) -> None:
+        """Send it with one byte more."""
+        send(answer[:-1] + b"x" + answer[-1:])

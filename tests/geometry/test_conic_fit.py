@@ -112,6 +112,7 @@ def test_likelihood_reaches_the_cramer_rao_bound(shape: str) -> None:
     error = np.array([f.ellipse.parameters - ellipse for f in found]) / bound(ellipse)
     assert np.all(np.abs(error.std(axis=0) - 1.0) < 4.5 / np.sqrt(2 * COUNT))
     assert np.all(np.abs(error.mean(axis=0)) < 4.5 / np.sqrt(COUNT))
+    assert np.mean([f.outliers for f in found]) < 0.05
     chi_square = np.mean([f.chi_square for f in found])
     assert chi_square == pytest.approx(LINES - 5, abs=4.5 * np.sqrt(2 * (LINES - 5) / COUNT))
 
@@ -164,12 +165,16 @@ def test_edges_far_off_do_not_pull_the_start() -> None:
 def test_unknown_standard_errors_are_estimated_from_the_residuals() -> None:
     rng = np.random.default_rng(6)
     points, normals = edge(ELLIPSE, LINES)
-    estimates = []
+    estimates, fits = [], []
     for _ in range(COUNT):
         noisy = points + rng.normal(0.0, STD, (LINES, 1)) * normals
-        estimates.append(fit_ellipse(noisy).residual_std[0] ** 2)
+        fits.append(fit_ellipse(noisy))
+        estimates.append(fits[-1].residual_std[0] ** 2)
     spread = STD**2 * np.sqrt(2.0 / (LINES - 5) / COUNT)
     assert np.mean(estimates) == pytest.approx(STD**2, abs=4.5 * spread)
+    seen = np.std([f.ellipse.parameters for f in fits], axis=0)
+    stated = np.sqrt(np.diag(np.mean([f.ellipse.covariance for f in fits], axis=0)))
+    assert np.all(np.abs(seen / stated - 1.0) < 4.5 / np.sqrt(2 * COUNT))
 
 
 def test_errors_along_oblique_scan_lines_count_by_their_part_across_the_edge() -> None:

@@ -108,8 +108,9 @@ def test_gradient_is_nearly_unbiased_and_worse_than_the_profile(width: float) ->
 @pytest.mark.parametrize("method", METHODS)
 def test_a_spot_smaller_than_a_pixel_leaves_a_pixel_of_doubt(method: str) -> None:
     edge = np.random.default_rng(2).uniform(-4.0, 4.0, 400)
-    found = METHODS[method](lines_with_edges(edge, width=0.05, noise=0.002), 1, FINE_WINDOW)
+    found = METHODS[method](lines_with_edges(edge, width=0.05, noise=0.02), 1, FINE_WINDOW)
     error = errors(found, edge)
+    assert len(error) == 400
     assert np.abs(error).max() < 0.6
     assert np.median(found.std) == pytest.approx(1 / np.sqrt(12.0), rel=0.01)
     assert error.std() < 1.1 * np.median(found.std)
@@ -154,6 +155,7 @@ def test_flagged_pixels_are_not_used(method: str) -> None:
     scanned = lines_with_edges(edge)
     flag = np.zeros(scanned.flag.shape, bool)
     flag[:, 3:7] = True
+    flag[::2, 14] = True
     magnitude = np.where(flag, np.nan, scanned.magnitude)
     std = np.where(flag, np.nan, scanned.std)
     marked = ScanLines(magnitude, std, scanned.position, flag, "circle 2")
@@ -257,6 +259,7 @@ def test_component_in_phase_is_unbiased_where_the_magnitude_is_not() -> None:
         ScanLines.of_velocity(velocity, std, still.position, still.flag), 1, FINE_WINDOW
     )
     error = errors(found, edge) * inwards[found.line]
+    assert found.rising.tolist() == still.magnitude[found.line, -1].round().astype(bool).tolist()
     assert abs(error.mean()) < 4.5 * error.std() / np.sqrt(count)
     assert (error / found.std).std() == pytest.approx(1.0, abs=0.1)
     found = profile_edges(ScanLines(np.abs(velocity), std, still.position, still.flag), 1, 5)
@@ -264,16 +267,46 @@ def test_component_in_phase_is_unbiased_where_the_magnitude_is_not() -> None:
     assert biased.mean() > 10 * biased.std() / np.sqrt(count)
 
 
-def test_oblique_lines_of_whole_steps_repeat_pixels() -> None:
-    """A unit pitch along a diagonal, rounded, stands still now and then; the edge is not moved."""
+@pytest.mark.parametrize("phase", np.linspace(-3.0, 3.0, 5))
+def test_component_in_phase_is_the_whole_motion(phase: float) -> None:
+    still = lines_with_edges(np.zeros(6))
+    velocity = still.magnitude * np.exp(1j * phase)
+    found = ScanLines.of_velocity(velocity, still.std, still.position, still.flag)
+    assert found.magnitude == pytest.approx(still.magnitude, abs=1e-9)
+
+
+@pytest.mark.parametrize("width", [0.6, 1.5])
+@pytest.mark.parametrize("method", METHODS)
+def test_oblique_lines_of_whole_steps_place_edges_between_them(method: str, width: float) -> None:
+    """A unit pitch along a diagonal, rounded, stands still now and then and runs beside its line.
+
+    The edge is 4 deg off square to the lines, as after a coarse fit.
+    """
+    rng = np.random.default_rng(8)
+    count, noise = 400, 0.002
     t = np.arange(25) - 12.0
-    position = np.round(np.stack([0.6 * t + 20.3, 0.8 * t + 30.1], axis=1))
-    edge = 1.7
-    along = (position - position.mean(axis=0)) @ [0.6, 0.8]
-    found = profile_edges(lines(ndtr((along - edge) / 1.5)[None], position[None]), 1, 5)
-    place = (found.position[0] - position.mean(axis=0)) @ [0.6, 0.8]
-    assert np.any(np.all(np.diff(position, axis=0) == 0, axis=1))
-    assert place == pytest.approx(edge, abs=0.05)
+    start = rng.uniform(0.0, 1.0, (count, 1, 2))
+    position = np.round(np.stack([0.6 * t, 0.8 * t], axis=1) + start)
+    assert np.any(np.all(np.diff(position, axis=1) == 0, axis=-1))
+    askew = np.arctan2(0.8, 0.6) + np.radians(4.0)
+    normal = np.array([np.cos(askew), np.sin(askew)])
+    magnitude = ndtr((position @ normal - 0.4) / width) + noise * rng.normal(size=(count, 25))
+    found = METHODS[method](lines(magnitude, position, noise), 1, FINE_WINDOW)
+    error = found.position @ normal - 0.4
+    assert len(error) == count
+    assert error.std() < (0.12 if method == "gradient" else 1.3 * np.median(found.std))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_circle_smaller_than_the_window_has_both_edges(method: str) -> None:
+    t = np.arange(60.0)
+    inside = ndtr((t - 24.3) / 1.2) - ndtr((t - 34.6) / 1.2)
+    rng = np.random.default_rng(9)
+    scanned = horizontal(inside + NOISE * rng.normal(size=(40, 60)))
+    found = METHODS[method](scanned, 2, FINE_WINDOW)
+    assert len(found.std) == 80
+    error = found.position[:, 0] - np.tile([24.3, 34.6], 40)
+    assert np.abs(error / found.std).max() < 5.0
 
 
 def broken(**changes: np.ndarray) -> dict[str, np.ndarray]:

@@ -103,6 +103,21 @@ def test_covariance_of_the_points_is_that_of_repeats(
     assert deviation.max() < 0.25
 
 
+@pytest.mark.parametrize("wiring", WIRINGS)
+def test_covariance_follows_the_mirroring(wiring: str, view: Make, figure_4_1: Circles) -> None:
+    matrix, _ = WIRINGS[wiring]
+    pairs = figure_4_1.selected_pairs()
+    straight = images(figure_4_1, view(), [1, 2, 3, 4])
+    turned = images(figure_4_1, view(), [1, 2, 3, 4], matrix)
+    here, there = (
+        bitangent_images(found, match_circles(figure_4_1, found), pairs)
+        for found in (straight, turned)
+    )
+    assert there.points == pytest.approx(here.points @ matrix.T, abs=1e-6)
+    expected = np.einsum("xi,pleiqmfj,yj->plexqmfy", matrix, here.covariance, matrix)
+    assert there.covariance == pytest.approx(expected, abs=1e-9)
+
+
 def target_of(circles: dict[int, Circle], planes: dict[str, Plane] | None = None) -> Circles:
     planes = {"front": Plane()} | (planes or {})
     return Circles(unit=LengthUnit.inch, circles=circles, planes=planes)
@@ -175,6 +190,23 @@ def test_many_circles_on_a_plane_are_matched_without_trying_all_orders(view: Mak
     order = rng.permutation(sorted(circles)).tolist()
     match = match_circles(target, images(target, view(), order))
     assert {n: order[k] for n, k in match.ellipse.items()} == {n: n for n in order}
+
+
+@pytest.mark.parametrize("wiring", WIRINGS)
+def test_planes_with_the_same_circles_are_told_apart_by_their_depth(
+    wiring: str, view: Make
+) -> None:
+    """A camera that sees space inside out would exchange the two planes."""
+    matrix, mirrored = WIRINGS[wiring]
+    places = {1: (0.0, 0.0, 0.8), 2: (3.0, 0.5, 0.9), 3: (1.0, 4.0, 1.0)}
+    near = {n: Circle(x, y, d) for n, (x, y, d) in places.items()}
+    far = {n + 3: Circle(x, y, d, "far") for n, (x, y, d) in places.items()}
+    target = target_of(near | far, {"far": Plane([5.0, 5.0, -4.0], [0.0, 0.0, 1.0])})
+    order = [5, 1, 4, 2, 6, 3]
+    found = images(target, view(), order, matrix, np.random.default_rng(6))
+    match = match_circles(target, found)
+    assert {n: order[k] for n, k in match.ellipse.items()} == {n: n for n in order}
+    assert match.mirrored is mirrored
 
 
 def test_one_circle_alone_on_its_plane_takes_the_ellipse_that_is_left(

@@ -1,0 +1,62 @@
+"""Virtual labs and connections to them, as a run makes them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hydra import compose, initialize_config_dir
+
+from sldvexp import config, registry
+from sldvexp.config import Experiment
+from sldvexp.instrument import visa  # noqa: F401 (registers itself)
+from sldvexp.instrument.protocol import Samples
+from sldvexp.virtual_lab import simulated  # noqa: F401 (registers itself)
+from sldvexp.virtual_lab.lab import VirtualLab
+
+registry.load()
+
+CONF = Path(__file__).parents[2] / "conf"
+
+
+@pytest.fixture
+def experiment() -> Callable[..., Experiment]:
+    """The plugins of a configuration."""
+
+    def made(*overrides: str) -> Experiment:
+        chosen = ["~experiment", "scene=calibration", "target=dissertation", *overrides]
+        with initialize_config_dir(str(CONF), version_base="1.3"):
+            return config.build(compose("config", overrides=chosen))
+
+    return made
+
+
+@pytest.fixture
+def lab(experiment: Callable[..., Experiment]) -> Callable[..., VirtualLab]:
+    """The virtual lab of a configuration."""
+
+    def made(*overrides: str) -> VirtualLab:
+        e = experiment(*overrides)
+        return VirtualLab(e.scene, e.laser, e.target, e.seed)
+
+    return made
+
+
+@pytest.fixture
+def line() -> np.ndarray:
+    """A short scan line over the calibration object."""
+    return np.stack([np.full(8, -150), np.arange(-300, -220, 10)], axis=1)
+
+
+@pytest.fixture
+def same() -> Callable[[Samples, Samples], bool]:
+    """Whether two blocks of samples are the same to the last bit."""
+
+    def compare(a: Samples, b: Samples) -> bool:
+        parts = ((a.counts, b.counts), (a.volts_per_count, b.volts_per_count), (a.status, b.status))
+        alike = all(x.dtype == y.dtype and np.array_equal(x, y) for x, y in parts)
+        return alike and a.rate == b.rate
+
+    return compare
