@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from argparse import Namespace
@@ -13,7 +14,7 @@ from hydra._internal.utils import get_args_parser
 from hydra.errors import MissingConfigException
 from omegaconf import DictConfig, OmegaConf
 
-from sldvexp import config, registry  # noqa: F401 (config: the root schema registers itself)
+from sldvexp import config, config_source, registry  # noqa: F401 (config: the root schema registers itself)
 from sldvexp.errors import UserError
 from sldvexp.paths import conf_dir
 
@@ -31,12 +32,14 @@ def main() -> None:
     """
     wanted = os.environ.get(FULL_ERROR)
     os.environ[FULL_ERROR] = "1"  # Hydra then raises, and we choose the words
+    gc.disable()  # composing makes many objects and no garbage; a job turns it on again
     try:
         status = Command(sys.argv[1:], full_error=wanted == "1").run()
     except KeyboardInterrupt:
         print("sldvexp: interrupted", file=sys.stderr)
         status = INTERRUPTED
     finally:
+        gc.enable()
         os.environ.pop(FULL_ERROR)
         if wanted is not None:
             os.environ[FULL_ERROR] = wanted
@@ -63,8 +66,11 @@ class Command:
     def run(self) -> int:
         """Run every job; the worst exit status of them."""
         try:
-            registry.load()
-            self._check(self._options())
+            options = self._options()
+            if options.help:
+                return self._help(options)
+            config_source.install()
+            self._check(options)
             try:
                 self._compose_and_run()
             except MissingConfigException:
@@ -85,8 +91,18 @@ class Command:
         start = hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name="config")
         start(self._job)()
 
+    def _help(self, options: Namespace) -> int:
+        """Print the help page; Hydra's own would compose everything and takes a second."""
+        from pathlib import Path
+
+        from sldvexp.help import text
+
+        print(text([conf_dir(), *map(Path, filter(None, [options.config_dir]))]))
+        return DONE
+
     def _job(self, cfg: DictConfig) -> None:
         """One job; its mistakes are told here, so that a sweep goes on with the next."""
+        gc.enable()
         from hydra.core.hydra_config import HydraConfig
 
         from sldvexp.runner import run

@@ -12,7 +12,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from sldvexp import registry
 from sldvexp.errors import Checks, ConfigError, Problem, UserError, nearest
-from sldvexp.wording import refusal
+from sldvexp.wording import NO_CODE, names_code, refusal
 
 #: Groups whose value in the root is one plugin; those of `NAMED_GROUPS` hold several, by name.
 SINGLE_GROUPS = (
@@ -103,9 +103,6 @@ class Experiment:
     check: dict[str, Any] = field(default_factory=dict)
     expect: dict[str, Any] = field(default_factory=dict)
 
-
-#: What is said of a key that `names_code`.
-NO_CODE = "is refused: a configuration names plugins and cannot name code"
 
 ConfigStore.instance().store(
     name="experiment_schema", node=registry.schema_of(Experiment), provider="sldvexp"
@@ -249,16 +246,11 @@ def _refused_keys(node: Any, path: str) -> Iterator[Problem]:
     for key, value in node.items_ex(resolve=False):
         name = str(key)
         full = f"{path}.{name}" if path else name
-        if valid is not None and name not in valid:
-            yield Problem(full, f"is not a known setting; {nearest(name, valid)}")
-        elif names_code(name):
+        if names_code(name):
             yield Problem(full, NO_CODE)
+        elif valid is not None and name not in valid:
+            yield Problem(full, f"is not a known setting; {nearest(name, valid)}")
         elif isinstance(value, str) and value == MISSING:
             yield Problem(full, "must be given")
         else:
             yield from _refused_keys(value, full)
-
-
-def names_code(key: str) -> bool:
-    """Whether a key is one by which Hydra finds something to call, such as ``_target_``."""
-    return key.startswith("_") and key.endswith("_")

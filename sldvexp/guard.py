@@ -10,9 +10,9 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from sldvexp.config import NO_CODE, names_code
 from sldvexp.errors import UserError
 from sldvexp.origins import COMMAND_LINE, Layer, Origins, parts_of
+from sldvexp.wording import NO_CODE, names_code
 
 #: Hydra's settings that hold no code.
 HARMLESS = ("run", "sweep", "mode", "verbose", "job.name")

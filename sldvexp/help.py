@@ -38,7 +38,6 @@ def text(folders: list[Path]) -> str:
     folders : list of Path
         Configuration folders, the packaged one and the user's.
     """
-    registry.load()
     parts = [INTRODUCTION, "Groups and their choices:"]
     for group in ("experiment", *registry.GROUPS):
         lines = list(_choices(group, folders))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -106,28 +106,29 @@ class Origins:
 
     def where(self, key: str) -> str:
         """The key after the argument or file that sets it; the key alone if none is found."""
-        last_first = self.layers[::-1]
-        for layer in last_first:
+        for layer in self._last_first():
             value = layer.value(key)
             if value is not NOTHING:
                 left_open = value == MISSING and layer.source != COMMAND_LINE
                 return key if left_open else f"{layer.source}: {key}"
-        below = (layer for layer in last_first if layer.package.startswith(f"{key}."))
+        below = (x for x in self._last_first() if x.package.startswith(f"{key}."))
         return next((f"{layer.source}: {key}" for layer in below), key)
 
+    def _last_first(self) -> Iterator[Layer]:
+        """Arguments that set values, files, arguments that choose."""
+        for o in reversed([o for o in self.overrides if o not in self.choices]):
+            yield Layer(COMMAND_LINE, o.key_or_group, o.value())
+        yield from reversed(self._composed)
+        for o in reversed(self.choices):
+            yield Layer(COMMAND_LINE, o.package or o.key_or_group, None)
+
     @cached_property
-    def layers(self) -> list[Layer]:
-        """Choices, files, values of arguments; no files if they cannot be found out."""
+    def _composed(self) -> list[Layer]:
+        """The layers of files, none if they cannot be found out."""
         try:
-            files = self.layers_of_files()
+            return self.layers_of_files()
         except Exception:  # the configuration is broken, which is told with better words elsewhere
-            files = []
-        values = [o for o in self.overrides if o not in self.choices]
-        return [
-            *(Layer(COMMAND_LINE, o.package or o.key_or_group, None) for o in self.choices),
-            *files,
-            *(Layer(COMMAND_LINE, o.key_or_group, o.value()) for o in values),
-        ]
+            return []
 
     def layers_of_files(self) -> list[Layer]:
         """The files of the composition, also those from outside."""

@@ -1,8 +1,8 @@
 """Names to plugins, one namespace per configuration group.
 
-A plugin is a dataclass whose fields are its configuration. Registering it puts it into this table
-and into Hydra's ConfigStore as ``<group>/schema/<name>``, which the files in ``conf/`` extend. A
-plugin of another package, which has no file there, is stored as ``<group>/<name>`` too.
+A plugin is a dataclass whose fields are its configuration. `sldvexp.config_source` gives it to Hydra
+as ``<group>/schema/<name>``, which the files in ``conf/`` extend, and as ``<group>/<name>`` where
+there is no such file.
 """
 
 from __future__ import annotations
@@ -13,53 +13,54 @@ import warnings
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 
 from sldvexp.errors import UserError, nearest
 
 ENTRY_POINTS = "sldvexp.plugins"
 
-#: The configuration groups that hold plugins.
-GROUPS = (
-    "target",
-    "laser",
-    "scene",
-    "scan",
-    "instrument",
-    "signal",
-    "pose",
-    "reconstruction",
-    "check",
-)
+#: The built-in plugins of every configuration group and the modules that register them. A module is
+#: imported when one of its plugins is chosen.
+BUILT_IN: dict[str, dict[str, str]] = {
+    "target": {
+        "circles": "sldvexp.target.circles",
+        "points": "sldvexp.target.points",
+    },
+    "laser": {"two_mirror": "sldvexp.laser.two_mirror"},
+    "scene": {
+        "calibration": "sldvexp.virtual_lab.scene_calibration",
+        "plate": "sldvexp.virtual_lab.scene_plate",
+    },
+    "scan": {"calibration": "sldvexp.scan.calibration"},
+    "instrument": {
+        "file": "sldvexp.instrument.file",
+        "simulated": "sldvexp.virtual_lab.simulated",
+        "visa": "sldvexp.instrument.visa",
+    },
+    "signal": {"sine_fit": "sldvexp.signal.sine_fit"},
+    "pose": {
+        "bitangent": "sldvexp.pose.bitangent",
+        "digitizer": "sldvexp.pose.digitizer",
+        "edge": "sldvexp.pose.edge",
+        "given": "sldvexp.pose.given",
+        "registration": "sldvexp.pose.registration",
+    },
+    "reconstruction": {
+        "absolute": "sldvexp.reconstruction.absolute",
+        "combined": "sldvexp.reconstruction.combined",
+        "contravariant": "sldvexp.reconstruction.contravariant",
+        "relative": "sldvexp.reconstruction.relative",
+    },
+    "check": {
+        "bitangents": "sldvexp.check.bitangents",
+        "cross_ratio": "sldvexp.check.cross_ratio",
+        "pose_equivalence": "sldvexp.check.pose_equivalence",
+        "pose_repeats": "sldvexp.check.pose_repeats",
+        "printed": "sldvexp.check.printed",
+    },
+}
 
-#: The modules that register the built-in plugins. None of them imports anything heavy.
-BUILT_IN = (
-    "sldvexp.target.circles",
-    "sldvexp.target.points",
-    "sldvexp.laser.two_mirror",
-    "sldvexp.virtual_lab.scene_calibration",
-    "sldvexp.virtual_lab.scene_plate",
-    "sldvexp.scan.calibration",
-    "sldvexp.instrument.file",
-    "sldvexp.instrument.visa",
-    "sldvexp.virtual_lab.simulated",
-    "sldvexp.signal.sine_fit",
-    "sldvexp.pose.registration",
-    "sldvexp.pose.bitangent",
-    "sldvexp.pose.edge",
-    "sldvexp.pose.digitizer",
-    "sldvexp.pose.given",
-    "sldvexp.reconstruction.absolute",
-    "sldvexp.reconstruction.relative",
-    "sldvexp.reconstruction.combined",
-    "sldvexp.reconstruction.contravariant",
-    "sldvexp.check.bitangents",
-    "sldvexp.check.cross_ratio",
-    "sldvexp.check.pose_equivalence",
-    "sldvexp.check.pose_repeats",
-    "sldvexp.check.printed",
-)
+GROUPS = tuple(BUILT_IN)
 
 _plugins: dict[str, dict[str, type]] = {}
 
@@ -89,11 +90,6 @@ def register(group: str, name: str) -> Callable[[P], P]:
                 f"two plugins are called {group}={name}: {known.__module__} and {cls.__module__}; "
                 "one of them must be renamed"
             )
-        store = ConfigStore.instance()
-        schema = schema_of(cls)
-        store.store(group=f"{group}/schema", name=name, node=schema, provider="sldvexp")
-        if not cls.__module__.startswith("sldvexp."):
-            store.store(group=group, name=name, node=schema, provider=cls.__module__)
         return cls
 
     return add
@@ -107,12 +103,6 @@ def schema_of(cls: type) -> DictConfig:
         if isinstance(child, DictConfig) and OmegaConf.get_type(child) is dict:
             OmegaConf.set_struct(child, False)
     return schema
-
-
-def load() -> None:
-    """Import the built-in plugins."""
-    for module in BUILT_IN:
-        importlib.import_module(module)
 
 
 @functools.cache
@@ -145,20 +135,24 @@ def load_installed() -> bool:
 
 def get(group: str, name: str) -> type:
     """The plugin class of that name, or a `UserError` that lists the valid ones."""
-    load()
-    if name not in _plugins.get(group, {}):
+    if not known(group, name):
         load_installed()
-    try:
-        return _plugins[group][name]
-    except KeyError:
-        raise UserError(f"there is no {group}={name}; {nearest(name, names(group))}") from None
+    if not known(group, name):
+        raise UserError(f"there is no {group}={name}; {nearest(name, names(group))}")
+    if name not in _plugins.get(group, {}):
+        importlib.import_module(BUILT_IN[group][name])
+    return _plugins[group][name]
+
+
+def known(group: str, name: str) -> bool:
+    """Whether a plugin is built in, or of an installed package that was loaded already."""
+    return name in BUILT_IN.get(group, {}) or name in _plugins.get(group, {})
 
 
 def names(group: str) -> list[str]:
     """The names of a group's plugins, sorted."""
-    load()
     load_installed()
-    return sorted(_plugins.get(group, {}))
+    return sorted({*BUILT_IN.get(group, {}), *_plugins.get(group, {})})
 
 
 def name_of(cls: Any) -> str | None:

@@ -11,6 +11,9 @@ from omegaconf.errors import OmegaConfBaseException
 
 from sldvexp.errors import nearest
 
+#: What is said of a key that `names_code`.
+NO_CODE = "is refused: a configuration names plugins and cannot name code"
+
 #: What OmegaConf says, and what a user is told; the pattern's groups fill the sentence.
 WORDS = (
     (r"Value '([-+]?)\.inf' .*", "must be a number; infinity is written {0}inf here"),
@@ -37,6 +40,11 @@ WORDS = (
 )  # fmt: skip
 
 
+def names_code(key: str) -> bool:
+    """Whether a key is one by which Hydra finds something to call, such as ``_target_``."""
+    return key.startswith("_") and key.endswith("_")
+
+
 def refusal(error: OmegaConfBaseException) -> str:
     """What is wrong with the key or value of an error, as the rest of a sentence."""
     text = str(error.msg or error).splitlines()[0]
@@ -55,6 +63,8 @@ def refusal(error: OmegaConfBaseException) -> str:
 
 def _unknown_key(error: OmegaConfBaseException) -> str:
     """A key that a schema does not know, or that a table of named entries does not have yet."""
+    if names_code(str(error.key)):
+        return NO_CODE
     schema = error.object_type
     if is_dataclass(schema):
         names = [f.name for f in fields(schema)]

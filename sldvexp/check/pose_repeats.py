@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -57,27 +58,49 @@ class PoseRepeats(Check):
         from sldvexp.geometry.rotation import vector_from_rotation
         from sldvexp.laser.model import project
         from sldvexp.pose.solver import solve_pose
-        from sldvexp.statistics.student import student_factor
+        from sldvexp.pose.statistics import half_width, standard_error
 
         step, offset = np.asarray(pose.attrs["step"]), pose.attrs["mirror_offset"]
-        if "adjusted" in pose.dims:
-            raise UserError(
-                "check.pose_repeats: leave pose.adjust empty; it repeats the pose alone"
-            )
         if not np.isfinite(pose["s"]):
             raise UserError("check.pose_repeats: more points are needed; the noise is not known")
         used = registration["used"].values.astype(bool)
         points = registration["object_point"].values[used]
         rotation, origin = pose["rotation"].values, pose["origin"].values
-        true = project((points - origin) @ rotation.T, offset)
-        noise = float(pose["s"]) * step * rng.standard_normal((self.repeats, *true.shape))
-        repeats = solve_pose(points, true + noise, step=step, mirror_offset=offset)
+        adjust = json.loads(pose.attrs["adjust"])
+        truth = self._intrinsics(pose, adjust, rng)
+        in_laser = np.broadcast_to((points - origin) @ rotation.T, (self.repeats, *points.shape))
+        true = project(in_laser, truth["mirror_offset"])
+        true = (true - _by_mirror(truth, "zero")) / _by_mirror(truth, "gain")
+        noise = float(pose["s"]) * step * rng.standard_normal((self.repeats, len(points), 2))
+        repeats = solve_pose(points, true + noise, step=step, mirror_offset=offset, adjust=adjust)
+        intrinsics = [repeats.intrinsics[name] - truth[name][:, 0] for name in adjust]
         turned = vector_from_rotation(repeats.rotation @ rotation.T)
-        error = np.hstack([turned, repeats.origin - origin])
-        std = np.sqrt(np.diagonal(repeats.covariance, axis1=1, axis2=2))
-        reported = np.sqrt(np.diagonal(pose["covariance"].values))
-        factor = student_factor(pose.attrs["confidence_level"], repeats.covariance_dof)
-        return error.std(axis=0) / reported, (np.abs(error) <= factor[:, None] * std).mean(axis=0)
+        error = np.column_stack([turned, repeats.origin - origin, *intrinsics])
+        level = pose.attrs["confidence_level"]
+        width = half_width(standard_error(repeats.covariance), repeats.covariance_dof, level)
+        reported = standard_error(pose["covariance"].values)
+        return error.std(axis=0) / reported, (np.abs(error) <= width).mean(axis=0)
+
+    def _intrinsics(
+        self, pose: xr.Dataset, adjust: dict[str, float], rng: np.random.Generator
+    ) -> dict[str, Any]:
+        """True intrinsics of each repeat, (repeat, 1): the estimate of a free one, a draw of others.
+
+        What is known of a parameter beforehand is its nominal value and standard deviation; it is
+        right on average if the truth is drawn from them.
+        """
+        import numpy as np
+
+        truth = {"mirror_offset": np.full((self.repeats, 1), pose.attrs["mirror_offset"])}
+        for mirror in ("up_down", "left_right"):
+            truth |= {f"gain_{mirror}": np.ones((self.repeats, 1))}
+            truth |= {f"zero_{mirror}": np.zeros((self.repeats, 1))}
+        for name, std in adjust.items():
+            if np.isinf(std):
+                truth[name] = np.full_like(truth[name], pose["intrinsic"].sel(adjusted=name))
+            else:
+                truth[name] = truth[name] + std * rng.standard_normal(truth[name].shape)
+        return truth
 
     def _notes(self, group: xr.Dataset) -> list[str]:
         """Views whose simulated spread is further from the reported one than chance allows."""
@@ -93,3 +116,10 @@ class PoseRepeats(Check):
             )
             if wrong
         ]
+
+
+def _by_mirror(truth: dict[str, Any], what: str) -> np.ndarray:
+    """Gain or zero of both mirrors, shape (repeat, 1, 2)."""
+    import numpy as np
+
+    return np.stack([truth[f"{what}_up_down"], truth[f"{what}_left_right"]], axis=-1)

@@ -42,7 +42,7 @@ class Candidates:
     around : ndarray of int, shape (n, 2 REACH + 1)
         Pixels within reach, on the same line.
     counts : ndarray of bool, shape (n, 2 REACH + 1)
-        Which of those are not flagged and nearer to this candidate than to the line's other one.
+        Which of those are there and not flagged.
     edge, std : ndarray, shape (n,), steps
         Place along the line by the parabola, and its standard error.
     width : ndarray, shape (n,), steps
@@ -80,7 +80,8 @@ def candidates(lines: ScanLines, edges_per_line: int, window: int) -> Candidates
     along, even = _evenly(lines.along, filtered)
     gradient = np.gradient(even, axis=1) / lines.pitch[:, None]
     line, pixel, rising = _steepest(gradient, edges_per_line)
-    around, inside, counts = _surroundings(lines.flag, line, pixel, edges_per_line)
+    around, inside = _surroundings(lines.flag.shape[1], pixel)
+    counts = inside & ~lines.flag[line[:, None], around]
     std = _std(lines)
     place = line[:, None], around
     before, after, noise = _sides(lines.filled()[place], std[place], counts)
@@ -140,16 +141,12 @@ def _steepest(
 
 
 def _surroundings(
-    flag: NDArray[np.bool_], line: NDArray[np.intp], pixel: NDArray[np.intp], edges_per_line: int
-) -> tuple[NDArray[np.intp], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Pixels within reach, which of them are there, and which of those are good."""
+    pixels: int, pixel: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Pixels within reach, and which of them there are."""
     around = pixel[:, None] + np.arange(-REACH, REACH + 1)
-    inside = (around >= 0) & (around < flag.shape[1])
-    if edges_per_line == 2:
-        other = pixel.reshape(-1, 2)[:, ::-1].reshape(-1, 1)
-        inside &= np.abs(around - pixel[:, None]) <= np.abs(around - other)
-    around = np.clip(around, 0, flag.shape[1] - 1)
-    return around, inside, inside & ~flag[line[:, None], around]
+    inside = (around >= 0) & (around < pixels)
+    return np.clip(around, 0, pixels - 1), inside
 
 
 def _sides(values: Array, std: Array, counts: NDArray[np.bool_]) -> tuple[Array, Array, Array]:

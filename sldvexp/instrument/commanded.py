@@ -18,11 +18,14 @@ from sldvexp.instrument.protocol import CHANNELS, Acquisition, InstrumentError, 
 
 log = logging.getLogger(__name__)
 
-#: Pause before the connection is made again, s.
+#: Pause before the connection is made again, s; twice as long every further time.
 PAUSE = 0.1
 
 #: How far a rate may be from a whole number of microseconds between samples, relative.
 WHOLE = 1e-9
+
+#: All bits that a pixel's status may have.
+KNOWN = np.uint8(Status.dropped_out | Status.over_range)
 
 T = TypeVar("T")
 
@@ -149,7 +152,7 @@ class CommandedInstrument:
                     tried = f"{attempt + 1} times" if attempt else "once"
                     raise InstrumentError(f"{what}: {error} (tried {tried})") from error
                 log.warning("%s: %s; trying again", what, error)
-                time.sleep(PAUSE)
+                time.sleep(PAUSE * 2**attempt)
             except InstrumentError as error:
                 raise InstrumentError(f"{what}: {error}") from error
         raise AssertionError
@@ -280,8 +283,9 @@ class CommandedInstrument:
     def _samples(self, block: bytes, status: bytes, pixels: int) -> Samples:
         shape = (pixels, self._configured().samples)
         found = decoded(self.profile.data, block, status, shape, self._scale, self._rate)
-        if (found.status > max(Status)).any():
-            raise Disturbance(f"the status of pixel {int(found.status.argmax())} is nonsense")
+        nonsense = np.flatnonzero(found.status & ~KNOWN)
+        if len(nonsense):
+            raise Disturbance(f"the status of pixel {nonsense[0]} is nonsense")
         return found
 
     def _duration(self, pixels: int) -> float:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 import yaml
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 
-from sldvexp.errors import ConfigError, UserError, nearest
+from sldvexp.errors import Checks, ConfigError, UserError, nearest
 from sldvexp.files import read_text
 from sldvexp.instrument.profile import Profile
 from sldvexp.paths import conf_dir, locate
-from sldvexp.wording import refusal
 
 SUFFIXES = (".yaml", ".yml")
 
@@ -24,11 +22,11 @@ class _Texts(yaml.BaseLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen = set()
         for key, _ in node.value:
-            if key.value in seen:
-                raise yaml.MarkedYAMLError(
-                    problem=f"{key.value} is given twice", problem_mark=key.start_mark
-                )
-            seen.add(key.value)
+            name = str(key.value)
+            if name in seen:
+                told = f"{name} is given twice"
+                raise yaml.MarkedYAMLError(problem=told, problem_mark=key.start_mark)
+            seen.add(name)
         return super().construct_mapping(node, deep)
 
 
@@ -68,21 +66,66 @@ def load_profile(name: str) -> Profile:
     path = profile_path(name)
     try:
         content = yaml.load(read_text(path), _Texts)  # noqa: S506 (it makes texts only)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
         line = f", line {mark.line + 1}" if mark else ""
-        raise UserError(f"{path}{line}: is not a profile: {error.problem}") from None
+        told = getattr(error, "problem", None) or str(error).splitlines()[0]
+        raise UserError(f"{path}{line}: is not a profile: {told}") from None
     if not isinstance(content, dict):
         raise UserError(f"{path}: is not a profile: it must be a table of settings")
+    checks = Checks()
     try:
-        merged = OmegaConf.merge(OmegaConf.structured(Profile), content)
-        missing = sorted(OmegaConf.missing_keys(merged))
-        if missing:
-            raise UserError(f"{path}: {missing[0]} must be given")
-        profile: Any = OmegaConf.to_object(merged)
-    except OmegaConfBaseException as error:
-        raise UserError(f"{path}: {error.full_key} {refusal(error)}") from None
+        profile: Profile = _made(Profile, content, "", checks)
+        checks.done()
     except ConfigError as error:
         told = "; ".join(f"{p.field} {p.message}" for p in error.problems)
         raise UserError(f"{path}: {told}") from None
     return profile
+
+
+def _made(kind: Any, node: Any, key: str, checks: Checks) -> Any:
+    """What a type hint says, from texts, lists and tables; what does not fit is noted."""
+    if is_dataclass(kind):
+        return _made_table(kind, node, key, checks)
+    inner = get_args(kind)
+    if get_origin(kind) is dict:
+        checks.require(isinstance(node, dict), key, "must be a table, as in {name: value}")
+        entries = node.items() if isinstance(node, dict) else ()
+        return {name: _made(inner[1], v, f"{key}.{name}", checks) for name, v in entries}
+    if get_origin(kind) is list:
+        checks.require(isinstance(node, list), key, "must be a list, as in [a, b]")
+        items = node if isinstance(node, list) else ()
+        return [_made(inner[0], v, f"{key}[{i}]", checks) for i, v in enumerate(items)]
+    if not isinstance(node, str):
+        found = "a table" if isinstance(node, dict) else "a list"
+        checks.require(False, key, f"must be one value, not {found}")
+        return None
+    names = {"true": True, "false": False} if kind is bool else getattr(kind, "__members__", None)
+    if names is not None:
+        checks.require(node in names, key, f"cannot be {node or 'empty'}; {nearest(node, names)}")
+        return names.get(node)
+    if kind is not float:
+        return node
+    try:
+        return float(node)
+    except ValueError:
+        checks.require(False, key, f"must be a number, not {node or 'empty'}")
+
+
+def _made_table(kind: Any, node: Any, key: str, checks: Checks) -> Any:
+    """A dataclass from a table, None if something is wrong with it."""
+    if not isinstance(node, dict):
+        names = ", ".join(f.name for f in fields(kind))
+        checks.require(False, key, f"must be a table of the settings {names}")
+        return None
+    known, before = {f.name: f for f in fields(kind)}, len(checks.problems)
+    hints = get_type_hints(kind)
+    below = f"{key}." if key else ""
+    for name in node:
+        message = f"is not a known setting; {nearest(name, known)}"
+        checks.require(name in known, f"{below}{name}", message)
+    for name, f in known.items():
+        optional = f.default is not MISSING or f.default_factory is not MISSING
+        checks.require(name in node or optional, f"{below}{name}", "must be given")
+    values = {n: _made(hints[n], node[n], f"{below}{n}", checks) for n in known if n in node}
+    return kind(**values) if len(checks.problems) == before else None

@@ -51,6 +51,8 @@ class Visa(ScanningPlugin):
     backend: str = "@py"
 
     def __post_init__(self) -> None:
+        from sldvexp.instrument.profile_file import load_profile
+
         checks = Checks()
         checks.positive("timeout", self.timeout)
         checks.require(self.retries >= 0, "retries", f"must be 0 or more, not {self.retries}")
@@ -61,7 +63,8 @@ class Visa(ScanningPlugin):
         message = "must be VISA's name of a device, or one for each as in {dac: ..., adc: ...}"
         checks.require(given, "resource", message)
         checks.done()
-        devices = list(self._read_profile().devices)
+        self._spoken: Profile = load_profile(self.profile)
+        devices = list(self._spoken.devices)
         named = list(self.resource) if isinstance(self.resource, dict) else devices[:1]
         message = f"must name {' and '.join(devices)}, the devices of the profile {self.profile}"
         checks.require(sorted(named) == sorted(devices), "resource", message)
@@ -70,7 +73,7 @@ class Visa(ScanningPlugin):
     @property
     def takes_views_itself(self) -> bool:
         """Whether the profile has commands that go to a view."""
-        return bool(self._read_profile().commands.view)
+        return bool(self._spoken.commands.view)
 
     def inputs(self) -> list[str]:
         """The profile's file."""
@@ -100,20 +103,14 @@ class Visa(ScanningPlugin):
 
         if importlib.util.find_spec("pyvisa") is None:
             raise UserError("instrument=visa needs the packages pyvisa and pyvisa-py")
-        profile = self._read_profile()
-        if not profile.tried_on_hardware:
+        if not self._spoken.tried_on_hardware:
             logging.getLogger(__name__).warning(
                 "nobody has tried the profile %s on hardware", self.profile
             )
-        return CommandedInstrument(profile, self._line, self.timeout, self.retries, view)
+        return CommandedInstrument(self._spoken, self._line, self.timeout, self.retries, view)
 
     def _line(self, device: str) -> Line:
         from sldvexp.instrument.line import VisaLine
 
         named = self.resource[device] if isinstance(self.resource, dict) else self.resource
         return VisaLine(named, self.backend, self.timeout)
-
-    def _read_profile(self) -> Profile:
-        from sldvexp.instrument.profile_file import load_profile
-
-        return load_profile(self.profile)

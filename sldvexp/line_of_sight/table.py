@@ -57,7 +57,8 @@ class LineOfSight:
         self._check("velocity", velocity, np.isfinite(velocity), "must be finite")
         if std is not None:
             self._check("standard error", std, np.isfinite(std) & (std > 0), "must be positive")
-        length = np.linalg.norm(cosines, axis=-1)
+        with np.errstate(over="ignore"):
+            length = np.linalg.norm(cosines, axis=-1)
         unit = abs(length - 1) <= LARGEST_LENGTH_ERROR
         right = "must be 1: directions are unit vectors from the surface to the instrument"
         self._check("length of the direction", length, unit, right)

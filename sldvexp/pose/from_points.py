@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -174,6 +175,7 @@ def _pose_group(
     )
     group.attrs["mirror_offset"] = laser.mirror_offset
     group.attrs["step"] = laser.step
+    group.attrs["adjust"] = json.dumps({name: method.adjust[name] for name in adjusted})
     group.attrs["source"] = ", ".join(dict.fromkeys(Path(t.source).name for t in tables))
     return group
 

@@ -75,13 +75,13 @@ def experiment(settings: Sequence[str]) -> Experiment:
     UserError
         If something is wrong with it.
     """
-    from sldvexp import complaints, config
+    from sldvexp import complaints, config, config_source
     from sldvexp.origins import Origins
 
     if not any(s.lstrip("~").startswith("experiment") for s in settings):
         settings = [EXPERIMENT, *settings]
     origins = Origins(list(settings))
-    registry.load()
+    config_source.install()
     try:
         composed = _composed(settings)
     except Exception as error:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from sldvexp.virtual_lab.faults import Fault
 
 #: How soon the server notices that it shall stop, s.
-POLL = 0.1
+POLL = 0.02
 
 RECEIVED = 2**16
 

@@ -51,3 +51,14 @@ def test_checks_say_what_they_need():
             check.examine({}, rng())
     with pytest.raises(ConfigError, match="4 x 3 numbers"):
         CrossRatio(up_down_points=[[1, 2]], left_right_points=None)
+
+
+@pytest.mark.parametrize("std", [float("inf"), 0.002])
+def test_repeats_confirm_the_bounds_of_adjusted_intrinsics(std):
+    from sldvexp.laser.two_mirror import TwoMirror
+
+    path, adjust = "conf://data/figure_4_28.reg", {"mirror_offset": std}
+    tree = Registration(path=path, adjust=adjust).estimate(TwoMirror(), None, {})
+    found = PoseRepeats(repeats=400).examine(tree, rng())
+    np.testing.assert_allclose(found["std_ratio"], 1, atol=4 / np.sqrt(800))
+    np.testing.assert_allclose(found["coverage"], 0.95, atol=4 * np.sqrt(0.95 * 0.05 / 400))

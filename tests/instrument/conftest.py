@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,14 +10,12 @@ import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
 
-from sldvexp import config, registry
+from sldvexp import config, config_source
 from sldvexp.config import Experiment
-from sldvexp.instrument import visa  # noqa: F401 (registers itself)
 from sldvexp.instrument.protocol import Samples
-from sldvexp.virtual_lab import simulated  # noqa: F401 (registers itself)
 from sldvexp.virtual_lab.lab import VirtualLab
 
-registry.load()
+config_source.install()
 
 CONF = Path(__file__).parents[2] / "conf"
 
@@ -25,12 +24,15 @@ CONF = Path(__file__).parents[2] / "conf"
 def experiment() -> Callable[..., Experiment]:
     """The plugins of a configuration."""
 
-    def made(*overrides: str) -> Experiment:
-        chosen = ["~experiment", "scene=calibration", "target=dissertation", *overrides]
-        with initialize_config_dir(str(CONF), version_base="1.3"):
-            return config.build(compose("config", overrides=chosen))
+    return lambda *overrides: built(overrides)
 
-    return made
+
+@functools.cache
+def built(overrides: tuple[str, ...]) -> Experiment:
+    """A lab with the calibration object, changed."""
+    chosen = ["~experiment", "scene=calibration", "target=dissertation", *overrides]
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        return config.build(compose("config", overrides=chosen))
 
 
 @pytest.fixture

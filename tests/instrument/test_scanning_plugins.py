@@ -111,7 +111,7 @@ def test_a_view_that_is_not_there(scanning, experiment):
 
 
 def test_a_simulation_needs_a_scene(experiment):
-    made = experiment("instrument=simulated", "scene=null")
+    made = experiment("instrument=simulated")
     with pytest.raises(UserError, match="needs a scene; choose scene=calibration or plate"):
         made.instrument.open(None, made.laser)
     assert made.instrument.inputs() == []

@@ -20,12 +20,12 @@ ALWAYS = 1000
 #: What goes wrong while a line is measured, and what is said if it does not stop doing so.
 PASSING = [
     (partial(f.Silence, "DATA?"), r"no answer within 0\.\d+ s after 'DATA\?'"),
-    (partial(f.Silence, "SYST:ERR?", after=2), r"no answer within 0\.\d+ s after 'SYST:ERR\?'"),
-    (partial(f.Slow, "DATA?", delay=1.0), r"no answer within"),
+    (partial(f.Silence, "SYST:ERR?", after=5), r"no answer within 0\.\d+ s after 'SYST:ERR\?'"),
+    (partial(f.Slow, "DATA?", delay=0.5), r"no answer within"),
     (partial(f.Garbage, "DATA?"), r"is not the beginning of a block|announced \d+ bytes"),
     (partial(f.Garbage, "DATA?", seed=1), r"is not the beginning of a block|announced \d+ bytes"),
     (partial(f.Garbage, "STAT?"), r"is not the beginning of a block"),
-    (partial(f.Garbage, "SYST:ERR?", after=2), r"which is no entry of its queue of errors"),
+    (partial(f.Garbage, "SYST:ERR?", after=5), r"which is no entry of its queue of errors"),
     (partial(f.Instead, "DATA?", text="nan,nan"), r"answered 'na' to DATA\?, which is not the beg"),
     (partial(f.Instead, "STAT?", text="#18\n\n\n\n\n\n\n\n"), r"the status of pixel 0 is nonsense"),
     (partial(f.Cut, "DATA?"), r"lab: the answer broke off .* after 'DATA\?'"),
@@ -43,7 +43,7 @@ CONFIGURING = [
     (partial(f.Instead, "CHAN:SCAL?", text="1,nan"), r"'1,nan' to .* 2 finite numbers"),
     (partial(f.Instead, "SAMP:RATE?"), r"'nan' to SAMP:RATE\?, where a finite number had to come"),
     (partial(f.Instead, "*IDN?", text="ACME,scope"), r"lab says that it is 'ACME,scope', which the"),
-    (partial(f.Silence, "*IDN?"), r"no answer within 0\.3 s after '\*IDN\?'"),
+    (partial(f.Silence, "*IDN?"), r"no answer within 0\.15 s after '\*IDN\?'"),
     (partial(f.Garbage, "*IDN?"), r"which the profile does not expect \(sldvexp,virtual lab,\)"),
     (partial(f.Disconnect, "GEN:OUTP"), r"the connection was lost"),
 ]
@@ -59,7 +59,7 @@ def measured(lab, line):
         wanted = [reference.scan(line, stream=s) for s in (4, 5)]
         with (
             LabServer(behind, faults=faults) as server,
-            Visa(server.resource, timeout=0.3, retries=retries).open() as ours,
+            Visa(server.resource, timeout=0.15, retries=retries).open() as ours,
         ):
             ours.configure(ACQUISITION)
             return [ours.scan(line, stream=s) for s in (4, 5)], wanted, behind
@@ -68,9 +68,8 @@ def measured(lab, line):
 
 
 @pytest.mark.parametrize(("fault", "told"), [*PASSING, *CONFIGURING])
-@pytest.mark.parametrize("times", [1, 2])
-def test_a_fault_that_passes_changes_nothing(measured, same, fault, told, times):
-    got, wanted, behind = measured(fault(times=times))
+def test_a_fault_that_passes_changes_nothing(measured, same, fault, told):
+    got, wanted, behind = measured(fault(times=2))
     assert all(map(same, got, wanted))
     assert behind.position == (0, 0)
 
@@ -162,7 +161,7 @@ def test_home_and_off_after_a_lost_connection(measured, lab, line, retries):
     with (
         pytest.raises(InstrumentError, match=r"middle of the answer .* \(tried \w+( times)?\)$"),
         LabServer(behind, faults=[lost]) as server,
-        Visa(server.resource, timeout=0.3, retries=retries).open() as ours,
+        Visa(server.resource, timeout=0.15, retries=retries).open() as ours,
     ):
         ours.configure(ACQUISITION)
         ours.scan(line)
@@ -175,7 +174,7 @@ def test_an_instrument_that_cannot_go_home_is_told(lab, line):
     with (
         pytest.raises(InstrumentError, match=r"^why; the mirrors may not be home and the gene.*lost"),
         LabServer(behind, faults=[f.Disconnect("MIRR:HOME", times=ALWAYS)]) as server,
-        Visa(server.resource, timeout=0.3).open() as ours,
+        Visa(server.resource, timeout=0.15).open() as ours,
     ):
         ours.configure(ACQUISITION)
         raise InstrumentError("why")
