@@ -66,6 +66,11 @@ class Command:
     def run(self) -> int:
         """Run every job; the worst exit status of them."""
         try:
+            if any(a.startswith("resume=") for a in self.arguments):
+                from sldvexp.resume import arguments_of
+
+                self.arguments = arguments_of(self.arguments)
+                sys.argv[1:] = self.arguments
             options = self._options()
             if options.help:
                 return self._help(options)

@@ -84,11 +84,15 @@ def register(group: str, name: str) -> Callable[[P], P]:
     """
 
     def add(cls: P) -> P:
-        known = _plugins.setdefault(group, {}).setdefault(name, cls)
-        if (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
+        first = _plugins.setdefault(group, {}).setdefault(name, cls)
+        same = (first.__module__, first.__qualname__) == (cls.__module__, cls.__qualname__)
+        owner = BUILT_IN.get(group, {}).get(name, first.__module__)
+        if not same or owner != cls.__module__:
+            if first is cls:
+                del _plugins[group][name]
             raise UserError(
-                f"two plugins are called {group}={name}: {known.__module__} and {cls.__module__}; "
-                "one of them must be renamed"
+                f"two plugins are called {group}={name}: {owner} and {cls.__module__}; one of them "
+                "must be renamed"
             )
         return cls
 

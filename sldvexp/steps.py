@@ -36,6 +36,7 @@ def _target(run: Run) -> None:
 
 def _scan(run: Run) -> None:
     """Edges of the calibration object's circles in every view."""
+    from sldvexp.instrument.protocol import InstrumentError
     from sldvexp.session.views import scan_views
 
     e = run.experiment
@@ -47,7 +48,12 @@ def _scan(run: Run) -> None:
     if e.signal is None or e.laser is None:
         raise UserError("scan: needs signal=sine_fit and a laser to make pixels of samples")
     run.inputs += [*e.scan.inputs(), *e.instrument.inputs()]
-    run.tree |= scan_views(e, run.folder / JOURNAL)
+    try:
+        run.tree |= scan_views(e, run.folder / JOURNAL)
+    except InstrumentError as error:
+        raise UserError(
+            f"{error}; what was scanned is kept, go on with: sldvexp resume={run.folder}"
+        ) from error
 
 
 def _pose(run: Run) -> None:

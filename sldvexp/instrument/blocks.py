@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.instrument.line import Disturbance
+from sldvexp.instrument.line import DisturbanceError
 from sldvexp.instrument.profile import Data, Layout, SampleType
 from sldvexp.instrument.protocol import CHANNELS, Samples, Status
 
@@ -49,7 +49,7 @@ def decoded(
 
     Raises
     ------
-    Disturbance
+    DisturbanceError
         If a sample is not a number.
     """
     pixels, samples = shape
@@ -77,7 +77,7 @@ def _rounded(
     """Volts as counts, and the status of pixels whose volts are beyond them."""
     if not np.isfinite(volts).all():
         pixel = int(np.argwhere(~np.isfinite(volts))[0, 0])
-        raise Disturbance(f"pixel {pixel} has a sample that is not a finite number of volts")
+        raise DisturbanceError(f"pixel {pixel} has a sample that is not a finite number of volts")
     counts = np.rint(volts / scale[:, None])
     clipped = np.clip(counts, -HALF_COUNTS, HALF_COUNTS - 1)
     beyond = (counts != clipped).any(axis=(1, 2))

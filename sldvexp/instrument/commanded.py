@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sldvexp.instrument.blocks import block_size, decoded
 from sldvexp.instrument.dialogue import Dialogue
-from sldvexp.instrument.line import Disturbance, Line
+from sldvexp.instrument.line import DisturbanceError, Line
 from sldvexp.instrument.profile import Profile
 from sldvexp.instrument.protocol import CHANNELS, Acquisition, InstrumentError, Samples, Status
 
@@ -147,7 +147,7 @@ class CommandedInstrument:
         for attempt in range(self._retries + 1):
             try:
                 return self._once(step)
-            except Disturbance as error:
+            except DisturbanceError as error:
                 if attempt == self._retries:
                     tried = f"{attempt + 1} times" if attempt else "once"
                     raise InstrumentError(f"{what}: {error} (tried {tried})") from error
@@ -168,7 +168,7 @@ class CommandedInstrument:
             done = step(dialogue)
             in_order = True
             return done
-        except Disturbance:
+        except DisturbanceError:
             raise
         except InstrumentError:
             # A refusal leaves nothing unread; whatever else may, also an operator's Ctrl-C.
@@ -285,7 +285,7 @@ class CommandedInstrument:
         found = decoded(self.profile.data, block, status, shape, self._scale, self._rate)
         nonsense = np.flatnonzero(found.status & ~KNOWN)
         if len(nonsense):
-            raise Disturbance(f"the status of pixel {nonsense[0]} is nonsense")
+            raise DisturbanceError(f"the status of pixel {nonsense[0]} is nonsense")
         return found
 
     def _duration(self, pixels: int) -> float:
@@ -304,7 +304,7 @@ class CommandedInstrument:
         for commands in (self.profile.commands.generator_off, self.profile.commands.home):
             try:
                 dialogue.run(commands)
-            except Disturbance:
+            except DisturbanceError:
                 raise
             except InstrumentError as error:
                 refused.append(str(error))

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from sldvexp.instrument.line import Disturbance, Line
+from sldvexp.instrument.line import DisturbanceError, Line
 from sldvexp.instrument.profile import Device, Header, Profile
 from sldvexp.instrument.protocol import InstrumentError
 
@@ -35,7 +35,7 @@ class Dialogue:
     Raises
     ------
     InstrumentError
-        For every fault; as `Disturbance` if it may be gone at the next try.
+        For every fault; as `DisturbanceError` if it may be gone at the next try.
     """
 
     def __init__(self, profile: Profile, connect: Callable[[str], Line], timeout: float) -> None:
@@ -93,7 +93,7 @@ class Dialogue:
             values = []
         if len(values) != count or not all(math.isfinite(v) for v in values):
             wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-            raise Disturbance(
+            raise DisturbanceError(
                 f"{device} answered {_short(answer)} to {question}, where {wanted} had to come"
             )
         return values
@@ -112,7 +112,7 @@ class Dialogue:
             self._read_header(received, question, count)
         block = received(count + len(end))
         if block[count:] != end:
-            raise Disturbance(
+            raise DisturbanceError(
                 f"{data.device} sent more than the {count} bytes that answer {question}"
             )
         return block[:count]
@@ -141,7 +141,7 @@ class Dialogue:
             answer = self.ask(name, device.identify)
             if not re.match(device.identity, answer):
                 # Whatever answers here may be the rest of an earlier answer.
-                raise Disturbance(
+                raise DisturbanceError(
                     f"{name} says that it is {_short(answer)}, which the profile does not expect "
                     f"({device.identity})"
                 )
@@ -155,7 +155,7 @@ class Dialogue:
             answer = self.ask(device, queue.ask, patience)
             match = re.fullmatch(queue.answer, answer)
             if match is None:
-                raise Disturbance(
+                raise DisturbanceError(
                     f"{device} answered {_short(answer)} to {queue.ask}, which is no entry of its "
                     "queue of errors"
                 )
@@ -178,12 +178,12 @@ class Dialogue:
         start = received(2)
         digits = received(int(start[1:])) if re.fullmatch(rb"#[1-9]", start) else b""
         if not digits.isdigit():
-            raise Disturbance(
+            raise DisturbanceError(
                 f"{self.profile.data.device} answered {_short((start + digits).decode('latin-1'))} "
                 f"to {question}, which is not the beginning of a block"
             )
         if int(digits) != count:
-            raise Disturbance(
+            raise DisturbanceError(
                 f"{self.profile.data.device} announced {int(digits)} bytes to answer {question}, "
                 f"where {count} had to come"
             )

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 CHUNK = 2**16
 
 
-class Disturbance(InstrumentError):
+class DisturbanceError(InstrumentError):
     """What may be gone at the next try: no answer, a lost connection, garbage."""
 
 
@@ -52,7 +52,7 @@ class VisaLine:
     ------
     InstrumentError
         If there can be no such session.
-    Disturbance
+    DisturbanceError
         If nobody answers there.
     """
 
@@ -65,7 +65,7 @@ class VisaLine:
             manager = pyvisa.ResourceManager(backend)
             opened: Any = manager.open_resource(resource, open_timeout=milliseconds)
         except (pyvisa.VisaIOError, OSError) as error:
-            raise Disturbance(f"{resource} cannot be reached: {_first_line(error)}") from error
+            raise DisturbanceError(f"{resource} cannot be reached: {_first_line(error)}") from error
         except Exception as error:  # backends raise what they like for what they do not know
             raise InstrumentError(f"{resource} cannot be opened: {_first_line(error)}") from error
         self._session: MessageBasedResource = opened
@@ -75,7 +75,7 @@ class VisaLine:
         if self._socket is not None:
             if refused := self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
                 self.close()
-                raise Disturbance(f"{resource} cannot be reached: {os.strerror(refused)}")
+                raise DisturbanceError(f"{resource} cannot be reached: {os.strerror(refused)}")
             # Without this a question that follows a command waits 40 ms for an acknowledgement.
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
@@ -84,7 +84,7 @@ class VisaLine:
         try:
             self._session.write_raw(message)
         except self._errors as error:
-            raise Disturbance(f"the connection was lost ({_first_line(error)})") from error
+            raise DisturbanceError(f"the connection was lost ({_first_line(error)})") from error
 
     def receive_line(self, end: bytes, patience: float) -> bytes:
         """See `Line`."""
@@ -110,16 +110,16 @@ class VisaLine:
             return bytes(read())
         except self._errors as error:
             if self._socket is not None and _closed(self._socket):
-                raise Disturbance("the connection was lost in the middle of the answer") from error
-            raise Disturbance(f"the answer broke off ({_first_line(error)})") from error
+                raise DisturbanceError("the connection was lost in the middle of the answer") from error
+            raise DisturbanceError(f"the answer broke off ({_first_line(error)})") from error
 
     def _wait(self, link: socket.socket, patience: float) -> None:
         """Wait for an answer to begin; PyVISA itself does not notice a connection that ends."""
         ready, _, _ = select.select([link], [], [], patience)
         if not ready:
-            raise Disturbance(f"there was no answer within {patience:.3g} s")
+            raise DisturbanceError(f"there was no answer within {patience:.3g} s")
         if _closed(link):
-            raise Disturbance("the connection was lost")
+            raise DisturbanceError("the connection was lost")
 
 
 def _socket_of(session: Any) -> socket.socket | None:

@@ -65,7 +65,7 @@ def load_profile(name: str) -> Profile:
     """
     path = profile_path(name)
     try:
-        content = yaml.load(read_text(path), _Texts)  # noqa: S506 (it makes texts only)
+        content = yaml.load(read_text(path), _Texts)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f", line {mark.line + 1}" if mark else ""

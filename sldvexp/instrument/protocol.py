@@ -65,7 +65,7 @@ class Samples:
 
 
 class InstrumentError(Exception):
-    """The instrument did not do what was asked; its text says what happened and to which command."""
+    """The instrument did not do what was asked; its text says what happened at which command."""
 
 
 class Instrument(Protocol):

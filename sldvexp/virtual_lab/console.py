@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -60,7 +61,7 @@ def serve(settings: Sequence[str], host: str = "127.0.0.1", port: int = PORT) ->
     try:
         server = LabServer(lab, host, port)
     except OSError as error:
-        told = f"cannot listen on {host}, port {port}: {error.strerror or error}"
+        told = f"cannot listen on {host}, port {port}: {os.strerror(error.errno or 0)}"
         raise UserError(f"{told}; --port 0 takes a free one") from None
     with server, suppress(KeyboardInterrupt):
         print(server.resource, flush=True)

@@ -88,7 +88,9 @@ class Dialect:
     def _configure(self, **changes: object) -> None:
         """Change the sampling, unless the lab refuses."""
         wanted = replace(self._wanted, **changes)  # type: ignore[arg-type]
-        self.lab.configure(wanted if self.playing else replace(wanted, excitation=()))
+        self.lab.configure(wanted)
+        if not self.playing:
+            self.lab.configure(replace(wanted, excitation=()))
         self._wanted = wanted
 
     def _clear(self, argument: str) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sldvexp.virtual_lab.server import HangUp, LabServer
+from sldvexp.virtual_lab.server import LabServer
 
 Send = Callable[[bytes], None]
 
@@ -159,7 +159,7 @@ class Disconnect(Fault):
     def spoil(self, answer: bytes, send: Send, server: LabServer) -> None:
         """Send these and hang up."""
         send(answer[: self.sent])
-        raise HangUp
+        raise ConnectionAbortedError
 
 
 @dataclass

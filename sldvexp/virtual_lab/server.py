@@ -20,10 +20,6 @@ POLL = 0.02
 RECEIVED = 2**16
 
 
-class HangUp(Exception):
-    """Raised to end the connection with the client."""
-
-
 class LabServer:
     """A virtual lab that listens on a socket.
 
@@ -78,7 +74,7 @@ class LabServer:
             with suppress(TimeoutError):
                 client, _ = self._listener.accept()
                 self._client = client
-                with client, suppress(HangUp, ConnectionError):
+                with client, suppress(ConnectionError):
                     client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                     self._serve_client(client)
 
@@ -96,10 +92,10 @@ class LabServer:
             with suppress(TimeoutError):
                 received = client.recv(RECEIVED)
                 if not received:
-                    raise HangUp
+                    raise ConnectionAbortedError
                 client.settimeout(None)
                 return received
-        raise HangUp
+        raise ConnectionAbortedError
 
     def _answer(self, line: str, client: socket.socket) -> None:
         answer = self.dialect.answer(line)

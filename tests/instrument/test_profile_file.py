@@ -31,8 +31,16 @@ def test_channels_are_those_of_the_protocol():
 
 MISTAKES = {
     "unknown key": ("settle:", "setle:", "setle is not a known setting; did you mean settle?"),
-    "unknown key below": ("  ask: DATA?", "  aks: DATA?", r"data.aks is not a known setting; did y"),
-    "unknown group": ("  move:", "  moves:", "commands.moves is not a known setting; did you mean m"),
+    "unknown key below": (
+        "  ask: DATA?",
+        "  aks: DATA?",
+        r"data.aks is not a known setting; did y",
+    ),
+    "unknown group": (
+        "  move:",
+        "  moves:",
+        "commands.moves is not a known setting; did you mean m",
+    ),
     "missing command": (
         '  home: {lab: ["MIRR:HOME"]}\n',
         "",
@@ -60,8 +68,16 @@ MISTAKES = {
         "RATE {rate.__class__}",
         r"commands.configure.lab\[0\] has the unknown placeholder {rate.__class__}; Valid: amp",
     ),
-    "unfinished": ("POS {up_down},", "POS {up_down,", r"commands.move.lab\[0\] is no command that can be fi"),
-    "bad format": ("RATE {rate}", "RATE {rate:d}", r"commands.configure.lab\[0\] is no command .* 'd'"),
+    "unfinished": (
+        "POS {up_down},",
+        "POS {up_down,",
+        r"commands.move.lab\[0\] is no command that can be fi",
+    ),
+    "bad format": (
+        "RATE {rate}",
+        "RATE {rate:d}",
+        r"commands.configure.lab\[0\] is no command .* 'd'",
+    ),
     "nowhere": (",{left_right}", "", r"commands.move must have a command with {left_right}"),
     "no samples": (
         ', "SAMP:COUN {samples}"',
@@ -78,7 +94,11 @@ MISTAKES = {
         "move: {lba:",
         "commands.move.lba addresses the unknown device lba; did you mean lab?",
     ),
-    "data of nobody": ("  device: lab\n  ask: DATA", "  device: x\n  ask: DATA", "data.device address"),
+    "data of nobody": (
+        "  device: lab\n  ask: DATA",
+        "  device: x\n  ask: DATA",
+        "data.device address",
+    ),
     "verified by nobody": (
         "device: lab\n    ask: LAS",
         "device: adc\n    ask: LAS",
@@ -89,7 +109,11 @@ MISTAKES = {
     "wrong header": ("header: ieee", "header: 4", "data.header cannot be 4; Valid: ieee, none"),
     "wrong number": ("settle: 0.0", "settle: soon", "settle must be a number, not soon"),
     "negative": ("settle: 0.0", "settle: -1", "settle must be zero or a positive number, not -1"),
-    "wrong truth": ("hardware: true", "hardware: maybe", "tried_on_hardware cannot be maybe; Valid: false, true"),
+    "wrong truth": (
+        "hardware: true",
+        "hardware: maybe",
+        "tried_on_hardware cannot be maybe; Valid: false, true",
+    ),
     "channels": (
         "[velocity, reference]",
         "[velocity, velocity]",
@@ -116,15 +140,35 @@ MISTAKES = {
         "  volts_per_count: {velocity: 0, reference: 1}",
         "data.volts_per_count.velocity must be a positive number, not 0",
     ),
-    "no expression": ("'([-+]?", "'([-+?", r"devices.lab.errors.answer is not a regular expression"),
-    "no code": (r"'([-+]?\d+),", r"'[-+]?\d+,", "devices.lab.errors.answer must have the code in par"),
+    "no expression": (
+        "'([-+]?",
+        "'([-+?",
+        r"devices.lab.errors.answer is not a regular expression",
+    ),
+    "no code": (
+        r"'([-+]?\d+),",
+        r"'[-+]?\d+,",
+        "devices.lab.errors.answer must have the code in par",
+    ),
     "endless": ('answer_end: "\\n"', 'answer_end: ""', "devices.lab.answer_end must be given"),
-    "a text for a list": (VIEW, "view: {lab: VIEW}", r"commands.view.lab must be a list, as in \[a"),
+    "a text for a list": (
+        VIEW,
+        "view: {lab: VIEW}",
+        r"commands.view.lab must be a list, as in \[a",
+    ),
     "a list for a table": (VIEW, "view: [VIEW]", "commands.view must be a table, as in {name: val"),
     "nothing": (VIEW, "view:", "commands.view must be a table, as in {name: value}"),
-    "a list in a list": (VIEW, "view: {lab: [[a]]}", r"commands.view.lab\[0\] must be one value, not"),
+    "a list in a list": (
+        VIEW,
+        "view: {lab: [[a]]}",
+        r"commands.view.lab\[0\] must be one value, not",
+    ),
     "no numbers": ("settle: 0.0", "settle:", "settle must be a number, not empty"),
-    "no device": ("  lab:\n    identify", "  lab: x\n  x:\n    identify", "devices.lab must be a tabl"),
+    "no device": (
+        "  lab:\n    identify",
+        "  lab: x\n  x:\n    identify",
+        "devices.lab must be a tabl",
+    ),
     "twice": ("settle: 0.0", "settle: 0.0\nsettle: 1.0", r"line \d+: .* settle is given twice"),
     "not yaml": ("settle: 0.0", "settle: 0.0: [", r"line \d+: is not a profile: "),
 }
@@ -145,7 +189,9 @@ def test_one_sentence_names_the_file_and_the_key(tmp_path, mistake):
 def test_a_file_that_is_something_else(tmp_path, text):
     file = tmp_path / "mine.yaml"
     file.write_text(text)
-    with pytest.raises(UserError, match=rf"^{file}: is not a profile: it must be a table of settings"):
+    with pytest.raises(
+        UserError, match=rf"^{file}: is not a profile: it must be a table of settings"
+    ):
         load_profile(str(file))
 
 
@@ -167,7 +213,9 @@ def test_words_that_yaml_takes_for_something_else(tmp_path):
 
 
 def test_profiles_that_are_not_there(tmp_path):
-    with pytest.raises(UserError, match=r"^there is no profile iotec; did you mean iotech\? Valid: i"):
+    with pytest.raises(
+        UserError, match=r"^there is no profile iotec; did you mean iotech\? Valid: i"
+    ):
         Visa(RESOURCE, "iotec")
     with pytest.raises(UserError, match=r"mine.yaml: there is no such profile"):
         profile_path(str(tmp_path / "mine.yaml"))
@@ -182,7 +230,10 @@ def test_profiles_that_are_not_there(tmp_path):
         ({"resource": 5}, "resource: must be VISA's name of a device"),
         ({"resource": {}}, "resource: must be VISA's name of a device"),
         ({"resource": {"adc": "GPIB::1"}}, "must name lab, the devices of the profile virtual_lab"),
-        ({"profile": "iotech"}, "resource: must name dac and adc, the devices of the profile iotech"),
+        (
+            {"profile": "iotech"},
+            "resource: must name dac and adc, the devices of the profile iotech",
+        ),
     ],
 )
 def test_settings_that_cannot_be(settings, told):

@@ -12,7 +12,7 @@ import pytest
 
 from sldvexp.instrument.blocks import decoded
 from sldvexp.instrument.commanded import CommandedInstrument
-from sldvexp.instrument.line import Disturbance
+from sldvexp.instrument.line import DisturbanceError
 from sldvexp.instrument.profile import SampleType
 from sldvexp.instrument.profile_file import load_profile
 from sldvexp.instrument.protocol import Acquisition, InstrumentError, Status
@@ -254,10 +254,10 @@ LITTLE, BIG = COUNTS.astype("<i2").tobytes(), COUNTS.astype(">i2").tobytes()
             b"#224" + COUNTS.transpose(0, 2, 1).astype("<i2").tobytes() + b"\n",
             [("layout: by_channel", "layout: interleaved")],
         ),
-        (b"#224" + (COUNTS + 2**15).astype("<u2").tobytes() + b"\n", [("int16 ", "uint16 ")]),
+        (b"#224" + (COUNTS + 2**15).astype("<u2").tobytes() + b"\n", [("type: int16", "type: uint16")]),
         (
             b"#224" + (COUNTS + 2**15).astype(">u2").tobytes() + b"\n",
-            [("int16 ", "uint16 "), ("order: little", "order: big")],
+            [("type: int16", "type: uint16"), ("order: little", "order: big")],
         ),
         (LITTLE, [("header: ieee", "header: none"), ('end: "\\n"\n  type', 'end: ""\n  type')]
          + [("status: STAT?", 'status: ""')]),
@@ -302,7 +302,7 @@ def test_volts(received):
 
 def test_volts_beyond_the_counts_are_flagged(received):
     measured = COUNTS * np.array([0.5, 0.25])[:, None]
-    measured[0, 0, 0], measured[1, 1, 2] = -2**14, 2**13
+    measured[0, 0, 0], measured[1, 1, 2] = -(2**14), 2**13
     found = received(volts(measured), *VOLTS, status=b"\0\1")
     assert found.counts[0, 0, 0] == -(2**15)
     assert found.counts[1, 1, 2] == 2**15 - 1
@@ -316,5 +316,5 @@ def test_volts_that_are_no_numbers(bad):
     data = load_profile("virtual_lab").data
     data.type = SampleType.float32
     told = "pixel 1 has a sample that is not a finite number of volts"
-    with pytest.raises(Disturbance, match=told):
+    with pytest.raises(DisturbanceError, match=told):
         decoded(data, measured.tobytes(), b"", (2, 3), [1.0, 1.0], 1000.0)

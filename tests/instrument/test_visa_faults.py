@@ -42,7 +42,10 @@ CONFIGURING = [
     (partial(f.Instead, "CHAN:SCAL?"), r"'nan' to CHAN:SCAL\?, where 2 finite numbers had to come"),
     (partial(f.Instead, "CHAN:SCAL?", text="1,nan"), r"'1,nan' to .* 2 finite numbers"),
     (partial(f.Instead, "SAMP:RATE?"), r"'nan' to SAMP:RATE\?, where a finite number had to come"),
-    (partial(f.Instead, "*IDN?", text="ACME,scope"), r"lab says that it is 'ACME,scope', which the"),
+    (
+        partial(f.Instead, "*IDN?", text="ACME,scope"),
+        r"lab says that it is 'ACME,scope', which the",
+    ),
     (partial(f.Silence, "*IDN?"), r"no answer within 0\.15 s after '\*IDN\?'"),
     (partial(f.Garbage, "*IDN?"), r"which the profile does not expect \(sldvexp,virtual lab,\)"),
     (partial(f.Disconnect, "GEN:OUTP"), r"the connection was lost"),
@@ -103,7 +106,9 @@ def test_slow_is_not_wrong(measured, same, caplog):
 @pytest.mark.parametrize("command", ["MEAS:LIST", "DATA?", "GEN:AMPL", "MEAS:STR"])
 def test_an_entry_in_the_queue_of_errors_stops_at_once(measured, command):
     fault = f.Refusal(command, times=ALWAYS, text="Hardware error; the spindle is bent")
-    told = r'^(scanning 8 pixels|configuring): lab reports -240,"Hardware error; the spindle is bent"'
+    told = (
+        r'^(scanning 8 pixels|configuring): lab reports -240,"Hardware error; the spindle is bent"'
+    )
     with pytest.raises(InstrumentError, match=told):
         measured(fault)
     assert fault.times == ALWAYS - 1
@@ -140,8 +145,13 @@ def test_a_shutter_that_is_closed(measured):
 def test_nobody_there(line):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-    told = rf"^connecting: lab: TCPIP::127.0.0.1::{port}::SOCKET cannot be reached: Connection refus"
-    with pytest.raises(InstrumentError, match=told), Visa(f"TCPIP::127.0.0.1::{port}::SOCKET").open():
+    told = (
+        rf"^connecting: lab: TCPIP::127.0.0.1::{port}::SOCKET cannot be reached: Connection refus"
+    )
+    with (
+        pytest.raises(InstrumentError, match=told),
+        Visa(f"TCPIP::127.0.0.1::{port}::SOCKET").open(),
+    ):
         pass
 
 
@@ -172,7 +182,9 @@ def test_home_and_off_after_a_lost_connection(measured, lab, line, retries):
 def test_an_instrument_that_cannot_go_home_is_told(lab, line):
     behind = lab()
     with (
-        pytest.raises(InstrumentError, match=r"^why; the mirrors may not be home and the gene.*lost"),
+        pytest.raises(
+            InstrumentError, match=r"^why; the mirrors may not be home and the gene.*lost"
+        ),
         LabServer(behind, faults=[f.Disconnect("MIRR:HOME", times=ALWAYS)]) as server,
         Visa(server.resource, timeout=0.15).open() as ours,
     ):

@@ -1,0 +1,204 @@
+"""The command as a whole: its start, its exit statuses, its files, and plugins of others."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from datetime import datetime
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+from hydra.core.config_store import ConfigStore
+
+from sldvexp import registry
+from sldvexp.errors import UserError
+
+CONF = Path(__file__).parents[2] / "conf"
+QUICK = ("~experiment", "target=dissertation")
+POSE = ("experiment=pose", "check.pose_repeats.repeats=20")
+
+
+def test_composing_imports_nothing_heavy(tmp_path):
+    heavy = "{'numpy', 'scipy', 'pandas', 'xarray', 'matplotlib'}"
+    code = f"""
+import sys
+from sldvexp import app
+try:
+    app.main()
+except SystemExit as stop:
+    print(sorted({heavy} & set(sys.modules)), stop.code, file=sys.stderr)
+"""
+    arguments = ("experiment=dissertation/registration", "--cfg", "job")
+    command = [sys.executable, "-c", code, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert done.stderr.splitlines()[-1] == "[] 0"
+    assert "figure_4_28.reg" in done.stdout
+
+
+def test_exit_status_tells_what_happened(sldvexp, monkeypatch):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    assert sldvexp(*QUICK).status == 0
+    assert sldvexp(*QUICK, "seed=-1").status == 1
+    assert sldvexp(*QUICK, "expect.x={at_most: {target/position: 0.1}}").status == 2
+    monkeypatch.setattr("sldvexp.runner.run", interrupt)
+    done = sldvexp(*QUICK)
+    assert (done.status, done.err) == (130, "sldvexp: interrupted\n")
+
+
+def test_mistake_shows_its_place_in_the_program_on_demand(sldvexp, monkeypatch):
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    with pytest.raises(UserError, match="seed"):
+        sldvexp(*QUICK, "seed=-1")
+    assert os.environ["HYDRA_FULL_ERROR"] == "1"
+    monkeypatch.delenv("HYDRA_FULL_ERROR")
+    sldvexp(*QUICK, "seed=-1")
+    assert "HYDRA_FULL_ERROR" not in os.environ
+
+
+def test_defect_is_not_called_a_mistake(sldvexp, monkeypatch):
+    def stumble(*_, **__):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("sldvexp.runner.run", stumble)
+    with pytest.raises(ZeroDivisionError):
+        sldvexp(*QUICK)
+
+
+def test_help_names_groups_and_how_to_go_on(sldvexp):
+    done = sldvexp("--help")
+    assert done.status == 0
+    for group in ("target", "laser", "instrument", "pose", "reconstruction", "experiment"):
+        assert group in done.out
+    assert "sldvexp experiment=pose pose.path=mine.reg" in done.out
+
+
+def test_configuration_is_shown_without_a_run(sldvexp, tmp_path):
+    done = sldvexp("experiment=pose", "seed=7", "--cfg", "job")
+    shown = yaml.safe_load(done.out)
+    assert done.status == 0
+    assert (shown["seed"], shown["pose"]["path"]) == (7, "conf://data/figure_4_28.csv")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_same_configuration_and_seed_give_the_same_bits(sldvexp):
+    arguments = (*POSE, "instrument=file", "instrument.path=conf://data/point_measured.csv")
+    arguments += ("reconstruction=absolute", "seed=3")
+    one, two, other = (sldvexp(*arguments, *more).tree for more in ((), (), ("seed=4",)))
+    assert one.groups == two.groups
+    assert {"/pose", "/point", "/line_of_sight", "/examined/pose_repeats"} <= set(one.groups)
+    for group in one.groups:
+        assert set(one[group].variables) == set(two[group].variables)
+        for name, variable in one[group].variables.items():
+            assert variable.values.tobytes() == two[group][name].values.tobytes(), (group, name)
+    repeats = "examined/pose_repeats/std_ratio"
+    assert not np.array_equal(one[repeats], other[repeats])
+
+
+def test_run_says_how_it_was_made(sldvexp, tmp_path):
+    reg = tmp_path / "mine.reg"
+    reg.write_bytes((CONF / "data/figure_4_28.reg").read_bytes())
+    attributes = sldvexp(*POSE, "pose.path=mine.reg", "seed=5").tree.attrs
+    config = yaml.safe_load(attributes["config"])
+    assert (config["seed"], config["pose"]["path"]) == (5, "mine.reg")
+    assert attributes["config_sha256"] == hashlib.sha256(attributes["config"].encode()).hexdigest()
+    digest = hashlib.sha256(reg.read_bytes()).hexdigest()
+    assert json.loads(attributes["inputs_sha256"]) == {"mine.reg": digest}
+    assert json.loads(attributes["packages"])["numpy"] == np.__version__
+    assert attributes["seed"] == 5
+    start, end = (datetime.fromisoformat(attributes[f"{t}_time"]) for t in ("start", "end"))
+    assert start <= end
+    assert start.tzinfo is not None
+
+
+def test_write_that_fails_leaves_nothing(sldvexp, monkeypatch):
+    def half(_, path, **__):
+        Path(path).write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(xr.DataTree, "to_netcdf", half)
+    done = sldvexp(*QUICK)
+    assert done.status == 1
+    file = done.folder / "run.nc"
+    assert done.err == f"sldvexp: {file}: cannot be written: No space left on device\n"
+    assert [f for f in done.folder.iterdir() if ".nc" in f.name] == []
+
+
+def test_sweep_leaves_one_run_for_each_value(sldvexp, tmp_path):
+    done = sldvexp("-m", *QUICK, "seed=1,2", "hydra.sweep.dir=sweep")
+    assert done.status == 0
+    files = [tmp_path / f"sweep/{i}/run.nc" for i in range(2)]
+    assert [xr.open_datatree(f, engine="netcdf4").attrs["seed"] for f in files] == [1, 2]
+
+
+def test_sweep_goes_on_after_a_mistake(sldvexp, tmp_path):
+    done = sldvexp("-m", *QUICK, "seed=-1,2", "hydra.sweep.dir=sweep")
+    assert done.status == 1
+    assert done.err == "sldvexp: command line: seed must be zero or a positive integer, not -1\n"
+    assert [f.parent.name for f in (tmp_path / "sweep").rglob("run.nc")] == ["1"]
+
+
+@pytest.fixture
+def installed(monkeypatch):
+    """Give entry points as if packages were installed that have them; undone afterwards."""
+    store = ConfigStore.instance()
+    monkeypatch.setattr(store, "repo", copy.deepcopy(store.repo))
+    monkeypatch.setattr(registry, "_plugins", {g: dict(p) for g, p in registry._plugins.items()})
+
+    def install(**loaders):
+        entries = [
+            SimpleNamespace(name=name, value="a:b", load=load, dist=SimpleNamespace(name=f"{name}-1"))
+            for name, load in loaders.items()
+        ]
+        monkeypatch.setattr("importlib.metadata.entry_points", lambda group: entries)
+        registry.load_installed.cache_clear()
+
+    yield install
+    registry.load_installed.cache_clear()
+
+
+def test_broken_plugin_of_others_only_warns(sldvexp, installed):
+    def broken():
+        raise ImportError("no module named stranger")
+
+    installed(stranger=broken)
+    with pytest.warns(UserWarning, match="stranger of the package stranger-1 cannot be loaded: Imp"):
+        done = sldvexp(*QUICK, "check.x.plugin=nope")
+    assert done.err.startswith("sldvexp: command line: check.x.plugin: there is no check=nope; ")
+    assert sldvexp(*QUICK).status == 0
+
+
+def test_plugin_of_others_is_found(sldvexp, installed):
+    from sldvexp.target.points import Points
+
+    def load():
+        plugin = type("Mine", (Points,), {"__module__": "stranger"})
+        registry.register("target", "mine")(plugin)
+
+    installed(stranger=load)
+    marks = "{1: {x: 0, y: 0}, 2: {x: 1, y: 0}, 3: {x: 0, y: 1}}"
+    done = sldvexp("~experiment", "target=mine", f"target.fiducials={marks}")
+    assert done.status == 0, done.err
+    assert json.loads(done.tree.attrs["plugins"])["target"] == "mine"
+
+
+@pytest.mark.parametrize("loaded", [True, False])
+def test_two_plugins_of_one_name_are_refused(installed, monkeypatch, loaded):
+    installed()
+    if loaded:
+        registry.get("pose", "given")
+    else:
+        monkeypatch.setattr(registry, "_plugins", {})
+    with pytest.raises(UserError, match="two plugins are called pose=given: sldvexp.pose.given and"):
+        registry.register("pose", "given")(type("Given", (), {"__module__": "stranger"}))
+    if loaded:
+        assert registry.get("pose", "given").__module__ == "sldvexp.pose.given"

@@ -1,0 +1,171 @@
+"""The whole way over a real socket: how fast it is, and that it needs nothing but the commands."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sldvexp.errors import UserError
+from sldvexp.instrument.protocol import Acquisition
+from sldvexp.instrument.visa import Visa
+from sldvexp.virtual_lab import console
+from sldvexp.virtual_lab.server import LabServer
+
+CONF = Path(__file__).parents[2] / "conf"
+
+ACQUISITION = Acquisition(10000.0, 256, (450.0,))
+
+
+def test_a_whole_calibration_object_in_a_moment(lab, same):
+    """8,000 pixels in lines of 300; most of the time something is computed or copied."""
+    reference = lab()
+    reference.configure(ACQUISITION)
+    dac = np.random.default_rng(1).integers(-700, 700, (8000, 2))
+    lines = [dac[begin : begin + 300] for begin in range(0, len(dac), 300)]
+    wanted = [reference.scan(line, stream=i) for i, line in enumerate(lines)]
+    busy, took = [], []
+    with LabServer(lab()) as server, Visa(server.resource).open() as ours:
+        ours.configure(ACQUISITION)
+        for _ in range(3):
+            begin, used = time.perf_counter(), time.process_time()
+            found = [ours.scan(line, stream=i) for i, line in enumerate(lines)]
+            took.append(time.perf_counter() - begin)
+            busy.append((time.process_time() - used) / took[-1])
+            assert all(map(same, found, wanted))
+    assert min(took) < 5
+    assert max(busy) > 0.5
+
+
+def test_a_question_after_a_command_does_not_wait(lab):
+    """Without TCP_NODELAY every pair takes 44 ms."""
+    with LabServer(lab()) as server, Visa(server.resource).open() as ours:
+        begin = time.perf_counter()
+        for step in range(100):
+            ours.move([step, -step])
+        assert time.perf_counter() - begin < 100 * 0.022
+        assert server.dialect.lab.position == (99, -99)
+
+
+def test_a_digitiser_that_takes_no_lists(lab, same, line, tmp_path):
+    """Without `scan` in its profile, pixel by pixel; the same comes out."""
+    source = (CONF / "profile" / "virtual_lab.yaml").read_text()
+    listing = '  scan: {lab: ["MEAS:LIST {positions}"]}\n'
+    assert listing in source
+    file = tmp_path / "pixels.yaml"
+    file.write_text(source.replace(listing, ""))
+    reference = lab()
+    reference.configure(ACQUISITION)
+    with LabServer(lab()) as server, Visa(server.resource, str(file)).open() as ours:
+        ours.configure(ACQUISITION)
+        assert same(ours.scan(line, stream=3), reference.scan(line, stream=3))
+        assert server.dialect.lab.position == tuple(line[-1])
+
+
+def test_one_client_after_the_other(lab, line, same):
+    reference = lab()
+    reference.configure(ACQUISITION)
+    with LabServer(lab()) as server:
+        for stream in (1, 2):
+            with Visa(server.resource).open() as ours:
+                ours.configure(ACQUISITION)
+                assert same(ours.scan(line, stream=stream), reference.scan(line, stream=stream))
+
+
+def test_the_server_answers_whoever_speaks_its_language(lab):
+    with (
+        LabServer(lab()) as server,
+        socket.create_connection(server._listener.getsockname(), timeout=5) as link,
+        link.makefile("rb") as answers,
+    ):
+
+        def ask(*lines):
+            link.sendall(b"".join(line.encode() + b"\n" for line in lines))
+            return answers.readline().decode().strip()
+
+        assert ask("*IDN?").startswith("sldvexp,virtual lab,0,")
+        assert ask("MIRR:POS 3,-4", "", "MIRR:POS?") == "3,-4"
+        assert ask("SYST:ERR?") == '0,"No error"'
+        assert ask("SAMP:RATE 0.1", "SAMP:RATE?") == "0.1"
+        assert ask("HELLO 1", "SYST:ERR?") == '-113,"Undefined header; HELLO"'
+        assert ask("SAMP:COUN many", "SYST:ERR?").startswith('-104,"Data type error; SAMP:COUN')
+        assert ask("MIRR:POS 3", "SYST:ERR?").startswith('-222,"Data out of range; move: needs')
+        assert ask("MEAS:LIST 1,2,3", "SYST:ERR?").startswith('-104,"Data type error; MEAS:LIST')
+        assert ask("VIEW 9", "SYST:ERR?").startswith('-222,"Data out of range; the scene has no')
+        assert ask("DATA?") == "#10"
+        assert ask("SYST:ERR?") == '-221,"Settings conflict; nothing was measured"'
+        assert ask("HELLO", "*CLS", "SYST:ERR?") == '0,"No error"'
+        assert ask("GEN:FREQ 1,nan", "SYST:ERR?").startswith('-222,"Data out of range; configure')
+        assert ask("GEN:OUTP 1", "GEN:OUTP?", "GEN:OUTP 0") == "1"
+
+
+@pytest.fixture
+def served():
+    """Start `sldvexp-lab` as a user does; its process and the name that it prints."""
+    started = []
+
+    def start(*arguments):
+        command = [sys.executable, "-m", "sldvexp.virtual_lab.console", "--port", "0", *arguments]
+        process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        started.append(process)
+        return process, process.stdout.readline().strip()
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def test_the_command_serves_the_lab_of_its_configuration(served, lab, line, same):
+    chosen = ("scene=plate", "target=two_planes", "laser=ometron_16bit", "seed=5")
+    process, resource = served(*chosen)
+    reference = lab(*chosen)
+    reference.use_view("4")
+    reference.configure(ACQUISITION)
+    with Visa(resource).open(view="4") as ours:
+        ours.configure(ACQUISITION)
+        assert same(ours.scan(line, stream=0), reference.scan(line, stream=0))
+    process.send_signal(signal.SIGINT)
+    assert process.wait(5) == 0
+    assert process.stderr.read() == ""
+
+
+def test_by_default_it_is_the_lab_of_the_automated_pose():
+    made = console.experiment([])
+    assert type(made.scene).__name__ == "Calibration"
+    assert type(made.target).__name__ == "Circles"
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        (["scene=calibratio"], "there is no scene=calibratio; did you mean calibration"),
+        (["scene.washer=-1"], "scene.washer must be zero or a positive number, not -1"),
+        (["seed=x"], "seed must be a whole number, not x"),
+        (["seed=-1"], "seed must be zero or a positive integer, not -1"),
+        (["scene.speakers={9: {}}"], "scene.speakers.9: the calibration object has no circle 9"),
+        (["experiment=pose", "pose.path=x.reg"], "there is no scene to serve; choose scene=calib"),
+        (["experiment=nothing"], "there is no experiment=nothing"),
+    ],
+)
+def test_what_cannot_be_served(settings, told):
+    with pytest.raises(UserError, match=told):
+        console.serve(settings, port=0)
+
+
+def test_a_port_that_is_taken(capsys, monkeypatch):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        monkeypatch.setattr(sys, "argv", ["sldvexp-lab", "--port", port])
+        with pytest.raises(SystemExit, match="1"):
+            console.main()
+    told = f"sldvexp-lab: cannot listen on 127.0.0.1, port {port}: Address already in use; --port 0"
+    assert capsys.readouterr().err.startswith(told)
