@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Sequence
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,21 +12,17 @@ from numpy.typing import NDArray
 from sldvexp.instrument.blocks import block_size, decoded
 from sldvexp.instrument.dialogue import Dialogue
 from sldvexp.instrument.line import DisturbanceError, Line
+from sldvexp.instrument.persistence import Persistence
 from sldvexp.instrument.profile import Profile
 from sldvexp.instrument.protocol import CHANNELS, Acquisition, InstrumentError, Samples, Status
 
 log = logging.getLogger(__name__)
-
-#: Pause before the connection is made again, s; twice as long every further time.
-PAUSE = 0.1
 
 #: How far a rate may be from a whole number of microseconds between samples, relative.
 WHOLE = 1e-9
 
 #: All bits that a pixel's status may have.
 KNOWN = np.uint8(Status.dropped_out | Status.over_range)
-
-T = TypeVar("T")
 
 
 class CommandedInstrument:
@@ -58,11 +53,10 @@ class CommandedInstrument:
         view: str = "",
     ) -> None:
         self.profile = profile
-        self._connect = connect
-        self._timeout = timeout
-        self._retries = retries
         self._view = view
-        self._dialogue: Dialogue | None = None
+        self._persistently = Persistence(
+            lambda: Dialogue(profile, connect, timeout), self._restore, retries
+        )
         self._acquisition: Acquisition | None = None
         self._position: tuple[int, int] | None = None
         self._rate = 0.0
@@ -72,7 +66,8 @@ class CommandedInstrument:
         self._persistently("connecting", lambda dialogue: None)
         return self
 
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+    def __exit__(self, *exception: object) -> None:
+        error = exception[1]
         # Nothing that might be refused on the way: going home must not depend on it.
         self._acquisition, self._position, self._view = None, None, ""
         try:
@@ -85,7 +80,7 @@ class CommandedInstrument:
                 raise InstrumentError(f"{error}; {what}") from error
             log.error(what)
         finally:
-            self._hang_up()
+            self._persistently.hang_up()
 
     def configure(self, acquisition: Acquisition) -> None:
         """Set sampling and generator for all pixels that follow."""
@@ -141,49 +136,6 @@ class CommandedInstrument:
         )
         self._position = steps[-1]
         return found
-
-    def _persistently(self, what: str, step: Callable[[Dialogue], T]) -> T:
-        """Do a step; repeat it over a new connection if it was disturbed."""
-        for attempt in range(self._retries + 1):
-            try:
-                return self._once(step)
-            except DisturbanceError as error:
-                if attempt == self._retries:
-                    tried = f"{attempt + 1} times" if attempt else "once"
-                    raise InstrumentError(f"{what}: {error} (tried {tried})") from error
-                log.warning("%s: %s; trying again", what, error)
-                time.sleep(PAUSE * 2**attempt)
-            except InstrumentError as error:
-                raise InstrumentError(f"{what}: {error}") from error
-        raise AssertionError
-
-    def _once(self, step: Callable[[Dialogue], T]) -> T:
-        """Do a step, over a new connection if the last step left the old one in disorder."""
-        known, self._dialogue = self._dialogue, None
-        dialogue = known or Dialogue(self.profile, self._connect, self._timeout)
-        in_order = False
-        try:
-            if known is None:
-                self._restore(dialogue)
-            done = step(dialogue)
-            in_order = True
-            return done
-        except DisturbanceError:
-            raise
-        except InstrumentError:
-            # A refusal leaves nothing unread; whatever else may, also an operator's Ctrl-C.
-            in_order = known is not None
-            raise
-        finally:
-            if in_order:
-                self._dialogue = dialogue
-            else:
-                dialogue.close()
-
-    def _hang_up(self) -> None:
-        if self._dialogue is not None:
-            self._dialogue.close()
-            self._dialogue = None
 
     def _restore(self, dialogue: Dialogue) -> None:
         """Bring the instrument to where the program believes it is."""

@@ -110,7 +110,9 @@ class VisaLine:
             return bytes(read())
         except self._errors as error:
             if self._socket is not None and _closed(self._socket):
-                raise DisturbanceError("the connection was lost in the middle of the answer") from error
+                raise DisturbanceError(
+                    "the connection was lost in the middle of the answer"
+                ) from error
             raise DisturbanceError(f"the answer broke off ({_first_line(error)})") from error
 
     def _wait(self, link: socket.socket, patience: float) -> None:

@@ -9,8 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 
-from sldvexp.errors import Checks
-
 #: Channels of every block of samples; `sldvexp.instrument.protocol.CHANNELS` without numpy.
 CHANNELS = ("velocity", "reference")
 
@@ -218,10 +216,3 @@ class Profile:
     commands: CommandGroups
     verify: list[Verify] = field(default_factory=list)
     data: Data
-
-    def __post_init__(self) -> None:
-        from sldvexp.instrument.profile_checks import check
-
-        checks = Checks()
-        check(self, checks)
-        checks.done()

@@ -11,6 +11,7 @@ import yaml
 from sldvexp.errors import Checks, ConfigError, UserError, nearest
 from sldvexp.files import read_text
 from sldvexp.instrument.profile import Profile
+from sldvexp.instrument.profile_checks import check
 from sldvexp.paths import conf_dir, locate
 
 SUFFIXES = (".yaml", ".yml")
@@ -76,6 +77,8 @@ def load_profile(name: str) -> Profile:
     checks = Checks()
     try:
         profile: Profile = _made(Profile, content, "", checks)
+        checks.done()
+        check(profile, checks)
         checks.done()
     except ConfigError as error:
         told = "; ".join(f"{p.field} {p.message}" for p in error.problems)

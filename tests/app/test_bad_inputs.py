@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
 import pytest
 import xarray as xr
 
@@ -37,8 +37,12 @@ defaults:
 pose:
   path: conf://data/figure_4_28.reg
 """
+OBJECT = "~experiment target=dissertation"
 KNOWN = "{euler: [0, 0, 0], origin: [0, 0, 1]}"
 REFUSED = "is refused: a configuration names plugins and cannot name code"
+
+
+Content = str | bytes | Callable[[Path], object]
 
 
 @dataclass
@@ -47,7 +51,7 @@ class Bad:
 
     arguments: str
     answer: str
-    files: dict[str, str | bytes] = field(default_factory=dict)
+    files: dict[str, Content] = field(default_factory=dict)
 
 
 def on_pose(arguments: str, answer: str) -> Bad:
@@ -68,19 +72,24 @@ def on_views(answer: str, old: str = "", new: str = "", more: str = "") -> Bad:
     return Bad(arguments, answer, {"m.csv": VIEWS.replace(old, new)})
 
 
-def on_file(name: str, content: str | bytes, answer: str) -> Bad:
+def on_file(name: str, content: Content, answer: str) -> Bad:
     key = "instrument" if name.endswith(("mat", "nc", "dat")) else "pose"
     experiment = "point" if key == "instrument" else "pose"
     return Bad(f"experiment={experiment} {key}.path={name}", answer, {name: content})
 
 
 def on_experiment(added: str, answer: str) -> Bad:
-    return Bad("--config-dir my experiment=x", answer, {"my/experiment/x.yaml": EXPERIMENT + added})
+    return in_folder("experiment=x", f"experiment/x.yaml{answer}", experiment_x=EXPERIMENT + added)
+
+
+def in_folder(arguments: str, answer: str, **files: Content) -> Bad:
+    """With a --config-dir; `experiment_x` is the name of my/experiment/x.yaml."""
+    content = {f"my/{n.replace('_', '/', 1)}.yaml": text for n, text in files.items()}
+    return Bad(f"--config-dir my {arguments}", f"my/{answer}", content)
 
 
 def on_target(setting: str, answer: str) -> Bad:
-    arguments = f"~experiment target=dissertation '{setting}'"
-    return Bad(arguments, f"command line: {answer}")
+    return Bad(f"{OBJECT} '{setting}'", f"command line: {answer}")
 
 
 def on_given(views: str, answer: str) -> Bad:
@@ -88,179 +97,524 @@ def on_given(views: str, answer: str) -> Bad:
     return Bad(arguments, answer)
 
 
-def plain_points(count: int, line: str) -> str:
-    rows = [f"REGPOINT {i} {eval(f'f{line!r}')}" for i in range(1, count + 1)]
-    return "\n".join([f"NUMREG {count}", "UNITS m", *rows, ""])
-
-
 CHOICES = [
     Bad("target=nope", "command line: there is no target=nope; Valid: …dissertation…"),
     Bad("laser=ometrn", "command line: there is no laser=ometrn; did you mean ometron? Valid: …"),
     Bad("instrument=nope", "command line: there is no instrument=nope; Valid: …file…"),
-    Bad("pose=registratio", "command line: there is no pose=registratio; did you mean registration?…"),
-    Bad("reconstruction=absolut", "command line: there is no reconstruction=absolut; did you mean absolute? Valid: …"),
-    Bad("experiment=dissertation/registrasion", "command line: there is no experiment=dissertation/registrasion; did you mean dissertation/registration? Valid: …"),
-    Bad("check=bitangents", "command line: check=bitangents must be a table; a plugin is added to it by a name of yours, as in check.mine.plugin=name; Valid: bitangents…"),
-    on_pose("check.mine.plugin=bitangent", "check.mine.plugin: there is no check=bitangent; did you mean bitangents? Valid: …"),
-    on_pose("compare.mine.plugin=absolut", "compare.mine.plugin: there is no reconstruction=absolut; did you mean absolute? Valid: …"),
-    on_pose("laser=null", "laser=null must name a choice, and ~laser leaves the group out; Valid: ometron…"),
+    Bad(
+        "pose=registratio",
+        "command line: there is no pose=registratio; did you mean registration?…",
+    ),
+    Bad(
+        "reconstruction=absolut",
+        "command line: there is no reconstruction=absolut; did you mean absolute? Valid: …",
+    ),
+    Bad(
+        "experiment=dissertation/registrasion",
+        "command line: there is no experiment=dissertation/registrasion; did you mean "
+        "dissertation/registration? Valid: …",
+    ),
+    Bad(
+        "check=bitangents",
+        "command line: check=bitangents must be a table; a plugin is added to it by a "
+        "name of yours, as in check.mine.plugin=name; Valid: bitangents…",
+    ),
+    on_pose(
+        "check.mine.plugin=bitangent",
+        "check.mine.plugin: there is no check=bitangent; did you mean bitangents? Valid: …",
+    ),
+    on_pose(
+        "compare.mine.plugin=absolut",
+        "compare.mine.plugin: there is no reconstruction=absolut; did you mean absolute? Valid: …",
+    ),
+    on_pose(
+        "laser=null",
+        "laser=null must name a choice, and ~laser leaves the group out; Valid: ometron…",
+    ),
     on_pose("lasr=ometron", "lasr is not a known setting; did you mean laser? Valid: …"),
-    Bad("~experiment pose.path=a.reg", "command line: pose.path belongs to no plugin; choose one with pose=...; Valid: …registration…"),
-    Bad("~experiment", "there is nothing to do: choose an experiment, for example experiment=pose…"),
-    Bad("~laser experiment=pose", "…the pose needs the instrument's mirrors: choose one with laser=name"),
-    Bad("~experiment pose=registration", "…pose.path must name a registration file, or one for each view as in {front: a.reg, left: b.reg}".replace("as in", "as")),
-    Bad("--config-name nope", "command line: there is no configuration nope; is --config-name right?"),
+    Bad(
+        "~experiment pose.path=a.reg",
+        "command line: pose.path belongs to no plugin; choose one with pose=...; Valid: "
+        "…registration…",
+    ),
+    Bad(
+        "~experiment", "there is nothing to do: choose an experiment, for example experiment=pose…"
+    ),
+    Bad(
+        "~laser experiment=pose",
+        "…the pose needs the instrument's mirrors: choose one with laser=name",
+    ),
+    Bad(
+        "~experiment pose=registration",
+        "…pose.path must name a registration file, or one for each view as {front: "
+        "a.reg, left: b.reg}",
+    ),
+    Bad(
+        "--config-name nope",
+        "command line: there is no configuration nope; is --config-name right?",
+    ),
     Bad("--config-dir nope", "command line: there is no folder nope"),
-    Bad("--config-path . experiment=pose", "command line: --config-path would replace the program's own configuration; add a folder of yours with --config-dir"),
-    Bad("--nope", "command line: unrecognized arguments: --nope; sldvexp --hydra-help lists the options"),
-]  # fmt: skip
+    Bad(
+        "--config-path . experiment=pose",
+        "command line: --config-path would replace the program's own configuration; add "
+        "a folder of yours with --config-dir",
+    ),
+    Bad(
+        "--nope",
+        "command line: unrecognized arguments: --nope; sldvexp --hydra-help lists the options",
+    ),
+]
 
 KEYS = [
     on_pose("sed=1", "sed is not a known setting; did you mean seed? Valid: …"),
-    on_pose("pose.max_iteration=9", "pose.max_iteration is not a known setting; did you mean max_iterations? Valid: adjust, confidence, inverted, max_iterations, path, unit"),
-    on_pose("laser.up_down.gian=25", "laser.up_down.gian is not a known setting; did you mean gain? Valid: gain, polynomial, unit, zero"),
-    on_pose("expect.residuals.tolerence=1", "expect.residuals.tolerence is not a known setting; did you mean tolerance? Valid: …"),
+    on_pose(
+        "pose.max_iteration=9",
+        "pose.max_iteration is not a known setting; did you mean max_iterations? Valid: "
+        "adjust, confidence, inverted, max_iterations, path, unit",
+    ),
+    on_pose(
+        "laser.up_down.gian=25",
+        "laser.up_down.gian is not a known setting; did you mean gain? Valid: gain, "
+        "polynomial, unit, zero",
+    ),
+    on_pose(
+        "expect.residuals.tolerence=1",
+        "expect.residuals.tolerence is not a known setting; did you mean tolerance? Valid: …",
+    ),
     on_pose("+foo=1", "foo is not a known setting; Valid: check, …"),
     on_pose("+pose.foo=1", "pose.foo is not a known setting; Valid: adjust, …"),
     on_pose("++laser.up_down.foo=1", "laser.up_down.foo is not a known setting; Valid: gain, …"),
-    on_pose("pose.adjust.unknown=1", "pose.adjust.unknown cannot be adjusted; Valid: gain_left_right, …"),
+    on_pose(
+        "pose.adjust.unknown=1", "pose.adjust.unknown cannot be adjusted; Valid: gain_left_right, …"
+    ),
     on_pose("~seed", "seed cannot be deleted"),
-    on_experiment("  max_iteration: 9\n", "my/experiment/x.yaml: pose.max_iteration is not a known setting; did you mean max_iterations? Valid: …"),
-    on_experiment("laser: {up_down: {gian: 3}}\n", "my/experiment/x.yaml: laser.up_down.gian is not a known setting; did you mean gain? Valid: …"),
-    on_experiment("expect: {q: {at_mst: {pose/sse: 1}}}\n", "my/experiment/x.yaml: expect.q.at_mst is not a known setting; did you mean at_most? Valid: …"),
-    Bad("--config-dir my experiment=pose pose=mine", "my/pose/mine.yaml: pose.max_iteration is not a known setting; did you mean max_iterations? Valid: …",
-        {"my/pose/mine.yaml": "defaults: [schema/registration@_here_, _self_]\nmax_iteration: 3\n"}),
-    Bad("--config-dir my ~experiment pose=mine", "my/pose/mine.yaml: pose has settings but no plugin; choose one with …",
-        {"my/pose/mine.yaml": "path: a.reg\n"}),
-]  # fmt: skip
+    on_experiment(
+        "  max_iteration: 9\n",
+        ": pose.max_iteration is not a known setting; did you mean max_iterations? Valid: …",
+    ),
+    on_experiment(
+        "laser: {up_down: {gian: 3}}\n",
+        ": laser.up_down.gian is not a known setting; did you mean gain? Valid: …",
+    ),
+    on_experiment(
+        "expect: {q: {at_mst: {pose/sse: 1}}}\n",
+        ": expect.q.at_mst is not a known setting; did you mean at_most? Valid: …",
+    ),
+    in_folder(
+        "experiment=pose pose=mine",
+        "pose/mine.yaml: pose.max_iteration is not a known setting; did you mean "
+        "max_iterations? Valid: …",
+        pose_mine="defaults: [schema/registration@_here_, _self_]\nmax_iteration: 3\n",
+    ),
+    in_folder(
+        "~experiment pose=mine",
+        "pose/mine.yaml: pose has settings but no plugin; choose one with …",
+        pose_mine="path: a.reg\n",
+    ),
+]
 
 VALUES = [
+    on_pose("pose.adjust=[1]", "pose.adjust must be a table, as in {name: value}"),
     on_pose("laser.mirror_offset=abc", "laser.mirror_offset must be a number, not abc"),
-    on_pose("laser.mirror_offset=nan", "laser.mirror_offset must be zero or a positive number, not nan"),
+    on_pose(
+        "laser.mirror_offset=nan", "laser.mirror_offset must be zero or a positive number, not nan"
+    ),
     on_pose("pose.max_iterations=1.5", "pose.max_iterations must be a whole number, not 1.5"),
     on_pose("seed=-1", "seed must be zero or a positive integer, not -1"),
     on_pose("seed=???", "seed must be given"),
     on_pose("pose.confidence=1.5", "pose.confidence must lie between 0 and 1, not 1.5"),
-    on_pose("'pose.adjust={mirror_offset: .inf}'", "pose.adjust.mirror_offset must be a number; infinity is written inf here"),
+    on_pose(
+        "'pose.adjust={mirror_offset: .inf}'",
+        "pose.adjust.mirror_offset must be a number; infinity is written inf here",
+    ),
     on_pose("pose.inverted=up_down", "pose.inverted must be a list, as in [a, b]"),
-    on_pose("laser.board=bits_13", "laser.board cannot be bits_13; did you mean bits_16? Valid: bits_12_sign, bits_16"),
-    on_pose("laser.up_down=5", "laser.up_down must be a table of the settings gain, zero, polynomial, unit, as in {name: value}"),
-    on_pose("pose.path=", "pose.path must name a registration file, or one for each view as {front: a.reg, left: b.reg}"),
+    on_pose(
+        "laser.board=bits_13",
+        "laser.board cannot be bits_13; did you mean bits_16? Valid: bits_12_sign, bits_16",
+    ),
+    on_pose(
+        "laser.up_down=5",
+        "laser.up_down must be a table of the settings gain, zero, polynomial, unit, as "
+        "in {name: value}",
+    ),
+    on_pose(
+        "pose.path=",
+        "pose.path must name a registration file, or one for each view as {front: a.reg, "
+        "left: b.reg}",
+    ),
     on_pose("'pose.path=${nope}'", "pose.path refers to ${nope}, but there is no nope"),
-    on_pose("'pose.path=${nope:1}'", "pose.path refers to ${nope:...}, but there is no resolver nope"),
-    on_pose("=3", "'=3' cannot be read; write key=value, and put a value with special characters into quotes of its own"),
+    on_pose(
+        "'pose.path=${nope:1}'", "pose.path refers to ${nope:...}, but there is no resolver nope"
+    ),
+    on_pose(
+        "=3",
+        "'=3' cannot be read; write key=value, and put a value with special characters "
+        "into quotes of its own",
+    ),
     on_pose("'a b'", "'a b' cannot be read; write key=value, …"),
-    on_pose("seed=1,2", "seed=1,2 has several values; -m runs each of them, [a, b] is a list, and quotes make a text"),
-    on_experiment("seed: abc\n", "my/experiment/x.yaml: seed must be a whole number, not abc"),
-    Bad("--config-dir my experiment=outer", "my/experiment/x.yaml: pose.max_iterations must be at least 1, not 0",
-        {"my/experiment/x.yaml": EXPERIMENT + "  max_iterations: 0\n",
-         "my/experiment/outer.yaml": "# @package _global_\ndefaults: [x, _self_]\nseed: 3\n"}),
-    Bad("--config-dir my experiment=pose laser=mine", "my/laser/mine.yaml: laser.up_down.gain must not be zero: the mirror would not move",
-        {"my/laser/mine.yaml": "defaults: [ometron, _self_]\nup_down: {gain: 0}\n"}),
-]  # fmt: skip
+    on_pose(
+        "seed=1,2",
+        "seed=1,2 has several values; -m runs each of them, [a, b] is a list, and quotes "
+        "make a text",
+    ),
+    on_experiment("seed: abc\n", ": seed must be a whole number, not abc"),
+    in_folder(
+        "experiment=outer",
+        "experiment/x.yaml: pose.max_iterations must be at least 1, not 0",
+        experiment_x=EXPERIMENT + "  max_iterations: 0\n",
+        experiment_outer="# @package _global_\ndefaults: [x, _self_]\nseed: 3\n",
+    ),
+    in_folder(
+        "experiment=pose laser=mine",
+        "laser/mine.yaml: laser.up_down.gain must not be zero: the mirror would not move",
+        laser_mine="defaults: [ometron, _self_]\nup_down: {gain: 0}\n",
+    ),
+]
 
 TARGETS = [
-    on_target("target.circles={1: {diameter: -1}}", "target.circles.1.diameter must be a positive number, not -1.0"),
-    on_target("target.circles={1: {diameter: 0}}", "target.circles.1.diameter must be a positive number, not 0.0"),
-    on_target("target.circles={2: {x: 2.5, y: 2.9}}", "target.circles: circles 1 and 2 overlap: their centers are 0.254954 inch apart, which must be more than the sum of their radii"),
-    on_target("target.circles={2: {x: 2.26, y: 2.82, diameter: 0.1}}", "target.circles: circles 1 and 2 lie one inside the other: their centers are …"),
-    on_target("target.circles={1: {plane: frnt}}", "target.circles.1.plane: there is no plane frnt; did you mean front? Valid: front"),
-    on_target("target.circles.1.diameter=-1", "target.circles.1.diameter cannot be reached by dots; write 'target.circles={1: {diameter: -1}}'"),
-    on_target("target.planes.raised.normal=[1, 0]", "target.planes.raised.normal cannot be reached by dots; write 'target.planes={raised: {normal: [1, 0]}}'"),
+    on_target(
+        "target.circles={1: {diameter: -1}}",
+        "target.circles.1.diameter must be a positive number, not -1.0",
+    ),
+    on_target(
+        "target.circles={1: {diameter: 0}}",
+        "target.circles.1.diameter must be a positive number, not 0.0",
+    ),
+    on_target(
+        "target.circles={2: {x: 2.5, y: 2.9}}",
+        "target.circles: circles 1 and 2 overlap: their centers are 0.254954 inch apart, "
+        "which must be more than the sum of their radii",
+    ),
+    on_target(
+        "target.circles={2: {x: 2.26, y: 2.82, diameter: 0.1}}",
+        "target.circles: circles 1 and 2 lie one inside the other: their centers are …",
+    ),
+    on_target(
+        "target.circles={1: {plane: frnt}}",
+        "target.circles.1.plane: there is no plane frnt; did you mean front? Valid: front",
+    ),
+    on_target(
+        "target.circles.1.diameter=-1",
+        "target.circles.1.diameter cannot be reached by dots; write 'target.circles={1: "
+        "{diameter: -1}}'",
+    ),
+    on_target(
+        "target.planes.raised.normal=[1, 0]",
+        "target.planes.raised.normal cannot be reached by dots; write "
+        "'target.planes={raised: {normal: [1, 0]}}'",
+    ),
     on_target("target.pairs=[1-9]", "target.pairs[0]: 1-9 names circle 9; there are 1, 2, 3, 4"),
-    on_target("target.pairs=[1-2, 2-1]", "target.pairs[1]: 2-1 is listed twice; its points would be counted twice"),
-    Bad("~experiment target=fiducials 'target.fiducials={1: {x: nan}}'", "command line: target.fiducials.1 must be finite, not nan"),
-]  # fmt: skip
+    on_target(
+        "target.pairs=[1-2, 2-1]",
+        "target.pairs[1]: 2-1 is listed twice; its points would be counted twice",
+    ),
+    Bad(
+        "~experiment target=fiducials 'target.fiducials={1: {x: nan}}'",
+        "command line: target.fiducials.1 must be finite, not nan",
+    ),
+]
 
 REGISTRATIONS = [
     Bad("experiment=pose pose.path=m.reg", "m.reg: there is no such file (looked from {here})"),
-    on_file("m.reg", b"\x00\xff\xfe" * 50, "m.reg: is not a text file, although its suffix says so"),
-    on_file("m.reg", "\n".join(REG_LINES[:10]), "m.reg: NUMREG promises 16 points but 7 REGPOINT lines follow (point 8 is missing)"),
-    on_reg("m.reg, line 2: unknown unit 'furlong'; Valid: cm, ft, inch, m, mm", ("UNITS inch", "UNITS furlong")),
-    on_reg("m.reg, line 8: x of point 5 must be finite, not nan", ("REGPOINT 5 7.0696", "REGPOINT 5 nan")),
-    on_reg("m.reg, line 8: x of point 5 must be finite, not inf", ("REGPOINT 5 7.0696", "REGPOINT 5 inf")),
-    on_reg("m.reg, line 8: point number 4 stands on line 7 already", ("REGPOINT 5 ", "REGPOINT 4 ")),
-    on_reg("m.reg, line 8: up_down of point 5 must be below 90 deg, not 120 (are these DAC steps?)", ("7.6883e+00", "120")),
-    on_reg("m.reg: point 1 of view m: the up_down angle of 5.724 deg is not within the mirror's range of -5 to 5 deg; …", more="laser.up_down.gain=5"),
-    on_file("m.reg", "\n".join(["NUMREG 2", *REG_LINES[1:5]]), "m.reg, view m: a pose needs at least 3 points, not 2"),
-    on_file("m.reg", plain_points(4, "{i} 0 0 {i} 0"), "m.reg, view m: the object points lie on one line: a pose needs points that span a plane"),
-    on_file("m.csv", TABLE.replace(",z_m", "").replace("0,1,", "1,"), "m.csv: the column z_m is missing; …"),
-    on_file("m.csv", TABLE.replace("2,0.3", "2,nan"), "m.csv, line 3: x_m of point 2 must be finite, not nan"),
-    on_file("m.csv", TABLE.replace("_deg", "_dac").replace("2,0.3,0,0,1", "2,0.3,0,0,5000"), "m.csv: point 2 of view m: the up_down DAC step 5000 is not within the mirror's range of -4096 to 4096; …"),
-]  # fmt: skip
+    on_file(
+        "m.reg", b"\x00\xff\xfe" * 50, "m.reg: is not a text file, although its suffix says so"
+    ),
+    on_file(
+        "m.reg",
+        "\n".join(REG_LINES[:10]),
+        "m.reg: NUMREG promises 16 points but 7 REGPOINT lines follow (point 8 is missing)",
+    ),
+    on_reg(
+        "m.reg, line 2: unknown unit 'furlong'; Valid: cm, ft, inch, m, mm",
+        ("UNITS inch", "UNITS furlong"),
+    ),
+    on_reg(
+        "m.reg, line 8: x of point 5 must be finite, not nan",
+        ("REGPOINT 5 7.0696", "REGPOINT 5 nan"),
+    ),
+    on_reg(
+        "m.reg, line 8: x of point 5 must be finite, not inf",
+        ("REGPOINT 5 7.0696", "REGPOINT 5 inf"),
+    ),
+    on_reg(
+        "m.reg, line 8: point number 4 stands on line 7 already", ("REGPOINT 5 ", "REGPOINT 4 ")
+    ),
+    on_reg(
+        "m.reg, line 8: up_down of point 5 must be below 90 deg, not 120 (are these DAC steps?)",
+        ("7.6883e+00", "120"),
+    ),
+    on_reg(
+        "m.reg: point 1 of view m: the up_down angle of 5.724 deg is not within the "
+        "mirror's range of -5 to 5 deg; …",
+        more="laser.up_down.gain=5",
+    ),
+    on_file(
+        "m.reg",
+        "\n".join(["NUMREG 2", *REG_LINES[1:5]]),
+        "m.reg, view m: a pose needs at least 3 points, not 2",
+    ),
+    on_file(
+        "m.reg",
+        "NUMREG 3\nUNITS m\n" + "".join(f"REGPOINT {i} {i} 0 0 {i} 0\n" for i in "123"),
+        "m.reg, view m: the object points lie on one line: a pose needs points that span a plane",
+    ),
+    on_file(
+        "m.csv",
+        TABLE.replace(",z_m", "").replace("0,1,", "1,"),
+        "m.csv: the column z_m is missing; …",
+    ),
+    on_file(
+        "m.csv",
+        TABLE.replace("2,0.3", "2,nan"),
+        "m.csv, line 3: x_m of point 2 must be finite, not nan",
+    ),
+    on_file(
+        "m.csv",
+        TABLE.replace("_deg", "_dac").replace("2,0.3,0,0,1", "2,0.3,0,0,5000"),
+        "m.csv: point 2 of view m: the up_down DAC step 5000 is not within the mirror's "
+        "range of -4096 to 4096; …",
+    ),
+]
 
 VELOCITIES = [
-    Bad("experiment=point instrument.path=m.csv", "m.csv: there is no such file (looked from {here})"),
+    Bad(
+        "~experiment reconstruction=absolute",
+        "…there are no velocities to reconstruct from; name a file with instrument=file "
+        "instrument.path=...",
+    ),
+    on_views(
+        "m.csv, line 3: imag must be a finite number, not 'inf'", "0.6,100,1,2", "0.6,100,1,inf"
+    ),
+    on_views(
+        "…the row 'abc' is no view (a name, or a number from 1 to 4) and no difference of two; "
+        "Valid: 1, 2, 3, 4",
+        more="reconstruction.rows=abc",
+    ),
+    on_file(
+        "m.nc",
+        lambda path: xr.Dataset({"velocity": ("view", [1.0])}).to_netcdf(path, engine="netcdf4"),
+        "m.nc: the variable direction_cosines is missing; needed are direction_cosines, velocity",
+    ),
+    Bad(
+        "experiment=point instrument.path=m.csv",
+        "m.csv: there is no such file (looked from {here})",
+    ),
     Bad("experiment=point instrument.path=.", ".: is a folder; a file is needed"),
     on_file("m.nc", b"junk", "m.nc: is not a readable netCDF-4 file…"),
     on_file("m.mat", b"junk" * 50, "m.mat: is not a readable MATLAB file"),
-    on_file("m.mat", b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(384) + b"\x89HDF\r\n\x1a\n", "m.mat: is a MATLAB 7.3 file; save it with the option -v7"),
-    on_views("m.csv: the column dz is missing; needed are view, dx, dy, dz, real", "dz,frequency", "point,frequency"),
+    on_file(
+        "m.mat",
+        b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(384) + b"\x89HDF\r\n\x1a\n",
+        "m.mat: is a MATLAB 7.3 file; save it with the option -v7",
+    ),
+    on_views(
+        "m.csv: the column dz is missing; needed are view, dx, dy, dz, real",
+        "dz,frequency",
+        "point,frequency",
+    ),
     on_views("m.csv, line 3: real must be a finite number, not 'nan'", "0.6,100,1", "0.6,100,nan"),
-    on_views("m.csv, line 3: std must be a positive number, not '-0.1'", "0.6,100,1,2,0.1", "0.6,100,1,2,-0.1"),
+    on_views(
+        "m.csv, line 3: std must be a positive number, not '-0.1'",
+        "0.6,100,1,2,0.1",
+        "0.6,100,1,2,-0.1",
+    ),
     on_views("m.csv, line 3: has 9 values under 8 columns", "0.6,100", "0.6,7,100"),
-    on_views("m.csv: the length of the direction of view 2 is 1, but must be 1: …".replace("is 1,", "is 1.28062,"), "2,0.8,0,0.6", "2,0.8,0,1"),
+    on_views(
+        "m.csv: the length of the direction of view 2 is 1.28062, but must be 1: …",
+        "2,0.8,0,0.6",
+        "2,0.8,0,1",
+    ),
     on_views("m.csv, line 3: view 1, frequency 100 is given twice", "\n2,", "\n1,"),
     on_views("m.csv: there is no row for view 1, frequency 200", "0.6,100", "0.6,200"),
-    on_views("…the row '9' is no view (a name, or a number from 1 to 4) and no difference of two; Valid: 1, 2, 3, 4", more="reconstruction.rows=9"),
-    on_views("…the row 1-1 subtracts a view from itself; name two views", more="reconstruction.rows=1-1"),
-    on_views("…the rows 1,1 contain 1 twice; each row may stand there once", more="""'reconstruction.rows="1,1"'"""),
-    on_views("…at least 4 rows are needed, but there are 3: 1,2,3", VIEWS[VIEWS.index("4,0.6"):], "", "reconstruction.model=full ~compare.full"),
-    on_views("…the best 3 rows are asked for, but 2 views do not have 3 independent rows of this method; more views are needed", VIEWS[VIEWS.index("3,0,"):], "", "reconstruction=contravariant ~compare.full ~compare.contravariant"),
-    on_views("command line: reconstruction.model must be partial for relative: an intercept cancels in every difference", more="reconstruction=relative reconstruction.model=full"),
-]  # fmt: skip
+    on_views(
+        "…the row '9' is no view (a name, or a number from 1 to 4) and no difference of "
+        "two; Valid: 1, 2, 3, 4",
+        more="reconstruction.rows=9",
+    ),
+    on_views(
+        "…the row 1-1 subtracts a view from itself; name two views", more="reconstruction.rows=1-1"
+    ),
+    on_views(
+        "…the rows 1,1 contain 1 twice; each row may stand there once",
+        more="""'reconstruction.rows="1,1"'""",
+    ),
+    on_views(
+        "…at least 4 rows are needed, but there are 3: 1,2,3",
+        VIEWS[VIEWS.index("4,0.6") :],
+        "",
+        "reconstruction.model=full ~compare.full",
+    ),
+    on_views(
+        "…the best 3 rows are asked for, but 2 views do not have 3 independent rows of "
+        "this method; more views are needed",
+        VIEWS[VIEWS.index("3,0,") :],
+        "",
+        "reconstruction=contravariant ~compare.full ~compare.contravariant",
+    ),
+    on_views(
+        "command line: reconstruction.model must be partial for relative: an intercept "
+        "cancels in every difference",
+        more="reconstruction=relative reconstruction.model=full",
+    ),
+]
 
 OTHER_POSES = [
-    on_given("{euler: [0, 0], origin: [0, 0, 1]}", "command line: pose.views.front.euler must be three numbers, not 2"),
-    Bad("~experiment pose=given pose.path=a.txt", "a.txt, line 2: phi1 must be a number, not 'abc'", {"a.txt": "View: a\nphi1 = abc\n"}),
-    Bad("experiment=digitizer 'pose.instrument_points={low: [0, 0, 0], med: [1, 0, 0], high: [2, 0, 0]}'", "command line: pose.instrument_points: the points lie on one line; the rotation about it is unknown"),
-    Bad("experiment=digitizer pose.path=m.csv", "m.csv: every point must be digitised equally often, but there is low 7 times, …, upper_left 6 times", {"m.csv": "\n".join(DIGITISED.splitlines()[:-1])}),
-    Bad("experiment=digitizer pose.path=m.sev", "m.sev: repeat 1 of the instrument_points lies on one line; digitise it again", {"m.sev": "1 2 3\n" * 14}),
-]  # fmt: skip
+    on_given(
+        "{euler: [0, 0], origin: [0, 0, 1]}",
+        "command line: pose.views.front.euler must be three numbers, not 2",
+    ),
+    Bad(
+        "~experiment pose=given pose.path=a.txt",
+        "a.txt, line 2: phi1 must be a number, not 'abc'",
+        {"a.txt": "View: a\nphi1 = abc\n"},
+    ),
+    Bad(
+        "experiment=digitizer 'pose.instrument_points={low: [0, 0, 0], med: [1, 0, 0], "
+        "high: [2, 0, 0]}'",
+        "command line: pose.instrument_points: the points lie on one line; the rotation "
+        "about it is unknown",
+    ),
+    Bad(
+        "experiment=digitizer pose.path=m.csv",
+        "m.csv: every point must be digitised equally often, but there is low 7 times, "
+        "…, upper_left 6 times",
+        {"m.csv": "\n".join(DIGITISED.splitlines()[:-1])},
+    ),
+    Bad(
+        "experiment=digitizer pose.path=m.sev",
+        "m.sev: repeat 1 of the instrument_points lies on one line; digitise it again",
+        {"m.sev": "1 2 3\n" * 14},
+    ),
+]
 
 EXPECTATIONS = [
-    on_pose("'expect.x={at_most: {pose/see: 1}}'", "expect.x: pose/see: pose has no variable see; did you mean sse? Valid: …"),
-    on_pose("'expect.x={at_most: {pose/sse: abc}}'", "expect.x.at_most.pose/sse must be a number, not abc"),
-    on_pose("'expect.x={published: {pose/origin: [1, 2]}}'", "expect.x: pose/origin: published has 2 numbers, but the run has 3"),
-    on_pose("'expect.x={published: {pose/origin: [1, 2, abc]}}'", "expect.x: pose/origin: published must be numbers, not 'abc'"),
-    on_pose("'expect.x={at_most: {pose/sse: 1}, tolerance: -1}'", "expect.x.tolerance must be zero or a positive number, not -1.0"),
-    on_experiment("expect: {q: {at_most: {pose/see: 1}}}\n", "my/experiment/x.yaml: expect.q: pose/see: pose has no variable see; did you mean sse? Valid: …"),
-    Bad("~experiment target=dissertation check.e.plugin=pose_repeats", "…check=pose_repeats needs a pose from points: choose pose=registration"),
-    Bad("~experiment target=dissertation 'check.e={plugin: pose_equivalence, views: {a: %s}}'" % KNOWN, "…check=pose_equivalence needs a pose to compare: choose pose=..."),
-    Bad("~experiment pose=given 'pose.views={a: %s}' check.e.plugin=bitangents" % KNOWN, "…check=bitangents needs a calibration object: choose a target"),
-]  # fmt: skip
+    on_pose(
+        "'expect.x={at_most: {pose/see: 1}}'",
+        "expect.x: pose/see: pose has no variable see; did you mean sse? Valid: …",
+    ),
+    on_pose(
+        "'expect.x={at_most: {pose/sse: abc}}'",
+        "expect.x.at_most.pose/sse must be a number, not abc",
+    ),
+    on_pose(
+        "'expect.x={published: {pose/origin: [1, 2]}}'",
+        "expect.x: pose/origin: published has 2 numbers, but the run has 3",
+    ),
+    on_pose(
+        "'expect.x={published: {pose/origin: [1, 2, abc]}}'",
+        "expect.x: pose/origin: published must be numbers, not 'abc'",
+    ),
+    on_pose(
+        "'expect.x={at_most: {pose/sse: 1}, tolerance: -1}'",
+        "expect.x.tolerance must be zero or a positive number, not -1.0",
+    ),
+    on_experiment(
+        "expect: {q: {at_most: {pose/see: 1}}}\n",
+        ": expect.q: pose/see: pose has no variable see; did you mean sse? Valid: …",
+    ),
+    Bad(
+        f"{OBJECT} check.e.plugin=pose_repeats",
+        "…check=pose_repeats needs a pose from points: choose pose=registration",
+    ),
+    Bad(
+        f"{OBJECT} 'check.e={{plugin: pose_equivalence, views: {{a: {KNOWN}}}}}'",
+        "…check=pose_equivalence needs a pose to compare: choose pose=...",
+    ),
+    on_given(
+        f"{KNOWN}}}' 'check.e={{plugin: bitangents",
+        "…check=bitangents needs a calibration object: choose a target",
+    ),
+]
 
 CODE = [
-    on_experiment("_target_: os.system\n", f"my/experiment/x.yaml: _target_ {REFUSED}"),
-    on_experiment("check: {q: {plugin: printed, _target_: os.system}}\n", f"my/experiment/x.yaml: check.q._target_ {REFUSED}"),
-    on_experiment("hydra: {callbacks: {q: {_target_: os.mkdir, path: ran}}}\n", f"my/experiment/x.yaml: hydra.callbacks.q._target_ {REFUSED}"),
-    on_experiment("hydra: {job_logging: {handlers: {q: {class: os.mkdir, path: ran}}}}\n", "my/experiment/x.yaml: hydra.job_logging is refused: a file that does not belong to the program may set only these of hydra: run, …"),
-    Bad("--config-dir my -m experiment=x,pose", f"my/experiment/x.yaml: hydra.callbacks.q._target_ {REFUSED}",
-        {"my/experiment/x.yaml": EXPERIMENT + "hydra: {callbacks: {q: {_target_: os.mkdir, path: ran}}}\n"}),
-    Bad("--config-dir my experiment=x", f"my/evil/e.yaml: hydra.callbacks.q._target_ {REFUSED}",
-        {"my/experiment/x.yaml": EXPERIMENT.replace("defaults:\n", "defaults:\n  - /evil@hydra.callbacks.q: e\n"),
-         "my/evil/e.yaml": "_target_: os.mkdir\npath: ran\n"}),
+    on_experiment("  _target_: os.system\n", f": pose._target_ {REFUSED}"),
+    on_experiment("expect: {q: {_target_: os.system}}\n", f": expect.q._target_ {REFUSED}"),
+    on_experiment("_target_: os.system\n", f": _target_ {REFUSED}"),
+    on_experiment(
+        "check: {q: {plugin: printed, _target_: os.system}}\n", f": check.q._target_ {REFUSED}"
+    ),
+    on_experiment(
+        "hydra: {callbacks: {q: {_target_: os.mkdir, path: ran}}}\n",
+        f": hydra.callbacks.q._target_ {REFUSED}",
+    ),
+    on_experiment(
+        "hydra: {job_logging: {handlers: {q: {class: os.mkdir, path: ran}}}}\n",
+        ": hydra.job_logging is refused: a file that does not belong to the program may "
+        "set only these of hydra: run, …",
+    ),
+    in_folder(
+        "-m experiment=x,pose",
+        f"experiment/x.yaml: hydra.callbacks.q._target_ {REFUSED}",
+        experiment_x=EXPERIMENT + "hydra: {callbacks: {q: {_target_: os.mkdir, path: ran}}}\n",
+    ),
+    in_folder(
+        "experiment=x",
+        f"evil/e.yaml: hydra.callbacks.q._target_ {REFUSED}",
+        experiment_x=EXPERIMENT.replace(
+            "defaults:\n", "defaults:\n  - /evil@hydra.callbacks.q: e\n"
+        ),
+        evil_e="_target_: os.mkdir\npath: ran\n",
+    ),
     on_pose("+_target_=os.system", f"_target_ {REFUSED}"),
     on_pose("'pose.path={_target_: a.reg}'", f"pose.path._target_ {REFUSED}"),
-]  # fmt: skip
+]
 
 FILES = [
-    on_experiment("a: [1,\n", "my/experiment/x.yaml, line 8: is not YAML: …"),
-    on_experiment("pose: {}\n", "my/experiment/x.yaml, line 7: is not YAML: found duplicate key pose"),
-    Bad("--config-dir my experiment=x", "my/experiment/x.yaml: is not a text file", {"my/experiment/x.yaml": b"\xff\xfe\x00" * 20}),
-    Bad("--config-dir my experiment=x", "my/experiment/x.yaml: must begin with the line '# @package _global_', as experiments do", {"my/experiment/x.yaml": "pose: {path: a.reg}\n"}),
-    Bad("--config-dir my experiment=x", "my/experiment/x.yaml: its defaults must be a list of names, as in '- override /pose: registration'", {"my/experiment/x.yaml": "defaults: 3\n"}),
-    Bad("--config-dir my experiment=x", "my/experiment/x.yaml: there is no pose=registrashun; did you mean registration? Valid: …", {"my/experiment/x.yaml": EXPERIMENT.replace("registration\n", "registrashun\n", 1)}),
-    Bad("--config-dir my experiment=x", "my/experiment/x.yaml: its defaults override pse, which the configuration does not have; did you mean pose? Valid: …", {"my/experiment/x.yaml": EXPERIMENT.replace("/pose", "/pse")}),
-    Bad("--config-dir my experiment=x", "my/experiment/x.yaml: pose has settings but no plugin; choose one with pose=name, …", {"my/experiment/x.yaml": "# @package _global_\npose: {path: a.reg}\n"}),
-    Bad("experiment=pose hydra.run.dir=f/sub", "f/sub: cannot be made or written: Not a directory", {"f": ""}),
-    Bad("experiment=pose hydra.run.dir=/proc/nope", "/proc/nope: cannot be made or written: No such file or directory"),
-]  # fmt: skip
+    on_experiment("a: [1,\n", ", line 8: is not YAML: …"),
+    on_experiment("pose: {}\n", ", line 7: is not YAML: found duplicate key pose"),
+    in_folder(
+        "experiment=x", "experiment/x.yaml: is not a text file", experiment_x=b"\xff\xfe\x00" * 20
+    ),
+    in_folder(
+        "experiment=x",
+        "experiment/x.yaml: must begin with the line '# @package _global_', as experiments do",
+        experiment_x="pose: {path: a.reg}\n",
+    ),
+    in_folder(
+        "experiment=x",
+        "experiment/x.yaml: its defaults must be a list of names, as in '- override "
+        "/pose: registration'",
+        experiment_x="defaults: 3\n",
+    ),
+    in_folder(
+        "experiment=x",
+        "experiment/x.yaml: there is no pose=registrashun; did you mean registration? Valid: …",
+        experiment_x=EXPERIMENT.replace("registration\n", "registrashun\n", 1),
+    ),
+    in_folder(
+        "experiment=x",
+        "experiment/x.yaml: its defaults override pse, which the configuration does not "
+        "have; did you mean pose? Valid: …",
+        experiment_x=EXPERIMENT.replace("/pose", "/pse"),
+    ),
+    in_folder(
+        "experiment=x",
+        "experiment/x.yaml: pose has settings but no plugin; choose one with pose=name, …",
+        experiment_x="# @package _global_\npose: {path: a.reg}\n",
+    ),
+    Bad(
+        "experiment=pose hydra.run.dir=f/sub",
+        "f/sub: cannot be made or written: Not a directory",
+        {"f": ""},
+    ),
+    Bad(
+        "experiment=pose hydra.run.dir=/proc/nope",
+        "/proc/nope: cannot be made or written: No such file or directory",
+    ),
+]
 
 TABLE_OF_ALL = [
-    *CHOICES, *KEYS, *VALUES, *TARGETS, *REGISTRATIONS, *VELOCITIES, *OTHER_POSES, *EXPECTATIONS,
-    *CODE, *FILES,
-]  # fmt: skip
+    *CHOICES,
+    *KEYS,
+    *VALUES,
+    *TARGETS,
+    *REGISTRATIONS,
+    *VELOCITIES,
+    *OTHER_POSES,
+    *EXPECTATIONS,
+    *CODE,
+    *FILES,
+]
 
 
 @pytest.fixture(autouse=True)
@@ -279,7 +633,10 @@ def test_bad_input_gets_one_sentence(bad, sldvexp, tmp_path):
     for name, content in bad.files.items():
         file = tmp_path / name
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_bytes(content if isinstance(content, bytes) else content.encode())
+        if callable(content):
+            content(file)
+        else:
+            file.write_bytes(content if isinstance(content, bytes) else content.encode())
     done = sldvexp(*shlex.split(bad.arguments))
     wanted = f"sldvexp: {bad.answer.replace('{here}', str(tmp_path))}\n"
     pattern = ".*".join(map(re.escape, wanted.split("…")))

@@ -156,7 +156,9 @@ def installed(monkeypatch):
 
     def install(**loaders):
         entries = [
-            SimpleNamespace(name=name, value="a:b", load=load, dist=SimpleNamespace(name=f"{name}-1"))
+            SimpleNamespace(
+                name=name, value="a:b", load=load, dist=SimpleNamespace(name=f"{name}-1")
+            )
             for name, load in loaders.items()
         ]
         monkeypatch.setattr("importlib.metadata.entry_points", lambda group: entries)
@@ -171,7 +173,9 @@ def test_broken_plugin_of_others_only_warns(sldvexp, installed):
         raise ImportError("no module named stranger")
 
     installed(stranger=broken)
-    with pytest.warns(UserWarning, match="stranger of the package stranger-1 cannot be loaded: Imp"):
+    with pytest.warns(
+        UserWarning, match="stranger of the package stranger-1 cannot be loaded: Imp"
+    ):
         done = sldvexp(*QUICK, "check.x.plugin=nope")
     assert done.err.startswith("sldvexp: command line: check.x.plugin: there is no check=nope; ")
     assert sldvexp(*QUICK).status == 0
@@ -198,7 +202,7 @@ def test_two_plugins_of_one_name_are_refused(installed, monkeypatch, loaded):
         registry.get("pose", "given")
     else:
         monkeypatch.setattr(registry, "_plugins", {})
-    with pytest.raises(UserError, match="two plugins are called pose=given: sldvexp.pose.given and"):
+    with pytest.raises(UserError, match=r"two plugins are called pose=given: sldvexp\.pose\.given"):
         registry.register("pose", "given")(type("Given", (), {"__module__": "stranger"}))
     if loaded:
         assert registry.get("pose", "given").__module__ == "sldvexp.pose.given"

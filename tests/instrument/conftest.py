@@ -23,7 +23,6 @@ CONF = Path(__file__).parents[2] / "conf"
 @pytest.fixture
 def experiment() -> Callable[..., Experiment]:
     """The plugins of a configuration."""
-
     return lambda *overrides: built(overrides)
 
 

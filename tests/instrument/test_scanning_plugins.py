@@ -71,7 +71,7 @@ def test_scans_are_those_of_the_lab(scanning, experiment, lab, same, chosen):
 def test_whoever_leaves_the_mirrors_are_home_and_the_generator_off(scanning, experiment, leaves):
     made = experiment("scene.vibrometer.noise=0", "scene.digitizer.reference_noise=0")
     with (
-        pytest.raises(leaves, match="^why$") if leaves else nullcontext(),
+        pytest.raises(leaves, match=r"^why$") if leaves else nullcontext(),
         scanning(made) as ours,
     ):
         ours.configure(ACQUISITION)

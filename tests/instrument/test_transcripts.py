@@ -244,28 +244,33 @@ COUNTS = np.arange(12).reshape(2, 2, 3) * 1000 - 5000
 LITTLE, BIG = COUNTS.astype("<i2").tobytes(), COUNTS.astype(">i2").tobytes()
 
 
+BY_TURNS = COUNTS.transpose(0, 2, 1).astype("<i2").tobytes()
+UNSIGNED = COUNTS + 2**15
+
+BIG_FIRST = ("order: little", "order: big")
+OFFSET = ("type: int16", "type: uint16")
+NO_HEADER = ("header: ieee", "header: none")
+NO_STATUS = ("status: STAT?", 'status: ""')
+
+
+def ends(end):
+    return ('end: "\\n"\n  type', f'end: "{end}"\n  type')
+
+
 @pytest.mark.parametrize(
     ("block", "changes"),
     [
         (b"#224" + LITTLE + b"\n", ()),
         (b"#3024" + LITTLE + b"\n", ()),
-        (b"#224" + BIG + b"\n", [("order: little", "order: big")]),
-        (
-            b"#224" + COUNTS.transpose(0, 2, 1).astype("<i2").tobytes() + b"\n",
-            [("layout: by_channel", "layout: interleaved")],
-        ),
-        (b"#224" + (COUNTS + 2**15).astype("<u2").tobytes() + b"\n", [("type: int16", "type: uint16")]),
-        (
-            b"#224" + (COUNTS + 2**15).astype(">u2").tobytes() + b"\n",
-            [("type: int16", "type: uint16"), ("order: little", "order: big")],
-        ),
-        (LITTLE, [("header: ieee", "header: none"), ('end: "\\n"\n  type', 'end: ""\n  type')]
-         + [("status: STAT?", 'status: ""')]),
-        (b"#224" + LITTLE + b"\r\n", [('end: "\\n"\n  type', 'end: "\\r\\n"\n  type')]
-         + [("status: STAT?", 'status: ""')]),
+        (b"#224" + BIG + b"\n", [BIG_FIRST]),
+        (b"#224" + BY_TURNS + b"\n", [("layout: by_channel", "layout: interleaved")]),
+        (b"#224" + UNSIGNED.astype("<u2").tobytes() + b"\n", [OFFSET]),
+        (b"#224" + UNSIGNED.astype(">u2").tobytes() + b"\n", [OFFSET, BIG_FIRST]),
+        (LITTLE, [NO_HEADER, NO_STATUS, ends("")]),
+        (b"#224" + LITTLE + b"\r\n", [NO_STATUS, ends("\\r\\n")]),
     ],
-    ids=["plain", "zeros in header", "big", "by turns", "unsigned", "unsigned big", "bare", "crlf"],
-)  # fmt: skip
+    ids=["plain", "zeros", "big", "by turns", "unsigned", "unsigned big", "bare", "crlf"],
+)
 def test_forms_of_blocks(received, block, changes):
     found = received(block, *changes)
     np.testing.assert_array_equal(found.counts, COUNTS)

@@ -1,4 +1,4 @@
-"""Whatever goes wrong with an instrument ends in the right result, or in a sentence that says it."""
+"""Whatever goes wrong with an instrument ends in the right result or in a sentence that says it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import signal
 import socket
 from functools import partial
 
-import numpy as np
 import pytest
 
 from sldvexp.instrument.protocol import Acquisition, InstrumentError
@@ -114,21 +113,14 @@ def test_an_entry_in_the_queue_of_errors_stops_at_once(measured, command):
     assert fault.times == ALWAYS - 1
 
 
-def test_several_entries_are_read_and_counted(measured, lab, line):
-    reports = [f.Refusal("MEAS:LIST", text="first"), f.Refusal("MEAS:STR", text="second", after=1)]
-    behind = lab()
-    with (
-        LabServer(behind) as server,
-        Visa(server.resource).open() as ours,
-    ):
+def test_several_entries_are_read_and_counted(lab, line):
+    with LabServer(lab()) as server, Visa(server.resource).open() as ours:
         ours.configure(ACQUISITION)
-        for n in range(3):
+        for n in (1, 2):
             server.dialect.report(-n, f"number {n}")
-        with pytest.raises(InstrumentError, match=r'-1,"number 1" \(and 1 more\)'):
-            server.dialect.errors.popleft()
+        with pytest.raises(InstrumentError, match=r'-1,"number 1" \(and 1 more\) after'):
             ours.scan(line)
-        ours.scan(line)
-    assert reports
+        assert len(ours.scan(line).counts) == len(line)
 
 
 @pytest.mark.parametrize("command", ["GEN:OUTP 1", "MEAS:STR"])
@@ -164,88 +156,88 @@ def test_resources_that_cannot_be(resource):
         pass
 
 
+@pytest.fixture
+def left_behind(lab, line):
+    """Scan a line with a faulty instrument and leave it; the lab afterwards, and what it plays."""
+
+    def run(fault, then=None, **settings):
+        behind = lab()
+        behind.move([9, 9])
+        server = LabServer(behind, faults=[fault])
+        said = None
+        try:
+            with server, Visa(server.resource, timeout=0.15, **settings).open() as ours:
+                ours.configure(ACQUISITION)
+                if then is not None:
+                    then()
+                ours.scan(line)
+        except (InstrumentError, KeyboardInterrupt) as error:
+            said = error
+        return behind.position, server.dialect.playing, said
+
+    return run
+
+
 @pytest.mark.parametrize("retries", [0, 2])
-def test_home_and_off_after_a_lost_connection(measured, lab, line, retries):
-    behind = lab()
+def test_home_and_off_after_a_lost_connection(left_behind, retries):
     lost = f.Disconnect("DATA?", times=ALWAYS, sent=999)
-    with (
-        pytest.raises(InstrumentError, match=r"middle of the answer .* \(tried \w+( times)?\)$"),
-        LabServer(behind, faults=[lost]) as server,
-        Visa(server.resource, timeout=0.15, retries=retries).open() as ours,
-    ):
-        ours.configure(ACQUISITION)
-        ours.scan(line)
-    assert behind.position == (0, 0)
-    assert (behind.acquire().counts[0, 1] == 0).all() or not server.dialect.playing
+    position, playing, said = left_behind(lost, retries=retries)
+    assert position == (0, 0)
+    assert not playing
+    assert "in the middle of the answer after 'DATA?' (tried" in str(said)
+    assert "may not be home" not in str(said)
 
 
-def test_an_instrument_that_cannot_go_home_is_told(lab, line):
-    behind = lab()
-    with (
-        pytest.raises(
-            InstrumentError, match=r"^why; the mirrors may not be home and the gene.*lost"
-        ),
-        LabServer(behind, faults=[f.Disconnect("MIRR:HOME", times=ALWAYS)]) as server,
-        Visa(server.resource, timeout=0.15).open() as ours,
-    ):
-        ours.configure(ACQUISITION)
+def test_an_instrument_that_cannot_go_home_is_told(left_behind):
+    def then():
         raise InstrumentError("why")
-    assert not server.dialect.playing
+
+    _, playing, said = left_behind(f.Disconnect("MIRR:HOME", times=ALWAYS), then=then)
+    assert not playing
+    assert str(said).startswith(
+        "why; the mirrors may not be home and the generator may be on: goin"
+    )
 
 
-def test_the_mirrors_go_home_even_if_the_generator_refuses(lab, line):
-    behind = lab()
-    refusal = f.Refusal("GEN:OUTP 0", text="stuck relay")
-    with (
-        pytest.raises(InstrumentError, match=r"^the mirrors may not be home.*stuck relay"),
-        LabServer(behind, faults=[refusal]) as server,
-        Visa(server.resource).open() as ours,
-    ):
-        ours.configure(ACQUISITION)
-        ours.scan(line)
-    assert behind.position == (0, 0)
+@pytest.mark.parametrize("refused", ["GEN:OUTP 0", "MIRR:HOME"])
+def test_home_and_off_even_if_one_of_them_is_refused(left_behind, refused):
+    position, playing, said = left_behind(f.Refusal(refused, text="stuck relay"))
+    assert position == (0, 0)
+    assert not playing
+    assert str(said).startswith("the mirrors may not be home")
+    assert "stuck relay" in str(said)
 
 
-def test_control_c_in_the_middle_of_an_answer(lab, line):
+def test_control_c_in_the_middle_of_an_answer(left_behind):
     """The rest of the answer must not be taken for that to another question."""
-    behind = lab()
 
     def interrupt(*_):
         raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGALRM, interrupt)
     try:
-        with (
-            pytest.raises(KeyboardInterrupt),
-            LabServer(behind, faults=[f.Slow("DATA?", delay=0.2, parts=3)]) as server,
-            Visa(server.resource).open() as ours,
-        ):
-            ours.configure(ACQUISITION)
-            signal.setitimer(signal.ITIMER_REAL, 0.3)
-            ours.scan(line)
+        slow = f.Slow("DATA?", delay=0.1, parts=4)
+        alarm = partial(signal.setitimer, signal.ITIMER_REAL, 0.25)
+        position, playing, said = left_behind(slow, then=alarm)
     finally:
         signal.signal(signal.SIGALRM, before)
-    assert behind.position == (0, 0)
-    assert not server.dialect.playing
+    assert isinstance(said, KeyboardInterrupt)
+    assert position == (0, 0)
+    assert not playing
 
 
 def test_what_was_set_is_set_again_after_a_lost_connection(lab, line, same):
     """An instrument that was switched off and on in between."""
     reference, behind = lab("scene=plate"), lab("scene=plate")
-    for one in (reference, behind):
-        one.use_view("3")
+    reference.use_view("3")
     reference.configure(ACQUISITION)
-    reference.move([40, 50])
     with LabServer(behind) as server, Visa(server.resource).open(view="3") as ours:
         ours.configure(ACQUISITION)
         ours.move([40, 50])
-        behind.use_view("1")
-        behind.move([0, 0])
-        server.dialect.answer("GEN:OUTP 0")
-        server.dialect.answer("SAMP:COUN 10")
+        for command in ("VIEW 1", "MIRR:HOME", "GEN:OUTP 0", "SAMP:COUN 10", "SAMP:RATE 1"):
+            server.dialect.answer(command)
         server.faults.append(f.Disconnect("MEAS:PIX"))
-        got = ours.acquire()
-        reference.acquire()
-        assert same(got, reference.acquire()) or np.array_equal(got.counts.shape, (1, 2, 256))
+        assert ours.acquire().counts.shape == (1, 2, 256)
         assert behind.view == "3"
         assert behind.position == (40, 50)
+        assert same(ours.scan(line, stream=1), reference.scan(line, stream=1))
