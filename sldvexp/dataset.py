@@ -141,6 +141,10 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "std_ratio": _V("view parameter", "1", "std of simulated repeats over the reported one"),
         "coverage": _V("view parameter", "1", "fraction of intervals that hold the truth"),
     },
+    "examined/repeatability": {
+        "dac_std": _V("point mirror", "1", "standard deviation of repeated image points, DAC steps"),
+        "largest": _V("", "1", "the largest of them, DAC steps"),
+    },
     "examined/printed": {
         "linpack_rcond": _V("method", "1", "reciprocal condition number as LINPACK estimates it"),
         "std": _V("method", "m/s", "sample standard deviation of the residuals"),

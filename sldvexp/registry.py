@@ -57,6 +57,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "pose_equivalence": "sldvexp.check.pose_equivalence",
         "pose_repeats": "sldvexp.check.pose_repeats",
         "printed": "sldvexp.check.printed",
+        "repeatability": "sldvexp.check.repeatability",
     },
 }
 

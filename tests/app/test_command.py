@@ -189,6 +189,7 @@ def test_plugin_of_others_is_found(sldvexp, installed):
         registry.register("target", "mine")(plugin)
 
     installed(stranger=load)
+    assert sldvexp("~experiment", "target=mine", "--cfg", "job").status == 0
     marks = "{1: {x: 0, y: 0}, 2: {x: 1, y: 0}, 3: {x: 0, y: 1}}"
     done = sldvexp("~experiment", "target=mine", f"target.fiducials={marks}")
     assert done.status == 0, done.err
