@@ -142,7 +142,9 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "coverage": _V("view parameter", "1", "fraction of intervals that hold the truth"),
     },
     "examined/repeatability": {
-        "dac_std": _V("point mirror", "1", "standard deviation of repeated image points, DAC steps"),
+        "dac_std": _V(
+            "point mirror", "1", "standard deviation of repeated image points, DAC steps"
+        ),
         "largest": _V("", "1", "the largest of them, DAC steps"),
     },
     "examined/printed": {

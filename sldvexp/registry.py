@@ -1,8 +1,8 @@
 """Names to plugins, one namespace per configuration group.
 
-A plugin is a dataclass whose fields are its configuration. `sldvexp.config_source` gives it to Hydra
-as ``<group>/schema/<name>``, which the files in ``conf/`` extend, and as ``<group>/<name>`` where
-there is no such file.
+A plugin is a dataclass whose fields are its configuration. `sldvexp.config_source` gives it to
+Hydra as ``<group>/schema/<name>``, which the files in ``conf/`` extend, and as ``<group>/<name>``
+where there is no such file.
 """
 
 from __future__ import annotations

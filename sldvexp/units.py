@@ -1,4 +1,4 @@
-"""Units of length, angle and velocity: the one place where numbers become SI and SI becomes numbers."""
+"""Units of length, angle and velocity: the one place where numbers become SI, and come back."""
 
 from __future__ import annotations
 

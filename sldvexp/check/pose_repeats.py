@@ -84,7 +84,7 @@ class PoseRepeats(Check):
     def _intrinsics(
         self, pose: xr.Dataset, adjust: dict[str, float], rng: np.random.Generator
     ) -> dict[str, Any]:
-        """True intrinsics of each repeat, (repeat, 1): the estimate of a free one, a draw of others.
+        """True intrinsics of each repeat, (repeat, 1): a free one's estimate, a draw of others.
 
         What is known of a parameter beforehand is its nominal value and standard deviation; it is
         right on average if the truth is drawn from them.

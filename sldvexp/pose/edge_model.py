@@ -111,9 +111,7 @@ def _by_origin_of_beam(angle: Array, e: Array, eu: Array, normal: Array) -> Arra
     return tangent * (e[:, 0] - eu * normal[:, 0])
 
 
-def _step(
-    points: EdgePoints, mirror_offset: float, normal: Array, m: Array
-) -> Array:
+def _step(points: EdgePoints, mirror_offset: float, normal: Array, m: Array) -> Array:
     """Change of ``|Q - M|`` for one standard error of the edge along its scan line, positive."""
 
     def distance(sign: float) -> Array:
@@ -126,7 +124,7 @@ def _step(
 
 
 def angles_along(laser: TwoMirror, dac: Array, direction: Array, std: Array) -> tuple[Array, Array]:
-    """Angles of edge points in DAC steps, and their change for one standard error along the line."""
+    """Angles of edge points, and their change for one standard error along the scan line."""
     step = direction * std[:, None]
     angle = laser.angle_from_dac(dac)
     return angle, laser.angle_from_dac(dac + step / 2) - laser.angle_from_dac(dac - step / 2)

@@ -109,9 +109,7 @@ def _group(method: Edge, images: list[CircleImages], poses: list[EdgePose]) -> x
     covariance = np.array([p.covariance[:size, :size] for p in poses])
     dof = np.array([p.dof for p in poses])
     std = [np.concatenate([e.std for e in i.edges.values()]) for i in images]
-    rms = [
-        np.sqrt(np.mean((p.residual * own) ** 2)) for p, own in zip(poses, std, strict=True)
-    ]
+    rms = [np.sqrt(np.mean((p.residual * own) ** 2)) for p, own in zip(poses, std, strict=True)]
     coords: dict[str, Any] = {}
     more: dict[str, Any] = {}
     if method.adjust:

@@ -26,7 +26,8 @@ def reconstruct_group(method: Reconstruction, line_of_sight: xr.Dataset) -> xr.D
     Returns
     -------
     xarray.Dataset
-        Attributes hold the worst `rcond`, the lowest p-value of a test of the model, `hadamard` and `dof`, the total `sse`, and what was used.
+        Attributes hold the worst `rcond`, `hadamard` and `dof`, the total `sse`, the lowest p-value
+        of a test of the model, and what was used.
     """
     velocity = line_of_sight["velocity"]
     std = line_of_sight.get("velocity_std")
@@ -116,7 +117,8 @@ def _attributes(method: Reconstruction, result: PointVelocity) -> dict[str, Any]
     }
     test = result.intercept_test
     tests = [result.chi_square_p_value, None if test is None else test.p_value]
-    found |= {"lowest_p_value": float(np.nanmin(p)) for p in tests if p is not None}
+    if p_values := [float(np.nanmin(p)) for p in tests if p is not None]:
+        found["lowest_p_value"] = min(p_values)
     if test is not None and test.statistic.size == 1:
         found["f_statistic"] = float(test.statistic.item())
     return found

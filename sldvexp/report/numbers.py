@@ -25,7 +25,7 @@ def with_bound(value: complex, bound: float) -> str:
     """
     value = complex(value)
     if not math.isfinite(bound) or bound <= 0:
-        return f"{number(value)} (no bound)" if not bound == 0 else number(value)
+        return f"{number(value)} (no bound)" if bound != 0 else number(value)
     places = max(0, 1 - math.floor(math.log10(bound)))
     text = f"{value.real:.{places}f}"
     if value.imag:

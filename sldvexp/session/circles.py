@@ -113,7 +113,7 @@ def edge_group(edges: list[Edges]) -> xr.Dataset:
 
 
 def edges_of(group: xr.Dataset) -> list[Edges]:
-    """Edge points of each circle from a group ``edge/<view>``; lines and rejections are not kept."""
+    """Edge points of each circle from a group ``edge/<view>``, without lines and rejections."""
     circles = []
     for number in np.unique(group["circle"].values):
         own = group.isel(edge=np.flatnonzero(group["circle"].values == number))

@@ -52,7 +52,9 @@ class Journal:
             another configuration.
         """
         path = self.folder / f"{name}.npz"
-        asked = np.array([*astuple(acquisition)[:2], *acquisition.excitation, acquisition.amplitude])
+        asked = np.array(
+            [*astuple(acquisition)[:2], *acquisition.excitation, acquisition.amplitude]
+        )
         if path.exists():
             kept = self._read(path, dac, asked)
             if kept is not None:

@@ -1,4 +1,4 @@
-"""The pose from edge points: exact model, efficient, honest bounds, robust to what an image may be."""
+"""The pose from edge points: exact model, efficient, honest bounds."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def image(points):
 def solve(points, offset_std=0.0, circle_std=0.0):
     """From a start some millimetres and milliradians away."""
     start = rotation_from_vector([2e-3, -3e-3, 1e-3]) @ ROTATION
-    return solve_edges(points, start, ORIGIN + [2e-3, 1e-3, -3e-3], LASER.mirror_offset,
+    return solve_edges(points, start, ORIGIN + np.array([2e-3, 1e-3, -3e-3]), LASER.mirror_offset,
                        offset_std, circle_std, 50, "view front")  # fmt: skip
 
 
@@ -105,7 +105,7 @@ def test_derivatives_equal_differences(seed):
         )
 
     zero = np.zeros(8 + 24)
-    residual, jacobian = at(zero)
+    jacobian = at(zero)[1]
     h = 1e-6
     for k in range(len(zero)):
         step = np.zeros_like(zero)
@@ -129,7 +129,7 @@ def repeats(planes=("front",), offset_std=0.0, std=0.02):
                 vector_from_rotation(found.rotation @ ROTATION.T),
                 found.origin - ORIGIN,
                 found.mirror_offset - LASER.mirror_offset,
-            ]  # fmt: skip
+            ]
         )
         reported = np.sqrt(np.diag(found.covariance))[:7]
         bound = reported / found.s if bound is None else bound

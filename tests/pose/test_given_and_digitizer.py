@@ -163,7 +163,7 @@ def test_points_on_a_line_are_refused(tmp_path):
     path = tmp_path / "d.csv"
     digitise(np.random.default_rng(4), path, 0.001)
     line = {"low": [0.0, 0, 0], "med": [0.1, 0, 0], "high": [0.2, 0, 0]}
-    with pytest.raises(UserError, match="pose.instrument_points: the points lie on one line"):
+    with pytest.raises(UserError, match=r"pose\.instrument_points: the points lie on one line"):
         estimate(Digitizer(str(path), instrument_points=line, object_points=CORNERS))
 
 

@@ -58,7 +58,9 @@ def test_a_killed_session_ends_the_same(tmp_path, whole, lines):
     session.wait()
     assert not (folder / "run.nc").exists()
     before = {p: p.stat().st_mtime_ns for p in kept}
-    done = subprocess.run([*COMMAND, f"resume={folder}"], cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run(
+        [*COMMAND, f"resume={folder}"], cwd=tmp_path, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     # No finished line was measured again.
     assert {p: p.stat().st_mtime_ns for p in kept} == before
