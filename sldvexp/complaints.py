@@ -113,12 +113,14 @@ def _joined(where: str, message: str) -> str:
 
 def _missing_choice(path: str, origins: Origins) -> str:
     """An unknown plugin, experiment or other choice of a group."""
-    nested = path.startswith("hydra/") or "/schema/" in path
-    group, _, name = path.rpartition("/") if nested else path.partition("/")
+    group, _, name = path.partition("/")
+    where = origins.where_chosen(group, name)
     if not name:
         return f"{COMMAND_LINE}: there is no configuration {path}; is --config-name right?"
-    where = origins.where_chosen(group, name) or origins.where_chosen(*path.split("/", 1))
-    options = registry.names(group.removesuffix("/schema")) if nested else origins.options_of(group)
+    if path.startswith("hydra/") or name.startswith("schema/"):
+        group, _, name = path.rpartition("/")
+        where = where or origins.where_chosen(group, name)
+    options = origins.options_of(group) or registry.names(group.removesuffix("/schema"))
     told = f"there is no {group}={name}; {nearest(name, options)}"
     return f"{where}: {told}" if where else told
 
@@ -132,7 +134,7 @@ def _refused(text: str, cause: OmegaConfBaseException, origins: Origins) -> str:
             return f"{shown}: must begin with the line '# @package _global_', as experiments do"
         chosen = any(choice.package == key for choice in origins.choices)
         source = COMMAND_LINE if chosen else shown
-        return f"{source}: {key} {refusal(cause)}".replace(":  ", ": ").removeprefix(": ")
+        return " ".join(filter(None, [source and f"{source}:", key, refusal(cause)]))
     argument = re.match(r"Error merging override [+~]*([^=]*)=?(.*)", text)
     name, value = argument.groups() if argument else (key, "")
     entry = key.split(".")[-1]
@@ -160,6 +162,8 @@ def _bad_choice(origins: Origins) -> str | None:
     """An argument that chooses from a group what cannot be a name."""
     for choice in origins.choices:
         value, group = choice.value(), choice.key_or_group
+        if choice.is_delete() or choice.is_sweep_override():
+            continue
         if group in NAMED_GROUPS:
             return (
                 f"{COMMAND_LINE}: {choice.input_line} must be a table; a plugin is added to it by "
@@ -167,8 +171,6 @@ def _bad_choice(origins: Origins) -> str | None:
                 f"{nearest('', registry.names(group))}"
             )
         names = value if isinstance(value, list) else [value]
-        if choice.is_delete() or choice.is_sweep_override():
-            continue
         if not all(isinstance(n, str) for n in names):
             return (
                 f"{COMMAND_LINE}: {choice.input_line} must name a choice, and ~{group} leaves the "
