@@ -79,8 +79,13 @@ def _point(run: Run) -> None:
     methods = {"point": run.experiment.reconstruction}
     methods |= {f"compare/{name}": m for name, m in run.experiment.compare.items()}
     for group, method in methods.items():
-        if method is not None:
+        if method is None:
+            continue
+        try:
             run.tree[group] = method.group(run.tree["line_of_sight"])
+        except UserError as error:
+            where = "reconstruction" if group == "point" else group.replace("/", ".")
+            raise UserError(f"{where}: {error}") from None
 
 
 def _checks(run: Run) -> None:

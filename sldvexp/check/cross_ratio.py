@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from sldvexp.check.base import Check
-from sldvexp.errors import Checks
+from sldvexp.errors import Checks, UserError
 from sldvexp.registry import register
 
 if TYPE_CHECKING:
@@ -64,6 +64,8 @@ class CrossRatio(Check):
         up_down, left_right = (
             np.array(points, float) for points in (self.up_down_points, self.left_right_points)
         )
+        if not (up_down[:, 2] > 0).all():
+            raise UserError("check.cross_ratio: the up-down points must be in front, z above zero")
         slope_up_down = up_down[:, 1] / up_down[:, 2]  # Eq 4.13
         reach = np.hypot(left_right[:, 1], left_right[:, 2]) + self.mirror_offset
         slope_left_right = left_right[:, 0] / reach  # Eq 4.15, the offset outside the root

@@ -61,8 +61,8 @@ class PoseRepeats(Check):
         from sldvexp.pose.statistics import half_width, standard_error
 
         step, offset = np.asarray(pose.attrs["step"]), pose.attrs["mirror_offset"]
-        if not np.isfinite(pose["s"]):
-            raise UserError("check.pose_repeats: more points are needed; the noise is not known")
+        if not np.isfinite(pose["s"]):  # as many unknowns as angles: there is no noise to repeat
+            return [np.full(pose.sizes["parameter"], np.nan)] * 2
         used = registration["used"].values.astype(bool)
         points = registration["object_point"].values[used]
         rotation, origin = pose["rotation"].values, pose["origin"].values
@@ -108,7 +108,11 @@ class PoseRepeats(Check):
 
         limit = 4 / np.sqrt(2 * self.repeats)
         bad = (np.abs(group["std_ratio"] - 1) > limit).any("parameter")
+        unknown = group["view"].values[group["std_ratio"].isnull().all("parameter").values]
         return [
+            f"view {view}: too few points to know their noise, so that nothing could be repeated"
+            for view in unknown
+        ] + [
             f"view {view}: simulated repeats spread by {float(ratio.min()):.2f} to "
             f"{float(ratio.max()):.2f} of the reported standard errors; they are not to be trusted"
             for view, ratio, wrong in zip(

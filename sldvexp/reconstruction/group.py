@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -26,8 +27,8 @@ def reconstruct_group(method: Reconstruction, line_of_sight: xr.Dataset) -> xr.D
     Returns
     -------
     xarray.Dataset
-        Attributes hold the worst `rcond`, `hadamard` and `dof`, the total `sse`, the lowest p-value
-        of a test of the model, and what was used.
+        Attributes hold the worst `rcond`, `hadamard` and `dof`, the total `sse`, how many
+        components every point has, the lowest p-value of a test of the model, and what was used.
     """
     velocity = line_of_sight["velocity"]
     std = line_of_sight.get("velocity_std")
@@ -102,12 +103,13 @@ def _variables(result: PointVelocity, coords: dict[str, Any]) -> dict[str, Array
 
 def _attributes(method: Reconstruction, result: PointVelocity) -> dict[str, Any]:
     """Headline numbers and what stands behind them."""
-    found = {
+    found: dict[str, Any] = {
         "rcond": float(np.min(result.rcond)),
         "hadamard": float(np.min(result.hadamard)),
         "dof": float(np.min(result.dof)),
         "sse": float(np.nansum(result.sse)),
-        "s": float(np.sqrt(np.nanmean(result.s**2))),
+        "s": _worst(np.max, result.s),
+        "components": int(result.observable.sum(axis=-1).min()),
         "rows": str(result.rows),
         "model": method.model.name,
         "weights": method.weights.name,
@@ -117,8 +119,15 @@ def _attributes(method: Reconstruction, result: PointVelocity) -> dict[str, Any]
     }
     test = result.intercept_test
     tests = [result.chi_square_p_value, None if test is None else test.p_value]
-    if p_values := [float(np.nanmin(p)) for p in tests if p is not None]:
-        found["lowest_p_value"] = min(p_values)
+    if p_values := [p for p in tests if p is not None]:
+        found["lowest_p_value"] = _worst(np.min, *p_values)
     if test is not None and test.statistic.size == 1:
         found["f_statistic"] = float(test.statistic.item())
     return found
+
+
+def _worst(choose: Callable[[np.ndarray], Any], *arrays: np.ndarray) -> float:
+    """Extreme of the numbers that there are; NaN if there are none."""
+    values = np.concatenate([np.ravel(a) for a in arrays])
+    known = values[np.isfinite(values)]
+    return float(choose(known)) if known.size else np.nan
