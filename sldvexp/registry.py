@@ -34,6 +34,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
     "scan": {"calibration": "sldvexp.scan.calibration"},
     "instrument": {
         "file": "sldvexp.instrument.file",
+        "replay": "sldvexp.instrument.replay",
         "simulated": "sldvexp.virtual_lab.simulated",
         "visa": "sldvexp.instrument.visa",
     },

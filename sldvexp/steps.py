@@ -14,9 +14,6 @@ from sldvexp.check.expectations import evaluate
 from sldvexp.errors import UserError
 from sldvexp.instrument.base import ScanningPlugin
 
-#: Folder of a run in which finished scan lines are kept.
-JOURNAL = "journal"
-
 
 @dataclass
 class Run:
@@ -37,6 +34,7 @@ def _target(run: Run) -> None:
 def _scan(run: Run) -> None:
     """Edges of the calibration object's circles in every view."""
     from sldvexp.instrument.protocol import InstrumentError
+    from sldvexp.instrument.recording import JOURNAL
     from sldvexp.session.views import scan_views
 
     e = run.experiment

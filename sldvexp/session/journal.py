@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Callable
-from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
-from sldvexp.files import whole_or_nothing
 from sldvexp.instrument.protocol import Acquisition, Samples
+from sldvexp.instrument.recording import asked, read_line, write_line
 
 
 class Journal:
-    """Finished scan lines of one view, one small file each, written whole or not at all.
+    """Finished scan lines of one view, one small file each.
 
     Parameters
     ----------
@@ -52,41 +50,14 @@ class Journal:
             another configuration.
         """
         path = self.folder / f"{name}.npz"
-        asked = np.array(
-            [*astuple(acquisition)[:2], *acquisition.excitation, acquisition.amplitude]
-        )
-        if path.exists():
-            kept = self._read(path, dac, asked)
-            if kept is not None:
-                return kept
+        if path.exists() and (kept := read_line(path)) is not None:
+            pixels, how, samples = kept
+            if not np.array_equal(pixels, dac) or not np.array_equal(how, asked(acquisition)):
+                raise UserError(
+                    f"{path}: was measured with other pixels or another sampling; this folder "
+                    "belongs to another configuration, start the run in a new one"
+                )
+            return samples
         samples = measure()
-        self.folder.mkdir(parents=True, exist_ok=True)
-        with whole_or_nothing(path) as beside, beside.open("wb") as file:
-            np.savez(
-                file,
-                dac=dac,
-                asked=asked,
-                counts=samples.counts,
-                volts_per_count=samples.volts_per_count,
-                rate=samples.rate,
-                status=samples.status,
-            )
+        write_line(path, dac, acquisition, samples)
         return samples
-
-    def _read(
-        self, path: Path, dac: NDArray[np.int64], asked: NDArray[np.float64]
-    ) -> Samples | None:
-        """A kept line, or None if its file is damaged."""
-        try:
-            with np.load(path) as kept:
-                found = {key: kept[key] for key in kept.files}
-        except (zipfile.BadZipFile, ValueError, EOFError, KeyError):
-            return None
-        if not np.array_equal(found["dac"], dac) or not np.array_equal(found["asked"], asked):
-            raise UserError(
-                f"{path}: was measured with other pixels or another sampling; this folder belongs "
-                "to another configuration, start the run in a new one"
-            )
-        return Samples(
-            found["counts"], found["volts_per_count"], float(found["rate"]), found["status"]
-        )

@@ -16,6 +16,9 @@ from sldvexp.session.camera import Camera
 from sldvexp.session.circles import edge_group, scan_circles
 from sldvexp.session.journal import Journal
 
+#: Of the dissertation's instrument (Section 3.2.1).
+PIXELS_PER_SECOND = 6.0
+
 if TYPE_CHECKING:
     from sldvexp.scan.calibration import Calibration, Centres, Sampling
 
@@ -37,13 +40,15 @@ def scan_views(experiment: Any, journal: Path) -> dict[str, xr.Dataset]:
     """
     e = experiment
     scan: Calibration = e.scan
+    rough = {view: _rough(centres) for view, centres in scan.views.items()}
+    print(_estimate(scan, rough))
     found = {}
-    for view, centres in scan.views.items():
+    for view, centres in rough.items():
         with e.instrument.open(e.scene, e.laser, e.target, seed=e.seed, view=view) as instrument:
             acquisition = acquisition_of(scan.sampling)
             instrument.configure(acquisition)
             camera = Camera(instrument, e.signal, acquisition, Journal(journal / view))
-            edges = scan_circles(camera, scan, _rough(centres), e.laser)
+            edges = scan_circles(camera, scan, centres, e.laser)
         found[f"edge/{view}"] = edge_group(edges)
     return found
 
@@ -52,6 +57,16 @@ def acquisition_of(sampling: Sampling) -> Acquisition:
     """What the instrument is told about each pixel."""
     s = sampling
     return Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude)
+
+
+def _estimate(scan: Calibration, rough: dict[str, NDArray[np.int64]]) -> str:
+    """How long the session takes at least, and at the dissertation's six pixels a second."""
+    pixels = sum(scan.pixels(len(centres)) for centres in rough.values())
+    seconds = pixels * scan.sampling.samples / scan.sampling.rate
+    return (
+        f"scan: {pixels} pixels in {len(rough)} views, {seconds:.0f} s of samples "
+        f"({pixels / PIXELS_PER_SECOND / 60:.0f} min on an instrument of 6 pixels a second)"
+    )
 
 
 def _rough(centres: Centres) -> NDArray[np.int64]:

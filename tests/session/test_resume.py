@@ -74,3 +74,16 @@ def test_only_a_run_can_be_resumed(sldvexp, tmp_path):
     done = sldvexp(f"resume={tmp_path}")
     assert done.status == 1
     assert "is not the folder of a run" in done.err
+
+
+def test_a_recorded_session_is_replayed_to_the_bit(sldvexp, whole):
+    small = [a for a in SMALL if not a.startswith("scene")]
+    again = sldvexp(*small, "instrument=replay", f"instrument.path={whole}", "~scene")
+    assert again.status == 0, again.err
+    one, two = variables(whole), variables(again.folder)
+    for name, values in one.items():
+        np.testing.assert_array_equal(values, two[name], err_msg=name)
+    other = sldvexp(*small, "instrument=replay", f"instrument.path={whole}", "~scene",
+                    "scan.fine.lines=13")  # fmt: skip
+    assert other.status == 1
+    assert "a recording can only be scanned as it was" in other.err

@@ -1,0 +1,129 @@
+"""Scan lines in a folder: how a session keeps them, and how they are played again."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.errors import UserError, nearest
+from sldvexp.files import whole_or_nothing
+from sldvexp.instrument.protocol import Acquisition, InstrumentError, Samples
+
+#: Folder of a run in which finished scan lines are kept, one folder a view.
+JOURNAL = "journal"
+
+
+def write_line(
+    path: Path, dac: NDArray[np.int64], acquisition: Acquisition, samples: Samples
+) -> None:
+    """Keep a scan line, whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    dac : ndarray of int, shape (pixel, 2)
+    acquisition : Acquisition
+        What was asked for.
+    samples : Samples
+        What came.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_or_nothing(path) as beside, beside.open("wb") as file:
+        np.savez(
+            file,
+            dac=dac,
+            asked=asked(acquisition),
+            counts=samples.counts,
+            volts_per_count=samples.volts_per_count,
+            rate=samples.rate,
+            status=samples.status,
+        )
+
+
+def read_line(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64], Samples] | None:
+    """Pixels, sampling as asked, and samples of a kept line; None if its file is damaged."""
+    try:
+        with np.load(path) as kept:
+            found = {key: kept[key] for key in kept.files}
+        samples = Samples(
+            found["counts"], found["volts_per_count"], float(found["rate"]), found["status"]
+        )
+        return found["dac"], found["asked"], samples
+    except (zipfile.BadZipFile, ValueError, EOFError, KeyError):
+        return None
+
+
+def asked(acquisition: Acquisition) -> NDArray[np.float64]:
+    """An acquisition as numbers that can be kept and compared."""
+    a = acquisition
+    return np.array([a.rate, a.samples, a.amplitude, *a.excitation], float)
+
+
+class Recording:
+    """A recorded view as an `Instrument`: it can scan what was scanned, and nothing else.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the run.
+    view : str
+    """
+
+    def __init__(self, folder: Path, view: str) -> None:
+        views = sorted(p.name for p in (folder / JOURNAL).glob("*") if p.is_dir())
+        if view not in views:
+            told = nearest(view, views) if views else "it has no scan lines at all"
+            raise UserError(f"{folder}: has no scan lines of the view {view}; {told}")
+        self.folder, self.view = folder, view
+        lines = [read_line(p) for p in sorted((folder / JOURNAL / view).glob("*.npz"))]
+        self._lines = {self._key(dac): (how, s) for dac, how, s in filter(None, lines)}
+        self._asked: NDArray[np.float64] | None = None
+        self._dac = np.zeros((1, 2), np.int64)
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        return None
+
+    def configure(self, acquisition: Acquisition) -> None:
+        """Take note of the sampling, which must be that of the recording."""
+        self._asked = asked(acquisition)
+
+    def move(self, dac: Sequence[int]) -> None:
+        """Choose the pixel that `acquire` gives."""
+        self._dac = np.array([dac], np.int64)
+
+    def acquire(self) -> Samples:
+        """The recorded pixel, if a line of one pixel there was recorded."""
+        return self.scan(self._dac)
+
+    def scan(self, dac: NDArray[np.int64], stream: int | None = None) -> Samples:
+        """The samples of a line with these very pixels and sampling.
+
+        Raises
+        ------
+        InstrumentError
+            If there is none.
+        """
+        if (found := self._lines.get(self._key(dac))) is None:
+            raise InstrumentError(
+                f"{self.folder}: the view {self.view} has no scan line of {len(dac)} pixels from "
+                f"({dac[0, 0]}, {dac[0, 1]}) to ({dac[-1, 0]}, {dac[-1, 1]}); a recording can only "
+                "be scanned as it was"
+            )
+        how, samples = found
+        if not np.array_equal(how, self._asked):
+            raise InstrumentError(
+                f"{self.folder}: was sampled with rate, samples, amplitude and frequencies "
+                f"{how.tolist()}; scan.sampling must say the same"
+            )
+        return samples
+
+    @staticmethod
+    def _key(dac: NDArray[np.int64]) -> bytes:
+        return np.ascontiguousarray(dac, np.int64).tobytes()

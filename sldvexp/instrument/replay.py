@@ -1,0 +1,51 @@
+"""`instrument=replay`: a recorded session in the place of an instrument."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from omegaconf import MISSING
+
+from sldvexp.instrument.base import ScanningPlugin
+from sldvexp.registry import register
+
+if TYPE_CHECKING:
+    from sldvexp.instrument.protocol import Instrument
+    from sldvexp.laser.two_mirror import TwoMirror
+    from sldvexp.target.base import Target
+
+
+@register("instrument", "replay")
+@dataclass
+class Replay(ScanningPlugin):
+    """The scan lines that an earlier run kept, so that they can be processed anew.
+
+    Parameters
+    ----------
+    path : str
+        Folder of that run.
+    """
+
+    path: str = MISSING
+
+    def open(
+        self,
+        scene: Any,
+        laser: TwoMirror,
+        target: Target | None = None,
+        seed: int = 0,
+        view: str = "",
+    ) -> AbstractContextManager[Instrument]:
+        """See `ScanningPlugin`.
+
+        Raises
+        ------
+        UserError
+            If the run has no scan lines of that view.
+        """
+        from sldvexp.instrument.recording import Recording
+        from sldvexp.paths import locate
+
+        return Recording(locate(self.path), view)
