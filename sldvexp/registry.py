@@ -44,6 +44,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "digitizer": "sldvexp.pose.digitizer",
         "edge": "sldvexp.pose.edge",
         "given": "sldvexp.pose.given",
+        "manual": "sldvexp.pose.manual",
         "registration": "sldvexp.pose.registration",
     },
     "reconstruction": {

@@ -81,7 +81,7 @@ class Recording:
         self.folder, self.view = folder, view
         lines = [read_line(p) for p in sorted((folder / JOURNAL / view).glob("*.npz"))]
         self._lines = {self._key(dac): (how, s) for dac, how, s in filter(None, lines)}
-        self._asked: NDArray[np.float64] | None = None
+        self._asked = np.zeros(0)
         self._dac = np.zeros((1, 2), np.int64)
 
     def __enter__(self) -> Recording:

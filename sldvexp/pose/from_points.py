@@ -69,7 +69,8 @@ def estimate(
     sign[[m.value for m in inverted]] = -1
     angles = [sign * _angles(table, laser) for table in tables]
     solutions = [
-        _solve(method, table, angle, laser) for table, angle in zip(tables, angles, strict=True)
+        _solve(method, table, angle, laser, target)
+        for table, angle in zip(tables, angles, strict=True)
     ]
     registration = to_dataset(
         [_as_solved(table, angle, laser) for table, angle in zip(tables, angles, strict=True)]
@@ -83,19 +84,33 @@ def estimate(
 
 
 def _solve(
-    method: FromPoints, table: RegistrationTable, angle: Array, laser: TwoMirror
+    method: FromPoints,
+    table: RegistrationTable,
+    angle: Array,
+    laser: TwoMirror,
+    target: Target | None,
 ) -> PoseSolution:
     """One view's solution, its problems told with its name."""
     where = f"{table.source or 'registration data'}, view {table.name}"
-    try:
-        solution = solve_pose(
+
+    def solve(std: Array | None) -> PoseSolution:
+        return solve_pose(
             table.object_point,
             angle,
             step=laser.step,
             mirror_offset=laser.mirror_offset,
             adjust=method.adjust,
+            std=std,
             max_iterations=method.max_iterations,
         )
+
+    try:
+        solution = solve(None)
+        distance = np.linalg.norm(table.object_point - solution.origin, axis=1)
+        points = None if target is None else target.points()
+        std = method.angle_std(table.number, distance, laser.step, points)
+        if std is not None:
+            solution = solve(std)
     except UserError as error:
         raise UserError(f"{where}: {error}") from None
     if not solution.converged:
@@ -163,7 +178,7 @@ def _pose_group(
         coords=coords,
         residual=residual,
         residual_rms=np.sqrt(np.nanmean(residual**2, axis=(1, 2))),
-        s=each("s"),
+        s=np.array([_noise(s) for s in solutions]),
         s_deg=s_deg,
         sse=sse,
         cost=each("cost"),
@@ -180,11 +195,18 @@ def _pose_group(
     return group
 
 
+def _noise(solution: PoseSolution) -> float:
+    """Standard deviation of a mirror reading, DAC steps, whatever the weights."""
+    if not solution.noise_known or solution.dof <= 0:
+        return float(solution.s)
+    return float(np.sqrt(np.sum(solution.residual**2) / solution.dof))
+
+
 def _notes(
     method: FromPoints, table: RegistrationTable, solution: PoseSolution, target: Target | None
 ) -> Iterator[str]:
     """What a reader of this view's pose should mind."""
-    from scipy.special import fdtri
+    from scipy.special import chdtrc, fdtri
 
     view = f"view {table.name}"
     if solution.dof <= 0:
@@ -198,7 +220,14 @@ def _notes(
                 f"(squared residuals {ratio:.2f} times larger); more points or a second plane tell "
                 "them apart"
             )
-    if np.isfinite(solution.s) and solution.s > LARGE:
+    if solution.noise_known and solution.dof > 0:
+        probability = float(chdtrc(solution.dof, solution.cost))
+        if probability < 1 - method.confidence:
+            yield (
+                f"{view}: residuals this large have a probability of {probability:.1g} if the "
+                "stated errors are right; the bounds, which rest on these, are too small"
+            )
+    elif np.isfinite(solution.s) and solution.s > LARGE:
         yield (
             f"{view}: the residuals, {solution.s:.1f} DAC steps, are larger than any method of "
             "Table 4.3 leaves; are the points matched to their angles, units and mirrors right?"

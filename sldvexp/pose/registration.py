@@ -12,10 +12,12 @@ from sldvexp.pose.base import PoseMethod
 from sldvexp.registry import register
 
 if TYPE_CHECKING:
+    import numpy as np
     import xarray as xr
+    from numpy.typing import NDArray
 
     from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.target.base import Target
+    from sldvexp.target.base import Target, TargetPoints
 
 #: What may be adjusted besides the pose.
 ADJUSTABLE = (
@@ -71,6 +73,33 @@ class FromPoints(PoseMethod):
             )
             message = f"must be a positive standard deviation, infinite for a free one, not {std}"
             checks.require(std > 0, f"adjust.{name}", message)
+
+    def angle_std(
+        self,
+        number: NDArray[np.int64],
+        distance: NDArray[np.float64],
+        step: NDArray[np.float64],
+        points: TargetPoints | None,
+    ) -> NDArray[np.float64] | None:
+        """Standard deviation of each point's angles, DAC steps, if it is known beforehand.
+
+        Parameters
+        ----------
+        number : ndarray, shape (N,)
+            Of the points.
+        distance : ndarray, shape (N,), m
+            From the instrument.
+        step : ndarray, shape (2,), rad
+            Angle of one DAC step of each mirror.
+        points : TargetPoints or None
+            Of the calibration object.
+
+        Returns
+        -------
+        ndarray or None
+            None estimates it from the residuals, alike for all points.
+        """
+        return None
 
 
 @register("pose", "registration")

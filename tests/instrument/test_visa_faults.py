@@ -20,7 +20,7 @@ ALWAYS = 1000
 PASSING = [
     (partial(f.Silence, "DATA?"), r"no answer within 0\.\d+ s after 'DATA\?'"),
     (partial(f.Silence, "SYST:ERR?", after=5), r"no answer within 0\.\d+ s after 'SYST:ERR\?'"),
-    (partial(f.Slow, "DATA?", delay=0.5), r"no answer within"),
+    (partial(f.Slow, "DATA?", delay=0.4), r"no answer within"),
     (partial(f.Garbage, "DATA?"), r"is not the beginning of a block|announced \d+ bytes"),
     (partial(f.Garbage, "DATA?", seed=1), r"is not the beginning of a block|announced \d+ bytes"),
     (partial(f.Garbage, "STAT?"), r"is not the beginning of a block"),
@@ -160,13 +160,13 @@ def test_resources_that_cannot_be(resource):
 def left_behind(lab, line):
     """Scan a line with a faulty instrument and leave it; the lab afterwards, and what it plays."""
 
-    def run(fault, then=None, **settings):
+    def run(*faults, then=None, **settings):
         behind = lab()
         behind.move([9, 9])
-        server = LabServer(behind, faults=[fault])
+        server = LabServer(behind, faults=faults)
         said = None
         try:
-            with server, Visa(server.resource, timeout=0.15, **settings).open() as ours:
+            with server, Visa(server.resource, timeout=0.15, **settings).open(view="1") as ours:
                 ours.configure(ACQUISITION)
                 if then is not None:
                     then()
@@ -186,6 +186,27 @@ def test_home_and_off_after_a_lost_connection(left_behind, retries):
     assert not playing
     assert "in the middle of the answer after 'DATA?' (tried" in str(said)
     assert "may not be home" not in str(said)
+
+
+def test_home_and_off_although_the_view_is_refused_by_now(left_behind):
+    lost, stuck = f.Disconnect("DATA?"), f.Refusal("VIEW", times=ALWAYS, after=1, text="stuck")
+    position, playing, said = left_behind(lost, stuck)
+    assert position == (0, 0)
+    assert not playing
+    assert str(said).startswith('scanning 8 pixels: lab reports -240,"stuck" after')
+    assert "may not be home" not in str(said)
+
+
+def test_whoever_is_refused_in_the_beginning_leaves_the_line_free(lab):
+    """The server has one client at a time."""
+    with LabServer(lab()) as server:
+        with (
+            pytest.raises(InstrumentError, match=r"no view 9") as refused,
+            Visa(server.resource).open(view="9"),
+        ):
+            pass
+        with Visa(server.resource, timeout=0.5, retries=0).open(view="1"):
+            assert refused.value.__traceback__ is not None
 
 
 def test_an_instrument_that_cannot_go_home_is_told(left_behind):

@@ -1,0 +1,53 @@
+"""`pose=manual`: an operator points the beam at fiducials by eye (Section 4.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from sldvexp.errors import Checks
+from sldvexp.pose.registration import Registration
+from sldvexp.registry import register
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from sldvexp.target.base import TargetPoints
+
+
+@register("pose", "manual")
+@dataclass
+class Manual(Registration):
+    """A registration whose errors are known beforehand: the operator's eye and the tape measure.
+
+    Every point is weighted by both, and the bounds rest on them instead of on the residuals, which
+    a handful of points leaves few of. Residuals much larger than that are noted.
+
+    Parameters
+    ----------
+    pointing : float, DAC steps
+        Standard deviation of the operator's pointing, of each mirror.
+    """
+
+    pointing: float = 1.0
+
+    def _check(self, checks: Checks) -> None:
+        super()._check(checks)
+        checks.positive("pointing", self.pointing)
+
+    def angle_std(
+        self,
+        number: NDArray[np.int64],
+        distance: NDArray[np.float64],
+        step: NDArray[np.float64],
+        points: TargetPoints | None,
+    ) -> NDArray[np.float64]:
+        """Pointing and, for points that the target has, the uncertainty of their position."""
+        import numpy as np
+
+        position_std = np.zeros(len(number))
+        if points is not None:
+            _, mine, theirs = np.intersect1d(number, points.number, return_indices=True)
+            position_std[mine] = points.std[theirs].mean(axis=1)
+        return np.hypot(self.pointing, position_std / distance / step.mean())
