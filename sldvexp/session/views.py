@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sldvexp.errors import UserError
 from sldvexp.instrument.protocol import Acquisition
 from sldvexp.paths import locate
 from sldvexp.scan.files import read_centres
@@ -44,6 +45,8 @@ def scan_views(experiment: Any, journal: Path) -> dict[str, xr.Dataset]:
     print(_estimate(scan, rough))
     found = {}
     for view, centres in rough.items():
+        if len(rough) > 1 and not e.instrument.takes_views_itself:
+            _ask_for(view)
         with e.instrument.open(e.scene, e.laser, e.target, seed=e.seed, view=view) as instrument:
             acquisition = acquisition_of(scan.sampling)
             instrument.configure(acquisition)
@@ -57,6 +60,22 @@ def acquisition_of(sampling: Sampling) -> Acquisition:
     """What the instrument is told about each pixel."""
     s = sampling
     return Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude)
+
+
+def _ask_for(view: str) -> None:
+    """Wait until the operator has moved the instrument.
+
+    Raises
+    ------
+    UserError
+        If there is nobody to ask.
+    """
+    try:
+        input(f"Move the instrument to the view {view}, then press Enter: ")
+    except EOFError:
+        raise UserError(
+            f"scan: the instrument must be moved to the view {view}, but nobody is at the terminal"
+        ) from None
 
 
 def _estimate(scan: Calibration, rough: dict[str, NDArray[np.int64]]) -> str:

@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -112,9 +113,10 @@ def served():
 
     def start(*arguments):
         command = [sys.executable, "-m", "sldvexp.virtual_lab.console", "--port", "0", *arguments]
-        process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
+        both = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        # Whoever runs the tests in the background of a shell ignores SIGINT, and so would it.
+        heeds = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+        process = subprocess.Popen(command, text=True, cwd=CONF.parent, preexec_fn=heeds, **both)
         started.append(process)
         return process, process.stdout.readline().strip()
 
