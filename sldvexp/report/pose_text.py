@@ -31,7 +31,8 @@ def _view_text(view: xr.Dataset, name: str) -> str:
     if "sse" in view:
         s_deg, steps = float(view["s_deg"]), float(view["s"])
         lines.append(
-            f"SSE {float(view['sse']):.5f}, s^2 {s_deg**2:.4e}, s (deg) {s_deg:.4f}, "
+            f"SSE {_fixed(float(view['sse']), 5)}, s^2 {s_deg**2:.4e}, "
+            f"s (deg) {_fixed(s_deg, 4)}, "
             f"s (DAC steps) {steps:.4f}"
         )
     lines.append("Parameters - radians and meters")
@@ -43,11 +44,24 @@ def _view_text(view: xr.Dataset, name: str) -> str:
                 float(view[variable].sel({index: label})),
                 float(bounds.sel({index: label})),
             )
-            known = f"+- {bound:.3f}" if np.isfinite(bound) else "(no bound)"
-            lines.append(f"  {prefix + str(label):5} = {value:6.3f} {known}")
+            places = _places(bound)
+            known = f"+- {bound:.{places}f}" if np.isfinite(bound) else "(no bound)"
+            lines.append(f"  {prefix}{label} = {value:{places + 3}.{places}f} {known}")
     if "intrinsic" in view:
         for label in view["adjusted"].values:
             value = float(view["intrinsic"].sel(adjusted=label))
             bound = float(view["intrinsic_confidence"].sel(adjusted=label))
             lines.append(f"  {label} = {value:.5f} +- {bound:.5f}")
     return "\n".join(lines) + "\n"
+
+
+def _places(bound: float) -> int:
+    """Decimals of a value: three as in Figure 4.29, more where its bound is known to more."""
+    if not np.isfinite(bound) or bound <= 0:
+        return 3
+    return max(3, 1 - int(np.floor(np.log10(bound))))
+
+
+def _fixed(value: float, places: int) -> str:
+    """A number with so many decimals, or in powers of ten where these would show nothing."""
+    return f"{value:.{places}f}" if value >= 10.0 ** (1 - places) or value == 0 else f"{value:.2e}"
