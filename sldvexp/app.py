@@ -124,7 +124,7 @@ class Command:
             settings = [*lines["hydra"], *lines["task"]]
             told = complaints.sentence(error, Origins(self.arguments, settings))
             if told is None or self.full_error:
-                self.defect = error
+                self.defect = self.defect or error  # of a sweep's, Hydra raises the first
                 raise
             self._say(told)
 

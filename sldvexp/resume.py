@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from hydra.core.override_parser.types import Quote, QuotedString
 from omegaconf import OmegaConf
 
 from sldvexp.errors import UserError
@@ -37,9 +38,13 @@ def arguments_of(arguments: Sequence[str]) -> list[str]:
             ".hydra with the configuration, and the scan lines in journal"
         )
     overrides = [str(o) for o in OmegaConf.load(kept)]
-    runtime = OmegaConf.load(hydra).hydra.runtime
+    settings = OmegaConf.load(hydra).hydra
+    runtime, name = settings.runtime, settings.job.config_name
     os.chdir(runtime.cwd)
     user = [s.path for s in runtime.config_sources if s.provider == "command-line"]
     others = [a for a in arguments if not a.startswith(KEY)]
     added = [part for path in user for part in ("--config-dir", path)]
-    return [*overrides, *others, f"hydra.run.dir={folder}", *added]
+    if name != "config":
+        added += ["--config-name", name]
+    where = QuotedString(str(folder), Quote.single).with_quotes()
+    return [*overrides, *others, f"hydra.run.dir={where}", *added]

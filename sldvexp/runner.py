@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from sldvexp import config, dataset, provenance
 from sldvexp.errors import UserError
 from sldvexp.files import whole_or_nothing
+from sldvexp.paths import locate
 from sldvexp.report.pose_text import pose_text
 from sldvexp.report.table import closing_table
 from sldvexp.steps import STEPS, Run
@@ -20,6 +23,7 @@ from sldvexp.steps import STEPS, Run
 log = logging.getLogger(__name__)
 
 RUN_FILE = "run.nc"
+POSE_FILE = "pose.txt"
 
 
 def run(cfg: DictConfig, folder: str) -> bool:
@@ -43,6 +47,7 @@ def run(cfg: DictConfig, folder: str) -> bool:
         For any mistake in the configuration or the data, before anything is left behind.
     """
     start = datetime.now(UTC)
+    _clear(cfg, Path(folder))
     experiment = config.build(cfg)
     run = Run(experiment, np.random.default_rng(experiment.seed), Path(folder))
     steps = [(name, step) for name, needed, step in STEPS if needed(experiment)]
@@ -62,10 +67,33 @@ def run(cfg: DictConfig, folder: str) -> bool:
             step(run)
     path = Path(folder) / RUN_FILE
     attributes = provenance.attributes(cfg, run.inputs, start)
+    texts = {POSE_FILE: pose_text(run.tree["pose"])} if "pose" in run.tree else {}
     dataset.save(run.tree, attributes, path)
-    texts = {"pose.txt": pose_text(run.tree["pose"])} if "pose" in run.tree else {}
     for name, text in texts.items():
         with whole_or_nothing(path.with_name(name)) as beside:
             beside.write_text(text)
     closing_table(run.tree, [path, *(path.with_name(n) for n in texts)])
     return "check" not in run.tree or bool(run.tree["check"]["passed"].all())
+
+
+def _clear(cfg: DictConfig, folder: Path) -> None:
+    """Results of an earlier run must not lie beside this one's log, unless this run reads them."""
+    read = list(_texts(OmegaConf.to_container(cfg)))
+    for file in (folder / RUN_FILE, folder / POSE_FILE):
+        named = (text for text in read if text.endswith(file.name))
+        if file.resolve() in (locate(text).resolve() for text in named):
+            continue
+        try:
+            file.unlink(missing_ok=True)
+        except OSError as error:
+            told = error.strerror or error
+            raise UserError(f"{file}: cannot be written: {told}") from None
+
+
+def _texts(node: Any) -> Iterator[str]:
+    """Every text in a configuration."""
+    if isinstance(node, str):
+        yield node
+    elif isinstance(node, dict | list):
+        for part in node.values() if isinstance(node, dict) else node:
+            yield from _texts(part)

@@ -91,8 +91,9 @@ def _estimate(pose: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
     mean = np.hstack([pose["euler"].values, pose["origin"].values])
     error = np.hstack([pose["euler_std"].values, pose["origin_std"].values])
-    if not np.isfinite(error).all():
+    if not (np.isfinite(error) & (error > 0)).all():
         raise UserError(
-            "check.pose_equivalence: a pose has no standard errors; the test needs them"
+            "check.pose_equivalence: a pose has no standard errors that are positive and finite; "
+            "the test needs them"
         )
     return mean, error, pose["dof"].values[:, None]

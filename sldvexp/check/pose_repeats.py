@@ -41,7 +41,10 @@ class PoseRepeats(Check):
         from sldvexp import dataset
 
         if "pose" not in tree or "registration" not in tree:
-            raise UserError("check=pose_repeats needs a pose from points: choose pose=registration")
+            raise UserError(
+                "check=pose_repeats needs a pose from points: choose pose=registration, or leave "
+                "the check out with '~check.pose_repeats'"
+            )
         pose, registration = tree["pose"], tree["registration"]
         views = pose["view"].values
         found = [self._view(pose.sel(view=v), registration.sel(view=v), rng) for v in views]

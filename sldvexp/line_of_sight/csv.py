@@ -112,7 +112,8 @@ def _table(path: Path) -> pd.DataFrame:
     _check_columns(table, path)
     for column in table.columns:
         if column in ("view", "point"):
-            good = table[column].str.strip() != ""
+            table[column] = table[column].str.strip()
+            good = table[column] != ""
             right = "must be a name"
         else:
             numbers = pd.to_numeric(table[column], errors="coerce")

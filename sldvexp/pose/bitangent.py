@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from sldvexp.laser.two_mirror import TwoMirror
+    from sldvexp.pose.solver import PoseSolution
     from sldvexp.target.base import Target
 
 
@@ -34,6 +35,7 @@ class Bitangent(FromPoints):
         self, laser: TwoMirror, target: Target | None, tree: Mapping[str, xr.Dataset]
     ) -> dict[str, xr.Dataset]:
         """Groups ``registration`` and ``pose`` of all scanned views."""
+        from sldvexp.pose.bitangent_bounds import with_shared_errors
         from sldvexp.pose.from_points import estimate
         from sldvexp.pose.images import (
             circles_of,
@@ -50,7 +52,11 @@ class Bitangent(FromPoints):
             for view, group in edge_views(tree, "bitangent").items()
         ]
         tables = [registration_table(i, circles) for i in images]
-        groups = estimate(self, tables, laser, None)
+
+        def judge(view: int, solution: PoseSolution) -> PoseSolution:
+            return with_shared_errors(solution, images[view].bitangents, circles, laser)
+
+        groups = estimate(self, tables, laser, None, judge=judge)
         notes = [n for i in images for n in image_notes(i)]
         kept = str(groups["pose"].attrs["notes"]).splitlines()
         groups["pose"].attrs["notes"] = "\n".join([*notes, *kept])

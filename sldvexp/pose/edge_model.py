@@ -17,6 +17,9 @@ from sldvexp.laser.two_mirror import TwoMirror
 
 Array = NDArray[np.float64]
 
+#: Numbers in which a machined circle errs: its centre along three axes and its radius.
+ERRORS = 4
+
 
 @dataclass(frozen=True, eq=False)
 class EdgePoints:
@@ -64,19 +67,20 @@ def residuals(
         World to laser.
     origin : ndarray, shape (3,), m
     mirror_offset : float, m
-    moved : ndarray, shape (circle, 3), m
-        Error of each circle's centre in its plane (two axes) and of its radius.
+    moved : ndarray, shape (circle, ERRORS), m
+        Error of each circle's centre in its plane (two axes) and across it, and of its radius.
     rim : float, m
         By how much every edge is seen outside of the circle.
 
     Returns
     -------
     residual : ndarray, shape (n,)
-    jacobian : ndarray, shape (n, 8 + 3 * circles)
+    jacobian : ndarray, shape (n, 8 + ERRORS * circles)
         By the rotation vector, the origin, the mirror offset, the rim, and `moved` flattened.
     """
     shift = moved[points.circle]
-    center_world = points.center + np.einsum("ni,nij->nj", shift[:, :2], points.in_plane)
+    axes = np.concatenate([points.in_plane, points.normal[:, None]], axis=1)
+    center_world = points.center + np.einsum("ni,nij->nj", shift[:, :3], axes)
     m = (center_world - origin) @ rotation.T
     normal = points.normal @ rotation.T
     o, u = rays(points.angle, mirror_offset)
@@ -93,15 +97,15 @@ def residuals(
     by_origin = -by_center @ rotation
     by_offset = _by_origin_of_beam(points.angle, e, eu, normal)
     circles = len(moved)
-    jacobian = np.zeros((len(distance), 8 + 3 * circles))
+    jacobian = np.zeros((len(distance), 8 + ERRORS * circles))
     jacobian[:, :3], jacobian[:, 3:6] = by_rotation, by_origin
     jacobian[:, 6], jacobian[:, 7] = by_offset, -1.0
     row = np.arange(len(distance))
-    in_plane = np.einsum("nij,nj->ni", points.in_plane, by_center @ rotation)
-    for k in (0, 1):
-        jacobian[row, 8 + 3 * points.circle + k] = in_plane[:, k]
-    jacobian[row, 8 + 3 * points.circle + 2] = -1.0
-    residual = distance - points.radius - shift[:, 2] - rim
+    by_shift = np.einsum("nij,nj->ni", axes, by_center @ rotation)
+    for k in range(3):
+        jacobian[row, 8 + ERRORS * points.circle + k] = by_shift[:, k]
+    jacobian[row, 8 + ERRORS * points.circle + 3] = -1.0
+    residual = distance - points.radius - shift[:, 3] - rim
     return residual / scale, jacobian / scale[:, None]
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.geometry.rotation import rotation_from_vector
-from sldvexp.pose.edge_model import EdgePoints, residuals
+from sldvexp.pose.edge_model import ERRORS, EdgePoints, residuals
 
 Array = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ def solve_edges(
     offset_std : float, m
         What is known of it: 0 keeps it fixed, infinite leaves it free.
     circle_std : float, m
-        Standard deviation of every circle's centre coordinates and radius.
+        Standard deviation of every circle's centre coordinates and diameter.
     max_iterations : int
     where : str
         Names the view in messages.
@@ -88,15 +88,18 @@ def solve_edges(
         If the iteration does not settle or the edges do not determine the pose.
     """
     circles = int(points.circle.max()) + 1
-    size = MOVED + 3 * circles
+    size = MOVED + ERRORS * circles
     prior_std = np.full(size, np.inf)
-    prior_std[OFFSET], prior_std[MOVED:] = offset_std, circle_std
+    prior_std[OFFSET] = offset_std
+    prior_std[MOVED:] = np.tile(circle_std * np.array([1.0, 1.0, 1.0, 0.5]), circles)
     free = prior_std > 0
     weight = 1 / prior_std[free] ** 2
     nominal, state, s = mirror_offset, np.zeros(size), 1.0
-    dof = max(len(points.radius) - int(np.count_nonzero(np.isinf(prior_std))), 1)
+    dof = len(points.radius) - float(np.count_nonzero(np.isinf(prior_std)))
+    if dof < 1:
+        raise UserError(f"{where}: {len(points.radius)} edges are too few to determine the pose")
     for _ in range(max_iterations):
-        moved = state[MOVED:].reshape(circles, 3)
+        moved = state[MOVED:].reshape(circles, ERRORS)
         residual, jacobian = residuals(
             points, rotation, origin, nominal + state[OFFSET], moved, state[RIM]
         )
@@ -105,6 +108,9 @@ def solve_edges(
         information = j.T @ j + np.diag(weight)
         gradient = j.T @ residual / s + weight * state[free]
         step = -_solve(information, gradient, where)
+        # A prior gives back the share of its parameter that the edges do not overrule.
+        share = weight * np.diag(np.linalg.inv(information))
+        dof = len(points.radius) - len(weight) + float(share.sum())
         full = np.zeros(size)
         full[free] = step
         rotation, origin = rotation_from_vector(full[:3]) @ rotation, origin + full[3:6]

@@ -16,6 +16,7 @@ from sldvexp.geometry.known_pose import KnownPose
 from sldvexp.pose.given import known_poses
 
 _LINE = re.compile(r"^\s*(phi[123]|x0_[xyz])\s*=\s*(\S+)(?:\s*\+-\s*(\S+))?")
+_NEEDED = ("view", "rotation", "origin", "covariance")
 _NAMES = ("phi1", "phi2", "phi3", "x0_x", "x0_y", "x0_z")
 
 
@@ -28,7 +29,7 @@ def read_poses(path: Path, confidence: float) -> xr.Dataset:
         ``.nc``: a run's file. Anything else: text with lines such as ``phi1 = -1.153 +- 0.004``,
         angles in rad and lengths in m; several views each begin with ``View: name``.
     confidence : float
-        Level of the bounds in a text, taken as normal.
+        Level of the bounds: those of a text are taken as normal, those of a run are made anew.
 
     Raises
     ------
@@ -42,9 +43,25 @@ def read_poses(path: Path, confidence: float) -> xr.Dataset:
                 raise UserError(f"{path}: the run has no group pose")
             group = tree["pose"].to_dataset().load()
         group.attrs.pop("notes", None)
-        return group
+        bounds = [n for n in group if str(n).endswith("_confidence")]
+        behind = ["dof", *(str(n).replace("_confidence", "_std") for n in bounds)] if bounds else []
+        if missing := [n for n in (*_NEEDED, *behind) if n not in group]:
+            raise UserError(f"{path}: the group pose lacks {', '.join(missing)}")
+        return _at_level(group, confidence)
     lines = read_text(path).splitlines()
     return known_poses(_parse(lines, path, confidence), confidence)
+
+
+def _at_level(pose: xr.Dataset, confidence: float) -> xr.Dataset:
+    """The pose with its intervals at another level, from standard errors and their freedom."""
+    from sldvexp.pose.statistics import half_width
+
+    for name in ("euler", "origin", "intrinsic"):
+        if f"{name}_confidence" in pose:
+            width = half_width(pose[f"{name}_std"].values, pose["dof"].values, confidence)
+            pose[f"{name}_confidence"] = pose[f"{name}_confidence"].copy(data=width)
+    pose.attrs["confidence_level"] = confidence
+    return pose
 
 
 def _parse(lines: list[str], path: Path, confidence: float) -> dict[str, KnownPose]:
@@ -65,7 +82,8 @@ def _parse(lines: list[str], path: Path, confidence: float) -> dict[str, KnownPo
                 raise UserError(f"{where}: the bound of {name} must not be negative, not {bound}")
             if name in found.setdefault(view, {}):
                 raise UserError(f"{where}: {name} of view {view} stands there twice")
-            found[view][name] = value, bound / quantile
+            # A bound that was rounded to zero says nothing of the error.
+            found[view][name] = value, bound / quantile or math.nan
     if not found:
         raise UserError(
             f"{path}: there is no pose: lines such as 'phi1 = -1.153 +- 0.004' are needed"
@@ -77,7 +95,9 @@ def _parse(lines: list[str], path: Path, confidence: float) -> dict[str, KnownPo
         numbers, std = zip(*(values[n] for n in _NAMES), strict=True)
         unbounded = [n for n in _NAMES if math.isnan(values[n][1])]
         if 0 < len(unbounded) < len(_NAMES):
-            raise UserError(f"{path}: view {view} has bounds, but none of {', '.join(unbounded)}")
+            raise UserError(
+                f"{path}: view {view} has bounds, but none above zero of {', '.join(unbounded)}"
+            )
         bounds = [] if unbounded else list(std)
         poses[view] = KnownPose(list(numbers[:3]), list(numbers[3:]), bounds[:3], bounds[3:])
     return poses

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from sldvexp.errors import UserError
 from sldvexp.pose.base import EXTRINSICS, pose_group
 from sldvexp.pose.edge_model import EdgePoints, angles_along
 from sldvexp.pose.edge_solver import OFFSET, EdgePose, solve_edges
@@ -85,12 +86,15 @@ def edge_points(images: CircleImages, laser: TwoMirror, circles: Circles) -> Edg
 def _solve(method: Edge, images: CircleImages, laser: TwoMirror, circles: Circles) -> EdgePose:
     """One view, started from its bitangent points."""
     table = registration_table(images, circles)
-    start = solve_pose(
-        table.object_point,
-        table.angle_through(laser),
-        step=laser.step,
-        mirror_offset=laser.mirror_offset,
-    )
+    try:
+        start = solve_pose(
+            table.object_point,
+            table.angle_through(laser),
+            step=laser.step,
+            mirror_offset=laser.mirror_offset,
+        )
+    except UserError as error:
+        raise UserError(f"view {images.view}: {error}") from None
     return solve_edges(
         edge_points(images, laser, circles),
         start.rotation,
@@ -109,7 +113,8 @@ def _group(method: Edge, images: list[CircleImages], poses: list[EdgePose]) -> x
     covariance = np.array([p.covariance[:size, :size] for p in poses])
     dof = np.array([p.dof for p in poses])
     std = [np.concatenate([e.std for e in i.edges.values()]) for i in images]
-    rms = [np.sqrt(np.mean((p.residual * own) ** 2)) for p, own in zip(poses, std, strict=True)]
+    square = [np.sum((p.residual * own) ** 2) for p, own in zip(poses, std, strict=True)]
+    count = [len(p.residual) for p in poses]
     coords: dict[str, Any] = {}
     more: dict[str, Any] = {}
     if method.adjust:
@@ -129,8 +134,8 @@ def _group(method: Edge, images: list[CircleImages], poses: list[EdgePose]) -> x
         method.confidence,
         parameters=(*EXTRINSICS, *method.adjust),
         coords=coords,
-        residual_rms=np.array(rms),
-        s=np.array(rms),
+        residual_rms=np.sqrt(np.divide(square, count)),
+        s=np.sqrt(np.divide(square, dof)),
         rim=np.array([p.rim for p in poses]),
         **more,
     )

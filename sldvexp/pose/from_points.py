@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -40,6 +40,7 @@ def estimate(
     laser: TwoMirror | None,
     target: Target | None,
     inverted: Sequence[MirrorName] = (),
+    judge: Callable[[int, PoseSolution], PoseSolution] | None = None,
 ) -> dict[str, xr.Dataset]:
     """Solve every view and make the groups ``registration`` and ``pose``.
 
@@ -52,6 +53,9 @@ def estimate(
         If there is one, object points of the same number are compared with it.
     inverted : sequence of MirrorName
         Mirrors whose recorded angles grow the other way.
+    judge : callable, optional
+        Gives the solution of the i-th view the covariance that it deserves, where the points'
+        errors are not independent.
 
     Returns
     -------
@@ -72,6 +76,8 @@ def estimate(
         _solve(method, table, angle, laser, target)
         for table, angle in zip(tables, angles, strict=True)
     ]
+    if judge is not None:
+        solutions = [judge(i, s) for i, s in enumerate(solutions)]
     registration = to_dataset(
         [_as_solved(table, angle, laser) for table, angle in zip(tables, angles, strict=True)]
     )

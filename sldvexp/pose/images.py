@@ -22,6 +22,9 @@ from sldvexp.target.circles import Circles
 
 Array = NDArray[np.float64]
 
+#: Residual of the conics, in standard errors of the edges, that is noted.
+MISFIT = 3.0
+
 
 @dataclass(frozen=True)
 class CircleImages:
@@ -128,6 +131,11 @@ def image_notes(images: CircleImages) -> list[str]:
         notes.append(
             f"view {images.view}: the image is a mirror image of the object; a mirror is wired the "
             "other way round, the mirrors are swapped, or the object is seen from behind"
+        )
+    if images.misfit > MISFIT:
+        notes.append(
+            f"view {images.view}: the edges lie {images.misfit:.1f} standard errors beside their "
+            "ellipses; circles that hide one another, or that move unevenly, look like this"
         )
     return notes
 

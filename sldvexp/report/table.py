@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -96,23 +97,25 @@ def _point_rows(name: str, point: xr.Dataset) -> Iterator[tuple[str, str, str, s
             text = with_bound(
                 complex(value.sel(component=component)), float(bound.sel(component=component))
             )
-            yield f"{label}: V_{component}", text, "m/s", _merit(point, str(component), i)
+            at = {d: value[d].item() for d in cases} | {"component": component}
+            yield f"{label}: V_{component}", text, "m/s", _merit(point, at)
     if stacked.sizes["case"] > shown:
         rest = stacked.sizes["case"] - shown
         yield f"{name}: {rest} more", "in the dataset", "", ""
 
 
-def _merit(point: xr.Dataset, component: str, case: int) -> str:
-    """Efficiency and observability of a component."""
-    if "observable" in point:
-        observable = np.atleast_2d(np.asarray(point["observable"]))
-        index = list(point["component"].values).index(component)
-        if not observable.reshape(-1, 3)[min(case, len(observable.reshape(-1, 3)) - 1), index]:
-            return "not determined by these views"
+def _merit(point: xr.Dataset, at: Mapping[str, Any]) -> str:
+    """Efficiency and observability of the component, point and frequency `at`."""
+
+    def value(name: str) -> float:
+        variable = point[name]
+        return float(variable.sel({d: label for d, label in at.items() if d in variable.dims}))
+
+    if "observable" in point and not value("observable"):
+        return "not determined by these views"
     if "efficiency" not in point:
         return ""
-    efficiency = float(np.nanmin(point["efficiency"].sel(component=component)))
-    return f"efficiency {number(efficiency, 2)}, rcond {number(point.attrs['rcond'], 3)}"
+    return f"efficiency {number(value('efficiency'), 2)}, rcond {number(value('rcond'), 3)}"
 
 
 def _published(check: xr.Dataset) -> Table:

@@ -8,6 +8,9 @@ from enum import Enum
 from sldvexp.errors import Checks
 from sldvexp.registry import register
 
+#: Steps of the smaller range of a mirror's board: no line has more pixels.
+MOST_PIXELS = 8193
+
 
 class EdgeMethod(Enum):
     """How an edge is placed between pixels."""
@@ -61,6 +64,8 @@ class Lines:
         checks.require(self.lines >= 3, f"{name}.lines", f"must be at least 3, not {self.lines}")
         least = f"must be at least 9, not {self.pixels}"
         checks.require(self.pixels >= 9, f"{name}.pixels", least)
+        most = f"must be at most the {MOST_PIXELS} steps of a mirror, not {self.pixels}"
+        checks.require(self.pixels <= MOST_PIXELS, f"{name}.pixels", most)
         odd = f"must be odd and shorter than the line, not {self.window}"
         good = self.window % 2 == 1 and 0 < self.window < self.pixels
         checks.require(good, f"{name}.window", odd)
@@ -109,6 +114,10 @@ class Calibration:
         checks = Checks()
         checks.require(bool(self.views), "views", "needs at least one view with rough centres")
         for name, centres in self.views.items():
+            # A view's lines are kept in a folder of its name.
+            usable = name.strip() not in ("", ".", "..") and not set(name) & {"/", "\\"}
+            told = f"the view {name!r} needs a name that a folder can have, without / and \\"
+            checks.require(usable, "views", told)
             one = bool(centres.dac) != bool(centres.path)
             checks.require(one, f"views.{name}", "give either dac or path, not both or none")
             pairs = all(len(pair) == 2 for pair in centres.dac)

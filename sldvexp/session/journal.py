@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
+from sldvexp.files import whole_or_nothing
 from sldvexp.instrument.protocol import Acquisition, Samples
 from sldvexp.instrument.recording import asked, read_line, write_line
 
@@ -61,3 +63,30 @@ class Journal:
         samples = measure()
         write_line(path, dac, acquisition, samples)
         return samples
+
+
+def require_same(folder: Path, configuration: object) -> None:
+    """Tie a folder of scan lines to the configuration that they are measured with.
+
+    Parameters
+    ----------
+    folder : Path
+        Of all views.
+    configuration : object
+        Everything that decides what is measured; its representation is what counts.
+
+    Raises
+    ------
+    UserError
+        If the folder has lines of another configuration.
+    """
+    key = hashlib.sha256(repr(configuration).encode()).hexdigest()
+    path = folder / "configuration.sha256"
+    if path.exists() and path.read_text() != key:
+        raise UserError(
+            f"{folder}: has scan lines of another configuration (seed, target, laser, scene, scan "
+            "or instrument differ); start the run in a new folder"
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    with whole_or_nothing(path) as beside:
+        beside.write_text(key)

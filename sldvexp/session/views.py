@@ -15,7 +15,7 @@ from sldvexp.paths import locate
 from sldvexp.scan.files import read_centres
 from sldvexp.session.camera import Camera
 from sldvexp.session.circles import edge_group, scan_circles
-from sldvexp.session.journal import Journal
+from sldvexp.session.journal import Journal, require_same
 
 #: Of the dissertation's instrument (Section 3.2.1).
 PIXELS_PER_SECOND = 6.0
@@ -42,6 +42,7 @@ def scan_views(experiment: Any, journal: Path) -> dict[str, xr.Dataset]:
     e = experiment
     scan: Calibration = e.scan
     rough = {view: _rough(centres) for view, centres in scan.views.items()}
+    require_same(journal, (e.seed, e.target, e.laser, e.scene, scan, type(e.instrument).__name__))
     print(_estimate(scan, rough))
     found = {}
     for view, centres in rough.items():

@@ -207,3 +207,47 @@ def test_two_plugins_of_one_name_are_refused(installed, monkeypatch, loaded):
         registry.register("pose", "given")(type("Given", (), {"__module__": "stranger"}))
     if loaded:
         assert registry.get("pose", "given").__module__ == "sldvexp.pose.given"
+
+
+def test_first_defect_of_a_sweep_is_the_one_that_is_raised(sldvexp, monkeypatch):
+    def stumble(cfg, folder):
+        raise ZeroDivisionError(cfg.seed)
+
+    monkeypatch.setattr("sldvexp.runner.run", stumble)
+    with pytest.raises(ZeroDivisionError, match="1"):
+        sldvexp("-m", *QUICK, "seed=1,2", "hydra.sweep.dir=sweep")
+
+
+def test_resume_keeps_the_configuration_and_any_folder(sldvexp, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/other.yaml").write_text("defaults: [config, _self_]\nseed: 77\n")
+    folder = tmp_path / "a (b), 'c' \"d\""
+    quoted = str(folder).replace("'", "\\'")
+    options = ("--config-dir", "mine", "--config-name", "other")
+    assert sldvexp(*QUICK, f"hydra.run.dir='{quoted}'", *options).status == 0
+    (folder / "run.nc").unlink()
+    done = sldvexp(f"resume={folder}", "hydra.run.dir=x")
+    assert done.status == 0, done.err
+    assert xr.open_datatree(folder / "run.nc", engine="netcdf4").attrs["seed"] == 77
+
+
+def test_results_of_an_earlier_run_do_not_stay(sldvexp, tmp_path, monkeypatch):
+    def left():
+        return sorted(f.name for f in folder.iterdir() if f.name in ("run.nc", "pose.txt"))
+
+    folder = tmp_path / "same"
+    where = f"hydra.run.dir={folder}"
+    assert sldvexp(*POSE, where).status == 0
+    assert left() == ["pose.txt", "run.nc"]
+    given = ("~experiment", "pose=given", f"pose.path={folder}/run.nc")
+    assert sldvexp(*given, where).status == 0
+    assert sldvexp(*QUICK, "seed=-1", where).status == 1
+    assert left() == []
+
+    def stumble(_):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("sldvexp.runner.pose_text", stumble)
+    with pytest.raises(ZeroDivisionError):
+        sldvexp(*POSE, where)
+    assert left() == []

@@ -103,6 +103,13 @@ def test_thousands_of_frequencies(tmp_path):
 
 HEAD = "view,dx,dy,dz,frequency,real,imag\n"
 
+
+def test_blanks_around_names_mean_nothing(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text(HEAD + "a,0,0,1,450,1,0\na ,0,0,1,500,1,0\n")
+    assert read(path, M_PER_S).view == ["a"]
+
+
 BAD = [
     ("view,dx,dy,dz\n1,0,0,1\n", "the column real is missing"),
     ("view,dx,dy,dz,real,phase\n", "unknown column 'phase'"),

@@ -92,7 +92,7 @@ def test_derivatives_equal_differences(seed):
     rng = np.random.default_rng(seed)
     points = edges(("front", "raised"), lines=5)[0]
     rotation = rotation_from_vector(1e-6 * rng.normal(size=3)) @ ROTATION
-    origin, moved, rim = ORIGIN + 1e-6 * rng.normal(size=3), 1e-7 * rng.normal(size=(8, 3)), 1e-7
+    origin, moved, rim = ORIGIN + 1e-6 * rng.normal(size=3), 1e-7 * rng.normal(size=(8, 4)), 1e-7
 
     def at(change):
         return residuals(
@@ -100,11 +100,11 @@ def test_derivatives_equal_differences(seed):
             rotation_from_vector(change[:3]) @ rotation,
             origin + change[3:6],
             LASER.mirror_offset + change[6],
-            moved + change[8:].reshape(8, 3),
+            moved + change[8:].reshape(8, 4),
             rim + change[7],
         )
 
-    zero = np.zeros(8 + 24)
+    zero = np.zeros(8 + 32)
     jacobian = at(zero)[1]
     h = 1e-6
     for k in range(len(zero)):

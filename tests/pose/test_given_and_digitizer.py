@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from sldvexp import dataset
+from sldvexp.check.pose_equivalence import PoseEquivalence
+from sldvexp.check.pose_repeats import PoseRepeats
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.known_pose import KnownPose
 from sldvexp.geometry.rotation import euler_from_rotation, rotation_from_euler
 from sldvexp.pose.digitizer import Digitizer
-from sldvexp.pose.files import read_poses
+from sldvexp.pose.files import _NAMES, read_poses
 from sldvexp.pose.given import Given
 from sldvexp.pose.triples import estimate
 from sldvexp.report.pose_text import pose_text
@@ -175,3 +178,45 @@ def test_one_repeat_says_that_it_has_no_bounds(tmp_path):
     pose = estimate(Digitizer(str(path), instrument_points=POSTS, object_points=CORNERS))
     assert np.isnan(pose["origin_std"]).all()
     assert "a single repeat gives no bounds" in pose.attrs["notes"]
+
+
+def kept(path, pose):
+    dataset.save({"pose": pose}, {}, path)
+    return path
+
+
+def test_pose_of_a_run_is_given_at_the_asked_level(tmp_path):
+    known = KnownPose(EULER, ORIGIN, [0.06, 0.02, 0.05], [0.02, 0.02, 0.006], samples=7)
+    first, wanted = (Given(views={"a": known}, confidence=c).group() for c in (0.95, 0.68))
+    pose = Given(path=str(kept(tmp_path / "run.nc", first)), confidence=0.68).group()
+    for name in ("euler_confidence", "origin_confidence"):
+        np.testing.assert_allclose(pose[name], wanted[name], rtol=1e-12)
+        assert pose[name].attrs == wanted[name].attrs
+    assert pose.attrs["confidence_level"] == 0.68
+
+
+@pytest.mark.parametrize("name", ["view", "rotation", "origin", "covariance", "dof", "euler_std"])
+def test_group_that_is_no_pose_is_named(tmp_path, name):
+    pose = Given(views={"a": KnownPose(EULER, ORIGIN, [0.1] * 3, [0.1] * 3)}).group()
+    path = kept(tmp_path / "run.nc", pose.drop_vars(name))
+    with pytest.raises(UserError, match=f"the group pose lacks {name}$"):
+        read_poses(path, 0.95)
+
+
+def test_bounds_of_zero_are_unknown(tmp_path):
+    path = tmp_path / "pose.txt"
+    path.write_text("".join(f"{n} = 0.5 +- 0.000\n" for n in _NAMES))
+    pose = read_poses(path, 0.95)
+    assert np.isnan(pose["euler_std"]).all()
+    assert np.isnan(pose["origin_std"]).all()
+
+
+def test_errors_of_zero_are_not_tested():
+    exact = {"a": KnownPose(EULER, ORIGIN, [0.0] * 3, [0.0] * 3)}
+    with pytest.raises(UserError, match="no standard errors that are positive and finite"):
+        PoseEquivalence(views=exact).examine({"pose": Given(views=exact).group()}, None)
+
+
+def test_repeats_say_how_to_do_without_them():
+    with pytest.raises(UserError, match=r"leave the check out with '~check\.pose_repeats'"):
+        PoseRepeats().examine({}, None)

@@ -87,3 +87,9 @@ def test_a_recorded_session_is_replayed_to_the_bit(sldvexp, whole):
                     "scan.fine.lines=13")  # fmt: skip
     assert other.status == 1
     assert "a recording can only be scanned as it was" in other.err
+
+
+def test_scan_lines_of_another_seed_are_not_used(sldvexp, whole):
+    other = sldvexp(*SMALL, "seed=1", f"hydra.run.dir={whole}")
+    assert other.status == 1
+    assert "has scan lines of another configuration" in other.err
