@@ -514,8 +514,8 @@ EXPECTATIONS = [
     ),
     Bad(
         f"{OBJECT} check.e.plugin=pose_repeats",
-        "…check=pose_repeats needs a pose from points: choose pose=registration, or leave the check "
-        "out with '~check.pose_repeats'",
+        "…check=pose_repeats needs a pose from points: choose pose=registration, or leave the "
+        "check out with '~check.pose_repeats'",
     ),
     Bad(
         f"{OBJECT} 'check.e={{plugin: pose_equivalence, views: {{a: {KNOWN}}}}}'",
