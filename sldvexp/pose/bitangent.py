@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from sldvexp.target.base import Target
 
 
+#: Probability of residuals below which they are noted.
+UNLIKELY = 1e-4
+
+
 @register("pose", "bitangent")
 @dataclass
 class Bitangent(FromPoints):
@@ -53,11 +57,20 @@ class Bitangent(FromPoints):
         ]
         tables = [registration_table(i, circles) for i in images]
 
+        notes = [n for i in images for n in image_notes(i)]
+
         def judge(view: int, solution: PoseSolution) -> PoseSolution:
-            return with_shared_errors(solution, images[view].bitangents, circles, laser)
+            image = images[view]
+            judged, probability = with_shared_errors(solution, image.bitangents, circles, laser)
+            if probability < UNLIKELY:
+                notes.append(
+                    f"view {image.view}: the residuals are larger than the edges' noise and the "
+                    "circles' accuracy explain, so that the bounds are too small; a mirror offset "
+                    "or calibration that is not the true one, or pinhole: false, looks like this"
+                )
+            return judged
 
         groups = estimate(self, tables, laser, None, judge=judge)
-        notes = [n for i in images for n in image_notes(i)]
         kept = str(groups["pose"].attrs["notes"]).splitlines()
         groups["pose"].attrs["notes"] = "\n".join([*notes, *kept])
         return groups

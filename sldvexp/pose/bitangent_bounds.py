@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtrc
 
 from sldvexp.geometry.bitangent import Bitangents
 from sldvexp.geometry.rotation import skew
@@ -28,7 +29,7 @@ SMALL = 1e-5
 
 def with_shared_errors(
     solution: PoseSolution, bitangents: Bitangents, target: Circles, laser: TwoMirror
-) -> PoseSolution:
+) -> tuple[PoseSolution, float]:
     """The same pose with the covariance that follows from ellipses and circles.
 
     Parameters
@@ -42,8 +43,10 @@ def with_shared_errors(
 
     Returns
     -------
-    PoseSolution
+    solution : PoseSolution
         Its covariance is known, not estimated from the residuals.
+    probability : float
+        Of residuals this large, if ellipses and circles are the only sources of error.
     """
     points = target.points().position
     in_laser = (points - solution.origin) @ solution.rotation.T
@@ -63,8 +66,18 @@ def with_shared_errors(
     by_object = by_object.reshape(2 * len(points), -1)
     shared = std_of_bound(target.accuracy) ** 2 * by_object @ by_object.T
     gain = np.linalg.pinv(jacobian)  # a prior is left out: bounds are then on the safe side
-    covariance = gain @ (_of_images(bitangents) + shared) @ gain.T
-    return replace(solution, covariance=covariance, noise_known=True)
+    of_points = _of_images(bitangents) + shared
+    left = np.eye(len(jacobian)) - jacobian @ gain
+    probability = _probability(solution.residual.ravel(), left @ of_points @ left)
+    covariance = gain @ of_points @ gain.T
+    return replace(solution, covariance=covariance, noise_known=True), probability
+
+
+def _probability(residual: Array, covariance: Array) -> float:
+    """Of a larger sum of squares of correlated normal residuals, after Satterthwaite."""
+    expected = np.trace(covariance)
+    dof = expected**2 / np.sum(covariance**2)
+    return float(chdtrc(dof, dof * residual @ residual / expected))
 
 
 def _of_images(bitangents: Bitangents) -> Array:

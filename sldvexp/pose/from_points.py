@@ -83,7 +83,9 @@ def estimate(
     )
     pose = _pose_group(method, tables, solutions, laser)
     notes = [
-        n for t, s in zip(tables, solutions, strict=True) for n in _notes(method, t, s, target)
+        n
+        for t, s in zip(tables, solutions, strict=True)
+        for n in _notes(method, t, s, target, judged=judge is not None)
     ]
     pose.attrs["notes"] = "\n".join(notes)
     return {"registration": registration, "pose": pose}
@@ -209,10 +211,14 @@ def _noise(solution: PoseSolution) -> float:
 
 
 def _notes(
-    method: FromPoints, table: RegistrationTable, solution: PoseSolution, target: Target | None
+    method: FromPoints,
+    table: RegistrationTable,
+    solution: PoseSolution,
+    target: Target | None,
+    judged: bool,
 ) -> Iterator[str]:
-    """What a reader of this view's pose should mind."""
-    from scipy.special import chdtrc, fdtri
+    """What a reader of this view's pose should mind; residuals may have been judged already."""
+    from scipy.special import fdtri
 
     view = f"view {table.name}"
     if solution.dof <= 0:
@@ -226,6 +232,24 @@ def _notes(
                 f"(squared residuals {ratio:.2f} times larger); more points or a second plane tell "
                 "them apart"
             )
+    if not judged:
+        yield from _residual_notes(method, view, solution)
+    yield from _intrinsic_notes(method, view, solution)
+    z = table.object_point[:, 2]
+    if np.ptp(z) == 0 and solution.origin[2] < z[0]:
+        yield (
+            f"{view}: the instrument is found behind the object (z = {solution.origin[2]:.3f} m); "
+            "if the object's z axis points to the instrument, a mirror's angles are recorded the "
+            "other way round: try pose.inverted=[up_down]"
+        )
+    if target is not None:
+        yield from _target_notes(view, table, target)
+
+
+def _residual_notes(method: FromPoints, view: str, solution: PoseSolution) -> Iterator[str]:
+    """Residuals larger than stated errors, or than any method's, explain."""
+    from scipy.special import chdtrc
+
     if solution.noise_known and solution.dof > 0:
         probability = float(chdtrc(solution.dof, solution.cost))
         if probability < 1 - method.confidence:
@@ -238,16 +262,6 @@ def _notes(
             f"{view}: the residuals, {solution.s:.1f} DAC steps, are larger than any method of "
             "Table 4.3 leaves; are the points matched to their angles, units and mirrors right?"
         )
-    yield from _intrinsic_notes(method, view, solution)
-    z = table.object_point[:, 2]
-    if np.ptp(z) == 0 and solution.origin[2] < z[0]:
-        yield (
-            f"{view}: the instrument is found behind the object (z = {solution.origin[2]:.3f} m); "
-            "if the object's z axis points to the instrument, a mirror's angles are recorded the "
-            "other way round: try pose.inverted=[up_down]"
-        )
-    if target is not None:
-        yield from _target_notes(view, table, target)
 
 
 def _intrinsic_notes(method: FromPoints, view: str, solution: PoseSolution) -> Iterator[str]:
