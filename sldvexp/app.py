@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
+import warnings
 from argparse import Namespace
 from collections.abc import Sequence
 from typing import Any, NoReturn
@@ -14,13 +15,15 @@ from hydra._internal.utils import get_args_parser
 from hydra.errors import MissingConfigException
 from omegaconf import DictConfig, OmegaConf
 
-from sldvexp import config, config_source, registry  # noqa: F401 (config: the root schema registers itself)
+from sldvexp import commands, config, config_source, registry  # noqa: F401 (config: the root schema registers itself)
 from sldvexp.errors import UserError
 from sldvexp.paths import conf_dir
 
 DONE, FAILED, MISSED, INTERRUPTED = 0, 1, 2, 130
 
 FULL_ERROR = "HYDRA_FULL_ERROR"
+
+USUAL_WARNING = warnings.formatwarning
 
 
 def main() -> None:
@@ -30,13 +33,14 @@ def main() -> None:
     was missed, 130 interrupted. With HYDRA_FULL_ERROR=1 in the environment a mistake shows where
     in the program it was found.
     """
+    warnings.formatwarning = _warning
     wanted = os.environ.get(FULL_ERROR)
     os.environ[FULL_ERROR] = "1"  # Hydra then raises, and we choose the words
     gc.disable()  # composing makes many objects and no garbage; a job turns it on again
     try:
         status = Command(sys.argv[1:], full_error=wanted == "1").run()
-    except KeyboardInterrupt:
-        print("sldvexp: interrupted", file=sys.stderr)
+    except KeyboardInterrupt as stop:
+        print(f"sldvexp: {str(stop) or 'interrupted'}", file=sys.stderr)
         status = INTERRUPTED
     finally:
         gc.enable()
@@ -44,6 +48,13 @@ def main() -> None:
         if wanted is not None:
             os.environ[FULL_ERROR] = wanted
     sys.exit(status)
+
+
+def _warning(message: Warning | str, category: type[Warning], *place: Any, **line: Any) -> str:
+    """How a warning is printed: about plugins of others in one sentence, without its place."""
+    if issubclass(category, registry.PluginWarning):
+        return f"sldvexp: {message}\n"
+    return USUAL_WARNING(message, category, *place, **line)
 
 
 class Command:
@@ -75,14 +86,19 @@ class Command:
             if options.help:
                 return self._help(options)
             config_source.install()
-            self._check(options)
+            if options.shell_completion and any(o.startswith("query=") for o in options.overrides):
+                return self._complete()
+            if commands.named(options):
+                return self._command(options)
             try:
-                self._compose_and_run()
+                self._compose_and_run(options)
             except MissingConfigException:
-                # Perhaps a plugin of an installed package, which only now are looked for.
+                # Perhaps a choice of an installed package, which only now are looked for.
                 if not registry.load_installed():
                     raise
-                self._compose_and_run()
+                self._compose_and_run(options)
+        except BrokenPipeError:  # who reads it, as head does, has seen enough
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         except Exception as error:
             if self.full_error or error is self.defect:
                 raise
@@ -92,17 +108,38 @@ class Command:
             self._say(complaints.of_composition(error, Origins(self.arguments)))
         return self.status
 
-    def _compose_and_run(self) -> None:
+    def _compose_and_run(self, options: Namespace) -> None:
+        self._check(options)
         start = hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name="config")
         start(self._job)()
 
+    def _command(self, options: Namespace) -> int:
+        """Do what a command names; only a user's mistakes are told in a sentence."""
+        try:
+            return commands.run(options)
+        except (UserError, BrokenPipeError):
+            raise
+        except Exception as error:
+            self.defect = error
+            raise
+
+    def _complete(self) -> int:
+        """Tell a shell how the line that it is typing may go on."""
+        from sldvexp.completion import suggestions
+
+        if "COMP_LINE" not in os.environ:
+            raise UserError(
+                "command line: query= is asked by the shell; -sc install=bash sets it up"
+            )
+        print("\n".join(suggestions(os.environ["COMP_LINE"])))
+        return DONE
+
     def _help(self, options: Namespace) -> int:
         """Print the help page; Hydra's own would compose everything and takes a second."""
-        from pathlib import Path
+        from sldvexp.catalogue.help import text
+        from sldvexp.catalogue.listing import folders
 
-        from sldvexp.help import text
-
-        print(text([conf_dir(), *map(Path, filter(None, [options.config_dir]))]))
+        print(text(folders(options.config_dir)), flush=True)
         return DONE
 
     def _job(self, cfg: DictConfig) -> None:
@@ -136,6 +173,8 @@ class Command:
             raise UserError(f"command line: {message}; sldvexp --hydra-help lists the options")
 
         parser.error = refuse  # type: ignore[method-assign]
+        if commands.begins(self.arguments):  # words may follow options
+            return parser.parse_intermixed_args(list(self.arguments))
         return parser.parse_args(list(self.arguments))
 
     def _check(self, options: Namespace) -> None:

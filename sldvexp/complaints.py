@@ -37,16 +37,22 @@ ARGUMENTS = (
     (r"You must specify '(.*)', e\.g", "{0} must be chosen, as in {0}=name"),
     (r"Multiple values for (.*?)\. To override", "two files choose {0}; in the defaults of the "
      "second the item must be 'override /{0}: name'"),
+    (r"No completion plugin for '(.*)' found",
+     "-sc does not know the shell {0}; Valid: bash, fish, zsh"),
     (r"hydra\.searchpath must be a list of strings", "hydra.searchpath must be a list of folders"),
     (r"Additional config directory '(.*)' not found", "--config-dir: there is no folder {0}"),
 )  # fmt: skip
 
 #: What Hydra says about a file's defaults list, and what a user is told.
 IN_FILES = (
+    (r"Could not override '.*@experiment\..*'",
+     "must begin with the line '# @package _global_', as experiments do"),
     (r"Could not override '(.*)'\. No match in the defaults list",
      "its defaults override {0}, which the configuration does not have; {groups}"),
     (r"Multiple values for (.*)\. To override", "its defaults choose {0} a second time; the item "
      "must be 'override /{0}: name'"),
+    (r"Override '.*' is defined before '(.*): .*'",
+     "its defaults have {0} after an override, but overrides must come last"),
 )  # fmt: skip
 
 #: Entries with numbers for names, and new ones whose settings have types, have no dotted paths.
@@ -168,7 +174,7 @@ def _bad_choice(origins: Origins) -> str | None:
             return (
                 f"{COMMAND_LINE}: {choice.input_line} must be a table; a plugin is added to it by "
                 f"a name of yours, as in {group}.mine.plugin=name; "
-                f"{nearest('', registry.names(group))}"
+                f"{nearest('', registry.names(NAMED_GROUPS[group]))}"
             )
         names = value if isinstance(value, list) else [value]
         if not all(isinstance(n, str) for n in names):

@@ -22,26 +22,20 @@ def displayed(file: Path) -> str:
 def wrong(file: Path) -> str:
     """What makes a file no configuration, empty if nothing does."""
     try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+        return _wrong(_read(file))
     except (UnicodeDecodeError, yaml.reader.ReaderError):
         return "is not a text file"
     except (OSError, yaml.YAMLError):
         return ""
-    if not isinstance(content, dict | None):
-        return "must be a table of settings, as in pose: {path: mine.reg}"
-    items = (content or {}).get("defaults", [])
-    if not isinstance(items, list) or not all(map(_is_choice, items)):
-        return DEFAULTS
-    return ""
 
 
 def choices(file: Path) -> dict[str, list[str]]:
     """What a file's defaults list chooses, by group; a bare name belongs to the file's group."""
-    if wrong(file):
-        return {}
     try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, yaml.YAMLError):
+        content = _read(file)
+    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        return {}
+    if _wrong(content):
         return {}
     found: dict[str, list[str]] = {}
     for item in (content or {}).get("defaults", []):
@@ -56,6 +50,21 @@ def names(value: Any) -> list[str]:
     """The names in a choice, which is one or a list."""
     values = value if isinstance(value, list) else [value]
     return [v for v in values if isinstance(v, str)]
+
+
+def _read(file: Path) -> Any:
+    """A file's content; the loader that is compiled is ten times faster, where there is one."""
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    return yaml.load(file.read_text(encoding="utf-8"), loader)
+
+
+def _wrong(content: Any) -> str:
+    if not isinstance(content, dict | None):
+        return "must be a table of settings, as in pose: {path: mine.reg}"
+    items = (content or {}).get("defaults", [])
+    if not isinstance(items, list) or not all(map(_is_choice, items)):
+        return DEFAULTS
+    return ""
 
 
 def _is_choice(item: Any) -> bool:

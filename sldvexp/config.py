@@ -23,9 +23,16 @@ SINGLE_GROUPS = (
     "instrument",
     "signal",
     "pose",
+    "volume",
     "reconstruction",
+    "solver",
 )
-NAMED_GROUPS = {"compare": "reconstruction", "check": "check"}
+NAMED_GROUPS = {
+    "compare_scan": "scan",
+    "compare_pose": "pose",
+    "compare": "reconstruction",
+    "check": "check",
+}
 
 
 @dataclass
@@ -80,8 +87,12 @@ class Experiment:
     ----------
     seed : int
         Seed of the run's one random generator.
-    target, laser, scene, scan, instrument, signal, pose, reconstruction : plugin or None
+    target, laser, scene, scan, instrument, signal, pose, volume, reconstruction, solver : plugin
         A stage without a plugin is left out.
+    compare_scan : dict of str to scan
+        Further scans with the same instrument, for the pose methods of the same names.
+    compare_pose : dict of str to pose
+        Further pose methods, ``{plugin: edge}``; without a scan of their name they use ``scan``.
     compare : dict of str to reconstruction
         Further reconstructions of the same measurements, ``{plugin: relative, rows: all}``.
     check : dict of str to check
@@ -98,7 +109,11 @@ class Experiment:
     instrument: Any = None
     signal: Any = None
     pose: Any = None
+    volume: Any = None
     reconstruction: Any = None
+    solver: Any = None
+    compare_scan: dict[str, Any] = field(default_factory=dict)
+    compare_pose: dict[str, Any] = field(default_factory=dict)
     compare: dict[str, Any] = field(default_factory=dict)
     check: dict[str, Any] = field(default_factory=dict)
     expect: dict[str, Any] = field(default_factory=dict)
@@ -228,7 +243,12 @@ def _object(node: Any, key: str, problems: list[Problem]) -> Any:
     try:
         return OmegaConf.to_object(node)
     except ConfigError as error:
-        problems += [Problem(f"{key}.{p.field}".rstrip("."), p.message) for p in error.problems]
+        known = len(problems)
+        for name, child in node.items_ex(resolve=False):
+            if isinstance(child, DictConfig) and registry.name_of(OmegaConf.get_type(child)):
+                _object(child, f"{key}.{name}", problems)
+        if len(problems) == known:
+            problems += [Problem(f"{key}.{p.field}".rstrip("."), p.message) for p in error.problems]
     except OmegaConfBaseException as error:
         problems.append(_from_omegaconf(error, key))
     return None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import builtins
 
-from hydra.core.config_search_path import ConfigSearchPath
+from hydra.core.config_search_path import ConfigSearchPath, SearchPathQuery
 from hydra.core.object_type import ObjectType
 from hydra.core.plugins import Plugins
 from hydra.plugins.config_source import ConfigResult, ConfigSource
@@ -46,7 +46,9 @@ class PluginSource(ConfigSource):
         group, name = _split(config_path)
         if not registry.known(group, name):
             return False
-        return _is_schema(config_path) or not (conf_dir() / group / f"{name}.yaml").is_file()
+        folders = [conf_dir(), *(package.conf for package in registry.packages() if package.conf)]
+        has_file = any((folder / group / f"{name}.yaml").is_file() for folder in folders)
+        return _is_schema(config_path) or not has_file
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> builtins.list[str]:
         path = config_path.strip("/")
@@ -61,10 +63,17 @@ class PluginSource(ConfigSource):
 
 
 class PluginSearchPath(SearchPathPlugin):
-    """Puts `PluginSource` behind the packaged configuration and the user's."""
+    """The order in which files are looked for: the user's, the program's, those of packages.
+
+    Hydra puts the user's folder before the first source of the provider "schema".
+    """
 
     def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
-        search_path.append(provider="sldvexp", path=f"{PluginSource.scheme()}://plugins")
+        plugins = f"{PluginSource.scheme()}://plugins"
+        search_path.prepend(provider=SCHEMA, path=plugins, anchor=SearchPathQuery("main"))
+        for package in registry.packages():
+            if package.conf:
+                search_path.append(provider=package.name, path=f"file://{package.conf}")
 
 
 def install() -> None:

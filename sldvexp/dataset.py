@@ -47,6 +47,7 @@ VARIABLES: dict[str, dict[str, Variable]] = {
     },
     "registration": {
         "object_point": _V("view point axis", "m", "position of the point on the object"),
+        "object_point_std": _V("view point axis", "m", "standard error of that position"),
         "angle": _V("view point mirror", "rad", "mirror angle that points the beam there"),
         "dac": _V("view point mirror", "1", "DAC step of that angle"),
         "used": _V("view point", "1", "1 where the view has the point"),
@@ -56,7 +57,20 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "dac_std": _V("edge", "1", "its standard error along the scan line, DAC steps"),
         "direction": _V("edge mirror", "1", "unit vector along the scan line"),
         "width": _V("edge", "1", "width of the edge's profile along the scan line, DAC steps"),
+        "phase": _V("edge", "rad", "phase of the motion on the scan line"),
         "circle": _V("edge", "1", "which rough centre the line belongs to"),
+    },
+    "image": {
+        "velocity": _V("pixel [frequency]", "m/s", "velocity along the line of sight"),
+        "velocity_std": _V(
+            "pixel [frequency]", "m/s", "its standard error, per real and imaginary part"
+        ),
+        "uncorrected": _V("pixel [frequency]", "m/s", "velocity before the phase correction"),
+        "refined_frequency": _V("[frequency]", "Hz", "frequency as the reference channel has it"),
+        "refined_frequency_std": _V("[frequency]", "Hz", "its standard error"),
+        "angle": _V("pixel mirror", "rad", "mirror angle of the pixel"),
+        "dac": _V("pixel mirror", "1", "DAC step of that angle"),
+        "flags": _V("pixel", "1", "what is wrong with the pixel; 0 for a good one"),
     },
     "pose": {
         "origin": _V("view axis", "m", "origin of the laser frame in the world"),
@@ -67,6 +81,9 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "euler_std": _V("view angle_index", "rad", "standard error of the Euler angles"),
         "euler_confidence": _V("view angle_index", "rad", "half-width of the angles' interval"),
         "covariance": _V("view parameter parameter2", "m and rad", "covariance of the pose"),
+        "joint_covariance": _V(
+            "unknown unknown2", "m, 1 and rad", "covariance of all views' poses together"
+        ),
         "intrinsic": _V("view adjusted", "m, 1 and rad", "adjusted intrinsic parameter"),
         "intrinsic_std": _V("view adjusted", "m, 1 and rad", "its standard error"),
         "intrinsic_confidence": _V("view adjusted", "m, 1 and rad", "half-width of its interval"),
@@ -82,6 +99,19 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "other_rotation": _V("view laser_axis axis", "1", "rotation of the other solution"),
         "other_cost": _V("view", "1", "cost of the other solution"),
         "other_found": _V("view", "1", "1 where a second solution exists"),
+    },
+    "volume": {
+        "mesh": _V("", "1", "topology of the volume, a mesh of triangular prisms"),
+        "position": _V("node axis", "m", "position of the nodes, layer by layer"),
+        "node_x": _V("node", "m", "x of the node"),
+        "node_y": _V("node", "m", "y of the node"),
+        "node_z": _V("node", "m", "z of the node"),
+        "node_layer": _V("node", "1", "layer of the node, from 0"),
+        "element": _V("element corner", "1", "nodes of the prism, from 0; three below and above"),
+        "element_shape": _V("element", "1", "shape of the element"),
+        "depth": _V("layer", "m", "depth of the layer along the normals; 0 is the given surface"),
+        "frame": _V("surface_node local_axis axis", "1", "tangents and normal, unit vectors"),
+        "sample_parameter": _V("sample_point parameter", "1", "where samples lie in every prism"),
     },
     "line_of_sight": {
         "direction_cosines": _V("view [point] axis", "1", "unit vector surface to instrument"),
@@ -122,12 +152,64 @@ VARIABLES: dict[str, dict[str, Variable]] = {
             "deficient direction [frequency]", "m/s", "half-width of its interval"
         ),
     },
+    "truth": {
+        "velocity": _V("node component [frequency]", "m/s", "true velocity of the surface nearby"),
+        "height": _V("node", "m", "height of the node above the true surface"),
+        "position": _V("node axis", "m", "position of the node"),
+    },
+    "field": {
+        "velocity": _V("node component [frequency]", "m/s", "velocity"),
+        "velocity_std": _V(
+            "node component [frequency]", "m/s", "its standard error, of the larger part"
+        ),
+        "confidence": _V(
+            "node component [frequency]", "m/s", "half-width of its interval, of the larger part"
+        ),
+        "velocity_std_noise": _V(
+            "node component [frequency]", "m/s", "standard error from the pixels' noise"
+        ),
+        "velocity_std_pose": _V(
+            "node component [frequency]", "m/s", "standard error from the poses, of the larger part"
+        ),
+        "velocity_std_by_part": _V(
+            "part node component [frequency]", "m/s", "standard error of each part"
+        ),
+        "confidence_by_part": _V(
+            "part node component [frequency]", "m/s", "half-width of each part's interval"
+        ),
+        "intercept": _V("node [frequency]", "m/s", "intercept of the full model"),
+        "intercept_std": _V("node [frequency]", "m/s", "its standard error, of the larger part"),
+        "position": _V("node axis", "m", "position of the nodes, layer by layer"),
+        "element": _V("element corner", "1", "nodes of the prism, from 0; three below, three above"),
+        "observable": _V("node component", "1", "1 where the views determine the component"),
+        "flagged_node": _V("flagged", "1", "node where not all components are determined"),
+        "flagged_rank": _V("flagged", "1", "how many of its directions are determined"),
+        "flagged_direction": _V(
+            "flagged direction component", "1", "orthonormal; the first of them are determined"
+        ),
+        "efficiency": _V("node component", "1", "Gauss-Markov bound over variance"),
+        "sse": _V("equation [frequency]", "m2/s2", "sum of the squared residuals"),
+        "residual_std": _V("equation [frequency]", "m/s", "root of sse over samples"),
+        "s": _V("equation [frequency]", "m/s", "residual std of a real component, unbiased"),
+        "chi2_ratio": _V("equation [frequency]", "1", "sse over its expectation from the noise"),
+        "residual_std_by_view": _V("view [frequency]", "m/s", "rms residual of the view"),
+        "residual_std_by_row": _V("row [frequency]", "m/s", "rms residual of the method's row"),
+        "f_statistic": _V("[frequency]", "1", "F of the intercepts against none"),
+        "f_p_value": _V("[frequency]", "1", "probability of such an F without intercepts"),
+        "samples_seen": _V("view", "1", "samples that the view sees"),
+        "samples_lost": _V("view reason", "1", "samples that it does not see, by the reason"),
+    },
     "examined/bitangents": {
         "position_inch": _V("point plane_axis", "inch", "bitangent point in its circles' plane"),
     },
     "examined/cross_ratio": {
         "up_down": _V("kind", "1", "cross-ratio of the up-down mirror's planes"),
         "left_right": _V("kind", "1", "cross-ratio of the left-right mirror's planes"),
+    },
+    "examined/phase_image": {
+        "phase": _V("view stage frequency", "rad", "mean phase, but for half a turn"),
+        "phase_std": _V("view stage frequency", "rad", "circular standard deviation of phases"),
+        "p_uniform": _V("view stage frequency", "1", "p-value of phases that are uniform"),
     },
     "examined/pose_equivalence": {
         "difference": _V("view quantity", "rad and m", "this pose minus the other"),
@@ -136,6 +218,13 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "t_critical": _V("view quantity", "1", "critical value at those degrees of freedom"),
         "t_critical_whole_dof": _V("view quantity", "1", "critical value, degrees rounded down"),
         "reject": _V("view quantity", "1", "1 where the two poses differ significantly"),
+    },
+    "examined/pose_methods": {
+        "views": _V("pose_method", "1", "how many poses the method found"),
+        "s_mean": _V("pose_method", "1", "mean of s, the error estimate of a pose, DAC steps"),
+        "s_std": _V("pose_method", "1", "its sample standard deviation, DAC steps"),
+        "origin_error": _V("pose_method", "m", "root mean square distance from the true origin"),
+        "rotation_error": _V("pose_method", "rad", "root mean square angle to the true axes"),
     },
     "examined/pose_repeats": {
         "std_ratio": _V("view parameter", "1", "std of simulated repeats over the reported one"),
@@ -146,6 +235,12 @@ VARIABLES: dict[str, dict[str, Variable]] = {
             "point mirror", "1", "standard deviation of repeated image points, DAC steps"
         ),
         "largest": _V("", "1", "the largest of them, DAC steps"),
+    },
+    "examined/truth": {
+        "relative_error": _V("component [frequency]", "1", "r.m.s. error over the true r.m.s."),
+        "rms_error": _V("component [frequency]", "m/s", "r.m.s. error on the true surface"),
+        "rms_bound": _V("component [frequency]", "m/s", "r.m.s. half-width of the intervals"),
+        "covered": _V("component [frequency]", "1", "share of the intervals that hold the truth"),
     },
     "examined/printed": {
         "linpack_rcond": _V("method", "1", "reciprocal condition number as LINPACK estimates it"),

@@ -17,9 +17,9 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException
 from hydra.types import RunMode
-from omegaconf import MISSING, OmegaConf
+from omegaconf import MISSING, DictConfig, OmegaConf
 
-from sldvexp import conf_files
+from sldvexp import conf_files, registry
 from sldvexp.conf_files import displayed
 from sldvexp.paths import conf_dir
 
@@ -94,13 +94,13 @@ class Origins:
     @cached_property
     def overrides(self) -> list[Override]:
         """The arguments that can be read as settings."""
-        read = (_read(text, self._loader) for text in self.settings)
+        read = (_read(text, self.loader) for text in self.settings)
         return [override for override in read if override]
 
     @cached_property
     def choices(self) -> list[Override]:
         """Those of them that choose from a group, and do not set a value."""
-        exists = self._loader.repository.group_exists
+        exists = self.loader.repository.group_exists
         found = [o for o in self.overrides if exists(o.key_or_group)]
         return [o for o in found if not isinstance(o.value(), dict)]
 
@@ -132,24 +132,31 @@ class Origins:
 
     def layers_of_files(self) -> list[Layer]:
         """The files of the composition, also those from outside."""
-        defaults = self._loader.compute_defaults_list(
+        defaults = self.loader.compute_defaults_list(
             self.options.config_name or "config", self.settings, RunMode.RUN
         ).defaults
+        # A package's code ran when it was loaded, so that its files may name some.
+        trusted = [conf_dir(), *(p.conf.resolve() for p in registry.packages() if p.conf)]
         layers = []
         for default in defaults:
-            found = self._loader.repository.load_config(default.config_path or "")
+            found = self.loader.repository.load_config(default.config_path or "")
             if found is None or not found.path.startswith("file://"):
                 continue
             folder = Path(found.path.removeprefix("file://"))
             file = (folder / f"{default.config_path}.yaml").resolve()
-            outside = not file.is_relative_to(conf_dir())
+            outside = not any(file.is_relative_to(belonging) for belonging in trusted)
             values = OmegaConf.to_container(found.config)
             layers.append(Layer(displayed(file), default.package or "", values, outside))
         return layers
 
+    def compose(self) -> DictConfig:
+        """The composed configuration, with Hydra's own."""
+        name = self.options.config_name or "config"
+        return self.loader.load_configuration(name, self.settings, RunMode.RUN)
+
     def options_of(self, group: str) -> set[str]:
         """What can be chosen of a group, also in folders below it."""
-        found = set(self._loader.repository.get_group_options(group))
+        found = set(self.loader.repository.get_group_options(group))
         for folder in self.folders:
             below = (folder / group).rglob("*.yaml")
             found |= {
@@ -180,7 +187,7 @@ class Origins:
     @property
     def folders(self) -> list[Path]:
         """The folders that hold configuration files."""
-        sources = self._loader.repository.get_sources()
+        sources = self.loader.repository.get_sources()
         return [Path(source.path) for source in sources if source.scheme() == "file"]
 
     @cached_property
@@ -193,7 +200,8 @@ class Origins:
         return [a.removeprefix("file://") for a in added if "://" not in a.removeprefix("file://")]
 
     @cached_property
-    def _loader(self) -> ConfigLoaderImpl:
+    def loader(self) -> ConfigLoaderImpl:
+        """Hydra's, with the folders that the command line adds."""
         path = create_config_search_path(str(conf_dir()))
         before_schema = SearchPathQuery(provider="schema")
         for folder in self.folders_added:

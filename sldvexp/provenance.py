@@ -14,6 +14,7 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
+from sldvexp import registry
 from sldvexp.config import plugin_names
 from sldvexp.errors import UserError
 from sldvexp.paths import locate
@@ -49,14 +50,14 @@ def attributes(config: DictConfig, inputs: Iterable[str], start: datetime) -> di
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that decide the numbers."""
+    """Versions of Python and of the packages that decide the numbers, plugins' among them."""
     found = {"python": platform.python_version()}
     for package in PACKAGES:
         try:
             found[package] = version(package)
         except PackageNotFoundError:
             found[package] = "not installed"
-    return found
+    return found | {package.name: package.version for package in registry.packages()}
 
 
 def sha256(path: Path) -> str:

@@ -9,8 +9,11 @@ from __future__ import annotations
 
 import functools
 import importlib
+import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeVar
 
 from omegaconf import DictConfig, OmegaConf
@@ -31,7 +34,14 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "calibration": "sldvexp.virtual_lab.scene_calibration",
         "plate": "sldvexp.virtual_lab.scene_plate",
     },
-    "scan": {"calibration": "sldvexp.scan.calibration"},
+    "scan": {
+        "by_digitizer": "sldvexp.scan.by_digitizer",
+        "by_hand": "sldvexp.scan.by_hand",
+        "calibration": "sldvexp.scan.calibration",
+        "list": "sldvexp.scan.pixel_list",
+        "rectangle": "sldvexp.scan.rectangle",
+        "session": "sldvexp.scan.session",
+    },
     "instrument": {
         "file": "sldvexp.instrument.file",
         "replay": "sldvexp.instrument.replay",
@@ -47,19 +57,31 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "manual": "sldvexp.pose.manual",
         "registration": "sldvexp.pose.registration",
     },
+    "volume": {
+        "grid": "sldvexp.volume.grid",
+        "mesh": "sldvexp.volume.mesh",
+        "points": "sldvexp.volume.points",
+    },
     "reconstruction": {
         "absolute": "sldvexp.reconstruction.absolute",
         "combined": "sldvexp.reconstruction.combined",
         "contravariant": "sldvexp.reconstruction.contravariant",
         "relative": "sldvexp.reconstruction.relative",
     },
+    "solver": {
+        "direct": "sldvexp.field.solvers.direct",
+        "iterative": "sldvexp.field.solvers.iterative",
+    },
     "check": {
         "bitangents": "sldvexp.check.bitangents",
         "cross_ratio": "sldvexp.check.cross_ratio",
+        "phase_image": "sldvexp.check.phase_image",
         "pose_equivalence": "sldvexp.check.pose_equivalence",
+        "pose_methods": "sldvexp.check.pose_methods",
         "pose_repeats": "sldvexp.check.pose_repeats",
         "printed": "sldvexp.check.printed",
         "repeatability": "sldvexp.check.repeatability",
+        "truth": "sldvexp.check.truth",
     },
 }
 
@@ -68,6 +90,30 @@ GROUPS = tuple(BUILT_IN)
 _plugins: dict[str, dict[str, type]] = {}
 
 P = TypeVar("P", bound=type)
+
+
+class PluginWarning(UserWarning):
+    """A plugin of an installed package cannot be used."""
+
+
+@dataclass(frozen=True)
+class Package:
+    """An installed package that has plugins.
+
+    Parameters
+    ----------
+    name, version : str
+    conf : Path or None
+        Its folder of configuration files, ``conf`` beside the module that registers the plugins.
+    """
+
+    name: str
+    version: str
+    conf: Path | None
+
+
+#: The packages that were looked for plugins, each with those it registered.
+_packages: list[tuple[Package, list[type]]] = []
 
 
 def register(group: str, name: str) -> Callable[[P], P]:
@@ -83,8 +129,10 @@ def register(group: str, name: str) -> Callable[[P], P]:
     Raises
     ------
     UserError
-        If another class already has that name.
+        If there is no such group, or another class already has that name.
     """
+    if group not in BUILT_IN:
+        raise UserError(f"there is no group {group} for {name}; {nearest(group, BUILT_IN)}")
 
     def add(cls: P) -> P:
         first = _plugins.setdefault(group, {}).setdefault(name, cls)
@@ -126,18 +174,63 @@ def load_installed() -> bool:
     """
     from importlib.metadata import entry_points
 
+    _packages.clear()
     entries = entry_points(group=ENTRY_POINTS)
     for entry in entries:
+        name, version = (entry.dist.name, entry.dist.version) if entry.dist else (entry.value, "")
+        before = _others()
         try:
             entry.load()
-        except Exception as error:  # a stranger's package must not take the program down
-            package = entry.dist.name if entry.dist else entry.value
+            for plugin in _others(before):
+                schema_of(plugin)
+        except (Exception, SystemExit) as error:  # a stranger's package must not end the program
+            told = " ".join(str(error).split())
             warnings.warn(
-                f"the plugin {entry.name} of the package {package} cannot be loaded: "
-                f"{type(error).__name__}: {error}",
+                f"the plugin {entry.name} of the package {name} cannot be loaded: "
+                f"{type(error).__name__}: {told}",
+                PluginWarning,
                 stacklevel=2,
             )
+            _forget(_others(before))
+            continue
+        conf = _conf_beside(entry.value.partition(":")[0])
+        _packages.append((Package(name, version, conf), _others(before)))
     return bool(entries)
+
+
+def _others(before: Collection[type] = ()) -> list[type]:
+    """The plugins that are registered by now, not built in, and were not there before."""
+    registered = (p for members in _plugins.values() for p in members.values())
+    return [p for p in registered if not is_built_in(p) and p not in before]
+
+
+def _forget(plugins: Collection[type]) -> None:
+    """Let none of a package's plugins be chosen."""
+    for members in _plugins.values():
+        for name in [name for name, plugin in members.items() if plugin in plugins]:
+            del members[name]
+
+
+def _conf_beside(module: str) -> Path | None:
+    """The folder ``conf`` of the package that a module belongs to, None if there is none."""
+    package = getattr(sys.modules.get(module), "__package__", None)
+    paths = getattr(sys.modules.get(package or ""), "__path__", ())
+    return next((Path(p) / "conf" for p in paths if (Path(p) / "conf").is_dir()), None)
+
+
+def packages() -> list[Package]:
+    """The installed packages with plugins, as far as `load_installed` has loaded them."""
+    return list(dict.fromkeys(package for package, _ in _packages))
+
+
+def package_of(plugin: type) -> Package | None:
+    """The installed package that a plugin comes from, None if it is built in."""
+    return next((package for package, plugins in _packages if plugin in plugins), None)
+
+
+def is_built_in(plugin: type) -> bool:
+    """Whether a plugin is this program's own."""
+    return plugin.__module__.startswith(f"{__package__}.")
 
 
 def get(group: str, name: str) -> type:

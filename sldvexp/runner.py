@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,12 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from sldvexp import config, dataset, provenance
 from sldvexp.errors import UserError
 from sldvexp.files import whole_or_nothing
+from sldvexp.instrument.recording import JOURNAL
 from sldvexp.paths import locate
 from sldvexp.report.pose_text import pose_text
 from sldvexp.report.table import closing_table
+from sldvexp.session.interruption import how_to_go_on
+from sldvexp.session.operator import Operator
 from sldvexp.steps import STEPS, Run
 
 log = logging.getLogger(__name__)
@@ -49,7 +53,6 @@ def run(cfg: DictConfig, folder: str) -> bool:
     start = datetime.now(UTC)
     _clear(cfg, Path(folder))
     experiment = config.build(cfg)
-    run = Run(experiment, np.random.default_rng(experiment.seed), Path(folder))
     steps = [(name, step) for name, needed, step in STEPS if needed(experiment)]
     if not steps:
         raise UserError(
@@ -59,7 +62,9 @@ def run(cfg: DictConfig, folder: str) -> bool:
     bar = Progress(
         SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), transient=True
     )
-    with bar:
+    rng = np.random.default_rng(experiment.seed)
+    run = Run(experiment, rng, Path(folder), Operator(lambda: _paused(bar)))
+    with bar, _told_how_to_go_on(run.folder):
         task = bar.add_task("", total=len(steps))
         for name, step in steps:
             bar.update(task, description=name, advance=1)
@@ -74,6 +79,27 @@ def run(cfg: DictConfig, folder: str) -> bool:
             beside.write_text(text)
     closing_table(run.tree, [path, *(path.with_name(n) for n in texts)])
     return "check" not in run.tree or bool(run.tree["check"]["passed"].all())
+
+
+@contextmanager
+def _told_how_to_go_on(folder: Path) -> Iterator[None]:
+    """Give Ctrl-C a sentence, if there are scan lines that the run could go on with."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if not (folder / JOURNAL).is_dir():
+            raise
+        raise KeyboardInterrupt(f"interrupted; {how_to_go_on(folder)}") from None
+
+
+@contextmanager
+def _paused(bar: Progress) -> Iterator[None]:
+    """The terminal without the bar, which would draw over what is asked and typed there."""
+    bar.stop()
+    try:
+        yield
+    finally:
+        bar.start()
 
 
 def _clear(cfg: DictConfig, folder: Path) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,12 @@ from sldvexp import config
 from sldvexp.check.expectations import evaluate
 from sldvexp.errors import UserError
 from sldvexp.instrument.base import ScanningPlugin
+from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.session.interruption import how_to_go_on, stopping_once
+from sldvexp.session.operator import NobodyThereError, Operator
+
+#: Where the scans lie, in the dataset and in the journal, that pose methods are compared on.
+COMPARED_SCANS = "compare_scan"
 
 
 @dataclass
@@ -22,6 +29,7 @@ class Run:
     experiment: config.Experiment
     rng: np.random.Generator
     folder: Path
+    operator: Operator = field(default_factory=Operator)
     tree: dict[str, xr.Dataset] = field(default_factory=dict)
     inputs: list[str] = field(default_factory=list)
 
@@ -32,10 +40,10 @@ def _target(run: Run) -> None:
 
 
 def _scan(run: Run) -> None:
-    """Edges of the calibration object's circles in every view."""
+    """What the instrument sees in every view: edges of circles, images."""
     from sldvexp.instrument.protocol import InstrumentError
     from sldvexp.instrument.recording import JOURNAL
-    from sldvexp.session.views import scan_views
+    from sldvexp.session.views import scan_views, takes_samples
 
     e = run.experiment
     if not isinstance(e.instrument, ScanningPlugin):
@@ -43,22 +51,45 @@ def _scan(run: Run) -> None:
             "scan: needs an instrument that scans, for example instrument=simulated with "
             "scene=calibration"
         )
-    if e.signal is None or e.laser is None:
+    scans = {"": e.scan} if e.scan else {}
+    scans |= {f"{COMPARED_SCANS}/{name}/": scan for name, scan in e.compare_scan.items()}
+    if e.laser is None or (e.signal is None and any(map(takes_samples, scans.values()))):
         raise UserError("scan: needs signal=sine_fit and a laser to make pixels of samples")
-    run.inputs += [*e.scan.inputs(), *e.instrument.inputs()]
+    run.inputs += [*chain(*(scan.inputs() for scan in scans.values())), *e.instrument.inputs()]
     try:
-        run.tree |= scan_views(e, run.folder / JOURNAL)
-    except InstrumentError as error:
-        raise UserError(
-            f"{error}; what was scanned is kept, go on with: sldvexp resume={run.folder}"
-        ) from error
+        with stopping_once():
+            for prefix, scan in scans.items():
+                journal = run.folder / JOURNAL / prefix
+                found = scan_views(replace(e, scan=scan), journal, run.operator)
+                run.tree |= {f"{prefix}{name}": group for name, group in found.items()}
+    except (InstrumentError, NobodyThereError) as error:
+        raise UserError(f"{error}; {how_to_go_on(run.folder)}") from error
 
 
 def _pose(run: Run) -> None:
-    """Where the instrument stood."""
-    method = run.experiment.pose
-    run.inputs += method.inputs()
-    run.tree |= method.estimate(run.experiment.laser, run.experiment.target, run.tree)
+    """Where the instrument stood, by the chosen method and those it is compared with."""
+    e = run.experiment
+    if e.pose is not None:
+        run.inputs += e.pose.inputs()
+        run.tree |= e.pose.estimate(e.laser, e.target, run.tree)
+    for name, method in e.compare_pose.items():
+        run.inputs += method.inputs()
+        own = f"{COMPARED_SCANS}/{name}/"
+        scanned = {k.removeprefix(own): g for k, g in run.tree.items() if k.startswith(own)}
+        try:
+            found = method.estimate(e.laser, e.target, scanned or run.tree)
+        except UserError as error:
+            raise UserError(f"compare_pose.{name}: {error}") from None
+        run.tree[f"compare_pose/{name}"] = found["pose"]
+
+
+def _volume(run: Run) -> None:
+    """Surfaces around the real one, and where between them velocities are sampled."""
+    run.inputs += run.experiment.volume.inputs()
+    try:
+        run.tree["volume"] = run.experiment.volume.group()
+    except UserError as error:
+        raise UserError(f"volume: {error}") from None
 
 
 def _line_of_sight(run: Run) -> None:
@@ -72,18 +103,47 @@ def _point(run: Run) -> None:
     if "line_of_sight" not in run.tree:
         raise UserError(
             "reconstruction: there are no velocities to reconstruct from; "
-            "name a file with instrument=file instrument.path=..."
+            "name a file with instrument=file instrument.path=..., or choose a volume and scan "
+            "images of the structure"
         )
-    methods = {"point": run.experiment.reconstruction}
-    methods |= {f"compare/{name}": m for name, m in run.experiment.compare.items()}
-    for group, method in methods.items():
-        if method is None:
-            continue
+    velocities = run.tree["line_of_sight"]
+    _reconstruct(run, "point", lambda method: method.group(velocities))
+
+
+def _field(run: Run) -> None:
+    """Velocity over the volume, by the chosen method and those it is compared with."""
+    from sldvexp.field.run import looks_of, reconstruct
+
+    e = run.experiment
+    if e.laser is None or e.solver is None:
+        raise UserError("field: needs a laser and a solver, for example solver=iterative")
+    looks = looks_of(run.tree, e.laser, e.volume)
+    _reconstruct(run, "field", lambda m: reconstruct(run.tree, looks, e.volume, m, e.solver))
+
+
+def _reconstruct(run: Run, group: str, work: Callable[[Reconstruction], xr.Dataset]) -> None:
+    """Groups of the chosen method and of those it is compared with."""
+    e = run.experiment
+    methods = {group: e.reconstruction} if e.reconstruction else {}
+    methods |= {f"compare/{name}": method for name, method in e.compare.items()}
+    for name, method in methods.items():
         try:
-            run.tree[group] = method.group(run.tree["line_of_sight"])
+            run.tree[name] = work(method)
         except UserError as error:
-            where = "reconstruction" if group == "point" else group.replace("/", ".")
+            where = "reconstruction" if name == group else name.replace("/", ".")
             raise UserError(f"{where}: {error}") from None
+
+
+def _truth(run: Run) -> None:
+    """What truly happens at the field's nodes, which only a virtual lab can tell."""
+    from sldvexp.virtual_lab.truth import truth_group
+
+    e = run.experiment
+    field = run.tree["field"]
+    images = [part for part in e.scan.parts(e.scan.view_names()[0]) if part.kind == "image"]
+    run.tree["truth"] = truth_group(
+        e.scene, field["position"].values, field["frequency"].values, images[0].sampling.amplitude
+    )
 
 
 def _checks(run: Run) -> None:
@@ -100,13 +160,25 @@ def _expectations(run: Run) -> None:
         run.tree["check"] = found
 
 
+def _reconstructs(e: config.Experiment) -> bool:
+    return bool(e.reconstruction or e.compare)
+
+
+def _has_truth(e: config.Experiment) -> bool:
+    """Whether the images are those of a plate in the virtual lab."""
+    return bool(e.volume and e.reconstruction and e.scan and hasattr(e.scene, "plate"))
+
+
 Needed = Callable[[config.Experiment], bool]
 STEPS: tuple[tuple[str, Needed, Callable[[Run], None]], ...] = (
     ("calibration object", lambda e: e.target is not None, _target),
-    ("scan", lambda e: e.scan is not None, _scan),
-    ("pose", lambda e: e.pose is not None, _pose),
+    ("scan", lambda e: bool(e.scan or e.compare_scan), _scan),
+    ("pose", lambda e: bool(e.pose or e.compare_pose), _pose),
+    ("volume", lambda e: e.volume is not None, _volume),
     ("line-of-sight velocities", lambda e: hasattr(e.instrument, "read"), _line_of_sight),
-    ("velocity at points", lambda e: bool(e.reconstruction or e.compare), _point),
+    ("velocity at points", lambda e: _reconstructs(e) and e.volume is None, _point),
+    ("velocity field", lambda e: _reconstructs(e) and e.volume is not None, _field),
+    ("truth of the virtual lab", lambda e: _reconstructs(e) and _has_truth(e), _truth),
     ("checks", lambda e: bool(e.check), _checks),
     ("expectations", lambda e: bool(e.expect), _expectations),
 )

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
-from sldvexp import app, dataset
+from sldvexp import app, commands, dataset
 
 
 @dataclass
@@ -41,6 +41,7 @@ def sldvexp(
         folder = tmp_path / f"run{len(calls)}"
         calls.append(folder)
         given = any("hydra.run.dir" in a or a.startswith("-") for a in arguments)
+        given |= commands.begins(arguments)
         where = [] if given else [f"hydra.run.dir={folder}"]
         monkeypatch.setattr(sys, "argv", ["sldvexp", *arguments, *where])
         capsys.readouterr()

@@ -46,6 +46,12 @@ class PoseRepeats(Check):
                 "the check out with '~check.pose_repeats'"
             )
         pose, registration = tree["pose"], tree["registration"]
+        if json.loads(pose.attrs.get("shared", "{}")):
+            raise UserError(
+                "check=pose_repeats repeats every view for itself, but pose.shared solved them "
+                "together: adjust for each view with pose.adjust, or leave the check out with "
+                "'~check.pose_repeats'"
+            )
         views = pose["view"].values
         found = [self._view(pose.sel(view=v), registration.sel(view=v), rng) for v in views]
         ratio, coverage = (np.array(values) for values in zip(*found, strict=True))

@@ -1,11 +1,13 @@
-"""Edges along scan lines (Section 4.5.2), placed between pixels by one of two methods.
+"""Edges along scan lines (Section 4.5.2), placed by one of three methods.
 
-Both start from the steepest places of the median-filtered magnitude. `gradient_edges` puts a
-parabola through the largest gradient and its neighbours; `profile_edges` fits what a finite spot
-sees.
+All start from the steepest places of the median-filtered magnitude. `pixel_edges` takes the pixel,
+`gradient_edges` puts a parabola through the largest gradient and its neighbours; `profile_edges`
+fits what a finite spot sees.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +46,33 @@ def gradient_edges(lines: ScanLines, edges_per_line: int, window: int) -> Edges:
     """
     found = candidates(lines, edges_per_line, window)
     return _edges(lines, found, found.edge, found.std, found.width, found.reason)
+
+
+def pixel_edges(lines: ScanLines, edges_per_line: int, window: int) -> Edges:
+    """Edges at the pixel where the median-filtered magnitude is steepest, a whole DAC step.
+
+    Parameters
+    ----------
+    lines : ScanLines
+    edges_per_line : int
+        2 for lines across a whole circle, which rise and then fall; 1 for lines across one edge.
+    window : int
+        Of the median filter, pixels.
+
+    Returns
+    -------
+    Edges
+        The standard error is that of `gradient_edges` and of a place rounded to pixels.
+    """
+    found = candidates(lines, edges_per_line, window)
+    along = lines.along[found.line]
+    # Gradients are of evenly spaced places; on an oblique line whole steps lie beside them.
+    even = along[:, 0] + (along[:, -1] - along[:, 0]) * found.pixel / (along.shape[1] - 1)
+    nearest = np.abs(along - even[:, None]).argmin(axis=1)
+    std = np.hypot(found.std, lines.pitch[found.line] / np.sqrt(12.0))
+    edges = _edges(lines, found, found.edge, std, found.width, found.reason)
+    good = is_edge(found.reason)
+    return replace(edges, position=lines.position[found.line[good], nearest[good]])
 
 
 def profile_edges(lines: ScanLines, edges_per_line: int, window: int) -> Edges:
@@ -112,6 +141,7 @@ def _edges(
 ) -> Edges:
     good = is_edge(reason)
     line = found.line[good]
+    phase = np.full(len(line), np.nan) if lines.phase is None else lines.phase[line]
     return Edges(
         position=lines.place(line, edge[good], width[good]),
         std=std[good],
@@ -119,6 +149,7 @@ def _edges(
         width=width[good],
         line=line,
         rising=found.rising[good],
+        phase=phase,
         rejected=tuple(zip(found.line[~good].tolist(), reason[~good].tolist(), strict=True)),
         lines=len(lines.magnitude),
         name=lines.name,

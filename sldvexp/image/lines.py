@@ -53,6 +53,8 @@ class ScanLines:
         True where the magnitude is not to be trusted; it may then be NaN.
     name : str
         What is scanned, for messages.
+    phase : ndarray, shape (line,), rad, optional
+        Of each line's motion, relative to the reference channel.
 
     Raises
     ------
@@ -66,6 +68,7 @@ class ScanLines:
     position: Array
     flag: NDArray[np.bool_]
     name: str = "the circle"
+    phase: Array | None = None
 
     def __post_init__(self) -> None:
         shape = self.magnitude.shape
@@ -117,7 +120,8 @@ class ScanLines:
         axis = np.exp(0.5j * np.angle(np.sum(good**2)))
         in_phase = (velocity * axis.conj()).real
         turned = np.sum(np.where(flag, 0.0, in_phase)) < 0
-        return cls(-in_phase if turned else in_phase, std, position, flag, name)
+        phase = np.angle(good.sum(axis=1))
+        return cls(-in_phase if turned else in_phase, std, position, flag, name, phase)
 
     @property
     def origin(self) -> Array:
@@ -194,6 +198,8 @@ class Edges:
     line : ndarray of int, shape (n,)
     rising : ndarray of bool, shape (n,)
         Whether the magnitude grows along the line.
+    phase : ndarray, shape (n,), rad
+        Of the motion on the line; NaN if it is not known.
     rejected : tuple of (int, Reason)
         Line and reason of every candidate that is no edge.
     lines : int
@@ -207,6 +213,7 @@ class Edges:
     width: Array
     line: NDArray[np.intp]
     rising: NDArray[np.bool_]
+    phase: Array
     rejected: tuple[tuple[int, Reason], ...]
     lines: int
     name: str

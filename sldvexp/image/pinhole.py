@@ -84,6 +84,21 @@ def pinhole_edges(laser: TwoMirror, edges: Edges) -> Edges:
     )
 
 
+def dac_edges(laser: TwoMirror, edges: Edges) -> Edges:
+    """Edges in DAC steps, the inverse of `pinhole_edges`."""
+    position = dac_from_pinhole(laser, edges.position)
+    inverse = np.linalg.inv(pinhole_jacobian(laser, position))
+    along = np.einsum("nij,nj->ni", inverse, edges.direction)
+    stretch = np.linalg.norm(along, axis=-1)
+    return replace(
+        edges,
+        position=position,
+        std=edges.std * stretch,
+        direction=along / stretch[:, None],
+        width=edges.width * stretch,
+    )
+
+
 def dac_bitangents(laser: TwoMirror, found: Bitangents) -> Bitangents:
     """Bitangent points of ellipses in pinhole coordinates, in DAC steps."""
     points = dac_from_pinhole(laser, found.points)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import whole_or_nothing
 from sldvexp.instrument.protocol import Acquisition, InstrumentError, Samples
+from sldvexp.instrument.recorded_person import RecordedPerson
 
 #: Folder of a run in which finished scan lines are kept, one folder a view.
 JOURNAL = "journal"
@@ -79,8 +80,11 @@ class Recording:
             told = nearest(view, views) if views else "it has no scan lines at all"
             raise UserError(f"{folder}: has no scan lines of the view {view}; {told}")
         self.folder, self.view = folder, view
-        lines = [read_line(p) for p in sorted((folder / JOURNAL / view).glob("*.npz"))]
-        self._lines = {self._key(dac): (how, s) for dac, how, s in filter(None, lines)}
+        self._lines: dict[bytes, list[tuple[NDArray[np.float64], Samples]]] = {}
+        for path in sorted((folder / JOURNAL / view).glob("*.npz")):
+            if (kept := read_line(path)) is not None:
+                dac, how, samples = kept
+                self._lines.setdefault(self._key(dac), []).append((how, samples))
         self._asked = np.zeros(0)
         self._dac = np.zeros((1, 2), np.int64)
 
@@ -89,6 +93,11 @@ class Recording:
 
     def __exit__(self, *exception: object) -> None:
         return None
+
+    @property
+    def person(self) -> RecordedPerson:
+        """Who pointed and digitised then."""
+        return RecordedPerson(self.folder / JOURNAL / self.view)
 
     def configure(self, acquisition: Acquisition) -> None:
         """Take note of the sampling, which must be that of the recording."""
@@ -105,24 +114,29 @@ class Recording:
     def scan(self, dac: NDArray[np.int64], stream: int | None = None) -> Samples:
         """The samples of a line with these very pixels and sampling.
 
+        If it was recorded several times, each of them in turn.
+
         Raises
         ------
         InstrumentError
             If there is none.
         """
-        if (found := self._lines.get(self._key(dac))) is None:
+        found = self._lines.get(self._key(dac), [])
+        if not found:
             raise InstrumentError(
                 f"{self.folder}: the view {self.view} has no scan line of {len(dac)} pixels from "
                 f"({dac[0, 0]}, {dac[0, 1]}) to ({dac[-1, 0]}, {dac[-1, 1]}); a recording can only "
                 "be scanned as it was"
             )
-        how, samples = found
-        if not np.array_equal(how, self._asked):
+        fits = [i for i, (how, _) in enumerate(found) if np.array_equal(how, self._asked)]
+        if not fits:
             raise InstrumentError(
                 f"{self.folder}: was sampled with rate, samples, amplitude and frequencies "
-                f"{how.tolist()}; scan.sampling must say the same"
+                f"{found[0][0].tolist()}; the scan's sampling must say the same"
             )
-        return samples
+        line = found.pop(fits[0])
+        found.append(line)
+        return line[1]
 
     @staticmethod
     def _key(dac: NDArray[np.int64]) -> bytes:

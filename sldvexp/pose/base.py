@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from sldvexp.laser.two_mirror import TwoMirror
+    from sldvexp.pose.joint import JointCovariance
     from sldvexp.target.base import Target
 
 #: The six extrinsics: a small rotation vector of the laser frame (rad) and the origin (m).
@@ -58,7 +59,9 @@ def pose_group(
     covariance: ArrayLike,
     dof: ArrayLike,
     confidence: float,
-    parameters: Sequence[str] = EXTRINSICS,
+    adjusted: Sequence[str] = (),
+    intrinsic: ArrayLike | None = None,
+    joint: JointCovariance | None = None,
     coords: dict[str, Any] | None = None,
     **more: ArrayLike | None,
 ) -> xr.Dataset:
@@ -71,13 +74,16 @@ def pose_group(
         World to laser.
     origin : array_like, shape (view, 3), m
     covariance : array_like, shape (view, parameter, parameter)
-        Of the parameters below; NaN where nothing is known of the uncertainty.
+        Of the `EXTRINSICS` and `adjusted`; NaN where nothing is known of the uncertainty.
     dof : array_like, shape (view,)
         Degrees of freedom behind the covariance; infinite if it is known.
     confidence : float
         Level of the intervals.
-    parameters : sequence of str
-        The six `EXTRINSICS`, then adjusted intrinsics.
+    adjusted : sequence of str
+        Intrinsics that the covariance is of besides the six `EXTRINSICS`.
+    intrinsic : array_like, shape (view, adjusted), optional
+    joint : JointCovariance, optional
+        Of all views; kept if there are several.
     coords, **more
         Further coordinates and variables of the group.
     """
@@ -88,10 +94,18 @@ def pose_group(
     from sldvexp.pose.statistics import euler_standard_error, half_width, standard_error
 
     rotation, covariance = np.asarray(rotation, float), np.asarray(covariance, float)
-    euler_std = euler_standard_error(rotation, covariance)
-    origin_std = standard_error(covariance)[:, 3:6]
+    euler_std, std = euler_standard_error(rotation, covariance), standard_error(covariance)
+    origin_std = std[:, 3:6]
     dof = np.asarray(dof, float)
-    labels = {"view": list(views), "parameter": list(parameters), "parameter2": list(parameters)}
+    parameters = [*EXTRINSICS, *adjusted]
+    labels = {"view": list(views), "parameter": parameters, "parameter2": parameters}
+    if len(adjusted):
+        labels["adjusted"] = list(adjusted)
+        more |= {"intrinsic": intrinsic, "intrinsic_std": std[:, 6:]}
+        more["intrinsic_confidence"] = half_width(std[:, 6:], dof, confidence)
+    if joint is not None and len(views) > 1:
+        labels["unknown"] = labels["unknown2"] = joint.unknowns()
+        more["joint_covariance"] = joint.matrix
     group = dataset.group(
         "pose",
         labels | (coords or {}),

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
-from sldvexp.pose.registration import FromPoints
+from sldvexp.pose.from_scans import FromScans
 from sldvexp.registry import register
 
 if TYPE_CHECKING:
+    import numpy as np
     import xarray as xr
+    from numpy.typing import NDArray
 
     from sldvexp.laser.two_mirror import TwoMirror
     from sldvexp.pose.solver import PoseSolution
@@ -23,7 +25,7 @@ UNLIKELY = 1e-4
 
 @register("pose", "bitangent")
 @dataclass
-class Bitangent(FromPoints):
+class Bitangent(FromScans):
     """Conics through the edges, their bitangent points, and the pose from these (4.4.4.2).
 
     Parameters
@@ -33,44 +35,40 @@ class Bitangent(FromPoints):
         mirror offset. With false they are fitted in DAC steps, as the dissertation does.
     """
 
+    name: ClassVar[str] = "bitangent"
+
     pinhole: bool = True
 
     def estimate(
         self, laser: TwoMirror, target: Target | None, tree: Mapping[str, xr.Dataset]
     ) -> dict[str, xr.Dataset]:
         """Groups ``registration`` and ``pose`` of all scanned views."""
-        from sldvexp.pose.bitangent_bounds import with_shared_errors
+        from sldvexp.pose.bitangent_bounds import bitangent_errors
         from sldvexp.pose.from_points import estimate
-        from sldvexp.pose.images import (
-            circles_of,
-            edge_views,
-            image_notes,
-            match_images,
-            registration_table,
-        )
-        from sldvexp.session.circles import edges_of
+        from sldvexp.pose.images import circles_of, registration_table
+        from sldvexp.pose.shared_errors import with_errors
 
-        circles = circles_of(target, "bitangent")
-        images = [
-            match_images(view, edges_of(group), circles, laser, self.pinhole)
-            for view, group in edge_views(tree, "bitangent").items()
-        ]
+        circles = circles_of(target, self.name)
+        images = self.images(circles, laser, tree, self.pinhole)
         tables = [registration_table(i, circles) for i in images]
 
-        notes = [n for i in images for n in image_notes(i)]
-
-        def judge(view: int, solution: PoseSolution) -> PoseSolution:
-            image = images[view]
-            judged, probability = with_shared_errors(solution, image.bitangents, circles, laser)
-            if probability < UNLIKELY:
-                notes.append(
-                    f"view {image.view}: the residuals are larger than the edges' noise and the "
-                    "circles' accuracy explain, so that the bounds are too small; a mirror offset "
-                    "or calibration that is not the true one, or pinhole: false, looks like this"
-                )
-            return judged
+        def judge(
+            solutions: Sequence[PoseSolution],
+        ) -> tuple[list[PoseSolution], NDArray[np.float64], list[str]]:
+            errors = [bitangent_errors(i.view, i.bitangents, circles) for i in images]
+            judged, joint, probability = with_errors(
+                solutions, errors, laser, self.adjust, self.shared
+            )
+            unlikely = [e.view for e, p in zip(errors, probability, strict=True) if p < UNLIKELY]
+            notes = [
+                f"view {view}: the residuals are larger than the edges' noise and the circles' "
+                "accuracy explain, so that the bounds are too small; a mirror offset or "
+                "calibration that is not the true one, or pinhole: false, looks like this"
+                for view in unlikely
+            ]
+            return judged, joint, notes
 
         groups = estimate(self, tables, laser, None, judge=judge)
         kept = str(groups["pose"].attrs["notes"]).splitlines()
-        groups["pose"].attrs["notes"] = "\n".join([*notes, *kept])
+        groups["pose"].attrs["notes"] = "\n".join([*self.notes(images), *kept])
         return groups

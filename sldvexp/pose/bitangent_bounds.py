@@ -1,8 +1,8 @@
-"""What bitangent points are worth: their errors are shared by ellipse and by circle.
+"""Where the errors of bitangent points come from: they share ellipses, and the object's circles.
 
 Four points lie on each fitted ellipse and share its five numbers; four on each machined circle and
 share its errors. Taking them as independent would make the pose's bounds too small by a factor of
-two. The least-squares pose ``P r`` of residuals r with covariance C has the covariance ``P C P^T``.
+two.
 """
 
 from __future__ import annotations
@@ -11,12 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
 from sldvexp.geometry.bitangent import Bitangents
-from sldvexp.geometry.rotation import skew
-from sldvexp.laser.model import project, project_jacobian
 from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.pose.shared_errors import Errors, with_errors
 from sldvexp.pose.solver import PoseSolution
 from sldvexp.target.base import std_of_bound
 from sldvexp.target.circles import Circles
@@ -27,15 +25,33 @@ Array = NDArray[np.float64]
 SMALL = 1e-5
 
 
+def bitangent_errors(view: str, bitangents: Bitangents, target: Circles) -> Errors:
+    """Of one view's selected points: from its ellipses and from the circles.
+
+    Parameters
+    ----------
+    view : str
+    bitangents : Bitangents
+        Of the selected pairs, DAC steps.
+    target : Circles
+    """
+    return Errors(
+        view=view,
+        points=target.points().position,
+        of_image=_of_images(bitangents),
+        of_object=std_of_bound(target.accuracy) * _by_circles(target),
+    )
+
+
 def with_shared_errors(
     solution: PoseSolution, bitangents: Bitangents, target: Circles, laser: TwoMirror
 ) -> tuple[PoseSolution, float]:
-    """The same pose with the covariance that follows from ellipses and circles.
+    """One view's pose with the covariance that follows from ellipses and circles.
 
     Parameters
     ----------
     solution : PoseSolution
-        Of one view, from the target's selected points.
+        From the target's selected points; adjusted intrinsics are taken as free.
     bitangents : Bitangents
         Of the selected pairs, DAC steps.
     target : Circles
@@ -48,36 +64,10 @@ def with_shared_errors(
     probability : float
         Of residuals this large, if ellipses and circles are the only sources of error.
     """
-    points = target.points().position
-    in_laser = (points - solution.origin) @ solution.rotation.T
-    by_point, by_offset = project_jacobian(in_laser, solution.intrinsics["mirror_offset"])
-    by_point = by_point / laser.step[:, None]
-    # A small rotation moves a point P by w x P, a displaced origin by -R dO.
-    by_rotation = np.einsum("nij,njk->nik", by_point, -skew(in_laser))
-    by_origin = -by_point @ solution.rotation
-    angle = project(in_laser, solution.intrinsics["mirror_offset"])
-    adjusted = [
-        _by_intrinsic(name, angle, by_offset)[..., None] / laser.step[:, None]
-        for name in solution.parameters[6:]
-    ]
-    jacobian = np.concatenate([by_rotation, by_origin, *adjusted], axis=-1)
-    jacobian = jacobian.reshape(2 * len(points), -1)
-    by_object = np.einsum("nij,jk,nkc->nic", by_point, solution.rotation, _by_circles(target))
-    by_object = by_object.reshape(2 * len(points), -1)
-    shared = std_of_bound(target.accuracy) ** 2 * by_object @ by_object.T
-    gain = np.linalg.pinv(jacobian)  # a prior is left out: bounds are then on the safe side
-    of_points = _of_images(bitangents) + shared
-    left = np.eye(len(jacobian)) - jacobian @ gain
-    probability = _probability(solution.residual.ravel(), left @ of_points @ left)
-    covariance = gain @ of_points @ gain.T
-    return replace(solution, covariance=covariance, noise_known=True), probability
-
-
-def _probability(residual: Array, covariance: Array) -> float:
-    """Of a larger sum of squares of correlated normal residuals, after Satterthwaite."""
-    expected = np.trace(covariance)
-    dof = expected**2 / np.sum(covariance**2)
-    return float(chdtrc(dof, dof * residual @ residual / expected))
+    errors = bitangent_errors("", bitangents, target)
+    adjusted = dict.fromkeys(solution.parameters[6:], np.inf)
+    judged, _, probability = with_errors([solution], [errors], laser, adjusted, {})
+    return judged[0], probability[0]
 
 
 def _of_images(bitangents: Bitangents) -> Array:
@@ -106,14 +96,3 @@ def _by_circles(target: Circles) -> Array:
         normal = target.planes[circle.plane].axes()[2] * target.unit.value
         columns.append(np.where((touched == number)[:, None], normal, 0.0))
     return np.stack(columns, axis=-1)
-
-
-def _by_intrinsic(name: str, angle: Array, by_offset: Array) -> Array:
-    """Change of the recorded angles, (angle - zero) / gain, with an intrinsic near its nominal."""
-    if name == "mirror_offset":
-        return by_offset
-    what, _, mirror = name.partition("_")
-    column = ("up_down", "left_right").index(mirror)
-    change = np.zeros_like(angle)
-    change[:, column] = -angle[:, column] if what == "gain" else -1.0
-    return change

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
-from sldvexp.errors import Checks
-from sldvexp.pose.registration import FromPoints
+from sldvexp.pose.from_scans import FromScans
 from sldvexp.registry import register
 
 if TYPE_CHECKING:
@@ -19,18 +18,14 @@ if TYPE_CHECKING:
 
 @register("pose", "edge")
 @dataclass
-class Edge(FromPoints):
-    """Every edge point's beam must meet its circle's rim; the pose that does so best.
+class Edge(FromScans):
+    """Every edge point's beam must meet its circle's rim; the poses that do so best.
 
-    The two-mirror model is exact here, while the image of a circle is a conic only nearly. Of the
-    intrinsics, `adjust` may name the mirror offset.
+    The two-mirror model is exact here, while the image of a circle is a conic only nearly. All
+    views are adjusted together, since they share the circles and their machining errors.
     """
 
-    def _check(self, checks: Checks) -> None:
-        super()._check(checks)
-        others = [name for name in self.adjust if name != "mirror_offset"]
-        message = f"pose=edge adjusts mirror_offset only, not {', '.join(others)}"
-        checks.require(not others, "adjust", message)
+    name: ClassVar[str] = "edge"
 
     def estimate(
         self, laser: TwoMirror, target: Target | None, tree: Mapping[str, xr.Dataset]

@@ -8,12 +8,14 @@ Everything is in the laser frame: a circle of centre M, unit normal N and radius
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.laser.model import rays
 from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.pose.intrinsics import true_angles
 
 Array = NDArray[np.float64]
 
@@ -28,6 +30,7 @@ class EdgePoints:
     Parameters
     ----------
     angle : ndarray, shape (n, 2), rad
+        By the nominal calibration.
     along : ndarray, shape (n, 2), rad
         Change of the angles along the scan line for one standard error of the edge.
     center : ndarray, shape (n, 3), m
@@ -38,7 +41,7 @@ class EdgePoints:
     in_plane : ndarray, shape (n, 2, 3)
         Unit vectors of the circle's plane, in the world.
     circle : ndarray of int, shape (n,)
-        Index of the circle, from 0.
+        Index of the circle, from 0, the same in all views.
     """
 
     angle: Array
@@ -49,82 +52,133 @@ class EdgePoints:
     in_plane: Array
     circle: NDArray[np.intp]
 
+    @property
+    def axes(self) -> Array:
+        """Axes of the circle's plane, its normal last, in the world, shape (n, 3, 3)."""
+        return np.concatenate([self.in_plane, self.normal[:, None]], axis=1)
 
-def residuals(
-    points: EdgePoints,
-    rotation: Array,
-    origin: Array,
-    mirror_offset: float,
-    moved: Array,
-    rim: float,
-) -> tuple[Array, Array]:
-    """Distance of each edge point from its circle over its standard error, and the derivatives.
+
+@dataclass(frozen=True, eq=False)
+class EdgeScene:
+    """Where the laser and the circles are, as far as one view's edges are concerned.
+
+    Parameters
+    ----------
+    rotation : ndarray, shape (3, 3)
+        World to laser.
+    origin : ndarray, shape (3,), m
+    rim : float, m
+        By how much every edge is seen outside of the circle.
+    intrinsics : ndarray, shape (5,)
+        In the order of `INTRINSICS`.
+    moved : ndarray, shape (circle, ERRORS), m
+        Error of each circle's centre in its plane (two axes) and across it, and of its radius.
+    """
+
+    rotation: Array
+    origin: Array
+    rim: float
+    intrinsics: Array
+    moved: Array
+
+
+#: Places in the Jacobian of `residuals`; the circles' errors follow from `MOVED` on.
+RIM, FIRST_INTRINSIC, MOVED = 6, 7, 12
+
+
+def residuals(points: EdgePoints, scene: EdgeScene) -> tuple[Array, Array]:
+    """Distance of each edge point from its circle's rim, and the derivatives.
 
     Parameters
     ----------
     points : EdgePoints
-    rotation : ndarray, shape (3, 3)
-        World to laser.
-    origin : ndarray, shape (3,), m
-    mirror_offset : float, m
-    moved : ndarray, shape (circle, ERRORS), m
-        Error of each circle's centre in its plane (two axes) and across it, and of its radius.
-    rim : float, m
-        By how much every edge is seen outside of the circle.
+    scene : EdgeScene
 
     Returns
     -------
-    residual : ndarray, shape (n,)
-    jacobian : ndarray, shape (n, 8 + ERRORS * circles)
-        By the rotation vector, the origin, the mirror offset, the rim, and `moved` flattened.
+    residual : ndarray, shape (n,), m
+    jacobian : ndarray, shape (n, 12 + ERRORS * circles)
+        By the rotation vector, the origin, the rim, the intrinsics, and `moved` flattened.
     """
-    shift = moved[points.circle]
-    axes = np.concatenate([points.in_plane, points.normal[:, None]], axis=1)
-    center_world = points.center + np.einsum("ni,nij->nj", shift[:, :3], axes)
-    m = (center_world - origin) @ rotation.T
-    normal = points.normal @ rotation.T
-    o, u = rays(points.angle, mirror_offset)
-    slope = np.einsum("nj,nj->n", normal, u)
-    q = o + (np.einsum("nj,nj->n", normal, m - o) / slope)[:, None] * u
-    distance = np.linalg.norm(q - m, axis=-1)
-    e = (q - m) / distance[:, None]
-    eu = np.einsum("nj,nj->n", e, u) / slope
-    scale = _step(points, mirror_offset, normal, m)
+    met = _meet(points, scene)
+    e, normal, m = met.outward, met.normal, met.center
 
     # d|Q - M| = (e.u / N.u) (dN.(M - Q) + N.dM) - e.dM, with dM = w x M - R dO and dN = w x N.
-    by_center = eu[:, None] * normal - e
-    by_rotation = np.cross(m, by_center) + eu[:, None] * np.cross(normal, m - q)
-    by_origin = -by_center @ rotation
-    by_offset = _by_origin_of_beam(points.angle, e, eu, normal)
-    circles = len(moved)
-    jacobian = np.zeros((len(distance), 8 + ERRORS * circles))
-    jacobian[:, :3], jacobian[:, 3:6] = by_rotation, by_origin
-    jacobian[:, 6], jacobian[:, 7] = by_offset, -1.0
-    row = np.arange(len(distance))
-    by_shift = np.einsum("nij,nj->ni", axes, by_center @ rotation)
+    by_center = met.tilt[:, None] * normal - e
+    by_rotation = np.cross(m, by_center) + met.tilt[:, None] * np.cross(normal, m - met.point)
+    by_origin = -by_center @ scene.rotation
+    circles, row = len(scene.moved), np.arange(len(e))
+    jacobian = np.zeros((len(e), MOVED + ERRORS * circles))
+    jacobian[:, :3], jacobian[:, 3:6], jacobian[:, RIM] = by_rotation, by_origin, -1.0
+    jacobian[:, FIRST_INTRINSIC:MOVED] = _by_intrinsics(points, scene, met)
+    by_shift = np.einsum("nij,nj->ni", points.axes, by_center @ scene.rotation)
     for k in range(3):
-        jacobian[row, 8 + ERRORS * points.circle + k] = by_shift[:, k]
-    jacobian[row, 8 + ERRORS * points.circle + 3] = -1.0
-    residual = distance - points.radius - shift[:, 3] - rim
-    return residual / scale, jacobian / scale[:, None]
+        jacobian[row, MOVED + ERRORS * points.circle + k] = by_shift[:, k]
+    jacobian[row, MOVED + ERRORS * points.circle + 3] = -1.0
+    radius = points.radius + scene.moved[points.circle, 3] + scene.rim
+    return met.distance - radius, jacobian
 
 
-def _by_origin_of_beam(angle: Array, e: Array, eu: Array, normal: Array) -> Array:
-    """Change of ``|Q - M|`` with the mirror offset, which moves the beam's origin along x."""
-    tangent = np.tan(angle[:, 1])
-    return tangent * (e[:, 0] - eu * normal[:, 0])
+def spread(points: EdgePoints, scene: EdgeScene) -> Array:
+    """Change of ``|Q - M|`` for one standard error of each edge along its scan line, m."""
+    ends = (_meet(points, scene, sign * points.along).distance for sign in (0.5, -0.5))
+    return np.asarray(np.abs(np.subtract(*ends)))
 
 
-def _step(points: EdgePoints, mirror_offset: float, normal: Array, m: Array) -> Array:
-    """Change of ``|Q - M|`` for one standard error of the edge along its scan line, positive."""
+class _Met(NamedTuple):
+    """Where the beams meet the planes of their circles, in the laser frame.
 
-    def distance(sign: float) -> Array:
-        o, u = rays(points.angle + sign * points.along, mirror_offset)
-        slope = np.einsum("nj,nj->n", normal, u)
-        q = o + (np.einsum("nj,nj->n", normal, m - o) / slope)[:, None] * u
-        return np.linalg.norm(q - m, axis=-1)
+    `distance` is ``|Q - M|``, `outward` its unit vector e, `tilt` is ``e.u / N.u``, and `reach` is
+    s in ``Q = o + s (tan left_right, sin up_down, cos up_down)``.
+    """
 
-    return np.abs(distance(0.5) - distance(-0.5))
+    center: Array
+    normal: Array
+    point: Array
+    distance: Array
+    outward: Array
+    tilt: Array
+    reach: Array
+
+
+def _meet(points: EdgePoints, scene: EdgeScene, aside: float | Array = 0.0) -> _Met:
+    """Follow the beams, moved aside by some recorded angles, to the planes."""
+    shift = scene.moved[points.circle, :3]
+    center = points.center + np.einsum("ni,nij->nj", shift, points.axes)
+    m = (center - scene.origin) @ scene.rotation.T
+    normal = points.normal @ scene.rotation.T
+    angle = true_angles(points.angle + aside, scene.intrinsics)
+    o, u = rays(angle, scene.intrinsics[0])
+    slope = np.einsum("nj,nj->n", normal, u)
+    s = np.einsum("nj,nj->n", normal, m - o) / slope
+    q = o + s[:, None] * u
+    distance = np.linalg.norm(q - m, axis=-1)
+    e = (q - m) / distance[:, None]
+    tilt = np.einsum("nj,nj->n", e, u) / slope
+    # u is a unit vector; its up-down part is as long as the cosine of left_right.
+    return _Met(m, normal, q, distance, e, tilt, s * np.cos(angle[:, 1]))
+
+
+def _by_intrinsics(points: EdgePoints, scene: EdgeScene, met: _Met) -> Array:
+    """Change of ``|Q - M|`` with `INTRINSICS`, shape (n, 5).
+
+    They move the beam's origin and turn it: ``d|Q - M| = (e - (e.u / N.u) N) . (do + s du)``.
+    """
+    across = met.outward - met.tilt[:, None] * met.normal
+    up_down, left_right = true_angles(points.angle, scene.intrinsics).T
+    turned = across[:, 1] * np.cos(up_down) - across[:, 2] * np.sin(up_down)
+    by_up_down = met.reach * turned
+    by_left_right = across[:, 0] * (met.reach + scene.intrinsics[0]) / np.cos(left_right) ** 2
+    return np.stack(
+        [
+            across[:, 0] * np.tan(left_right),
+            by_up_down * points.angle[:, 0],
+            by_up_down,
+            by_left_right * points.angle[:, 1],
+            by_left_right,
+        ],
+        axis=-1,
+    )
 
 
 def angles_along(laser: TwoMirror, dac: Array, direction: Array, std: Array) -> tuple[Array, Array]:

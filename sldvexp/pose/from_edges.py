@@ -1,28 +1,23 @@
-"""From the edges of a run to the group `pose` by maximum likelihood, one view at a time."""
+"""From the edges of a run to the group `pose` by maximum likelihood, all views together."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
-from sldvexp.pose.base import EXTRINSICS, pose_group
+from sldvexp.pose.base import pose_group
 from sldvexp.pose.edge_model import EdgePoints, angles_along
-from sldvexp.pose.edge_solver import OFFSET, EdgePose, solve_edges
-from sldvexp.pose.images import (
-    CircleImages,
-    circles_of,
-    edge_views,
-    image_notes,
-    match_images,
-    registration_table,
-)
+from sldvexp.pose.edge_solver import EdgePoses, solve_edges
+from sldvexp.pose.images import MISFIT, CircleImages, circles_of, registration_table
+from sldvexp.pose.intrinsics import adjusted_notes, places
+from sldvexp.pose.joint import JointCovariance
 from sldvexp.pose.solver import solve_pose
-from sldvexp.pose.statistics import half_width
-from sldvexp.session.circles import edges_of
 from sldvexp.target.base import std_of_bound
 
 if TYPE_CHECKING:
@@ -30,6 +25,8 @@ if TYPE_CHECKING:
     from sldvexp.pose.edge import Edge
     from sldvexp.target.base import Target
     from sldvexp.target.circles import Circles
+
+Array = NDArray[np.float64]
 
 
 def estimate(
@@ -51,23 +48,43 @@ def estimate(
     UserError
         If there are no edges, no circles, or they do not determine the pose.
     """
-    circles = circles_of(target, "edge")
-    images = [
-        match_images(view, edges_of(group), circles, laser, pinhole=True)
-        for view, group in edge_views(tree, "edge").items()
-    ]
-    poses = [_solve(method, i, laser, circles) for i in images]
-    group = _group(method, images, poses)
+    circles = circles_of(target, method.name)
+    images = method.images(circles, laser, tree, pinhole=True)
+    found = solve_edges(
+        [edge_points(i, laser, circles) for i in images],
+        [_start(i, laser, circles) for i in images],
+        laser.mirror_offset,
+        method.adjust,
+        method.shared,
+        circles.unit.value * std_of_bound(circles.accuracy),
+        method.max_iterations,
+        [f"view {i.view}" for i in images],
+    )
+    group = _group(method, images, found)
     group.attrs["mirror_offset"], group.attrs["step"] = laser.mirror_offset, laser.step
-    group.attrs["notes"] = "\n".join(n for i in images for n in image_notes(i))
+    group.attrs["shared"] = json.dumps(method.shared)
+    notes = [*method.notes(images), *_misfit_notes(images, found)]
+    group.attrs["notes"] = "\n".join([*notes, *adjusted_notes(method.adjust, method.shared, group)])
     return group
+
+
+def _misfit_notes(images: list[CircleImages], found: EdgePoses) -> Iterator[str]:
+    """Views whose edges lie farther from their circles than their standard errors explain."""
+    for image, pose in zip(images, found.poses, strict=True):
+        rms = float(np.sqrt(np.mean(pose.residual**2)))
+        if rms > MISFIT:
+            yield (
+                f"view {image.view}: the edges lie {rms:.1f} standard errors beside their circles; "
+                "a mirror offset or calibration that is not the true one looks like this"
+            )
 
 
 def edge_points(images: CircleImages, laser: TwoMirror, circles: Circles) -> EdgePoints:
     """All edge points of a view with the circles that they belong to, in m."""
     unit = circles.unit.value
     parts: dict[str, list[Any]] = {f: [] for f in EdgePoints.__dataclass_fields__}
-    for index, (number, edges) in enumerate(images.edges.items()):
+    index = {number: k for k, number in enumerate(sorted(circles.circles))}
+    for number, edges in images.edges.items():
         circle, count = circles.circles[number], len(edges.std)
         plane = circles.planes[circle.plane]
         axes = plane.axes()
@@ -79,12 +96,12 @@ def edge_points(images: CircleImages, laser: TwoMirror, circles: Circles) -> Edg
         parts["normal"].append(np.tile(axes[2], (count, 1)))
         parts["radius"].append(np.full(count, unit * circle.diameter / 2))
         parts["in_plane"].append(np.tile(axes[:2], (count, 1, 1)))
-        parts["circle"].append(np.full(count, index))
+        parts["circle"].append(np.full(count, index[number]))
     return EdgePoints(**{name: np.concatenate(values) for name, values in parts.items()})
 
 
-def _solve(method: Edge, images: CircleImages, laser: TwoMirror, circles: Circles) -> EdgePose:
-    """One view, started from its bitangent points."""
+def _start(images: CircleImages, laser: TwoMirror, circles: Circles) -> tuple[Array, Array]:
+    """Rotation and origin from one view's bitangent points."""
     table = registration_table(images, circles)
     try:
         start = solve_pose(
@@ -95,47 +112,28 @@ def _solve(method: Edge, images: CircleImages, laser: TwoMirror, circles: Circle
         )
     except UserError as error:
         raise UserError(f"view {images.view}: {error}") from None
-    return solve_edges(
-        edge_points(images, laser, circles),
-        start.rotation,
-        start.origin,
-        laser.mirror_offset,
-        method.adjust.get("mirror_offset", 0.0),
-        circles.unit.value * std_of_bound(circles.accuracy),
-        method.max_iterations,
-        f"view {images.view}",
-    )
+    return start.rotation, start.origin
 
 
-def _group(method: Edge, images: list[CircleImages], poses: list[EdgePose]) -> xr.Dataset:
+def _group(method: Edge, images: list[CircleImages], found: EdgePoses) -> xr.Dataset:
     """The group ``pose``."""
-    size = OFFSET + len(method.adjust)
-    covariance = np.array([p.covariance[:size, :size] for p in poses])
+    poses, views = found.poses, [i.view for i in images]
+    joint = JointCovariance(views, [*method.adjust], [*method.shared], found.covariance)
     dof = np.array([p.dof for p in poses])
     std = [np.concatenate([e.std for e in i.edges.values()]) for i in images]
     square = [np.sum((p.residual * own) ** 2) for p, own in zip(poses, std, strict=True)]
     count = [len(p.residual) for p in poses]
-    coords: dict[str, Any] = {}
-    more: dict[str, Any] = {}
-    if method.adjust:
-        error = np.sqrt(covariance[:, OFFSET:, OFFSET])
-        coords["adjusted"] = list(method.adjust)
-        more = {
-            "intrinsic": np.array([[p.mirror_offset] for p in poses]),
-            "intrinsic_std": error,
-            "intrinsic_confidence": half_width(error, dof, method.confidence),
-        }
     return pose_group(
-        [i.view for i in images],
+        views,
         np.array([p.rotation for p in poses]),
         np.array([p.origin for p in poses]),
-        covariance,
+        joint.of_views(),
         dof,
         method.confidence,
-        parameters=(*EXTRINSICS, *method.adjust),
-        coords=coords,
+        adjusted=joint.adjusted,
+        intrinsic=np.array([p.intrinsics[places(joint.adjusted)] for p in poses]),
+        joint=joint,
         residual_rms=np.sqrt(np.divide(square, count)),
         s=np.sqrt(np.divide(square, dof)),
         rim=np.array([p.rim for p in poses]),
-        **more,
     )

@@ -14,7 +14,7 @@ from sldvexp.geometry.bitangent import Bitangents
 from sldvexp.image.conics import fit_circle
 from sldvexp.image.lines import Edges
 from sldvexp.image.matching import Match, bitangent_images, match_circles
-from sldvexp.image.pinhole import dac_bitangents, pinhole_edges
+from sldvexp.image.pinhole import dac_bitangents, dac_edges, pinhole_edges
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.registration.table import RegistrationTable
 from sldvexp.target.base import Target
@@ -105,9 +105,10 @@ def match_images(
         found = dac_bitangents(laser, found)
     square = sum(fit.chi_square for fit, _ in fits)
     freedom = sum(fit.dof for fit, _ in fits)
+    freed = {n: _used(fits[k][1], fits[k][0].used) for n, k in match.ellipse.items()}
     return CircleImages(
         view,
-        {n: _used(edges[k], fits[k][0].used) for n, k in match.ellipse.items()},
+        {n: dac_edges(laser, e) for n, e in freed.items()} if pinhole else freed,
         found,
         match,
         float(np.sqrt(square / freedom)),
@@ -127,11 +128,6 @@ def registration_table(images: CircleImages, target: Circles) -> RegistrationTab
 def image_notes(images: CircleImages) -> list[str]:
     """What to mind about a view's images."""
     notes = []
-    if images.match.mirrored:
-        notes.append(
-            f"view {images.view}: the image is a mirror image of the object; a mirror is wired the "
-            "other way round, the mirrors are swapped, or the object is seen from behind"
-        )
     if images.misfit > MISFIT:
         notes.append(
             f"view {images.view}: the edges lie {images.misfit:.1f} standard errors beside their "
@@ -144,5 +140,5 @@ def _used(edges: Edges, used: NDArray[np.bool_]) -> Edges:
     """The edges that are no outliers."""
     from dataclasses import replace
 
-    parts = ("position", "std", "direction", "width", "line", "rising")
+    parts = ("position", "std", "direction", "width", "line", "rising", "phase")
     return replace(edges, **{p: getattr(edges, p)[used] for p in parts})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from sldvexp.target.base import TargetPoints
+    from sldvexp.laser.two_mirror import TwoMirror
+    from sldvexp.pose.from_points import Judge
+    from sldvexp.registration.table import RegistrationTable
+    from sldvexp.target.base import Target, TargetPoints
 
 
 @register("pose", "manual")
@@ -51,3 +55,13 @@ class Manual(Registration):
             _, mine, theirs = np.intersect1d(number, points.number, return_indices=True)
             position_std[mine] = points.std[theirs].mean(axis=1)
         return np.hypot(self.pointing, position_std / distance / step.mean())
+
+    def judge(
+        self, tables: Sequence[RegistrationTable], laser: TwoMirror, target: Target | None
+    ) -> Judge | None:
+        """The marks' errors are the same in every view."""
+        if target is None:
+            return None
+        from sldvexp.pose.mark_errors import mark_judge
+
+        return mark_judge(self, tables, laser, target.points())

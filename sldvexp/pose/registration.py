@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from sldvexp.laser.two_mirror import TwoMirror
+    from sldvexp.pose.from_points import Judge
+    from sldvexp.registration.table import RegistrationTable
     from sldvexp.target.base import Target, TargetPoints
 
 #: What may be adjusted besides the pose.
@@ -46,6 +48,8 @@ class FromPoints(PoseMethod):
         Intrinsics to adjust with the pose, with the standard deviation of what is known of them
         beforehand (``.inf`` for nothing): mirror_offset (m), gain_up_down and gain_left_right
         (relative to the calibration), zero_up_down and zero_left_right (rad). All others are fixed.
+    shared : dict of str to float
+        The same for intrinsics that have one value in all views, which are then solved together.
     confidence : float
         Level of the intervals.
     max_iterations : int
@@ -53,6 +57,7 @@ class FromPoints(PoseMethod):
     """
 
     adjust: dict[str, float] = field(default_factory=dict)
+    shared: dict[str, float] = field(default_factory=dict)
     confidence: float = 0.95
     max_iterations: int = 200
 
@@ -66,13 +71,15 @@ class FromPoints(PoseMethod):
         checks.probability("confidence", self.confidence)
         least = f"must be at least 1, not {self.max_iterations}"
         checks.require(self.max_iterations >= 1, "max_iterations", least)
-        for name, std in self.adjust.items():
-            known = name in ADJUSTABLE
-            checks.require(
-                known, f"adjust.{name}", f"cannot be adjusted; {nearest(name, ADJUSTABLE)}"
-            )
-            message = f"must be a positive standard deviation, infinite for a free one, not {std}"
-            checks.require(std > 0, f"adjust.{name}", message)
+        for group in ("adjust", "shared"):
+            for name, std in getattr(self, group).items():
+                wrong = f"cannot be adjusted; {nearest(name, ADJUSTABLE)}"
+                checks.require(name in ADJUSTABLE, f"{group}.{name}", wrong)
+                wrong = f"must be a positive standard deviation, infinite for a free one, not {std}"
+                checks.require(std > 0, f"{group}.{name}", wrong)
+        for name in set(self.adjust) & set(self.shared):
+            wrong = "is in adjust too: it is either one value a view or one for all views"
+            checks.require(False, f"shared.{name}", wrong)
 
     def angle_std(
         self,
@@ -101,6 +108,23 @@ class FromPoints(PoseMethod):
         """
         return None
 
+    def judge(
+        self, tables: Sequence[RegistrationTable], laser: TwoMirror, target: Target | None
+    ) -> Judge | None:
+        """What gives solved poses the covariance that they deserve, if errors are not independent.
+
+        Parameters
+        ----------
+        tables : sequence of RegistrationTable
+            Of all views.
+        laser : TwoMirror
+        target : Target or None
+        """
+        return None
+
+
+NAME_A_FILE = "must name a registration file, or one for each view as {front: a.reg, left: b.reg}"
+
 
 @register("pose", "registration")
 @dataclass
@@ -109,8 +133,9 @@ class Registration(FromPoints):
 
     Parameters
     ----------
-    path : str or dict of view name to str
-        Files of registration data: ``.reg`` (Figure 4.28), ``.csv`` or ``.nc``.
+    path : str or dict of view name to str, optional
+        Files of registration data: ``.reg`` (Figure 4.28), ``.csv`` or ``.nc``. Without one, what
+        a person found in this run (``scan=by_hand`` or ``by_digitizer``).
     unit : str
         Unit of the object points, for a file that does not state it: m, cm, mm, inch or ft.
     inverted : list of MirrorName
@@ -126,11 +151,8 @@ class Registration(FromPoints):
 
         super()._check(checks)
         paths = self.path.values() if isinstance(self.path, dict) else [self.path]
-        checks.require(
-            bool(self.path) and all(isinstance(p, str) and p for p in paths),
-            "path",
-            "must name a registration file, or one for each view as {front: a.reg, left: b.reg}",
-        )
+        named = bool(self.path) and all(isinstance(p, str) and p for p in paths)
+        checks.require(named or self.path is None, "path", NAME_A_FILE)
         units = LengthUnit.__members__
         if self.unit:
             message = f"{self.unit!r} is not a unit of length; {nearest(self.unit, units)}"
@@ -138,6 +160,8 @@ class Registration(FromPoints):
 
     def files(self) -> dict[str, str]:
         """Path of each file, by the view it is said to hold; empty for as the file says."""
+        if self.path is None:
+            return {}
         return self.path if isinstance(self.path, dict) else {"": self.path}
 
     def inputs(self) -> list[str]:
@@ -149,8 +173,13 @@ class Registration(FromPoints):
     ) -> dict[str, xr.Dataset]:
         """Groups ``registration`` and ``pose``."""
         from sldvexp.pose.from_points import estimate
+        from sldvexp.registration.measured import measured_points
 
-        return estimate(self, self._tables(), laser, target, self.inverted)
+        if self.path is None:
+            tables = _scanned(tree)
+            return estimate(self, tables, laser, measured_points(tables), self.inverted)
+        tables = self._tables()
+        return estimate(self, tables, laser, target or measured_points(tables), self.inverted)
 
     def _tables(self) -> list[Any]:
         """Registration data of all views."""
@@ -175,3 +204,14 @@ class Registration(FromPoints):
         if doubled := {n for n in names if names.count(n) > 1}:
             raise UserError(f"the view {doubled.pop()} is given twice")
         return tables
+
+
+def _scanned(tree: Mapping[str, xr.Dataset]) -> list[RegistrationTable]:
+    """Registration data of all views that a person pointed or digitised in this run."""
+    from sldvexp.errors import ConfigError, Problem
+    from sldvexp.registration.netcdf import from_dataset
+
+    if "registration" not in tree:
+        told = f"{NAME_A_FILE}, unless scan=by_hand or scan=by_digitizer gives the points"
+        raise ConfigError([Problem("pose.path", told)])
+    return from_dataset(tree["registration"], "")

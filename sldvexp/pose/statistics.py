@@ -67,24 +67,38 @@ def cofactor(information: Array) -> tuple[Array, Array]:
     return inverse, np.where(singular, np.abs(vector[:, :, 0]), 0.0)
 
 
-def about_origin(cofactor: Array, rotation: Array, centre: Array) -> Array:
-    """Cofactor matrix of (rotation vector, origin) from that of (rotation vector, centre).
+def origin_jacobian(rotation: Array, centre: Array) -> Array:
+    """Derivative of (rotation vector, origin) by (rotation vector, centre), shape (..., 6, 6).
 
     With ``centre = R (centroid - origin)`` a small rotation vector w and displacement d move the
     origin by ``R' (w x centre - d)``.
 
     Parameters
     ----------
-    cofactor : ndarray, shape (..., parameters, parameters)
-        The first six parameters are those above; the others stay as they are.
     rotation : ndarray, shape (..., 3, 3)
     centre : ndarray, shape (..., 3), m
     """
+    jacobian = np.zeros((*centre.shape[:-1], 6, 6))
+    jacobian[..., :3, :3] = np.eye(3)
+    inverse = rotation.swapaxes(-1, -2)
+    jacobian[..., 3:, :3] = -inverse @ cross_matrix(centre)
+    jacobian[..., 3:, 3:] = -inverse
+    return jacobian
+
+
+def about_origin(cofactor: Array, rotation: Array, centre: Array) -> Array:
+    """Cofactor matrix of (rotation vector, origin) from that of (rotation vector, centre).
+
+    Parameters
+    ----------
+    cofactor : ndarray, shape (..., parameters, parameters)
+        The first six parameters are those above; the others stay as they are.
+    rotation, centre : ndarray
+        As in `origin_jacobian`.
+    """
     transform = np.zeros_like(cofactor)
     np.einsum("...kk->...k", transform)[...] = 1.0
-    inverse = rotation.swapaxes(-1, -2)
-    transform[..., 3:6, :3] = -inverse @ cross_matrix(centre)
-    transform[..., 3:6, 3:6] = -inverse
+    transform[..., :6, :6] = origin_jacobian(rotation, centre)
     return transform @ cofactor @ transform.swapaxes(-1, -2)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from sldvexp.errors import Checks
 
@@ -57,6 +57,10 @@ class Reconstruction:
     weights: Weights = Weights.noise
     confidence: float = 0.95
     rank_tolerance: float = 1e-4
+
+    #: Whether a field takes the velocity at each sample from its own rows alone, or fits all rows
+    #: of all samples together.
+    sample_by_sample: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         checks = Checks()

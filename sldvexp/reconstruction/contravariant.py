@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
-from sldvexp.errors import Checks
 from sldvexp.reconstruction.base import Model, Reconstruction
 from sldvexp.registry import register
 
@@ -21,25 +20,21 @@ class Contravariant(Reconstruction):
 
     At a point this is the solution of three rows by any method; the basis itself is the result's
     `PointVelocity.basis`. Measured values stand on one side of the equation only, which a velocity
-    field makes use of. By default the best conditioned three rows.
+    field makes use of. By default the best conditioned three rows, four for an intercept. With
+    ``all`` it is the least squares of all views, whose solution at a point is the same as that of
+    `absolute`.
     """
 
     rows: str = "best"
 
-    def _check(self, checks: Checks) -> None:
-        super()._check(checks)
-        checks.require(
-            self.rows != "all", "rows", "must be best or three rows as in 1-5,2,4, not all"
-        )
-        checks.require(
-            self.model is Model.partial,
-            "model",
-            "must be partial for contravariant: three base vectors leave no intercept",
-        )
+    sample_by_sample: ClassVar[bool] = True
 
     def row_choice(self, view_names: Sequence[str]) -> RowChoice:
-        """Three of the views and differences of two views."""
+        """As many views and differences of two views as there are unknowns, or every view."""
         from sldvexp.reconstruction import rows
 
-        candidates = rows.views(view_names) + rows.differences(view_names)
-        return rows.RowChoice(candidates=candidates, count=3)
+        views = rows.views(view_names)
+        candidates = views + rows.differences(view_names)
+        if self.rows.strip() == "all":
+            return rows.RowChoice(candidates=candidates, every=views)
+        return rows.RowChoice(candidates=candidates, count=4 if self.model is Model.full else 3)

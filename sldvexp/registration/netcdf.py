@@ -1,9 +1,10 @@
 """Registration data as netCDF: the group ``/registration`` of a run, or a dataset of its own.
 
 Variables: ``object_point (view, point, axis)``, ``angle (view, point, mirror)`` and
-``dac (view, point, mirror)``, with their units as attributes; the coordinates `view` and `point`
-hold names and numbers. Where a view lacks a point its angle and DAC steps are NaN. Everything is
-written in SI units; a distance guess has no place here and is not written.
+``dac (view, point, mirror)``, with their units as attributes, and ``object_point_std (view, point,
+axis)`` in the unit of `object_point` where that is known; the coordinates `view` and `point` hold
+names and numbers. Where a view lacks a point its angle and DAC steps are NaN. Everything is written
+in SI units; a distance guess has no place here and is not written.
 """
 
 from __future__ import annotations
@@ -24,6 +25,14 @@ from sldvexp.units import AngleUnit, LengthUnit, unit_named
 GROUP = "registration"
 
 IMAGE = ("angle", "dac")
+STD = "object_point_std"
+#: Variable to the table's array and how many numbers a point has there.
+ARRAYS = {
+    "object_point": ("object_point", 3),
+    STD: ("object_std", 3),
+    "angle": ("angle", 2),
+    "dac": ("dac", 2),
+}
 
 Array = NDArray[np.float64]
 
@@ -64,11 +73,11 @@ def to_dataset(tables: Sequence[RegistrationTable]) -> xr.Dataset:
         raise UserError(f"registration data: two of the views {', '.join(names)} have one name")
     numbers = list(dict.fromkeys(int(n) for table in tables for n in table.number))
     arrays: dict[str, Array] = {}
-    for name, size in (("object_point", 3), ("angle", 2), ("dac", 2)):
+    for name, (source, size) in ARRAYS.items():
         values = np.full((len(tables), len(numbers), size), np.nan)
         for row, table in zip(values, tables, strict=True):
-            if getattr(table, name) is not None:
-                row[[numbers.index(n) for n in table.number]] = getattr(table, name)
+            if getattr(table, source) is not None:
+                row[[numbers.index(n) for n in table.number]] = getattr(table, source)
         if not np.isnan(values).all():
             arrays[name] = values
     used = [np.isin(numbers, table.number) for table in tables]
@@ -113,6 +122,9 @@ def from_dataset(
         if name in dataset:
             variable = _variable(dataset, name, "mirror", source)
             image[name] = variable.values * (_radians(variable, source) if name == "angle" else 1.0)
+    known = None
+    if STD in dataset:
+        known = _variable(dataset, STD, "axis", source).values * length.value
     tables = []
     for i, view in enumerate(dataset["view"].values):
         seen = {name: v[i] for name, v in image.items() if not np.isnan(v[i]).all()}
@@ -126,6 +138,7 @@ def from_dataset(
                 **{name: v[there] for name, v in seen.items()},
                 unit=length,
                 source=source,
+                object_std=None if known is None or np.isnan(known[i]).all() else known[i][there],
             )
         )
     return tables

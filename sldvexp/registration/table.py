@@ -33,6 +33,8 @@ class RegistrationTable:
         (up_down, left_right) of the beam through each point.
     dac : ndarray, shape (N, 2), steps, optional
         The same as DAC steps. One of `angle` and `dac` must be there.
+    object_std : ndarray, shape (N, 3), m, optional
+        Standard deviation of each object point's coordinates, if it is known.
     distance_guess : float, m, optional
         From the instrument to the object, as a file stated it; no method here needs it.
     unit : LengthUnit
@@ -55,6 +57,7 @@ class RegistrationTable:
     distance_guess: float | None = None
     unit: LengthUnit = LengthUnit.m
     source: str = ""
+    object_std: Array | None = None
 
     def __post_init__(self) -> None:
         where = f"{self.source or 'registration data'}, view {self.name}"
@@ -65,6 +68,7 @@ class RegistrationTable:
             raise UserError(f"{where}: has neither mirror angles nor DAC steps")
         for what, values, width in (
             ("object_point", self.object_point, 3),
+            ("object_std", self.object_std, 3),
             ("angle", self.angle, 2),
             ("dac", self.dac, 2),
         ):

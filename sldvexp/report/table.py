@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from sldvexp.report.image_text import image_text
 from sldvexp.report.numbers import number, with_bound
+from sldvexp.report.pose_methods import pose_methods
 
 #: Rows shown of a long group; the dataset has all of them.
 MOST_ROWS = 12
@@ -37,6 +40,11 @@ def closing_table(tree: Mapping[str, xr.Dataset], files: Sequence[Path]) -> None
         estimates.add_row(*map(escape, row))
     if estimates.row_count:
         console.print(estimates)
+    if images := image_text(tree):
+        console.print(escape(images), highlight=False)
+    for group in tree.values():
+        if "s_mean" in group:
+            console.print(pose_methods(group))
     if "check" in tree:
         console.print(_published(tree["check"]))
     notes = [n for g in tree.values() for n in str(g.attrs.get("notes", "")).splitlines()]
@@ -50,8 +58,14 @@ def _estimates(tree: Mapping[str, xr.Dataset]) -> Iterator[tuple[str, str, str, 
     """Rows of all groups that hold estimates."""
     for name, group in tree.items():
         if name == "pose":
+            shared = list(json.loads(group.attrs.get("shared", "{}")))
+            own = [n for n in group["adjusted"].values if n not in shared] if shared else None
             for view in group["view"].values:
-                yield from _pose_rows(str(view), group.sel(view=view))
+                each = group.sel(view=view)
+                yield from _pose_rows(str(view), each if own is None else each.sel(adjusted=own))
+            if shared:
+                one = group.isel(view=0).sel(adjusted=shared)
+                yield from _pose_rows("all views", one[["intrinsic", "intrinsic_confidence"]])
         elif name.split("/")[0] in ("point", "compare"):
             yield from _point_rows(name, group)
 

@@ -4,60 +4,47 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import TYPE_CHECKING, ClassVar
 
 from sldvexp.errors import Checks
 from sldvexp.registry import register
+from sldvexp.scan.base import Sampling, ScanPart, check_pairs, check_view_names
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 #: Steps of the smaller range of a mirror's board: no line has more pixels.
 MOST_PIXELS = 8193
 
 
 class EdgeMethod(Enum):
-    """How an edge is placed between pixels."""
+    """How an edge is placed: at a pixel, or between pixels in one of two ways."""
 
+    pixel = "pixel"
     gradient = "gradient"
     profile = "profile"
 
 
 @dataclass
-class Sampling:
-    """How each pixel is sampled.
+class Lines:
+    """Scan lines of one stage across each circle.
 
     Parameters
     ----------
-    rate : float, Hz
-    samples : int
-    frequency : list of float, Hz
-        Of the excitation.
-    amplitude : float, V
-        Peak of each frequency.
+    lines : int
+    pixels : int
+        Of each line.
+    window : int
+        Of the median filter along the line, pixels.
+    stride : int
+        DAC steps from one pixel to the next; a 16-bit board needs eight times as many.
     """
-
-    rate: float = 25600.0
-    samples: int = 512
-    frequency: list[float] = field(default_factory=lambda: [450.0])
-    amplitude: float = 1.0
-
-    def check(self, checks: Checks, name: str) -> None:
-        """Note under `name` what is wrong."""
-        checks.positive(f"{name}.rate", self.rate)
-        checks.positive(f"{name}.amplitude", self.amplitude)
-        enough = f"must be at least 16, not {self.samples}"
-        checks.require(self.samples >= 16, f"{name}.samples", enough)
-        checks.require(bool(self.frequency), f"{name}.frequency", "needs at least one frequency")
-        for hertz in self.frequency:
-            checks.positive(f"{name}.frequency", hertz)
-            too_high = f"{hertz:g} Hz needs a rate above {2 * hertz:g} Hz"
-            checks.require(2 * hertz < self.rate, f"{name}.frequency", too_high)
-
-
-@dataclass
-class Lines:
-    """Scan lines of one stage: how many a circle, how long, and the median filter's window."""
 
     lines: int
     pixels: int
     window: int
+    stride: int = 1
 
     def check(self, checks: Checks, name: str) -> None:
         """Note under `name` what is wrong."""
@@ -66,6 +53,8 @@ class Lines:
         checks.require(self.pixels >= 9, f"{name}.pixels", least)
         most = f"must be at most the {MOST_PIXELS} steps of a mirror, not {self.pixels}"
         checks.require(self.pixels <= MOST_PIXELS, f"{name}.pixels", most)
+        forward = f"must be at least 1, not {self.stride}"
+        checks.require(self.stride >= 1, f"{name}.stride", forward)
         odd = f"must be odd and shorter than the line, not {self.window}"
         good = self.window % 2 == 1 and 0 < self.window < self.pixels
         checks.require(good, f"{name}.window", odd)
@@ -88,7 +77,7 @@ class Centres:
 
 @register("scan", "calibration")
 @dataclass
-class Calibration:
+class Calibration(ScanPart):
     """The dissertation's coarse and fine lines across each circle (Section 4.5.2).
 
     Parameters
@@ -104,6 +93,8 @@ class Calibration:
     sampling : Sampling
     """
 
+    kind: ClassVar[str] = "circles"
+
     views: dict[str, Centres] = field(default_factory=dict)
     coarse: Lines = field(default_factory=lambda: Lines(3, 300, 25))
     fine: Lines = field(default_factory=lambda: Lines(44, 25, 5))
@@ -112,26 +103,29 @@ class Calibration:
 
     def __post_init__(self) -> None:
         checks = Checks()
-        checks.require(bool(self.views), "views", "needs at least one view with rough centres")
+        check_view_names(checks, self.views)
         for name, centres in self.views.items():
-            # A view's lines are kept in a folder of its name.
-            usable = name.strip() not in ("", ".", "..") and not set(name) & {"/", "\\"}
-            told = f"the view {name!r} needs a name that a folder can have, without / and \\"
-            checks.require(usable, "views", told)
-            one = bool(centres.dac) != bool(centres.path)
-            checks.require(one, f"views.{name}", "give either dac or path, not both or none")
-            pairs = all(len(pair) == 2 for pair in centres.dac)
-            checks.require(pairs, f"views.{name}.dac", "must be pairs [up_down, left_right]")
+            check_pairs(checks, f"views.{name}", "dac", centres.dac, centres.path)
         self.coarse.check(checks, "coarse")
         self.fine.check(checks, "fine")
         self.sampling.check(checks, "sampling")
         checks.done()
 
-    def inputs(self) -> list[str]:
-        """Files of rough centres."""
-        return [c.path for c in self.views.values() if c.path]
+    def centres(self, view: str) -> NDArray[np.int64]:
+        """Rough centres of a view's circles, shape (circle, 2), steps."""
+        import numpy as np
 
-    def pixels(self, circles: int) -> int:
-        """How many pixels a view with so many circles takes."""
+        from sldvexp.paths import locate
+        from sldvexp.scan.files import read_centres
+
+        given = self.views[view]
+        return read_centres(locate(given.path)) if given.path else np.array(given.dac, np.int64)
+
+    def known_pixels(self, view: str) -> NDArray[np.int64]:
+        """See `ScanPart`; the rough centres."""
+        return self.centres(view)
+
+    def pixel_count(self, view: str) -> int:
+        """See `ScanPart`."""
         stages = (self.coarse, self.fine)
-        return circles * sum(stage.lines * stage.pixels for stage in stages)
+        return len(self.centres(view)) * sum(stage.lines * stage.pixels for stage in stages)

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 Steps = NDArray[np.int64]
 
 
-def across(centre: ArrayLike, lines: int, pixels: int) -> Steps:
+def across(centre: ArrayLike, lines: int, pixels: int, stride: int = 1) -> Steps:
     """Lines through a rough centre, turned evenly against one another.
 
     Parameters
@@ -21,7 +21,8 @@ def across(centre: ArrayLike, lines: int, pixels: int) -> Steps:
     lines : int
         The dissertation's three give six edge points, one more than a conic needs.
     pixels : int
-        Contiguous steps of each line along the mirror that moves faster.
+    stride : int, steps
+        From one pixel to the next along the mirror that moves faster; 1 scans contiguously.
 
     Returns
     -------
@@ -30,11 +31,13 @@ def across(centre: ArrayLike, lines: int, pixels: int) -> Steps:
     angle = np.pi * np.arange(lines) / lines
     direction = np.stack([np.sin(angle), np.cos(angle)], axis=-1)
     direction /= np.abs(direction).max(axis=-1, keepdims=True)
-    along = np.arange(pixels) - pixels // 2
+    along = stride * (np.arange(pixels) - pixels // 2)
     return _whole(np.asarray(centre, float) + along[:, None] * direction[:, None, :])
 
 
-def along_ellipse(centre: ArrayLike, axes: ArrayLike, lines: int, pixels: int) -> Steps:
+def along_ellipse(
+    centre: ArrayLike, axes: ArrayLike, lines: int, pixels: int, stride: int = 1
+) -> Steps:
     """Short lines across an ellipse, normal to it, spaced evenly in its parameter.
 
     Parameters
@@ -45,7 +48,9 @@ def along_ellipse(centre: ArrayLike, axes: ArrayLike, lines: int, pixels: int) -
     lines : int
         The dissertation's 44.
     pixels : int
-        The dissertation's 25, contiguous; the ellipse crosses each line in its middle.
+        The dissertation's 25; the ellipse crosses each line in its middle.
+    stride : int, steps
+        As in `across`.
 
     Returns
     -------
@@ -59,7 +64,7 @@ def along_ellipse(centre: ArrayLike, axes: ArrayLike, lines: int, pixels: int) -
     normal = np.stack([tangent[:, 1], -tangent[:, 0]], axis=-1)
     normal *= np.sign(np.sum(normal * (point - centre), axis=-1, keepdims=True))
     normal /= np.abs(normal).max(axis=-1, keepdims=True)
-    offset = np.arange(pixels) - pixels // 2
+    offset = stride * (np.arange(pixels) - pixels // 2)
     return _whole(point[:, None, :] + offset[:, None] * normal[:, None, :])
 
 
@@ -70,7 +75,7 @@ def rectangle(corners: ArrayLike, rows: int, columns: int) -> Steps:
     ----------
     corners : array_like, shape (4, 2), steps
     rows, columns : int
-        Along up_down and along left_right; 0 for every step, contiguous.
+        Along up_down and along left_right.
 
     Returns
     -------
@@ -78,10 +83,35 @@ def rectangle(corners: ArrayLike, rows: int, columns: int) -> Steps:
         Fewer rows or columns than asked for where the box has fewer steps.
     """
     axes = []
-    box = zip(np.min(corners, axis=0), np.max(corners, axis=0), (rows, columns), strict=True)
-    for low, high, count in box:
-        places = np.linspace(low, high, count or int(high - low) + 1)
+    for low, high, count in zip(*_box(corners), (rows, columns), strict=True):
+        places = np.linspace(low, high, count)
         axes.append(np.unique(np.rint(places).astype(np.int64)))
+    return _grid(axes)
+
+
+def strided(corners: ArrayLike, stride: int) -> Steps:
+    """Grid of every so many steps over the box that holds four corners.
+
+    Parameters
+    ----------
+    corners : array_like, shape (4, 2), steps
+    stride : int, steps
+        1 for every step, contiguous.
+
+    Returns
+    -------
+    ndarray of int, shape (row, column, 2)
+    """
+    return _grid([np.arange(a, b + 1, stride) for a, b in zip(*_box(corners), strict=True)])
+
+
+def _box(corners: ArrayLike) -> tuple[Steps, Steps]:
+    """Smallest and largest up_down and left_right."""
+    return np.min(corners, axis=0), np.max(corners, axis=0)
+
+
+def _grid(axes: list[Steps]) -> Steps:
+    """All pairs of an up_down and a left_right."""
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 

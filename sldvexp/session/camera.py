@@ -2,68 +2,110 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.instrument.protocol import Acquisition, Samples, Status
+from sldvexp.session.interruption import undisturbed
 from sldvexp.session.journal import Journal
 from sldvexp.signal.image import ComplexImage
+from sldvexp.signal.rules import Flag
 
 if TYPE_CHECKING:
     from sldvexp.instrument.protocol import Instrument
+    from sldvexp.scan.base import Sampling
     from sldvexp.signal.sine_fit import SineFit
 
 
 class Camera:
     """Takes complex images line by line, from the journal where it has the line already.
 
+    A context manager: leaving it leaves the instrument, which goes home.
+
     Parameters
     ----------
-    instrument : Instrument
+    arrive : callable
+        Opens the instrument in this view. Called when it is needed for the first time; a view
+        that is in the journal as a whole needs none.
     signal : SineFit
-    acquisition : Acquisition
     journal : Journal
         Of this view.
     """
 
     def __init__(
-        self, instrument: Instrument, signal: SineFit, acquisition: Acquisition, journal: Journal
+        self,
+        arrive: Callable[[], AbstractContextManager[Instrument]],
+        signal: SineFit,
+        journal: Journal,
     ) -> None:
-        self.instrument = instrument
         self.signal = signal
-        self.acquisition = acquisition
         self.journal = journal
+        self._arrive = arrive
+        self._opened = ExitStack()
+        self._instrument: Instrument | None = None
+        self._wanted: Acquisition | None = None
+        self._set: Acquisition | None = None
         self._taken = 0
 
-    def image(self, name: str, lines: NDArray[np.int64]) -> ComplexImage:
+    def __enter__(self) -> Camera:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        with undisturbed():
+            self._opened.__exit__(*exception)  # type: ignore[arg-type]
+
+    @property
+    def instrument(self) -> Instrument:
+        """The instrument, sampling as was said last."""
+        if self._instrument is None:
+            self._instrument = self._opened.enter_context(self._arrive())
+        if self._wanted is not None and self._set != self._wanted:
+            self._instrument.configure(self._wanted)
+            self._set = self._wanted
+        return self._instrument
+
+    def sample(self, sampling: Sampling) -> None:
+        """Say how all pixels that follow are sampled."""
+        s = sampling
+        self._wanted = Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude)
+
+    def image(self, name: str, lines: Sequence[NDArray[np.int64]]) -> ComplexImage:
         """Complex pixels of some scan lines.
 
         Parameters
         ----------
         name : str
             Of these lines, unique in the view.
-        lines : ndarray of int, shape (line, pixel, 2)
+        lines : sequence of ndarray of int, shape (pixel, 2)
 
         Returns
         -------
         ComplexImage
-            Of ``line * pixel`` pixels, in their order.
+            Of the pixels of all lines, in their order.
         """
+        assert self._wanted is not None, "call sample first"
         samples = [self._line(f"{name}_{k:03d}", dac) for k, dac in enumerate(lines)]
-        times = np.arange(self.acquisition.samples) / samples[0].rate
-        return self.signal.demodulate(
+        times = np.arange(self._wanted.samples) / samples[0].rate
+        status = np.concatenate([s.status for s in samples])
+        image = self.signal.demodulate(
             np.concatenate([s.counts for s in samples]),
             times,
-            self.acquisition.excitation,
+            self._wanted.excitation,
             volts_per_count=samples[0].volts_per_count,
-            quality=np.concatenate([s.status & Status.dropped_out == 0 for s in samples]),
+            quality=status & Status.dropped_out == 0,
         )
+        over = np.where(status & Status.over_range, Flag.saturated, 0).astype(np.uint8)
+        return replace(image, flags=image.flags | over)
 
     def _line(self, name: str, dac: NDArray[np.int64]) -> Samples:
         """One scan line; its number in the view makes a repeated one the same on a virtual lab."""
         number, self._taken = self._taken, self._taken + 1
+        assert self._wanted is not None
         return self.journal.line(
-            name, dac, self.acquisition, lambda: self.instrument.scan(dac, stream=number)
+            name, dac, self._wanted, lambda: self.instrument.scan(dac, stream=number)
         )

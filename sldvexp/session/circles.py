@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,16 +10,43 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from sldvexp import dataset
+from sldvexp.errors import UserError
 from sldvexp.geometry.conic import principal_axes
 from sldvexp.image.conics import fit_circle
-from sldvexp.image.edges import gradient_edges, profile_edges
+from sldvexp.image.edges import gradient_edges, pixel_edges, profile_edges
 from sldvexp.image.lines import Edges, ScanLines
 from sldvexp.scan.calibration import Calibration, EdgeMethod
 from sldvexp.scan.lines import across, along_ellipse
+from sldvexp.session.looks import MANY, Look, require_circles, require_instrument
+from sldvexp.signal.image import ComplexImage
+from sldvexp.target.circles import Circles
 
 if TYPE_CHECKING:
     from sldvexp.laser.two_mirror import TwoMirror
     from sldvexp.session.camera import Camera
+    from sldvexp.session.standpoint import Standpoint
+
+PLACE = {
+    EdgeMethod.pixel: pixel_edges,
+    EdgeMethod.gradient: gradient_edges,
+    EdgeMethod.profile: profile_edges,
+}
+
+
+def take_circles(scan: Calibration, at: Standpoint) -> dict[str, xr.Dataset]:
+    """Scan the circles of a view; the group ``edge/<view>``."""
+    centres = scan.centres(at.view)
+    if isinstance(at.target, Circles) and len(centres) != len(at.target.circles):
+        raise UserError(
+            f"scan: the view {at.view} has {len(centres)} rough centres, but the calibration "
+            f"object has {len(at.target.circles)} circles; give each of them one"
+        )
+    at.camera.sample(scan.sampling)
+    try:
+        edges = scan_circles(at.camera, scan, centres, at.laser)
+    except UserError as error:
+        raise UserError(f"scan: in the view {at.view}, {error}") from None
+    return {f"edge/{at.view}": edge_group(edges)}
 
 
 def scan_circles(
@@ -45,23 +73,45 @@ def scan_circles(
     UserError
         If a circle is not where it should be; it says what was seen.
     """
-    return [_circle(camera, scan, k, centre, laser) for k, centre in enumerate(centres, 1)]
+    looks = [_look(camera, scan, k, centre, laser) for k, centre in enumerate(centres, 1)]
+    require_circles(looks, camera.journal.folder)
+    return [_edges(camera, scan, k, look, laser) for k, look in enumerate(looks, 1)]
 
 
-def _circle(
+def _look(
     camera: Camera, scan: Calibration, number: int, centre: NDArray[np.int64], laser: TwoMirror
-) -> Edges:
-    """Edges of one circle on its fine lines."""
+) -> Look:
+    """Coarse lines across one circle, and the ellipse that they show."""
     name = f"the circle around DAC steps ({centre[0]}, {centre[1]})"
-    coarse = _on_board(across(centre, scan.coarse.lines, scan.coarse.pixels), laser)
-    seen = gradient_edges(_lines(camera, f"{number}_coarse", coarse, name), 2, scan.coarse.window)
-    ellipse = fit_circle(seen, "algebraic")[0].ellipse
-    length, direction = principal_axes(ellipse.parameters)
+    key = f"{number}_coarse"
+    stage = scan.coarse
+    dac = _on_board(across(centre, stage.lines, stage.pixels, stage.stride), laser)
+    image = camera.image(key, list(dac))
+    look = Look(name, f"{key}_*", image)
+    try:
+        seen = gradient_edges(_lines(image, dac, name), 2, scan.coarse.window)
+        return replace(look, ellipse=fit_circle(seen, "algebraic")[0].ellipse)
+    except UserError as error:
+        return replace(look, problem=str(error))
+
+
+def _edges(camera: Camera, scan: Calibration, number: int, look: Look, laser: TwoMirror) -> Edges:
+    """Edges of one circle on fine lines around the ellipse of the coarse ones."""
+    assert look.ellipse is not None
+    key = f"{number}_fine"
+    length, direction = principal_axes(look.ellipse.parameters)
     axes = (direction * length).T
-    fine = along_ellipse(ellipse.centre, axes, scan.fine.lines, scan.fine.pixels)
-    lines = _lines(camera, f"{number}_fine", _on_board(fine, laser), name)
-    place = profile_edges if scan.edge is EdgeMethod.profile else gradient_edges
-    return place(lines, 1, scan.fine.window)
+    stage = scan.fine
+    fine = along_ellipse(look.ellipse.centre, axes, stage.lines, stage.pixels, stage.stride)
+    dac = _on_board(fine, laser)
+    image = camera.image(key, list(dac))
+    found = PLACE[scan.edge](_lines(image, dac, look.name), 1, scan.fine.window)
+    try:
+        fit_circle(found)
+    except UserError:
+        require_instrument(image, look.name, camera.journal.folder / f"{key}_*", MANY)
+        raise
+    return found
 
 
 def _on_board(dac: NDArray[np.int64], laser: TwoMirror) -> NDArray[np.int64]:
@@ -72,9 +122,8 @@ def _on_board(dac: NDArray[np.int64], laser: TwoMirror) -> NDArray[np.int64]:
     return dac - under - over
 
 
-def _lines(camera: Camera, key: str, dac: NDArray[np.int64], name: str) -> ScanLines:
+def _lines(image: ComplexImage, dac: NDArray[np.int64], name: str) -> ScanLines:
     """Scan lines of the velocity at the first frequency."""
-    image = camera.image(key, dac)
     shape = dac.shape[:2]
     return ScanLines.of_velocity(
         image.velocity[:, 0].reshape(shape),
@@ -106,6 +155,7 @@ def edge_group(edges: list[Edges]) -> xr.Dataset:
         dac_std=np.concatenate([e.std for e in edges]),
         direction=np.concatenate([e.direction for e in edges]),
         width=np.concatenate([e.width for e in edges]),
+        phase=np.concatenate([e.phase for e in edges]),
         circle=np.repeat(np.arange(1, len(edges) + 1), sizes),
     )
     group.attrs["summary"] = "\n".join(f"{e.name}: {e.summary()}" for e in edges)
@@ -126,6 +176,7 @@ def edges_of(group: xr.Dataset) -> list[Edges]:
                 width=own["width"].values,
                 line=np.arange(count),
                 rising=np.zeros(count, bool),
+                phase=own["phase"].values,
                 rejected=(),
                 lines=count,
                 name=f"circle image {number}",

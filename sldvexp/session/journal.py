@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +13,12 @@ from numpy.typing import NDArray
 from sldvexp.errors import UserError
 from sldvexp.files import whole_or_nothing
 from sldvexp.instrument.protocol import Acquisition, Samples
+from sldvexp.instrument.recorded_person import read_answer, write_answer
 from sldvexp.instrument.recording import asked, read_line, write_line
 
 
 class Journal:
-    """Finished scan lines of one view, one small file each.
+    """Finished scan lines of one view, and what a person found, one small file each.
 
     Parameters
     ----------
@@ -63,6 +65,39 @@ class Journal:
         samples = measure()
         write_line(path, dac, acquisition, samples)
         return samples
+
+    def answer(self, name: str, question: Any, ask: Callable[[], Any]) -> Any:
+        """What a person answered: kept earlier, or asked for now and kept.
+
+        Parameters
+        ----------
+        name : str
+            Of the question, unique in the view.
+        question : lists and numbers
+            What the answer is about.
+        ask : callable
+            Called only if the answer is not in the journal, or its file is not whole.
+
+        Returns
+        -------
+        lists, numbers or None
+
+        Raises
+        ------
+        UserError
+            If the journal has an answer to another question of that name.
+        """
+        path = self.folder / f"{name}.json"
+        if (kept := read_answer(path)) is not None:
+            if kept["question"] != question:
+                raise UserError(
+                    f"{path}: answers another question ({kept['question']}, not {question}); this "
+                    "folder belongs to another configuration, start the run in a new one"
+                )
+            return kept["answer"]
+        answer = ask()
+        write_answer(path, question, answer)
+        return answer
 
 
 def require_same(folder: Path, configuration: object) -> None:

@@ -1,31 +1,45 @@
-"""All views of a calibration object, one after the other, through any instrument that scans."""
+"""All views of a session, one after the other, through any instrument that scans."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
-from sldvexp.errors import UserError
-from sldvexp.instrument.protocol import Acquisition
-from sldvexp.paths import locate
-from sldvexp.scan.files import read_centres
+from sldvexp.errors import ConfigError, Problem, UserError
+from sldvexp.scan.base import Scan
+from sldvexp.session.by_person import joined, take_marks, take_spots
 from sldvexp.session.camera import Camera
-from sldvexp.session.circles import edge_group, scan_circles
+from sldvexp.session.circles import take_circles
+from sldvexp.session.images import take_image
 from sldvexp.session.journal import Journal, require_same
+from sldvexp.session.operator import Operator
+from sldvexp.session.standpoint import Standpoint
+
+if TYPE_CHECKING:
+    from sldvexp.instrument.protocol import Instrument
+    from sldvexp.laser.two_mirror import TwoMirror
 
 #: Of the dissertation's instrument (Section 3.2.1).
 PIXELS_PER_SECOND = 6.0
 
-if TYPE_CHECKING:
-    from sldvexp.scan.calibration import Calibration, Centres, Sampling
+#: What becomes of a part of a scan in one view, by the part's `kind`: groups of the dataset.
+KINDS: dict[str, Callable[[Any, Standpoint], dict[str, xr.Dataset]]] = {
+    "circles": take_circles,
+    "image": take_image,
+    "marks": take_marks,
+    "spots": take_spots,
+}
 
 
-def scan_views(experiment: Any, journal: Path) -> dict[str, xr.Dataset]:
-    """Scan the calibration object from every view.
+def scan_views(
+    experiment: Any, journal: Path, operator: Operator | None = None
+) -> dict[str, xr.Dataset]:
+    """Scan everything that the configuration says, view by view.
 
     Parameters
     ----------
@@ -33,64 +47,73 @@ def scan_views(experiment: Any, journal: Path) -> dict[str, xr.Dataset]:
         With ready plugins: scene, laser, target, scan, instrument and signal, and the seed.
     journal : Path
         Folder for finished scan lines; what it has is not scanned again.
+    operator : Operator, optional
 
     Returns
     -------
     dict of str to xarray.Dataset
-        The groups ``edge/<view>``.
+        The groups that the parts' kinds make, as ``edge/<view>``.
     """
     e = experiment
-    scan: Calibration = e.scan
-    rough = {view: _rough(centres) for view, centres in scan.views.items()}
-    require_same(journal, (e.seed, e.target, e.laser, e.scene, scan, type(e.instrument).__name__))
-    print(_estimate(scan, rough))
-    found = {}
-    for view, centres in rough.items():
-        if len(rough) > 1 and not e.instrument.takes_views_itself:
-            _ask_for(view)
-        with e.instrument.open(e.scene, e.laser, e.target, seed=e.seed, view=view) as instrument:
-            acquisition = acquisition_of(scan.sampling)
-            instrument.configure(acquisition)
-            camera = Camera(instrument, e.signal, acquisition, Journal(journal / view))
-            edges = scan_circles(camera, scan, centres, e.laser)
-        found[f"edge/{view}"] = edge_group(edges)
-    return found
+    operator = operator or Operator()
+    require_same(journal, (e.seed, e.target, e.laser, e.scene, e.scan, type(e.instrument).__name__))
+    if not e.scan.view_names():
+        raise ConfigError([Problem("scan.views", "needs at least one view")])
+    print(estimate(e.scan))
+    _require_on_board(e.scan, e.laser)
+    found: dict[str, xr.Dataset] = {}
+    for view in e.scan.view_names():
+        arrive = partial(_arrive, e, view, operator, journal / view)
+        with Camera(arrive, e.signal, Journal(journal / view)) as camera:
+            at = Standpoint(view, camera, e.laser, e.target, operator)
+            for part in e.scan.parts(view):
+                found |= KINDS[part.kind](part, at)
+    return joined(found)
 
 
-def acquisition_of(sampling: Sampling) -> Acquisition:
-    """What the instrument is told about each pixel."""
-    s = sampling
-    return Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude)
-
-
-def _ask_for(view: str) -> None:
-    """Wait until the operator has moved the instrument.
-
-    Raises
-    ------
-    UserError
-        If there is nobody to ask.
-    """
-    try:
-        input(f"Move the instrument to the view {view}, then press Enter: ")
-    except EOFError:
-        raise UserError(
-            f"scan: the instrument must be moved to the view {view}, but nobody is at the terminal"
-        ) from None
-
-
-def _estimate(scan: Calibration, rough: dict[str, NDArray[np.int64]]) -> str:
+def estimate(scan: Scan) -> str:
     """How long the session takes at least, and at the dissertation's six pixels a second."""
-    pixels = sum(scan.pixels(len(centres)) for centres in rough.values())
-    seconds = pixels * scan.sampling.samples / scan.sampling.rate
+    views = scan.view_names()
+    parts = [(part, view) for view in views for part in scan.parts(view)]
+    pixels = sum(part.pixel_count(view) for part, view in parts)
+    seconds = sum(part.seconds(view) for part, view in parts)
+    if not pixels:
+        return f"scan: by hand, views {', '.join(views)}"
     return (
-        f"scan: {pixels} pixels in {len(rough)} views, {seconds:.0f} s of samples "
+        f"scan: {pixels} pixels in {len(views)} views, {seconds:.0f} s of samples "
         f"({pixels / PIXELS_PER_SECOND / 60:.0f} min on an instrument of 6 pixels a second)"
     )
 
 
-def _rough(centres: Centres) -> NDArray[np.int64]:
-    """Rough centres of a view, shape (circle, 2), steps."""
-    if centres.path:
-        return read_centres(locate(centres.path))
-    return np.array(centres.dac, dtype=np.int64)
+def takes_samples(scan: Scan) -> bool:
+    """Whether a scan has pixels to sample; one by a person alone has none."""
+    return any(part.pixel_count(v) for v in scan.view_names() for part in scan.parts(v))
+
+
+def _require_on_board(scan: Scan, laser: TwoMirror) -> None:
+    """Refuse pixels that the mirrors cannot reach, before anything moves."""
+    for view in scan.view_names():
+        for part in scan.parts(view):
+            try:
+                laser.angle_from_dac(part.known_pixels(view))
+            except UserError as error:
+                raise UserError(f"scan: in the view {view}, {error}") from None
+
+
+def _arrive(
+    e: Any, view: str, operator: Operator, kept: Path
+) -> AbstractContextManager[Instrument]:
+    """The instrument in a view, where the operator must take it if it cannot go by itself."""
+    if len(e.scan.view_names()) > 1 and not e.instrument.takes_views_itself:
+        operator.ask(_request(view, begun=any(kept.glob("[!.]*"))))
+    return e.instrument.open(e.scene, e.laser, e.target, seed=e.seed, view=view)
+
+
+def _request(view: str, begun: bool) -> str:
+    """What the operator is asked before a view."""
+    if begun:
+        return (
+            f"The view {view} is scanned in part: the instrument must stand exactly where it "
+            "stood then. Press Enter to go on: "
+        )
+    return f"Move the instrument to the view {view}, then press Enter: "

@@ -52,12 +52,12 @@ class Dialect:
             "*IDN?": lambda: f"sldvexp,virtual lab,0,{_version()}".encode(),
             "SYST:ERR?": self._oldest_error,
             "SAMP:RATE?": lambda: repr(float(self._wanted.rate)).encode(),
-            "CHAN:SCAL?": lambda: ",".join(map(repr, self._scale())).encode(),
+            "CHAN:SCAL?": lambda: ",".join(map(repr, self.scale())).encode(),
             "GEN:OUTP?": lambda: b"1" if self.playing else b"0",
             "LAS:SHUT?": lambda: b"OPEN" if self.lab.shutter_open else b"CLOSED",
             "MIRR:POS?": lambda: ",".join(map(str, self.lab.position)).encode(),
-            "DATA?": lambda: _block(self._last().counts.astype("<i2", copy=False).data),
-            "STAT?": lambda: _block(self._last().status.data),
+            "DATA?": lambda: block(self._last().counts.astype("<i2", copy=False).data),
+            "STAT?": lambda: block(self._last().status.data),
         }
 
     def answer(self, line: str) -> bytes | None:
@@ -75,6 +75,11 @@ class Dialect:
         except (InstrumentError, UserError) as error:
             self.report(REFUSED, f"Data out of range; {error}")
         return None
+
+    @property
+    def samples(self) -> int:
+        """Samples of each pixel and channel."""
+        return self._wanted.samples
 
     def report(self, code: int, text: str) -> None:
         """Put an error into the queue."""
@@ -146,12 +151,13 @@ class Dialect:
             return Samples(np.zeros((0, 2, 0), np.int16), np.zeros(2), 0.0)
         return self._samples
 
-    def _scale(self) -> list[float]:
+    def scale(self) -> list[float]:
+        """Volts per count of each channel."""
         digitizer = self.lab.scene.digitizer
         return [digitizer.velocity_range / 2**15, digitizer.reference_range / 2**15]
 
 
-def _block(content: memoryview) -> bytes:
+def block(content: memoryview) -> bytes:
     """IEEE 488.2 definite length block."""
     length = str(content.nbytes)
     return b"#" + str(len(length)).encode() + length.encode() + content.tobytes()

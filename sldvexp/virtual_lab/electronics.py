@@ -87,7 +87,8 @@ class Electronics:
         signal = _sum_of_tones(
             self._velocity_phasors(velocity), self._velocity_tones, start, self._velocity_carrier
         )
-        amplitude = np.full(velocity.shape, complex(self._acquisition.amplitude))
+        played = complex(self._acquisition.amplitude * self._digitizer.reference_gain)
+        amplitude = np.full(velocity.shape, played)
         reference = _sum_of_tones(amplitude, self._reference_tones, start, self._reference_carrier)
         noise = self._band_limited(normal[:, 0], len(velocity))
         full_scale = v.sensitivity * v.full_scale
@@ -96,7 +97,11 @@ class Electronics:
         volts[:, 1] = reference[:n] + np.float32(self._digitizer.reference_noise) * normal[:, 1]
         lost = self._lost(lit[:n], uniform)
         np.copyto(volts[:, 0], np.float32(v.burst * full_scale) * noise, where=lost)
-        return self._converted(volts, np.any(lost, axis=1))
+        over = np.any(np.abs(volts[:, 0]) > full_scale, axis=1)
+        np.clip(volts[:, 0], -full_scale, full_scale, out=volts[:, 0])
+        if self._digitizer.exchanged:
+            volts = volts[:, ::-1].copy()
+        return self._converted(volts, np.any(lost, axis=1), over)
 
     def _carrier(self, frequency: Array) -> Array32:
         """Cosines and sines of the tones over one record, shape (2 tone, sample)."""
@@ -140,14 +145,15 @@ class Electronics:
         return limited[: len(noise)].astype(np.float32)
 
     def _converted(
-        self, volts: Array32, lost: NDArray[np.bool_]
+        self, volts: Array32, lost: NDArray[np.bool_], over: NDArray[np.bool_]
     ) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
         """Counts and status of voltages; beyond its range the converter stays at its last count."""
         volts /= self.volts_per_count.astype(np.float32)[:, None]
         np.rint(volts, out=volts)
         counts = np.clip(volts, -HALF_COUNTS, HALF_COUNTS - 1, out=volts).astype(np.int16)
         rails = (counts == -HALF_COUNTS) | (counts == HALF_COUNTS - 1)
-        status = np.where(rails.any(axis=(1, 2)), Status.over_range, Status.good).astype(np.uint8)
+        over = over | rails.any(axis=(1, 2))
+        status = np.where(over, Status.over_range, Status.good).astype(np.uint8)
         if self._vibrometer.drop_out_reported:
             status |= np.where(lost, Status.dropped_out, Status.good).astype(np.uint8)
         return counts, status

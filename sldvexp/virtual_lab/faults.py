@@ -7,7 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from sldvexp.virtual_lab.dialect import block
 from sldvexp.virtual_lab.server import LabServer
 
 Send = Callable[[bytes], None]
@@ -163,6 +165,25 @@ class Disconnect(Fault):
 
 
 @dataclass
+class ServerDies(Fault):
+    """The server goes down within the answer, and nobody listens there any more.
+
+    Parameters
+    ----------
+    sent : int
+        Bytes that still arrive.
+    """
+
+    sent: int = 0
+
+    def spoil(self, answer: bytes, send: Send, server: LabServer) -> None:
+        """Send these and go down."""
+        send(answer[: self.sent])
+        server.go_down()
+        raise ConnectionAbortedError
+
+
+@dataclass
 class Refusal(Fault):
     """An entry in the queue of errors.
 
@@ -208,3 +229,43 @@ class Surplus(Fault):
     def spoil(self, answer: bytes, send: Send, server: LabServer) -> None:
         """Send it with one byte more."""
         send(answer[:-1] + b"x" + answer[-1:])
+
+
+@dataclass
+class Backwards(Fault):
+    """A digitiser that sends the last sample of each pixel first."""
+
+    def spoil(self, answer: bytes, send: Send, server: LabServer) -> None:
+        """Turn the samples round."""
+        head, counts = _parts(answer)
+        samples = server.dialect.samples
+        send(head + counts.reshape(-1, samples)[:, ::-1].tobytes() + b"\n")
+
+
+@dataclass
+class Volts(Fault):
+    """A digitiser that sends volts (float32) instead of counts.
+
+    Parameters
+    ----------
+    spoilt : int
+        At which block the first sample is not a number; 0 for none.
+    """
+
+    spoilt: int = 0
+
+    def spoil(self, answer: bytes, send: Send, server: LabServer) -> None:
+        """Send the volts."""
+        _, counts = _parts(answer)
+        scale = np.array(server.dialect.scale())[:, None]
+        volts = counts.reshape(-1, len(scale), server.dialect.samples) * scale
+        self.spoilt -= 1
+        if self.spoilt == 0:
+            volts[0, 0, 0] = np.nan
+        send(block(volts.astype("<f4").data) + b"\n")
+
+
+def _parts(answer: bytes) -> tuple[bytes, NDArray[np.int16]]:
+    """Header and counts of a block."""
+    begin = 2 + int(answer[1:2])
+    return answer[:begin], np.frombuffer(answer[begin:-1], "<i2")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,10 +14,11 @@ from sldvexp.instrument.protocol import Acquisition, InstrumentError, Samples
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
 from sldvexp.target.base import Target
-from sldvexp.virtual_lab.beam import beams
+from sldvexp.virtual_lab.beam import Beams, beams
 from sldvexp.virtual_lab.calibration_object import CalibrationObject
 from sldvexp.virtual_lab.electronics import Electronics
 from sldvexp.virtual_lab.noise import PixelNoise
+from sldvexp.virtual_lab.person import SimulatedPerson
 from sldvexp.virtual_lab.plate import VibratingPlate
 from sldvexp.virtual_lab.scene import Scene
 
@@ -56,7 +58,7 @@ class VirtualLab:
         self.scene = scene
         self.mirrors = scene.mirrors.applied(laser)
         self.position = (0, 0)
-        self.shutter_open = True
+        self.shutter_open = scene.shutter_open
         self._seed = [seed] if isinstance(seed, int) else list(seed)
         rng = np.random.default_rng(np.random.SeedSequence([*self._seed, len(self._seed)]))
         self.objects = scene.objects(target, rng)
@@ -101,7 +103,7 @@ class VirtualLab:
             raise InstrumentError(
                 f"configure: frequencies must be positive and the amplitude not negative, not {a}"
             )
-        self._acquisition = a
+        a = self._acquisition = replace(a, amplitude=a.amplitude * self.scene.generator_gain)
         self._frequency = np.array(a.excitation, float) * (1.0 + self.scene.generator_error)
         scene = self.scene
         self._electronics = Electronics(scene.vibrometer, scene.digitizer, a, self._frequency)
@@ -195,6 +197,34 @@ class VirtualLab:
         """
         return self.true_dac(self.calibration_object.edge(circle, np.asarray(azimuth)))
 
+    def light(self, dac: ArrayLike) -> Beams:
+        """The beams of DAC steps, whole or not, shape (beam, 2), from this view."""
+        steps = np.asarray(dac)
+        wired = steps[:, ::-1] if self.scene.mirrors.swapped else steps
+        return beams(self.mirrors, wired, self._rotation, self._origin, self.scene.spot)
+
+    def spot(self) -> Array:
+        """Where the beam falls now, shape (3,), m; UserError if on no object."""
+        light = self.light([self.position])
+        distance = min(float(o.seen(light, np.zeros(0))[0][0]) for o in self.objects)
+        if not np.isfinite(distance):
+            up_down, left_right = self.position
+            raise UserError(
+                f"in the view {self.view} the beam at ({up_down}, {left_right}) falls on nothing "
+                "that the virtual lab has; send it elsewhere"
+            )
+        return light.origin[0] + distance * light.direction[0]
+
+    def generator(self, what: str) -> np.random.Generator:
+        """Random numbers that belong to a name, whatever was drawn before."""
+        entropy = [len(self._seed), *self._seed, *what.encode()]
+        return np.random.default_rng(np.random.SeedSequence(entropy))
+
+    @property
+    def person(self) -> SimulatedPerson:
+        """Who points the beam by eye and holds the digitizer."""
+        return SimulatedPerson(self)
+
     @property
     def calibration_object(self) -> CalibrationObject:
         """The true calibration object; UserError if there is none."""
@@ -241,8 +271,7 @@ class VirtualLab:
 
     def _look(self, dac: NDArray[np.int64]) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
         """Velocity (pixel, tone), m/s per V, along the beams, and whether light comes back."""
-        wired = dac[:, ::-1] if self.scene.mirrors.swapped else dac
-        light = beams(self.mirrors, wired, self._rotation, self._origin, self.scene.spot)
+        light = self.light(dac)
         seen = [o.seen(light, self._frequency) for o in self.objects]
         distance = np.stack([d for d, _ in seen])
         first = distance.argmin(axis=0)

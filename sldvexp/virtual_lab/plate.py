@@ -98,6 +98,13 @@ class VibratingPlate(SceneObject):
         displacement = self._response(frequency) / (2j * np.pi * frequency)
         return np.einsum("pmi,m->pi", shape, displacement)
 
+    def height(self, points: ArrayLike) -> Array:
+        """Height of points above the measured surface, shape (point,), m; NaN beside the plate."""
+        place = self._place(points)
+        own = (np.atleast_2d(np.asarray(points, float)) - self.center) @ self.rotation.T
+        normal = self.surface.frame(place)[:, 2]
+        return np.einsum("pi,pi->p", own - self.surface.position(place), normal)
+
     def axes(self, points: ArrayLike) -> Array:
         """Two tangents and the normal of the surface, unit rows, shape (point, 3, 3)."""
         return self.surface.frame(self._place(points)) @ self.rotation

@@ -56,7 +56,7 @@ class Vibrometer:
     sensitivity : float, V per m/s
         100 mV per mm/s in the medium range (Section 3.1).
     full_scale : float, m/s
-        Of that range: 10 V.
+        Of that range: 10 V. Beyond it the output stays there and the status says so.
     noise : float
         Laser noise, root mean square over full scale.
     bandwidth : float, Hz
@@ -107,17 +107,50 @@ class Digitizer:
         Each channel converts -range to +range and stays at its last count beyond.
     reference_noise : float, V
         Root mean square of the reference channel's noise, white.
+    reference_gain : float
+        Reference signal over the excitation; 0 is a cable that is not plugged in.
+    exchanged : bool
+        The cables of the two channels are crossed.
     """
 
     velocity_range: float = 10.0
     reference_range: float = 5.0
     reference_noise: float = 0.001
+    reference_gain: float = 1.0
+    exchanged: bool = False
 
     def check(self, checks: Checks, name: str) -> None:
         """Note under `name` what no converter can be."""
         checks.positive(f"{name}.velocity_range", self.velocity_range)
         checks.positive(f"{name}.reference_range", self.reference_range)
         checks.non_negative(f"{name}.reference_noise", self.reference_noise)
+        checks.finite(f"{name}.reference_gain", self.reference_gain)
+
+
+@dataclass
+class Operator:
+    """The person at the instrument, and what was measured by hand.
+
+    Parameters
+    ----------
+    pointing : float
+        Standard deviation, in any direction across the beam, of the spot's center from the mark
+        that it is pointed at, over the spot's radius (1/e^2). Whole DAC steps add to it.
+    mark_error : bool
+        Whether the true marks stand elsewhere than measured: every coordinate uniformly within its
+        accuracy, and the same in all views.
+    digitizer : float, m
+        Standard deviation of each coordinate of one sample of the acoustic digitizer.
+    """
+
+    pointing: float = 0.29
+    mark_error: bool = True
+    digitizer: float = 0.0026
+
+    def check(self, checks: Checks, name: str) -> None:
+        """Note under `name` what nobody can be."""
+        checks.non_negative(f"{name}.pointing", self.pointing)
+        checks.non_negative(f"{name}.digitizer", self.digitizer)
 
 
 @dataclass
@@ -133,8 +166,13 @@ class Scene(ABC):
     spot : Spot
     vibrometer : Vibrometer
     digitizer : Digitizer
+    operator : Operator
     generator_error : float
         By which part the generator's frequencies are too high.
+    generator_gain : float
+        Its true amplitude over the one that it was asked for; 0 is an output that stays off.
+    shutter_open : bool
+        Whether the laser's light leaves the instrument.
     residual : float, m/s per V of excitation
         Peak velocity along the world's z of everything that should rest.
     backdrop : bool
@@ -146,7 +184,10 @@ class Scene(ABC):
     spot: Spot = field(default_factory=Spot)
     vibrometer: Vibrometer = field(default_factory=Vibrometer)
     digitizer: Digitizer = field(default_factory=Digitizer)
+    operator: Operator = field(default_factory=Operator)
     generator_error: float = 0.0
+    generator_gain: float = 1.0
+    shutter_open: bool = True
     residual: float = 0.0
     backdrop: bool = True
 
@@ -161,9 +202,11 @@ class Scene(ABC):
         self.spot.check(checks, "spot")
         self.vibrometer.check(checks, "vibrometer")
         self.digitizer.check(checks, "digitizer")
+        self.operator.check(checks, "operator")
         slow = math.isfinite(self.generator_error) and self.generator_error > -1
         message = f"must be a finite number above -1, not {self.generator_error}"
         checks.require(slow, "generator_error", message)
+        checks.non_negative("generator_gain", self.generator_gain)
         checks.finite("residual", self.residual)
         self.check(checks)
         checks.done()

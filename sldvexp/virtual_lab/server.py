@@ -47,13 +47,14 @@ class LabServer:
         self.stopping = threading.Event()
         self._listener = socket.create_server((host, port), backlog=5)
         self._listener.settimeout(POLL)
+        self._address = self._listener.getsockname()
         self._client: socket.socket | None = None
         self._thread = threading.Thread(target=self.serve, daemon=True)
 
     @property
     def resource(self) -> str:
         """VISA's name of this server."""
-        host, port = self._listener.getsockname()
+        host, port = self._address
         return f"TCPIP::{host}::{port}::SOCKET"
 
     def __enter__(self) -> LabServer:
@@ -67,6 +68,11 @@ class LabServer:
                 self._client.shutdown(socket.SHUT_RDWR)  # wakes a thread that sends to nobody
         self._thread.join()
         self._listener.close()
+
+    def go_down(self) -> None:
+        """Stop listening, from within the server's own thread."""
+        self._listener.close()
+        self.stopping.set()
 
     def serve(self) -> None:
         """Serve one client after the other until `stopping` is set."""

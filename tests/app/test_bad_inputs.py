@@ -147,7 +147,7 @@ CHOICES = [
     Bad(
         "~experiment pose=registration",
         "…pose.path must name a registration file, or one for each view as {front: "
-        "a.reg, left: b.reg}",
+        "a.reg, left: b.reg}, unless scan=by_hand or scan=by_digitizer gives the points",
     ),
     Bad(
         "--config-name nope",
@@ -170,7 +170,7 @@ KEYS = [
     on_pose(
         "pose.max_iteration=9",
         "pose.max_iteration is not a known setting; did you mean max_iterations? Valid: "
-        "adjust, confidence, inverted, max_iterations, path, unit",
+        "adjust, confidence, inverted, max_iterations, path, shared, unit",
     ),
     on_pose(
         "laser.up_down.gian=25",

@@ -26,7 +26,16 @@ QUICK = ("~experiment", "target=dissertation")
 POSE = ("experiment=pose", "check.pose_repeats.repeats=20")
 
 
-def test_composing_imports_nothing_heavy(tmp_path):
+@pytest.mark.parametrize(
+    ("arguments", "answer"),
+    [
+        ("experiment=dissertation/registration --cfg job", "figure_4_28.reg"),
+        ("--help", "contravariant"),
+        ("list", "contravariant"),
+        ("show scene=plate", "plate.thickness: 0.00"),
+    ],
+)
+def test_what_answers_at_once_imports_nothing_heavy(tmp_path, arguments, answer):
     heavy = "{'numpy', 'scipy', 'pandas', 'xarray', 'matplotlib'}"
     code = f"""
 import sys
@@ -36,11 +45,10 @@ try:
 except SystemExit as stop:
     print(sorted({heavy} & set(sys.modules)), stop.code, file=sys.stderr)
 """
-    arguments = ("experiment=dissertation/registration", "--cfg", "job")
-    command = [sys.executable, "-c", code, *arguments]
+    command = [sys.executable, "-c", code, *arguments.split()]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=True)
     assert done.stderr.splitlines()[-1] == "[] 0"
-    assert "figure_4_28.reg" in done.stdout
+    assert answer in done.stdout
 
 
 def test_exit_status_tells_what_happened(sldvexp, monkeypatch):
@@ -157,7 +165,10 @@ def installed(monkeypatch):
     def install(**loaders):
         entries = [
             SimpleNamespace(
-                name=name, value="a:b", load=load, dist=SimpleNamespace(name=f"{name}-1")
+                name=name,
+                value="a:b",
+                load=load,
+                dist=SimpleNamespace(name=f"{name}-1", version="1"),
             )
             for name, load in loaders.items()
         ]

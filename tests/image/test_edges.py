@@ -11,6 +11,7 @@ from sldvexp.image.edges import (
     COARSE_WINDOW,
     FINE_WINDOW,
     gradient_edges,
+    pixel_edges,
     profile_edges,
 )
 from sldvexp.image.lines import Edges, Reason, ScanLines
@@ -103,6 +104,20 @@ def test_gradient_is_nearly_unbiased_and_worse_than_the_profile(width: float) ->
     # to first order only: taking the largest of noisy gradients adds up to a third
     assert (error / found.std).std() < 1.4
     assert np.median(found.width) == pytest.approx(width, abs=0.15)
+
+
+def test_a_pixel_is_the_nearest_one_to_the_edge() -> None:
+    count = 3000
+    edge = np.random.default_rng(1).uniform(-4.0, 4.0, count)
+    scanned = lines_with_edges(edge, noise=1e-4)
+    found = pixel_edges(scanned, 1, FINE_WINDOW)
+    apart = np.abs(found.position[:, None] - scanned.position[found.line]).max(axis=-1)
+    np.testing.assert_allclose(apart.min(axis=1), 0, atol=1e-9)
+    error = errors(found, edge)
+    assert np.abs(error).max() < 0.51
+    # Uniform within half a pixel, to 4.5 standard errors of its standard deviation.
+    assert error.std() == pytest.approx(12**-0.5, abs=4.5 * 0.13 / np.sqrt(count))
+    assert np.median(found.std) == pytest.approx(12**-0.5, rel=0.02)
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -159,7 +159,7 @@ def test_bad_fields(name: str, fields: dict[str, object], match: str) -> None:
 def test_full_model_only_where_an_intercept_shows(name: str) -> None:
     from sldvexp.errors import ConfigError
 
-    if name in ("relative", "contravariant"):
+    if name == "relative":
         with pytest.raises(ConfigError, match="model: must be partial"):
             method_of(name, model=Model.full)
     else:

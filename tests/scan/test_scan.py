@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.scan.calibration import Calibration, Centres, Lines
 from sldvexp.scan.files import read_centres, read_list, read_rectangle, write_list
-from sldvexp.scan.lines import across, along_ellipse, rectangle
+from sldvexp.scan.lines import across, along_ellipse, rectangle, strided
 
 steps = st.integers(-4096, 4096)
 
@@ -47,7 +47,7 @@ def test_rectangle_over_the_box_of_its_corners():
     assert grid.shape == (11, 12, 2)
     np.testing.assert_array_equal(grid[0, 0], [-30, -6])
     np.testing.assert_array_equal(grid[-1, -1], [12, 40])
-    assert rectangle(corners, 0, 0).shape == (43, 47, 2)
+    assert strided(corners, 1).shape == (43, 47, 2)
     assert rectangle(corners, 1000, 3).shape == (43, 3, 2)
 
 

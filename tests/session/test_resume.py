@@ -1,12 +1,9 @@
-"""A session that was killed goes on where it stopped and ends the same, to the bit."""
+"""What a session kept is used again, for the same configuration and no other."""
 
 from __future__ import annotations
 
-import os
-import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -42,32 +39,6 @@ def whole(tmp_path_factory):
     subprocess.run([*COMMAND, *SMALL, f"hydra.run.dir={folder}"], cwd=folder, check=True,
                    capture_output=True)  # fmt: skip
     return folder
-
-
-@pytest.mark.parametrize("lines", [1, 23, 45])
-def test_a_killed_session_ends_the_same(tmp_path, whole, lines):
-    folder = tmp_path / "run"
-    session = subprocess.Popen(
-        [*COMMAND, *SMALL, f"hydra.run.dir={folder}"], cwd=tmp_path, stdout=subprocess.DEVNULL
-    )
-    kept = []
-    while len(kept) < lines and session.poll() is None:
-        time.sleep(0.005)
-        kept = [p for p in (folder / "journal").rglob("*.npz") if not p.name.startswith(".")]
-    os.kill(session.pid, signal.SIGKILL)
-    session.wait()
-    assert not (folder / "run.nc").exists()
-    before = {p: p.stat().st_mtime_ns for p in kept}
-    done = subprocess.run(
-        [*COMMAND, f"resume={folder}"], cwd=tmp_path, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    # No finished line was measured again.
-    assert {p: p.stat().st_mtime_ns for p in kept} == before
-    one, two = variables(whole), variables(folder)
-    assert one.keys() == two.keys()
-    for name, values in one.items():
-        np.testing.assert_array_equal(values, two[name], err_msg=name)
 
 
 def test_only_a_run_can_be_resumed(sldvexp, tmp_path):

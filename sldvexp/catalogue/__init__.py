@@ -1,0 +1,1 @@
+"""What there is to choose from: `sldvexp list` and `sldvexp show`."""

@@ -1,0 +1,139 @@
+"""Prisms between nodal values and samples: the basis functions, and which nodes share a prism.
+
+Arrays over nodes have the shape (layer, surface_node, ...), over samples (gap, triangle, point,
+...); both are plain reshapes of the dataset's order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from sldvexp.volume.prisms import Prisms
+from sldvexp.volume.samples import SampleRule
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Graph:
+    """Which surface nodes share a triangle: block rows and columns of matrices over the surface.
+
+    Parameters
+    ----------
+    indptr, indices : ndarray of int
+        As of a sorted CSR matrix; every node is a neighbour of itself.
+    place : ndarray of int, shape (triangle, 3, 3)
+        Where the block of two corners of a triangle is among `indices`.
+    """
+
+    indptr: Indices
+    indices: Indices
+    place: Indices
+
+    @classmethod
+    def of(cls, prisms: Prisms) -> Graph:
+        """The graph of a volume's surface."""
+        count = prisms.surface_nodes
+        row = np.repeat(prisms.triangles, 3, axis=1).astype(np.intp)
+        key = row * count + np.tile(prisms.triangles, (1, 3))
+        keys, place = np.unique(key, return_inverse=True)
+        indptr = np.searchsorted(keys, count * np.arange(count + 1))
+        return cls(indptr, keys % count, place.reshape(-1, 3, 3))
+
+    @property
+    def nodes(self) -> int:
+        """Nodes of the surface."""
+        return len(self.indptr) - 1
+
+    @cached_property
+    def row(self) -> Indices:
+        """The row of each entry of `indices`."""
+        return np.repeat(np.arange(self.nodes), np.diff(self.indptr))
+
+    @cached_property
+    def diagonal(self) -> Indices:
+        """Where the block of a node with itself is, shape (surface_node,)."""
+        return np.flatnonzero(self.indices == self.row)
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """The prisms over some triangles, with the nodes of these numbered anew.
+
+    Parameters
+    ----------
+    triangles : ndarray of int, shape (triangle,)
+    nodes : ndarray of int, shape (patch_node,)
+        Surface nodes of the patch, ascending.
+    corner : ndarray of int, shape (triangle, 3)
+        Corners of the triangles as places in `nodes`.
+    layers : int
+    shape : ndarray, shape (point, 6)
+        Basis functions of a prism (Eq 5.20) at its samples.
+    """
+
+    triangles: Indices
+    nodes: Indices
+    corner: Indices
+    layers: int
+    shape: Array
+
+    @classmethod
+    def over(cls, prisms: Prisms, rule: SampleRule, triangles: Indices) -> Patch:
+        """The patch over these triangles of a volume."""
+        nodes, corner = np.unique(prisms.triangles[triangles], return_inverse=True)
+        return cls(triangles, nodes, corner.reshape(-1, 3), prisms.layers, rule.shape())
+
+    @property
+    def count(self) -> int:
+        """Nodes in all layers."""
+        return self.layers * len(self.nodes)
+
+    @property
+    def sample_shape(self) -> tuple[int, int, int]:
+        """(gap, triangle, point)."""
+        return self.layers - 1, len(self.triangles), len(self.shape)
+
+    def at_samples(self, nodal: NDArray[np.inexact]) -> NDArray[np.inexact]:
+        """``B f``: values at samples of nodal values, (layer, patch_node, m) to (sample, m)."""
+        corner = nodal[:, self.corner]
+        values = self.shape[:, :3] @ corner[:-1]
+        values += self.shape[:, 3:] @ corner[1:]
+        return values.reshape(-1, nodal.shape[-1])
+
+    def to_nodes(self, samples: NDArray[np.inexact]) -> NDArray[np.inexact]:
+        """``B^T f``: sums over samples, (sample, m) to (layer, patch_node, m)."""
+        columns = samples.shape[-1]
+        each = self.shape.T @ samples.reshape(*self.sample_shape, columns)
+        gaps, triangles, _ = self.sample_shape
+        sums = np.zeros((self.layers, triangles, 3, columns), samples.dtype)
+        sums[:-1] += each[:, :, :3]
+        sums[1:] += each[:, :, 3:]
+        flat = sums.reshape(self.layers, triangles * 3, columns)
+        return np.stack([self._gather @ layer for layer in flat])
+
+    @cached_property
+    def _gather(self) -> csr_array:
+        """Sums corners of triangles at their nodes."""
+        corners = self.corner.size
+        entries = (np.ones(corners), (self.corner.ravel(), np.arange(corners)))
+        return csr_array(entries, shape=(len(self.nodes), corners))
+
+    @cached_property
+    def transposed(self) -> csr_array:
+        """``B^T``, shape (node, sample), whose data says where `shape` has the entry."""
+        gaps, triangles, points = self.sample_shape
+        step = len(self.nodes) * np.arange(gaps)[:, None, None]
+        element = step + np.concatenate([self.corner, self.corner + len(self.nodes)], axis=1)
+        samples = gaps * triangles * points
+        columns = np.repeat(element.reshape(-1, 6), points, axis=0).ravel().astype(np.int32)
+        where = np.tile(np.arange(6 * points, dtype=np.int32), gaps * triangles)
+        rows = np.arange(0, 6 * samples + 1, 6, dtype=np.int32)
+        matrix = csr_array((where, columns, rows), shape=(samples, self.count))
+        return matrix.T.tocsr()

@@ -1,0 +1,62 @@
+"""Few combinations of frequencies that carry all that is above the noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Columns up to which each is its own combination.
+FEW = 8
+#: Part of a column's sum of squares that may be left out even if it is above the noise.
+NEGLIGIBLE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyModes:
+    """Orthonormal combinations C of the data's columns, ``v = (v C^T) C`` but for noise.
+
+    A pose moves what the poses are seen to move by; of the noise it moves a small part, which does
+    not show beside the noise itself.
+
+    Attributes
+    ----------
+    combination : ndarray, shape (mode, column)
+    """
+
+    combination: Array
+
+    @classmethod
+    def of(cls, data: list[Array], noise: Array) -> FrequencyModes:
+        """Those of the pixels of all views.
+
+        Parameters
+        ----------
+        data : list of ndarray, shape (pixel, column)
+        noise : ndarray, shape (column,)
+            Expected sum of squares of each column's noise.
+        """
+        columns = data[0].shape[1]
+        if columns <= FEW:
+            return cls(np.eye(columns))
+        gram = sum(d.T @ d for d in data)
+        _, vectors = np.linalg.eigh(gram)
+        vectors = vectors[:, ::-1]
+        carried = np.cumsum(vectors**2 * np.einsum("ij,ik,kj->j", vectors, gram, vectors), axis=1)
+        total = np.diagonal(gram)[:, None]
+        enough = np.all(total - carried <= np.maximum(2 * noise[:, None], NEGLIGIBLE * total), axis=0)
+        modes = int(np.argmax(enough)) + 1 if enough.any() else columns
+        return cls(np.ascontiguousarray(vectors[:, :modes].T))
+
+    def of_columns(self, values: Array) -> Array:
+        """The modes' values of (..., column)."""
+        return values @ self.combination.T
+
+    def quadratic(self, gram: Array) -> Array:
+        """``c^T G c`` for every column c, from (..., mode, mode) to (..., column)."""
+        squares = np.einsum("ic,jc->ijc", self.combination, self.combination)
+        modes, columns = self.combination.shape
+        return gram.reshape(*gram.shape[:-2], -1) @ squares.reshape(modes**2, columns)

@@ -1,0 +1,150 @@
+"""All that is known of a field at the end, put into its result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.field.equations import Equations
+from sldvexp.field.flags import Flags
+from sldvexp.field.looks import Looks
+from sldvexp.field.model import FieldModel
+from sldvexp.field.result import LOCAL, WORLD, FieldResult
+from sldvexp.field.second_way import Second
+from sldvexp.field.solvers.base import Solver
+from sldvexp.field.system import solution
+from sldvexp.statistics.f_test import FTest, nested_f_test
+from sldvexp.statistics.student import student_factor
+
+Array = NDArray[np.float64]
+
+#: Error of bounds above which the user is told.
+WORTH_TELLING = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """A solved field.
+
+    Parameters
+    ----------
+    looks : Looks
+    model : FieldModel
+    equations : Equations
+    flags : Flags
+    theta : ndarray, shape (layer, surface_node, parameter, column)
+    second : Second
+    solver : Solver
+    """
+
+    looks: Looks
+    model: FieldModel
+    equations: Equations
+    flags: Flags
+    theta: Array
+    second: Second
+    solver: Solver
+
+    def result(
+        self, messages: list[str], condition: tuple[float, float] = (np.nan, np.nan)
+    ) -> FieldResult:
+        """The result, without what is not determined."""
+        nodal = self._by_node(self.theta).view(complex)
+        known, seen = self.flags.determined[..., None], self.second
+        error = seen.error
+        if error > WORTH_TELLING:
+            messages.append(
+                f"standard errors are approximations here: exact ones differ by up to {error:.0%}"
+            )
+        return FieldResult(
+            components=LOCAL if self.model.local else WORLD,
+            velocity=np.where(known[:, :3], nodal[:, :3], np.nan),
+            observable=self.flags.observable,
+            flagged_node=self.flags.node,
+            flagged_rank=self.flags.rank,
+            flagged_direction=self.flags.direction,
+            rows=self.model.rows,
+            intercept=np.where(known[:, 3], nodal[:, 3], np.nan) if self.model.intercept else None,
+            cond=condition[0],
+            rcond=condition[1],
+            intercept_test=self._intercept_test(),
+            efficiency=None,
+            bounds_error=error,
+            coverage=self.equations.coverage,
+            messages=tuple(messages),
+            **self._bounds(known),
+            **self._statistics(),
+        )
+
+    def _by_node(self, values: Array) -> Array:
+        """(layer, surface_node, ...) to (node, ...)."""
+        return np.ascontiguousarray(values.reshape(-1, *values.shape[2:]))
+
+    def _bounds(self, known: NDArray[np.bool_]) -> dict[str, Any]:
+        """Standard errors; NaN where nothing is determined."""
+        names = ("std_noise", "std_pose", "std_by_part", "confidence_by_part", "intercept_std")
+        if self.second.noise is None:
+            return dict.fromkeys(names)
+        noise = np.where(known, self._by_node(self.second.noise), np.nan)
+        pose = np.zeros((2, *noise.shape))
+        if self.second.pose is not None:
+            columns = self._by_node(self.second.pose)
+            pose = np.where(known, np.stack([columns[..., ::2], columns[..., 1::2]]), np.nan)
+        std = np.sqrt(noise + pose)
+        factor = float(student_factor(self.model.method.confidence, np.inf))
+        return {
+            "std_noise": np.sqrt(noise[:, :3]),
+            "std_pose": None if self.second.pose is None else np.sqrt(pose[:, :, :3]),
+            "std_by_part": std[:, :, :3],
+            "confidence_by_part": factor * std[:, :, :3],
+            "intercept_std": std[:, :, 3].max(axis=0) if self.model.intercept else None,
+        }
+
+    def _statistics(self) -> dict[str, Any]:
+        """What Tables 5.7 and 5.8 state."""
+        left, equations, model = self.second.residuals, self.equations, self.model
+        active = int(equations.system.active.sum())
+        unknowns = active * model.block
+        real_rows = 2 * (equations.samples if model.contravariant else equations.rows)
+        count = real_rows if model.contravariant else equations.rows
+        freedom, sse = real_rows - 2 * unknowns, _by_frequency(left.squares)
+        by_view, by_row = _by_frequency(left.by_view), _by_frequency(left.by_row)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            expected = self.second.expected
+            return {
+                "unknowns": unknowns,
+                "samples": count,
+                "sse": sse,
+                "residual_std": np.sqrt(sse / count),
+                "s": np.sqrt(sse / freedom) if freedom > 0 else np.full_like(sse, np.nan),
+                "residual_std_by_view": np.sqrt(by_view / left.view_count[:, None]),
+                "residual_std_by_row": np.sqrt(by_row / left.row_count[:, None]),
+                "chi2_ratio": None if expected is None else sse / expected,
+            }
+
+    def _intercept_test(self) -> FTest | None:
+        """F of the full against the partial model (Eq 5.17); None if there is no such comparison.
+
+        ``SSE_partial - SSE_full = theta_full . b - theta_partial . b``: a least-squares fit takes
+        ``theta . b`` off the sum of squares of the data.
+        """
+        equations, model = self.equations, self.model
+        if not model.intercept or model.contravariant:
+            return None
+        partial = equations.system.part(3)
+        right = np.ascontiguousarray(equations.right[:, :, :3])
+        without = solution(right, partial, self.solver.prepare(partial))
+        drop = np.einsum("lnpc,lnpc->c", self.theta, equations.right)
+        drop -= np.einsum("lnpc,lnpc->c", without, right)
+        sse, fewer = _by_frequency(self.second.residuals.squares)[0], _by_frequency(drop)
+        added = 2 * int(equations.system.active.sum())
+        freedom = 2 * equations.rows - 4 * added
+        return nested_f_test(sse + fewer, sse, added, freedom, model.method.confidence)
+
+
+def _by_frequency(squares: Array) -> Array:
+    """Squares of real and imaginary parts added up, (..., column) to (..., frequency)."""
+    return squares[..., ::2] + squares[..., 1::2]

@@ -1,0 +1,153 @@
+"""Second way through the samples, with the solution: residuals and bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.errors import UserError
+from sldvexp.field.bounds import POSE, Bounds
+from sldvexp.field.frequency_modes import FrequencyModes
+from sldvexp.field.inverse_rows import SMALL, InverseRows, WholeInverse
+from sldvexp.field.local_rows import RINGS
+from sldvexp.field.looks import Looks
+from sldvexp.field.model import FieldModel
+from sldvexp.field.near_inverse import NearInverse
+from sldvexp.field.parts import parts
+from sldvexp.field.residuals import Residuals
+from sldvexp.field.system import Solve, System
+from sldvexp.field.verification import largest_error
+from sldvexp.field.view import View
+
+Array = NDArray[np.float64]
+
+#: Parts in which bounds of some nodes are verified.
+VERIFIED_PARTS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Second:
+    """What the second way finds.
+
+    Attributes
+    ----------
+    residuals : Residuals
+    noise : ndarray, shape (layer, surface_node, parameter, frequency), optional
+        Variance from the pixels' noise, of a real part.
+    pose : ndarray, shape (layer, surface_node, parameter, column), optional
+        Variance from the poses.
+    expected : ndarray, shape (equation, frequency), optional
+        Sum of squares that the noise lets expect.
+    error : float
+        Largest relative error of a standard error found where it was computed exactly.
+    """
+
+    residuals: Residuals
+    noise: Array | None
+    pose: Array | None
+    expected: Array | None
+    error: float
+
+
+def residuals_only(looks: Looks, model: FieldModel, system: System, theta: Array, data: list[Array]) -> Second:
+    """Go through the samples without computing bounds."""
+    left = Residuals.empty(model, len(data), theta.shape[-1])
+    for part in parts(looks, model, system.graph, 0, whole=False):
+        left.add(part, theta, data)
+    return Second(left, None, None, None, np.nan)
+
+
+def with_bounds(
+    looks: Looks,
+    model: FieldModel,
+    system: System,
+    theta: Array,
+    data: list[Array],
+    solve: Solve,
+    determined: NDArray[np.bool_],
+    covariance: Array | None,
+) -> Second:
+    """Go through the samples and compute bounds as well.
+
+    Parameters
+    ----------
+    looks : Looks
+    model : FieldModel
+    system : System
+    theta : ndarray, shape (layer, surface_node, parameter, column)
+    data : list of ndarray, shape (pixel, column)
+    solve : Solve
+    determined : ndarray of bool, shape (layer, surface_node, parameter)
+    covariance : ndarray, shape (6 views, 6 views), optional
+        Of the poses; None if it is not known.
+    """
+    columns = theta.shape[-1]
+    left, found = Residuals.empty(model, len(data), columns), Bounds.empty(looks, model, columns)
+    factor = variance_factors(looks.views, model.pixel_std)
+    modes = _modes(model, data, factor)
+    data_of_modes = [modes.of_columns(d) for d in data]
+    theta_of_modes = modes.of_columns(theta)
+    small = system.nodes * system.block <= SMALL
+    whole = WholeInverse.of(system, model.parameters) if small else None
+    error, count = 0.0, 0
+    for part in parts(looks, model, system.graph, 0 if small else RINGS, whole=small):
+        left.add(part, theta, data)
+        influences = [part.influence(k) for k in range(len(data))]
+        rows: InverseRows = whole or NearInverse.of(system, part.region, part.patch, model.parameters)
+        found.add_noise(part, rows, influences)
+        if isinstance(rows, NearInverse) and count < VERIFIED_PARTS:
+            worst = largest_error(part, rows, influences, found.noise, determined, system, solve)
+            error, count = max(error, worst), count + 1
+        if covariance is not None:
+            found.add_pose(part, rows, theta_of_modes, data_of_modes, modes, covariance)
+    pose = found.pose if covariance is not None else None
+    return Second(left, found.noise @ factor, pose, 2 * found.expected @ factor, error)
+
+
+def variance_factors(views: list[View] | tuple[View, ...], pixel_std: tuple[Array, ...]) -> Array:
+    """Each frequency's variance over the mean of all, shape (view, frequency).
+
+    White noise has the same variance at all frequencies, or differs by a factor that all pixels of a
+    view have in common; this factor is taken from the pixels' mean.
+    """
+    factors = []
+    for view, std in zip(views, pixel_std, strict=True):
+        frequencies = view.velocity.shape[1]
+        if view.std.ndim == 1:
+            factors.append(np.ones(frequencies))
+            continue
+        mean = np.mean(view.std[view.usable] ** 2, axis=0)
+        total = np.mean(std[view.usable] ** 2)
+        factors.append(mean / total if total > 0 else np.ones(frequencies))
+    return np.array(factors)
+
+
+def pose_covariance(views: list[View] | tuple[View, ...], joint: Array | None) -> Array | None:
+    """Covariance of all poses, (6 views, 6 views); None if that of a view is not known.
+
+    Raises
+    ------
+    UserError
+        If the given one has another shape.
+    """
+    size = POSE * len(views)
+    if joint is not None:
+        if joint.shape != (size, size):
+            raise UserError(
+                f"the covariance of the poses has shape {joint.shape}; {len(views)} views need "
+                f"({size}, {size})"
+            )
+        return joint
+    found = np.zeros((size, size))
+    for k, view in enumerate(views):
+        if view.covariance is None:
+            return None
+        found[POSE * k : POSE * (k + 1), POSE * k : POSE * (k + 1)] = view.covariance
+    return found
+
+
+def _modes(model: FieldModel, data: list[Array], factor: Array) -> FrequencyModes:
+    total = np.array([np.sum(std**2) for std in model.pixel_std])
+    return FrequencyModes.of(data, np.repeat(total @ factor, 2))

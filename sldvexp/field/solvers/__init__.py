@@ -1,0 +1,1 @@
+"""Ways to solve a field's normal equations."""

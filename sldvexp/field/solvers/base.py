@@ -1,0 +1,35 @@
+"""What all solvers of a field's normal equations have in common."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sldvexp.field.system import Solve, System
+
+
+@dataclass
+class Solver(ABC):
+    """A way to solve ``M theta = b``. A strategy implements the one hook `prepare`."""
+
+    @abstractmethod
+    def prepare(self, system: System) -> Solve:
+        """Do all that does not depend on right-hand sides, which are many.
+
+        Parameters
+        ----------
+        system : System
+
+        Returns
+        -------
+        callable
+            From real right-hand sides of shape (layer, surface_node, block, column) to the
+            solutions.
+
+        Raises
+        ------
+        UserError
+            If the system cannot be solved in this way.
+        """

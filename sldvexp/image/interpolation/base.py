@@ -1,0 +1,67 @@
+"""What every interpolation has in common: weights of the pixels, and why there may be none.
+
+An interpolated value is a sum of weights times pixel values, ``v = W v_pixel``. From the sparse W
+follow the value, its standard error and the correlation of samples that share pixels.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+Array = NDArray[np.float64]
+
+
+class Pixels(Protocol):
+    """What is needed of a velocity image; `sldvexp.field.view.View` says what each means."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def dac(self) -> Array: ...
+    @property
+    def velocity(self) -> NDArray[np.complex128]: ...
+    @property
+    def std(self) -> Array: ...
+    @property
+    def usable(self) -> NDArray[np.bool_]: ...
+    @property
+    def shape(self) -> tuple[int, int] | None: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """Weights of the pixels at some places.
+
+    Parameters
+    ----------
+    value : csr_array, shape (place, pixel)
+        A row sums to one; it is empty where there is no value.
+    gradient : pair of csr_array, shape (place, pixel), 1/step
+        Derivatives of `value` by the up_down and by the left_right step; rows sum to zero.
+    outside, flagged : ndarray of bool, shape (place,)
+        Why there is no value.
+    """
+
+    value: csr_array
+    gradient: tuple[csr_array, csr_array]
+    outside: NDArray[np.bool_]
+    flagged: NDArray[np.bool_]
+
+
+class Interpolator(ABC):
+    """Interpolates in one image."""
+
+    @abstractmethod
+    def at(self, dac: Array) -> Weights:
+        """Weights at places of the image.
+
+        Parameters
+        ----------
+        dac : ndarray, shape (place, 2), steps
+        """

@@ -1,0 +1,32 @@
+"""Linear between the corners of a cell."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.image.interpolation.base import Interpolator, Weights
+from sldvexp.image.interpolation.mesh import Mesh
+
+Array = NDArray[np.float64]
+
+
+class Linear(Interpolator):
+    """Bilinear in quadrilaterals, linear in triangles.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.mesh = mesh
+
+    def at(self, dac: Array) -> Weights:
+        """Weights at places, shape (place, 2), steps."""
+        at = self.mesh.locate(dac)
+        value, up_down, left_right = (
+            self.mesh.over_pixels(at.rows(at.corner, weight, len(self.mesh.vertices)))
+            for weight in (at.weight, *np.moveaxis(at.gradient, -1, 0))
+        )
+        return Weights(value, (up_down, left_right), at.outside, at.flagged)

@@ -1,0 +1,254 @@
+"""Adjustment of all views at once, with unknowns that they share and noise that is estimated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Generic, NamedTuple, Protocol, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.pose.arrow import Arrow
+
+Array = NDArray[np.float64]
+
+#: Damping to begin with and the least one, relative to the curvature.
+DAMPING, LEAST_DAMPING = 1e-6, 1e-14
+#: A step that would lower the cost by less than this part of it ends the descent.
+TOLERANCE = 1e-10
+#: Rounds in which the noise and the weights settle, and how closely.
+ROUNDS, SETTLED = 50, 1e-5
+#: Least variance of the noise: noise-free data must not void what is known beforehand.
+LEAST_VARIANCE = 1e-8
+
+
+class Linear(NamedTuple):
+    """Residuals (n,) over their standard errors; derivatives by own (n, p) and common unknowns."""
+
+    residual: Array
+    by_own: Array
+    by_common: Array
+
+
+class View(Protocol):
+    """What one view adds to an adjustment."""
+
+    def linearise(self, common: Array) -> Linear:
+        """Residuals and derivatives here; infinite residuals where the view cannot be."""
+
+    def moved(self, step: Array) -> Self:
+        """After a step (p,) of its own unknowns."""
+
+    def weighed(self, common: Array) -> Self:
+        """With the standard errors of its residuals evaluated here."""
+
+    def prior(self) -> tuple[Array, Array]:
+        """Precision (p,) of what is known of its own unknowns, and how far from it they are."""
+
+
+@dataclass(frozen=True, eq=False)
+class Common:
+    """Unknowns that all views share.
+
+    Parameters
+    ----------
+    value, expected : ndarray, shape (q,)
+    prior_std : ndarray, shape (q,)
+        Infinite for what is free.
+    """
+
+    value: Array
+    expected: Array
+    prior_std: Array
+
+    @property
+    def precision(self) -> Array:
+        """Of the prior, shape (q,)."""
+        return np.asarray(self.prior_std**-2.0)
+
+    @property
+    def away(self) -> Array:
+        """How far from what is expected, shape (q,)."""
+        return self.value - self.expected
+
+
+V = TypeVar("V", bound=View)
+
+
+@dataclass(frozen=True, eq=False)
+class Adjusted(Generic[V]):
+    """Adjusted views.
+
+    Parameters
+    ----------
+    views : list
+    common : Common
+    covariance : ndarray, shape (all, all)
+        Of all views' own unknowns, then of the common ones; infinite if they are not determined.
+    places : list of slice
+        Where each view's own unknowns stand in `covariance`.
+    residual : list of ndarray
+        Over the standard errors that the views state.
+    variance : ndarray, shape (view,)
+        By which the squares of those are larger, estimated; one if they are known.
+    dof : ndarray, shape (view,)
+        Degrees of freedom behind `variance`.
+    cost : float
+        Sum of squared residuals over their noise, with the priors'.
+    converged : bool
+    arrow : Arrow
+        The information.
+    """
+
+    views: list[V]
+    common: Common
+    covariance: Array
+    places: list[slice]
+    residual: list[Array]
+    variance: Array
+    dof: Array
+    cost: float
+    converged: bool
+    arrow: Arrow
+
+
+def adjust(
+    views: Sequence[V],
+    common: Common,
+    noise_known: bool,
+    pooled: bool,
+    max_iterations: int,
+) -> Adjusted[V]:
+    """Least squares over all views.
+
+    Parameters
+    ----------
+    views : sequence of View
+        Where to start.
+    common : Common
+    noise_known : bool
+        Whether the residuals' standard errors are right as they are.
+    pooled : bool
+        Whether all views have the same noise, if it is not known.
+    max_iterations : int
+        Of each descent.
+    """
+    views, variance, dof = list(views), np.ones(len(views)), np.full(len(views), np.nan)
+    if not noise_known:
+        start = [v.weighed(common.value).linearise(common.value).residual for v in views]
+        variance = _variance(start, np.array([float(len(r)) for r in start]), pooled)
+    for _ in range(ROUNDS):
+        views = [v.weighed(common.value) for v in views]
+        views, common, at, converged = _descend(views, common, variance, max_iterations)
+        arrow = normal_equations(views, common, at, variance)
+        places, determined = arrow.places(), arrow.determined()
+        covariance = arrow.covariance() if determined else np.full(2 * (arrow.size,), np.inf)
+        if not determined:
+            break
+        dof = _freedom(at, covariance, places, variance)
+        before = variance
+        if not noise_known:
+            variance = _variance([a.residual for a in at], dof, pooled)
+        if (np.abs(variance - before) <= SETTLED * variance).all():
+            break
+    else:
+        converged = False
+    return Adjusted(
+        views=views,
+        common=common,
+        covariance=covariance,
+        places=places,
+        residual=[a.residual for a in at],
+        variance=variance,
+        dof=np.full(len(dof), dof.sum()) if pooled else dof,
+        cost=_cost(views, common, at, variance),
+        converged=converged,
+        arrow=arrow,
+    )
+
+
+def normal_equations(
+    views: Sequence[View], common: Common, at: Sequence[Linear], variance: Array
+) -> Arrow:
+    """Information of linearised views and of the priors."""
+    priors = [v.prior()[0] for v in views]
+    each = list(zip(at, variance, strict=True))
+    return Arrow(
+        [a.by_own.T @ a.by_own / s2 + np.diag(p) for (a, s2), p in zip(each, priors, strict=True)],
+        [a.by_own.T @ a.by_common / s2 for a, s2 in each],
+        np.diag(common.precision) + sum(a.by_common.T @ a.by_common / s2 for a, s2 in each),
+    )
+
+
+def _descend(
+    views: list[V], common: Common, variance: Array, max_iterations: int
+) -> tuple[list[V], Common, list[Linear], bool]:
+    """Levenberg-Marquardt steps down to the least cost, and whether it was reached."""
+    at = [v.linearise(common.value) for v in views]
+    cost = _cost(views, common, at, variance)
+    damping, growth = DAMPING, 2.0
+    for _ in range(max_iterations):
+        arrow = normal_equations(views, common, at, variance)
+        right, pull = _right_hand_side(views, common, at, variance)
+        steps, change = arrow.damped(damping).solve(right, pull)
+        trial = [v.moved(step) for v, step in zip(views, steps, strict=True)]
+        trial_common = replace(common, value=common.value + change)
+        then = [v.linearise(trial_common.value) for v in trial]
+        trial_cost = _cost(trial, trial_common, then, variance)
+
+        # The damped step promises at least this much.
+        expected = float(change @ pull + sum(s @ r for s, r in zip(steps, right, strict=True)))
+        done = expected <= TOLERANCE * (1 + cost)
+        if trial_cost <= cost * (1 + TOLERANCE * done):
+            views, common, at = trial, trial_common, then
+            damping, growth, cost = max(damping / 10, LEAST_DAMPING), 2.0, trial_cost
+        else:
+            damping, growth = damping * growth, 2 * growth
+        if done:
+            return views, common, at, True
+    return views, common, at, False
+
+
+def _right_hand_side(
+    views: Sequence[View], common: Common, at: Sequence[Linear], variance: Array
+) -> tuple[list[Array], Array]:
+    """Down the cost's slope, by the own unknowns of each view and by the common ones."""
+    own, pull = [], -common.precision * common.away
+    for view, a, s2 in zip(views, at, variance, strict=True):
+        precision, away = view.prior()
+        own.append(-a.by_own.T @ a.residual / s2 - precision * away)
+        pull = pull - a.by_common.T @ a.residual / s2
+    return own, pull
+
+
+def _cost(views: Sequence[View], common: Common, at: Sequence[Linear], variance: Array) -> float:
+    """Squared residuals over their noise, and squared distances from the priors over theirs."""
+    of_residuals = sum(a.residual @ a.residual / s2 for a, s2 in zip(at, variance, strict=True))
+    of_own = sum(precision @ away**2 for precision, away in (v.prior() for v in views))
+    return float(of_residuals + of_own + common.precision @ common.away**2)
+
+
+def _freedom(
+    at: Sequence[Linear], covariance: Array, places: Sequence[slice], variance: Array
+) -> Array:
+    """Residuals of each view less what the unknowns take of them, shape (view,).
+
+    That is the trace of ``I - J C J' / s^2``; a prior gives its share back.
+    """
+    count = places[-1].stop
+    dof = []
+    for a, place, s2 in zip(at, places, variance, strict=True):
+        own = np.r_[place, count : len(covariance)]
+        jacobian = np.concatenate([a.by_own, a.by_common], axis=1)
+        taken = np.einsum("ni,ij,nj->", jacobian, covariance[np.ix_(own, own)], jacobian)
+        dof.append(len(a.residual) - taken / s2)
+    return np.array(dof)
+
+
+def _variance(residual: Sequence[Array], dof: Array, pooled: bool) -> Array:
+    """Sum of squares over degrees of freedom, of each view or of all, shape (view,)."""
+    square = np.array([r @ r for r in residual])
+    if pooled:
+        square, dof = np.full_like(square, square.sum()), np.full_like(dof, dof.sum())
+    return np.maximum(square / dof, LEAST_VARIANCE)

@@ -1,0 +1,143 @@
+"""What every plugin of the group `scan` has in common."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from sldvexp.errors import Checks
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+@dataclass
+class Sampling:
+    """How each pixel is sampled.
+
+    Parameters
+    ----------
+    rate : float, Hz
+    samples : int
+    frequency : list of float, Hz
+        Of the excitation.
+    amplitude : float, V
+        Peak of each frequency.
+    """
+
+    rate: float = 25600.0
+    samples: int = 512
+    frequency: list[float] = field(default_factory=lambda: [450.0])
+    amplitude: float = 1.0
+
+    def check(self, checks: Checks, name: str) -> None:
+        """Note under `name` what is wrong."""
+        checks.positive(f"{name}.rate", self.rate)
+        checks.positive(f"{name}.amplitude", self.amplitude)
+        enough = f"must be at least 16, not {self.samples}"
+        checks.require(self.samples >= 16, f"{name}.samples", enough)
+        checks.require(bool(self.frequency), f"{name}.frequency", "needs at least one frequency")
+        for hertz in self.frequency:
+            checks.positive(f"{name}.frequency", hertz)
+            too_high = f"{hertz:g} Hz needs a rate above {2 * hertz:g} Hz"
+            checks.require(2 * hertz < self.rate, f"{name}.frequency", too_high)
+
+
+class Scan(ABC):
+    """Base of the plugins: which views there are, and what is scanned in each of them."""
+
+    @abstractmethod
+    def view_names(self) -> list[str]:
+        """Views in the order in which the session goes through them."""
+
+    @abstractmethod
+    def parts(self, view: str) -> list[ScanPart]:
+        """What is scanned in a view, in that order, without moving the instrument between."""
+
+    @abstractmethod
+    def inputs(self) -> list[str]:
+        """Files that are read besides the configuration."""
+
+
+class ScanPart(Scan):
+    """Base of scans that give one kind of result.
+
+    Attributes
+    ----------
+    kind : str
+        What a session makes of the samples, a key of `sldvexp.session.views.KINDS`; it says which
+        further methods such a scan has.
+    views : dict of str to dataclass
+        What is scanned in each view. Where an entry has a `path`, that file says it.
+    sampling : Sampling
+    """
+
+    kind: ClassVar[str]
+    views: dict[str, Any]
+    sampling: Sampling
+
+    def view_names(self) -> list[str]:
+        """See `Scan`."""
+        return list(self.views)
+
+    def parts(self, view: str) -> list[ScanPart]:
+        """See `Scan`."""
+        return [self]
+
+    def inputs(self) -> list[str]:
+        """See `Scan`."""
+        return [v.path for v in self.views.values() if v.path]
+
+    @abstractmethod
+    def pixel_count(self, view: str) -> int:
+        """How many pixels a view takes.
+
+        Raises
+        ------
+        UserError
+            If a file that says what to scan is not in order.
+        """
+
+    @abstractmethod
+    def known_pixels(self, view: str) -> NDArray[np.int64]:
+        """Where the beam goes in a view, as far as it is known beforehand, shape (pixel, 2)."""
+
+    def seconds(self, view: str) -> float:
+        """How long a view's samples take, s."""
+        return self.pixel_count(view) * self.sampling.samples / self.sampling.rate
+
+
+def check_view_names(checks: Checks, views: Iterable[str]) -> None:
+    """Note which views have no usable names; that there are any, the session looks after."""
+    for name in views:
+        # A view's lines are kept in a folder of its name.
+        usable = name.strip() not in ("", ".", "..") and not set(name) & {"/", "\\"}
+        told = f"the view {name!r} needs a name that a folder can have, without / and \\"
+        checks.require(usable, "views", told)
+
+
+def check_pairs(
+    checks: Checks, name: str, key: str, pairs: list[list[int]], path: str, count: int = 0
+) -> None:
+    """Note under `name` what is wrong with pairs of DAC steps or the file that holds them.
+
+    Parameters
+    ----------
+    checks : Checks
+    name : str
+        Of the view's entry.
+    key : str
+        What the pairs are called there.
+    pairs : list of list of int
+    path : str
+    count : int
+        How many pairs there must be; 0 for any number.
+    """
+    one = bool(pairs) != bool(path)
+    checks.require(one, name, f"give either {key} or path, not both or none")
+    good = all(len(pair) == 2 for pair in pairs) and len(pairs) in (0, count or len(pairs))
+    told = f"must be {count or ''} pairs [up_down, left_right]".replace("  ", " ")
+    checks.require(good, f"{name}.{key}", told)

@@ -1,0 +1,80 @@
+"""`scan=by_hand`: a person points the beam at fiducial marks whose places are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
+
+from sldvexp.errors import Checks
+from sldvexp.registry import register
+from sldvexp.scan.base import check_view_names
+from sldvexp.scan.person_part import PersonPart
+from sldvexp.target.points import Point, Points
+from sldvexp.units import LengthUnit
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+@dataclass
+class Marks:
+    """What a person can point at in one view.
+
+    Parameters
+    ----------
+    hidden : list of int
+        Numbers of the marks that cannot be seen from there.
+    """
+
+    hidden: list[int] = field(default_factory=list)
+
+
+@register("scan", "by_hand")
+@dataclass
+class ByHand(PersonPart):
+    """The registration of Section 4.2: known marks, and the DAC steps that a person finds for them.
+
+    Parameters
+    ----------
+    views : dict of str to Marks
+    fiducials : dict of int to Point
+        The marks. Without them, the points of the group ``target``.
+    unit : LengthUnit
+        Of the fiducials' coordinates.
+    accuracy : float
+        Bound +- within which every coordinate is known.
+    """
+
+    kind: ClassVar[str] = "marks"
+
+    views: dict[str, Marks] = field(default_factory=dict)
+    fiducials: dict[int, Point] = field(default_factory=dict)
+    unit: LengthUnit = LengthUnit.m
+    accuracy: float = 0.0
+
+    def __post_init__(self) -> None:
+        checks = Checks()
+        check_view_names(checks, self.views)
+        checks.done()
+        self.own_marks()
+        for name, view in self.views.items():
+            for number in view.hidden if self.fiducials else ():
+                numbers = ", ".join(map(str, self.fiducials))
+                there = f"there is no mark {number}; there are {numbers}"
+                checks.require(number in self.fiducials, f"views.{name}.hidden", there)
+        checks.done()
+
+    def own_marks(self) -> Points | None:
+        """The fiducials, if there are any."""
+        return Points(self.unit, self.accuracy, self.fiducials) if self.fiducials else None
+
+    def inputs(self) -> list[str]:
+        """See `Scan`."""
+        return []
+
+    def known_pixels(self, view: str) -> NDArray[np.int64]:
+        """See `ScanPart`; a person finds them all."""
+        import numpy as np
+
+        return np.zeros((0, 2), np.int64)

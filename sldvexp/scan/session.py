@@ -1,0 +1,71 @@
+"""`scan=session`: in every view the calibration object and the structure, from one place."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field, fields
+
+from sldvexp.errors import Checks
+from sldvexp.registry import register
+from sldvexp.scan.base import Scan, ScanPart
+from sldvexp.scan.by_hand import ByHand
+from sldvexp.scan.calibration import Calibration
+from sldvexp.scan.pixel_list import PixelList
+from sldvexp.scan.rectangle import Rectangle
+
+
+@register("scan", "session")
+@dataclass
+class Session(Scan):
+    """Several scans in each view, one after the other, without moving the instrument between.
+
+    Every view needs one part of each kind that is used: its circles, its image. A part without
+    views is not used.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Where the instrument stands.
+    structure : Rectangle
+        The images.
+    pixels : PixelList
+        The images of views that `structure` does not have.
+    marks : ByHand
+        Where the instrument stands, as a person finds it.
+    """
+
+    calibration: Calibration = field(default_factory=Calibration)
+    structure: Rectangle = field(default_factory=Rectangle)
+    pixels: PixelList = field(default_factory=PixelList)
+    marks: ByHand = field(default_factory=ByHand)
+
+    def __post_init__(self) -> None:
+        checks = Checks()
+        used = {name: part for name, part in self._parts().items() if part.views}
+        for kind in {part.kind: None for part in used.values()}:
+            names = [name for name, part in used.items() if part.kind == kind]
+            found = [view for name in names for view in used[name].views]
+            twice = sorted(view for view, count in Counter(found).items() if count > 1)
+            told = f"has the view {', '.join(twice)}, of which {names[0]} takes the image already"
+            checks.require(not twice, f"{names[-1]}.views", told)
+            missing = [view for view in self.view_names() if view not in found]
+            told = f"lacks the view {', '.join(missing)}, which other parts of the session have"
+            checks.require(not missing, f"{names[0]}.views", told)
+        checks.done()
+
+    def view_names(self) -> list[str]:
+        """See `Scan`."""
+        every = [view for part in self._parts().values() for view in part.views]
+        return list(dict.fromkeys(every))
+
+    def parts(self, view: str) -> list[ScanPart]:
+        """See `Scan`."""
+        return [part for part in self._parts().values() if view in part.views]
+
+    def inputs(self) -> list[str]:
+        """See `Scan`."""
+        return [path for part in self._parts().values() for path in part.inputs()]
+
+    def _parts(self) -> dict[str, ScanPart]:
+        """The parts by the names of their fields."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}

@@ -1,0 +1,102 @@
+"""One view of a structure: pixels to a velocity image (Section 3.2.3)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from sldvexp import dataset
+from sldvexp.errors import UserError
+from sldvexp.signal.diagnosis import instrument_fault
+from sldvexp.signal.image import ComplexImage
+from sldvexp.signal.rules import Flag
+
+if TYPE_CHECKING:
+    from sldvexp.scan.image import ImageScan
+    from sldvexp.session.standpoint import Standpoint
+
+#: Of an image's lines in the journal.
+NAME = "image"
+
+
+def take_image(scan: ImageScan, at: Standpoint) -> dict[str, xr.Dataset]:
+    """Scan the image of a view; the group ``image/<view>``.
+
+    Raises
+    ------
+    UserError
+        If no pixel of it is good; it says what to look at.
+    """
+    at.camera.sample(scan.sampling)
+    lines = scan.lines(at.view)
+    image = at.camera.image(NAME, lines)
+    if (image.flags != 0).all():
+        why = instrument_fault(image) or "for more than one reason"
+        raise UserError(
+            f"scan: in the image of the view {at.view} {flag_text(image.flags)}: {why}; put it "
+            f"right, then delete {at.camera.journal.folder / NAME}_* and resume the run"
+        )
+    dac = np.concatenate(lines)
+    group = image_group(image, dac, at.laser.angle_from_dac(dac), scan.sampling.frequency)
+    if shape := scan.shape(at.view):
+        group.attrs["shape"] = list(shape)
+    return {f"image/{at.view}": group}
+
+
+def image_group(
+    image: ComplexImage,
+    dac: NDArray[np.int64],
+    angle: NDArray[np.float64],
+    frequency: list[float],
+) -> xr.Dataset:
+    """A velocity image as the group ``image/<view>``.
+
+    Parameters
+    ----------
+    image : ComplexImage
+    dac : ndarray of int, shape (pixel, 2), steps
+    angle : ndarray, shape (pixel, 2), rad
+    frequency : list of float, Hz
+        As set, so that all views have the same; `refined_frequency` says what was found.
+
+    Returns
+    -------
+    xarray.Dataset
+        Flagged pixels keep their values. Attribute ``summary`` counts them.
+    """
+    found = image.refined
+    group = dataset.group(
+        "image",
+        {"pixel": np.arange(len(dac)), "frequency": np.array(frequency)},
+        velocity=image.velocity,
+        velocity_std=image.std,
+        uncorrected=image.uncorrected,
+        refined_frequency=found.frequencies if found else None,
+        refined_frequency_std=found.std if found else None,
+        angle=angle,
+        dac=dac,
+        flags=image.flags,
+    )
+    group["flags"].attrs |= {
+        "flag_masks": np.array([flag.value for flag in Flag], np.uint8),
+        "flag_meanings": " ".join(str(flag.name) for flag in Flag),
+    }
+    group.attrs["summary"] = flag_text(image.flags)
+    return group
+
+
+def flag_text(flags: NDArray[np.uint8]) -> str:
+    """How many pixels are flagged, and by which kinds.
+
+    Examples
+    --------
+    >>> flag_text(np.array([0, 1, 3], np.uint8))
+    '2 of 3 pixels are flagged (saturated 2, dropped_out 1)'
+    """
+    counts = {flag.name: int(np.sum(flags & flag != 0)) for flag in Flag}
+    kinds = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
+    told = f"{np.sum(flags != 0)} of {len(flags)} pixels are flagged"
+    return f"{told} ({kinds})" if kinds else told

@@ -1,0 +1,61 @@
+"""Ctrl-C in a session: it stops once, and never while the instrument is sent home."""
+
+from __future__ import annotations
+
+import shlex
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+def how_to_go_on(folder: Path) -> str:
+    """What the operator is told when a run with scan lines in its folder stops before its end."""
+    resume = shlex.quote(f"resume={folder}")
+    return f"what was scanned is kept, go on with: sldvexp {resume}"
+
+
+@contextmanager
+def stopping_once() -> Iterator[None]:
+    """The first Ctrl-C stops what runs inside, and with it the program; more of them do nothing.
+
+    So an impatient second one can neither keep the mirrors from going home nor take away what the
+    operator is told at the end.
+    """
+    if not _heeded():
+        yield
+        return
+
+    def stop(*_: object) -> None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        yield
+    finally:
+        if signal.getsignal(signal.SIGINT) is stop:
+            signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """A Ctrl-C waits until what is inside has ended."""
+    if not _heeded():
+        yield
+        return
+    pressed: list[object] = []
+    before = signal.signal(signal.SIGINT, lambda *_: pressed.append(_))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if pressed:
+        signal.raise_signal(signal.SIGINT)
+
+
+def _heeded() -> bool:
+    """Whether this thread is told of Ctrl-C, and this process does not ignore it."""
+    main = threading.current_thread() is threading.main_thread()
+    return main and signal.getsignal(signal.SIGINT) not in (signal.SIG_IGN, None)

@@ -1,0 +1,113 @@
+"""The runs of a sweep in order of merit, on the terminal and as a plain table."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from rich.markup import escape
+from rich.table import Table
+
+from sldvexp.errors import UserError, nearest
+from sldvexp.files import whole_or_nothing
+from sldvexp.report.numbers import number
+from sldvexp.sweep import headlines
+
+#: What runs are ranked by unless the user says: the first of these that they have. Smaller wins.
+PREFERRED = (
+    "examined.truth.relative_error",
+    "field.residual_std",
+    "point.velocity_std",
+    "pose.s",
+)
+#: Of every run, besides its results.
+ABOUT = ("state", "reason", "seconds")
+
+
+def ranked_by(table: xr.Dataset, wanted: str = "") -> str:
+    """Name of the headline that runs are ranked by; empty if none has any.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        See `sldvexp.sweep.collect.collect`.
+    wanted : str
+        The user's choice.
+
+    Raises
+    ------
+    UserError
+        If no run has what is wanted.
+    """
+    names = [str(n) for n in table.data_vars if n not in ABOUT]
+    if wanted and wanted not in names:
+        raise UserError(f"sweep.rank: no run has {wanted}; {nearest(wanted, names)}")
+    return wanted or next((n for n in (*PREFERRED, *names) if n in names), "")
+
+
+def rows(table: xr.Dataset, keys: Sequence[str], by: str) -> list[dict[str, Any]]:
+    """Every run with its keys, state and the number it is ranked by, the best first."""
+    found = []
+    for cell in cells(table, keys):
+        row: dict[str, Any] = {k: cell[k].item() for k in keys}
+        row |= {name: cell[name].item() for name in ABOUT}
+        row[by] = headlines.number(cell[by]) if by else float("nan")
+        found.append(row)
+    return sorted(found, key=lambda row: (np.isnan(row[by]), row[by]))
+
+
+def cells(table: xr.Dataset, keys: Sequence[str]) -> Iterator[xr.Dataset]:
+    """The single runs of a sweep's dataset."""
+    dims = [d for d in keys if d in table.dims] or [d for d in table["state"].dims]
+    shape = [table.sizes[d] for d in dims]
+    for index in np.ndindex(*shape):
+        yield table.isel(dict(zip(dims, index, strict=True)))
+
+
+def terminal_table(ranking: Sequence[dict[str, Any]], keys: Sequence[str], by: str) -> Table:
+    """The ranking for the terminal; failed runs come last, with their reasons."""
+    title = f"{len(ranking)} runs by {by}, the smallest first" if by else f"{len(ranking)} runs"
+    shown = Table(title=title, title_justify="left")
+    for column in ("", *keys, by or "result", "seconds", "state"):
+        shown.add_column(column, overflow="fold")
+    for place, row in enumerate(ranking, 1):
+        value = row[by] if by else float("nan")
+        state = f"{row['state']}: {row['reason']}" if row["reason"] else row["state"]
+        cells = [str(place) if np.isfinite(value) else "", *(str(row[k]) for k in keys)]
+        cells += [number(value, 4) if np.isfinite(value) else "", number(row["seconds"], 3), state]
+        shown.add_row(*map(escape, cells))
+    return shown
+
+
+def write_csv(table: xr.Dataset, keys: Sequence[str], path: Path) -> None:
+    """Every number of every run, one row a run, one column a number such as ``pose.s[view=1]``."""
+    written = []
+    for cell in cells(table, keys):
+        row: dict[str, Any] = {k: cell[k].item() for k in keys}
+        row |= {name: cell[name].item() for name in ABOUT}
+        for name, variable in cell.data_vars.items():
+            if name not in ABOUT:
+                row |= _numbers(str(name), variable)
+        written.append(row)
+    columns = list(dict.fromkeys(column for row in written for column in row))
+    with whole_or_nothing(path) as beside, beside.open("w", newline="") as file:
+        writer = csv.DictWriter(file, columns, restval="")
+        writer.writeheader()
+        writer.writerows(written)
+
+
+def _numbers(name: str, variable: xr.DataArray) -> dict[str, Any]:
+    """A variable's single numbers by name."""
+    found = {}
+    for index in np.ndindex(*variable.shape):
+        at = dict(zip(variable.dims, index, strict=True))
+        single = variable.isel(at)
+        where = ", ".join(
+            f"{d}={variable[d].values[i] if d in variable.coords else i}" for d, i in at.items()
+        )
+        found[f"{name}[{where}]" if where else name] = single.item()
+    return found

@@ -1,0 +1,254 @@
+"""What every volume has in common: layers along the normals, samples, a place in the world."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+from sldvexp.errors import Checks
+from sldvexp.image.interpolation.method import Interpolation
+from sldvexp.units import LengthUnit
+
+if TYPE_CHECKING:
+    import numpy as np
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    from sldvexp.volume.prisms import Prisms
+    from sldvexp.volume.samples import SampleRule
+    from sldvexp.volume.surface import Surface
+
+#: How many symmetric points inside the triangle there can be; see `sldvexp.volume.rules`.
+TRIANGLE_COUNTS = (1, 3, 6, 7, 12)
+
+#: By how much xi1 + xi2 + xi3 may differ from 1.
+ROUNDING = 1e-9
+
+
+@dataclass
+class Samples:
+    """Where velocities are sampled in every prism (Section 5.3.4).
+
+    Parameters
+    ----------
+    triangle : int
+        Points across the prism: 1, 3, 6, 7 or 12 symmetric Gauss points of the triangle.
+    line : int
+        Gauss points through its thickness; every combination is a sample.
+    parameters : list of [xi1, xi2, xi3, zeta]
+        Instead of both: the samples themselves, in the parameters of Eq 5.19; xi from 0 to 1,
+        together 1, and zeta from -1 to 1.
+    """
+
+    triangle: int = 3
+    line: int = 2
+    parameters: list[Any] = field(default_factory=list)  # of lists: OmegaConf knows no nested ones
+
+    def check(self, checks: Checks, name: str) -> None:
+        """Note under `name` what cannot be sampled."""
+        counts = ", ".join(map(str, TRIANGLE_COUNTS))
+        message = f"must be one of {counts} points, not {self.triangle}"
+        checks.require(self.triangle in TRIANGLE_COUNTS, f"{name}.triangle", message)
+        message = f"must be 1 point or more, not {self.line}"
+        checks.require(self.line >= 1, f"{name}.line", message)
+        for i, point in enumerate(self.parameters):
+            wrong = _wrong_parameters(point)
+            if not wrong and point in self.parameters[:i]:
+                wrong = f"is the point {self.parameters.index(point)} again"
+            checks.require(not wrong, f"{name}.parameters[{i}]", wrong)
+
+    def rule(self) -> SampleRule:
+        """The samples' parameters."""
+        import numpy as np
+
+        from sldvexp.volume.rules import tensor_rule
+        from sldvexp.volume.samples import SampleRule
+
+        if self.parameters:
+            return SampleRule(np.array(self.parameters, float))
+        return tensor_rule(self.triangle, self.line)
+
+
+class Coordinates(Enum):
+    """Axes of the nodes' velocity components: the world's, or the surface's own at every node."""
+
+    world = "world"
+    local = "local"
+
+
+@dataclass
+class Sight:
+    """How the samples are found in the views' images (Section 5.3.5).
+
+    Parameters
+    ----------
+    interpolation : Interpolation
+        Between the pixels of an image: linear or cubic.
+    grazing : float, deg
+        Samples whose surface is seen at a larger angle from its normal are left out.
+    both_sides : bool
+        Views see the surface from behind as well; otherwise only the side of its normals.
+    occlusion : bool
+        Leave out what the surface itself hides from a view, which only curved ones do.
+    """
+
+    interpolation: Interpolation = Interpolation.linear
+    grazing: float = 75.0
+    both_sides: bool = False
+    occlusion: bool = False
+
+    def check(self, checks: Checks, name: str) -> None:
+        """Note under `name` what is wrong."""
+        message = f"must lie between 0 and 90 deg, not {self.grazing}"
+        checks.require(0 < self.grazing < 90, f"{name}.grazing", message)
+
+
+@dataclass
+class Volume(ABC):
+    """A family of surfaces around the real one. A strategy implements the one hook `surface`.
+
+    Parameters
+    ----------
+    unit : LengthUnit
+        Of all lengths below.
+    center : list of 3 float
+        Where the zero of the surface's own axes stands in the world.
+    euler : list of 3 float, rad
+        phi1, phi2, phi3 in the x-convention, world to the surface's own axes.
+    layers : int
+        How many surfaces there are.
+    thickness : float
+        From the lowest to the highest of them, along the normals.
+    offset : float
+        Depth of the middle of them; 0 is the given surface.
+    depth : list of float
+        Instead of the three above: the depth of every layer, ascending.
+    tangent : list of 3 float
+        In the surface's own axes: its projection on the surface is the first tangent t1.
+    samples : Samples
+    sight : Sight
+    coordinates : Coordinates
+        Axes of the nodes' velocity components.
+    """
+
+    unit: LengthUnit = LengthUnit.m
+    center: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    euler: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    layers: int = 7
+    thickness: float = 0.03
+    offset: float = 0.0
+    depth: list[float] = field(default_factory=list)
+    tangent: list[float] = field(default_factory=lambda: [1.0, 0.0, 0.0])
+    samples: Samples = field(default_factory=Samples)
+    sight: Sight = field(default_factory=Sight)
+    coordinates: Coordinates = Coordinates.world
+
+    def __post_init__(self) -> None:
+        checks = Checks()
+        for name in ("center", "euler", "tangent"):
+            vector(checks, name, getattr(self, name))
+        length = math.hypot(*self.tangent)
+        checks.require(length > 0, "tangent", "must be a direction, not zero")
+        message = f"must be 2 or more, with prisms between them, not {self.layers}"
+        checks.require(self.layers >= 2, "layers", message)
+        checks.positive("thickness", self.thickness)
+        checks.finite("offset", self.offset)
+        self._check_depth(checks)
+        self.samples.check(checks, "samples")
+        self.sight.check(checks, "sight")
+        self.check(checks)
+        checks.done()
+
+    def check(self, checks: Checks) -> None:  # noqa: B027  most have more to check, not all
+        """Note what is wrong with the strategy's own settings."""
+
+    @abstractmethod
+    def surface(self) -> Surface:
+        """The given surface in its own axes, m."""
+
+    def inputs(self) -> list[str]:
+        """Files that the volume is made from, as the configuration names them."""
+        return []
+
+    def prisms(self) -> Prisms:
+        """The volume in the world.
+
+        Raises
+        ------
+        UserError
+            If the surface is unsound, or the layers fold.
+        """
+        import numpy as np
+
+        from sldvexp.geometry.rotation import rotation_from_euler
+        from sldvexp.volume.prisms import extruded
+        from sldvexp.volume.soundness import check_prisms, check_surface
+        from sldvexp.volume.surface import node_frames, vertex_normals
+
+        own = self.surface()
+        check_surface(own)
+        normal = vertex_normals(own) if own.normal is None else own.normal
+        check_prisms(own, normal, self.depths())
+        frame = node_frames(own, normal, np.array(self.tangent, float))
+        to_world = rotation_from_euler(self.euler)
+        position = own.position @ to_world + self.unit.value * np.array(self.center)
+        return extruded(position, own.triangles, frame @ to_world, self.depths())
+
+    def rule(self) -> SampleRule:
+        """Where the samples lie in every prism."""
+        return self.samples.rule()
+
+    def depths(self) -> NDArray[np.float64]:
+        """Depth of every layer, ascending, m."""
+        import numpy as np
+
+        if self.depth:
+            return self.unit.value * np.array(self.depth, float)
+        half = self.thickness / 2
+        return self.unit.value * np.linspace(self.offset - half, self.offset + half, self.layers)
+
+    def group(self) -> xr.Dataset:
+        """The volume as the group ``volume`` of a run."""
+        from sldvexp.volume.group import volume_group
+
+        return volume_group(self.prisms(), self.rule())
+
+    def _check_depth(self, checks: Checks) -> None:
+        if not self.depth:
+            return
+        checks.finite("depth", *self.depth)
+        message = f"must be 2 depths or more, with prisms between them, not {len(self.depth)}"
+        checks.require(len(self.depth) >= 2, "depth", message)
+        for i, (low, high) in enumerate(zip(self.depth[:-1], self.depth[1:], strict=True)):
+            message = (
+                f"must be above {low:g}, or the prisms in between have no volume, not {high:g}"
+            )
+            checks.require(not high <= low, f"depth[{i + 1}]", message)
+
+
+def vector(checks: Checks, name: str, values: list[float], count: int = 3) -> None:
+    """Note under `name` what are not so many finite numbers."""
+    message = f"must be {count} numbers, not {len(values)}"
+    checks.require(len(values) == count, name, message)
+    checks.finite(name, *values)
+
+
+def _wrong_parameters(point: Any) -> str:
+    """What is wrong with xi1, xi2, xi3, zeta; empty if nothing is."""
+    numbers = isinstance(point, list) and all(
+        isinstance(v, int | float) and math.isfinite(v) for v in point
+    )
+    if not numbers or len(point) != 4:
+        return f"must be the four numbers [xi1, xi2, xi3, zeta], not {point}"
+    *xi, zeta = point
+    if abs(sum(xi) - 1.0) > ROUNDING:
+        return (
+            f"has xi1 + xi2 + xi3 = {sum(xi):.10g}, which must be 1; a third may be written as "
+            "0.3333, 0.3333, 0.3334"
+        )
+    if min(xi) < 0 or abs(zeta) > 1:
+        return "lies outside of the prism: xi must be from 0 to 1 and zeta from -1 to 1"
+    return ""

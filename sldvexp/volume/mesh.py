@@ -1,0 +1,45 @@
+"""`volume=mesh`: the triangles and quadrilaterals of a mesh file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from omegaconf import MISSING
+
+from sldvexp.registry import register
+from sldvexp.volume.base import Volume
+
+if TYPE_CHECKING:
+    from sldvexp.volume.surface import Surface
+
+
+@register("volume", "mesh")
+@dataclass
+class Mesh(Volume):
+    """A surface mesh, plane or curved, from a file of any format that meshio reads.
+
+    The coordinates are in `unit`; quadrilaterals are cut in two, of elements of second order
+    the corners are used.
+
+    Parameters
+    ----------
+    path : str
+        ``.stl``, ``.obj``, ``.ply``, ``.vtk``, ``.vtu``, ``.msh``, ``.inp``, ``.bdf`` and others.
+    flip : bool
+        Whether the normals point to the other side of the triangles.
+    """
+
+    path: str = MISSING
+    flip: bool = False
+
+    def inputs(self) -> list[str]:
+        """The mesh file."""
+        return [self.path]
+
+    def surface(self) -> Surface:
+        """The mesh in its own axes."""
+        from sldvexp.paths import locate
+        from sldvexp.volume.mesh_file import read_mesh
+
+        return read_mesh(locate(self.path), self.unit.value, self.flip)

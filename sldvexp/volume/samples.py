@@ -1,0 +1,150 @@
+"""Sample points in prisms (Section 5.3.4): where they lie and which nodes they mix."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sldvexp.volume.prisms import Array, Prisms
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+WHOLE = slice(None)
+
+
+@dataclass(frozen=True, eq=False)
+class SampleRule:
+    """Where samples lie in every prism: the parameters xi1, xi2, xi3, zeta of Eq 5.19.
+
+    Parameters
+    ----------
+    parameter : ndarray, shape (point, 4)
+        Barycentric xi1, xi2, xi3, which add up to 1, and zeta from -1 (lower) to 1 (upper layer).
+    triangle : ndarray, shape (triangle_point, 3), optional
+    line : ndarray, shape (line_point,), optional
+        The factors, if the parameters are their tensor product:
+        ``point = line_point * triangle_points + triangle_point``.
+    """
+
+    parameter: Array
+    triangle: Array | None = None
+    line: Array | None = None
+
+    @classmethod
+    def tensor(cls, triangle: Array, line: Array) -> SampleRule:
+        """All pairs of triangle points (q, 3) and zetas (r,)."""
+        xi = np.tile(triangle, (len(line), 1))
+        zeta = np.repeat(line, len(triangle))
+        return cls(np.column_stack([xi, zeta]), triangle, line)
+
+    @property
+    def points(self) -> int:
+        """Samples in each prism."""
+        return len(self.parameter)
+
+    def shape(self) -> Array:
+        """Basis functions N1 to N6 of a prism (Eq 5.20), shape (point, 6)."""
+        xi, half = self.parameter[:, :3], _line_shape(self.parameter[:, 3])
+        return np.concatenate([xi * half[:, :1], xi * half[:, 1:]], axis=1)
+
+    def triangle_shape(self) -> Array:
+        """Basis functions of the surface triangle, of a tensor product, shape (triangle_point, 3).
+
+        With `line_shape`, ``shape[(r, q), (h, c)] = line_shape[r, h] triangle_shape[q, c]``.
+        """
+        assert self.triangle is not None, "the rule is no tensor product"
+        return self.triangle
+
+    def line_shape(self) -> Array:
+        """Basis functions through the thickness, of a tensor product, shape (line_point, 2)."""
+        assert self.line is not None, "the rule is no tensor product"
+        return _line_shape(self.line)
+
+
+def sample_positions(prisms: Prisms, rule: SampleRule, triangles: slice = WHOLE) -> Array:
+    """Sample points in the world, ``P = sum_i N_i P_i`` (Section 5.3.4).
+
+    Parameters
+    ----------
+    prisms : Prisms
+    rule : SampleRule
+    triangles : slice
+        Of the surface's triangles, to go through a large volume in parts.
+
+    Returns
+    -------
+    ndarray, shape (gap, triangle, point, 3), m
+    """
+    layers = prisms.position.reshape(prisms.layers, prisms.surface_nodes, 3)
+    corner = layers[:, prisms.triangles[triangles]]
+    shape = rule.shape()
+    return shape[:, :3] @ corner[:-1] + shape[:, 3:] @ corner[1:]
+
+
+def sample_frames(prisms: Prisms, rule: SampleRule, triangles: slice = WHOLE) -> Array:
+    """Tangents and normal at the samples, interpolated from the nodes' and made orthonormal again.
+
+    Parameters
+    ----------
+    prisms : Prisms
+    rule : SampleRule
+    triangles : slice
+        As for `sample_positions`.
+
+    Returns
+    -------
+    ndarray, shape (gap, triangle, point, 3, 3)
+        Unit rows t1, t2, n, right-handed. The same in every gap: a read-only view.
+    """
+    corner = prisms.frame[prisms.triangles[triangles]]
+    t1, _, n = np.moveaxis(np.einsum("pc,tcij->tpij", rule.parameter[:, :3], corner), 2, 0)
+    frame = orthonormal(t1, n)
+    return np.broadcast_to(frame, (prisms.gaps, *frame.shape))
+
+
+def shape_matrix(prisms: Prisms, rule: SampleRule) -> csr_array:
+    """The matrix N of Eq 5.32: a sample's value from the nodal values.
+
+    Parameters
+    ----------
+    prisms : Prisms
+    rule : SampleRule
+
+    Returns
+    -------
+    scipy.sparse.csr_array, shape (sample, node)
+        ``sample = (gap * triangles + triangle) * points + point``.
+    """
+    from scipy.sparse import csr_array
+
+    element, shape = prisms.element, rule.shape()
+    samples = len(element) * rule.points
+    index = np.int32 if 6 * samples < np.iinfo(np.int32).max else np.int64
+    columns = np.repeat(element.astype(index), rule.points, axis=0).ravel()
+    rows = np.arange(0, 6 * samples + 1, 6, dtype=index)
+    values = np.tile(shape.ravel(), len(element))
+    matrix = csr_array((values, columns, rows), shape=(samples, prisms.nodes))
+    matrix.sort_indices()
+    return matrix
+
+
+def orthonormal(t1: Array, n: Array) -> Array:
+    """Right-handed unit rows t1, t2, n with n along the given one, shape (..., 3, 3).
+
+    Parameters
+    ----------
+    t1, n : ndarray, shape (..., 3)
+        Of any length but zero, and not parallel.
+    """
+    n = n / np.linalg.norm(n, axis=-1, keepdims=True)
+    t1 = t1 - np.einsum("...i,...i->...", t1, n)[..., None] * n
+    t1 = t1 / np.linalg.norm(t1, axis=-1, keepdims=True)
+    return np.stack([t1, np.cross(n, t1), n], axis=-2)
+
+
+def _line_shape(zeta: Array) -> Array:
+    """Linear basis functions on the line from -1 to 1, shape (..., 2)."""
+    return np.stack([(1.0 - zeta) / 2.0, (1.0 + zeta) / 2.0], axis=-1)

@@ -1,0 +1,1 @@
+"""A reconstruction method that is no part of sldvexp."""

@@ -1,0 +1,363 @@
+"""Every interpolation on every kind of image: exactness, rates, gradients, noise, flags."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from sldvexp.errors import UserError
+from sldvexp.image.interpolation.base import Interpolator, Weights
+from sldvexp.image.interpolation.cubic import Cubic
+from sldvexp.image.interpolation.image_mesh import mesh_of
+from sldvexp.image.interpolation.lattice import Lattice, StraightLattice
+from sldvexp.image.interpolation.linear import Linear
+from sldvexp.image.interpolation.method import Interpolation
+from sldvexp.image.interpolation.scattered import Triangles
+
+HALF = 500.0
+
+
+@dataclass
+class Image:
+    """Pixels without a view."""
+
+    dac: np.ndarray
+    shape: tuple[int, int] | None = None
+    flags: np.ndarray | None = None
+    velocity: np.ndarray | None = None
+    std: np.ndarray | None = None
+    name: str = "left"
+
+    def __post_init__(self) -> None:
+        n = len(self.dac)
+        self.usable = np.ones(n, bool) if self.flags is None else ~self.flags
+        self.velocity = np.zeros((n, 1), complex) if self.velocity is None else self.velocity
+        self.std = np.full(n, 1e-5) if self.std is None else self.std
+
+
+def tensor(rows: np.ndarray, columns: np.ndarray) -> Image:
+    grid = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1)
+    return Image(grid.reshape(-1, 2).astype(float), (len(rows), len(columns)))
+
+
+def even(n: int) -> Image:
+    return tensor(np.linspace(-HALF, HALF, n), np.linspace(-HALF, HALF, n))
+
+
+def rounded(n: int) -> Image:
+    """Whole steps over a box, the second mirror the other way round."""
+    return tensor(np.rint(np.linspace(-500, 533, n)), np.rint(np.linspace(520, -540, n + 2)))
+
+
+def oblique(n: int, whole: bool = True) -> Image:
+    """A bilinear map of four corners, rounded to whole steps."""
+    s, t = (x[..., None] for x in np.meshgrid(np.linspace(0, 1, n), np.linspace(0, 1, n + 3)))
+    a, b, c, d = np.array([(-700, -150), (100, -720), (710, 120), (-180, 690)], float)
+    grid = (1 - s) * (1 - t) * a + s * (1 - t) * b + s * t * c + (1 - s) * t * d
+    return Image((np.rint(grid) if whole else grid).reshape(-1, 2), (n + 3, n))
+
+
+def scattered(n: int) -> Image:
+    """Jittered, so that the distance of neighbours falls as 1 / n everywhere."""
+    step = 2 * HALF / (n - 1)
+    dac = even(n).dac + np.random.default_rng(n).uniform(-0.3, 0.3, (n * n, 2)) * step
+    return Image(dac)
+
+
+KINDS: dict[str, tuple[Callable[[int], Image], type]] = {
+    "even": (even, StraightLattice),
+    "rounded": (rounded, StraightLattice),
+    "oblique": (oblique, Lattice),
+    "scattered": (scattered, Triangles),
+}
+cases = pytest.mark.parametrize("kind", KINDS)
+methods = pytest.mark.parametrize("method", Interpolation)
+
+
+def places(count: int = 4000, half: float = 300.0, seed: int = 1) -> np.ndarray:
+    """Places that all images hold."""
+    return np.random.default_rng(seed).uniform(-half, half, (count, 2))
+
+
+def linear(p: np.ndarray) -> np.ndarray:
+    return 3.0 + p @ [0.7, -0.3]
+
+
+def quadratic(p: np.ndarray) -> np.ndarray:
+    x, y = p.T / 100.0
+    return linear(p) + 5 * x * x - 7 * x * y + 2 * y * y
+
+
+def smooth(p: np.ndarray) -> np.ndarray:
+    return np.sin(p[:, 0] / 150 + 0.3) * np.cos(p[:, 1] / 170 - 0.2)
+
+
+def found(w: Weights) -> np.ndarray:
+    return ~(w.outside | w.flagged)
+
+
+@cases
+def test_kinds(kind: str) -> None:
+    make, mesh = KINDS[kind]
+    assert type(mesh_of(make(31))) is mesh
+
+
+@cases
+@methods
+def test_acceptance(kind: str, method: Interpolation) -> None:
+    image, x = KINDS[kind][0](31), places()
+    w = method.prepare(image).at(x)
+    assert found(w).all()
+    assert w.value.shape == (len(x), len(image.dac))
+    np.testing.assert_allclose(w.value.sum(axis=1), 1.0, atol=1e-12)
+    exact = [(linear, lambda p: np.tile([0.7, -0.3], (len(p), 1)))]
+    if method is Interpolation.cubic:
+        by_x = lambda p: np.stack([p @ [10, -7], p @ [-7, 4]], axis=-1) / 1e4 + [0.7, -0.3]  # noqa: E731
+        exact.append((quadratic, by_x))
+    for function, gradient in exact:
+        scale = np.abs(function(x)).max()
+        np.testing.assert_allclose(w.value @ function(image.dac), function(x), atol=1e-12 * scale)
+        by_dac = np.stack([g @ function(image.dac) for g in w.gradient], axis=-1)
+        np.testing.assert_allclose(by_dac, gradient(x), atol=1e-12 * scale)
+
+
+@cases
+@methods
+def test_pixels_keep_their_values(kind: str, method: Interpolation) -> None:
+    image = KINDS[kind][0](21)
+    inner = np.flatnonzero((np.abs(image.dac) < 300).all(axis=1))
+    w = method.prepare(image).at(image.dac[inner])
+    unit = np.zeros((len(inner), len(image.dac)))
+    unit[np.arange(len(inner)), inner] = 1.0
+    np.testing.assert_allclose(w.value.toarray(), unit, atol=1e-12)
+
+
+@cases
+@methods
+def test_gradient(kind: str, method: Interpolation) -> None:
+    image, x, h = KINDS[kind][0](21), places(400), 1e-3
+    values = np.random.default_rng(3).normal(size=len(image.dac))
+    interpolator = method.prepare(image)
+    # A difference across the edge of a cell is none.
+    cell = interpolator.mesh.find
+    for axis, gradient in enumerate(interpolator.at(x).gradient):
+        step = h * np.eye(2)[axis]
+        same = (cell(x + step) == cell(x)) & (cell(x - step) == cell(x))
+        assert same.mean() > 0.98
+        ahead, behind = (interpolator.at(x + s).value @ values for s in (step, -step))
+        difference = (ahead - behind) / (2 * h)
+        np.testing.assert_allclose((gradient @ values)[same], difference[same], atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["even", "oblique", "scattered"])
+@methods
+def test_rate(kind: str, method: Interpolation) -> None:
+    def error(n: int) -> float:
+        image = oblique(n, whole=False) if kind == "oblique" else KINDS[kind][0](n)
+        w = method.prepare(image).at(places())
+        return float(np.sqrt(np.mean((w.value @ smooth(image.dac) - smooth(places())) ** 2)))
+
+    errors = [error(n) for n in (25, 49, 97)]
+    rates = -np.diff(np.log2(errors))
+    if method is Interpolation.linear:
+        np.testing.assert_allclose(rates, 2.0, atol=0.15)
+    else:
+        assert (rates > 2.75).all()
+
+
+def test_even_lattice_has_the_catmull_rom_cubic() -> None:
+    image = tensor(np.arange(9) * 4.0, np.arange(8) * 7.0)
+    x = np.random.default_rng(4).uniform([4, 7], [28, 42], (200, 2))
+    w = Interpolation.cubic.prepare(image).at(x).value.toarray().reshape(-1, 9, 8)
+
+    def keys(s: np.ndarray) -> np.ndarray:
+        s = np.abs(s)
+        near, far = 1.5 * s**3 - 2.5 * s**2 + 1, -0.5 * s**3 + 2.5 * s**2 - 4 * s + 2
+        return np.where(s < 1, near, np.where(s < 2, far, 0.0))
+
+    rows, columns = keys(x[:, :1] / 4 - np.arange(9)), keys(x[:, 1:] / 7 - np.arange(8))
+    np.testing.assert_allclose(w, rows[:, :, None] * columns[:, None, :], atol=1e-12)
+
+
+@cases
+@methods
+def test_standard_error(kind: str, method: Interpolation) -> None:
+    trials, rng = 3000, np.random.default_rng(5)
+    image, x = KINDS[kind][0](21), places(60)
+    std = rng.uniform(0.5, 2.0, len(image.dac))
+    w = method.prepare(image).at(x).value
+    values = w @ (std[:, None] * rng.normal(size=(len(std), trials)))
+    ratio = values.std(axis=1) / np.sqrt(w.power(2) @ std**2)
+    # The standard deviation of normal trials errs by 1 / sqrt(2 trials); 60 places at 4.5 of that.
+    assert np.abs(ratio - 1).max() < 4.5 / np.sqrt(2 * trials)
+
+
+@methods
+def test_order_of_scattered_pixels_does_not_matter(method: Interpolation) -> None:
+    # A lattice without its shape: Delaunay's triangles are not unique.
+    image, x = Image(even(15).dac), places(300)
+    order = np.random.default_rng(6).permutation(len(image.dac))
+    w = method.prepare(image).at(x)
+    turned = method.prepare(Image(image.dac[order])).at(x)
+    np.testing.assert_allclose(turned.value.toarray(), w.value.toarray()[:, order], atol=1e-13)
+
+
+@cases
+@methods
+def test_nothing_outside(kind: str, method: Interpolation) -> None:
+    image = KINDS[kind][0](21)
+    low, high = image.dac.min(axis=0), image.dac.max(axis=0)
+    middle = (low + high) / 2
+    x = np.array([[low[0] - 0.01, middle[1]], [middle[0], high[1] + 0.01], [1e5, -1e5], [0, 0]])
+    w = method.prepare(image).at(x)
+    assert w.outside.tolist() == [True, True, True, False]
+    assert not w.flagged.any()
+    assert np.diff(w.value.indptr)[:3].tolist() == [0, 0, 0]
+
+
+@pytest.mark.parametrize("n", [240, 300])
+def test_oblique_lattice_of_few_steps_a_cell(n: int) -> None:
+    """Rounding moves corners by up to a quarter of a cell; no place falls between cells."""
+    image = oblique(n)
+    mesh = mesh_of(image)
+    assert isinstance(mesh, Lattice)
+    corners = mesh.vertices[mesh.cells]
+    rng = np.random.default_rng(7)
+    share = rng.dirichlet(np.ones(4), len(corners))
+    share[: len(corners) // 4, 2:] = 0.0  # on an edge
+    share /= share.sum(axis=1, keepdims=True)
+    x = np.einsum("ck,cki->ci", share, corners)
+    w = Linear(mesh).at(x)
+    assert not w.outside.any()
+    np.testing.assert_allclose(w.value @ linear(image.dac), linear(x), atol=1e-9)
+    assert w.value.min() > -1e-9
+
+
+@methods
+@pytest.mark.parametrize("how", ["folded by rounding", "to and fro"])
+def test_lattice_that_is_none_is_triangulated(how: str, method: Interpolation) -> None:
+    if how == "to and fro":
+        image = even(15)
+        rows = image.dac.reshape(15, 15, 2)
+        rows[1::2] = rows[1::2, ::-1].copy()
+        x = places(200)
+    else:
+        image = oblique(31)
+        image.dac = np.rint(image.dac / 40)
+        x = places(200) / 40
+    image.velocity = linear(image.dac)[:, None] + 0j
+    interpolator = method.prepare(image)
+    assert type(interpolator.mesh) is Triangles
+    w = interpolator.at(x)
+    assert found(w).all()
+    np.testing.assert_allclose(w.value @ linear(image.dac), linear(x), atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["even", "oblique"])
+@methods
+def test_flags_on_a_lattice(kind: str, method: Interpolation) -> None:
+    image, x = KINDS[kind][0](21), places()
+    flagged = np.random.default_rng(8).random(len(image.dac)) < 0.05
+    w = method.prepare(Image(image.dac, image.shape, flagged)).at(x)
+    whole = Linear(mesh_of(image)).at(x).value
+    np.testing.assert_array_equal(w.flagged, whole @ flagged > 0)
+    assert not w.outside.any()
+    # What a flagged pixel holds does not matter, and a second order is kept by its neighbours.
+    function = linear if method is Interpolation.linear else quadratic
+    values = np.where(flagged, np.nan, function(image.dac))
+    np.testing.assert_allclose((w.value @ values)[found(w)], function(x)[found(w)], atol=1e-9)
+    assert np.isfinite(w.gradient[0] @ values).all()
+
+
+@methods
+def test_flags_among_scattered_pixels(method: Interpolation) -> None:
+    """One pixel is bridged, a hole stays a hole."""
+    image = scattered(31)
+    alone = np.argmin(np.square(image.dac - [-200, -200]).sum(axis=1))
+    hole = np.square(image.dac - [150, 150]).sum(axis=1) < 120**2
+    flags = hole | (np.arange(len(hole)) == alone)
+    x = np.concatenate([image.dac[alone] + places(50, 3.0), 150 + places(50, 60.0)])
+    w = method.prepare(Image(image.dac, None, flags)).at(x)
+    assert found(w).tolist() == [True] * 50 + [False] * 50
+    assert w.flagged[50:].all()
+    values = np.where(flags, np.nan, linear(image.dac))
+    np.testing.assert_allclose((w.value @ values)[:50], linear(x[:50]), atol=1e-9)
+
+
+def test_pixels_at_one_place_are_averaged() -> None:
+    image = Image(np.concatenate([even(5).dac, [[0.0, 0.0]] * 2]))
+    image.std = np.full(27, 1e-3)
+    image.std[25] = 0.5e-3
+    w = Linear(mesh_of(image)).at(np.zeros((1, 2))).value.toarray()[0]
+    np.testing.assert_allclose(w[[12, 25, 26]], [1 / 6, 4 / 6, 1 / 6], atol=1e-12)
+    image.std[25] = 0.0
+    w = Linear(mesh_of(image)).at(np.zeros((1, 2))).value.toarray()[0]
+    np.testing.assert_allclose(w[[12, 25, 26]], 1 / 3, atol=1e-12)
+
+
+def test_blocks_are_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    image, x = rounded(21), places(100, 700.0)
+    whole = Interpolation.cubic.prepare(image).at(x)
+    monkeypatch.setattr("sldvexp.image.interpolation.cubic.BLOCK", 17)
+    parts = Interpolation.cubic.prepare(image).at(x)
+    np.testing.assert_allclose(parts.value.toarray(), whole.value.toarray(), atol=1e-14)
+    np.testing.assert_allclose(parts.gradient[1].toarray(), whole.gradient[1].toarray(), atol=1e-14)
+    np.testing.assert_array_equal(parts.outside, whole.outside)
+
+
+@pytest.mark.parametrize("kind", ["even", "scattered"])
+@methods
+def test_no_places(kind: str, method: Interpolation) -> None:
+    w = method.prepare(KINDS[kind][0](7)).at(np.empty((0, 2)))
+    assert w.value.shape == (0, 49)
+    assert w.outside.shape == w.flagged.shape == (0,)
+
+
+@methods
+def test_smallest_images(method: Interpolation) -> None:
+    for image in (tensor(np.array([0, 10]), np.array([0, 10])), Image(even(2).dac[:3] / 50)):
+        x = image.dac.mean(axis=0)[None]
+        w = method.prepare(image).at(x)
+        np.testing.assert_allclose(w.value @ linear(image.dac), linear(x), atol=1e-12)
+
+
+def _bad(what: str) -> Image:
+    image = even(5)
+    if what == "flagged":
+        image.usable[:] = False
+    elif what == "few":
+        image.usable[2:] = False
+    elif what == "line":
+        image = Image(np.column_stack([np.arange(9.0), 2 * np.arange(9.0)]), (1, 9))
+    elif what == "one place":
+        image = Image(np.zeros((5, 2)))
+    elif what == "differing":
+        image.dac[7] = image.dac[3]
+        image.velocity[7] = 1e-3
+    return image
+
+
+@methods
+@pytest.mark.parametrize(
+    ("what", "message"),
+    [
+        ("flagged", "view left: all 25 pixels are flagged; scan it again or leave it out"),
+        ("few", "view left: 2 of 25 pixels are usable, but interpolation needs 3 at least"),
+        ("line", "view left: its 9 usable pixels all lie on one line of DAC steps"),
+        ("one place", "view left: its 1 usable pixels all lie on one line of DAC steps"),
+        ("differing", r"view left: pixels 3 and 7 both stand at the DAC steps \(-500, 250\), but"),
+    ],
+)
+def test_bad_images(what: str, message: str, method: Interpolation) -> None:
+    with pytest.raises(UserError, match=message):
+        method.prepare(_bad(what))
+
+
+def test_methods_by_name() -> None:
+    interpolators: dict[str, type[Interpolator]] = {"linear": Linear, "cubic": Cubic}
+    assert {m.value for m in Interpolation} == set(interpolators)
+    for name, kind in interpolators.items():
+        assert type(Interpolation(name).prepare(even(5))) is kind

@@ -1,0 +1,87 @@
+"""What Ctrl-C does, and when."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from pathlib import Path
+
+import pytest
+
+from sldvexp.session.interruption import how_to_go_on, stopping_once, undisturbed
+
+
+@pytest.fixture(autouse=True)
+def usual():
+    """Python's own way with Ctrl-C, also where the tests run in the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield signal.default_int_handler
+    signal.signal(signal.SIGINT, before)
+
+
+def press():
+    signal.raise_signal(signal.SIGINT)
+
+
+def test_ctrl_c_waits_for_what_must_not_be_disturbed(usual):
+    done = []
+
+    def go_home():
+        with undisturbed():
+            press()
+            press()
+            done.append("home")
+
+    with pytest.raises(KeyboardInterrupt):
+        go_home()
+    assert done == ["home"]
+    assert signal.getsignal(signal.SIGINT) is usual
+
+
+def test_an_error_on_the_way_home_is_not_hidden(usual):
+    with pytest.raises(OSError, match="the cable is out"), undisturbed():
+        press()
+        raise OSError("the cable is out")
+    assert signal.getsignal(signal.SIGINT) is usual
+
+
+def test_the_first_one_stops_and_no_other_counts():
+    with pytest.raises(KeyboardInterrupt), stopping_once():
+        press()
+        raise AssertionError("goes on")
+    press()  # while the operator is told what is kept
+
+
+def test_what_nobody_stops_leaves_ctrl_c_as_it_was(usual):
+    with stopping_once():
+        pass
+    assert signal.getsignal(signal.SIGINT) is usual
+    with pytest.raises(ZeroDivisionError), stopping_once():
+        raise ZeroDivisionError
+    assert signal.getsignal(signal.SIGINT) is usual
+
+
+@pytest.mark.parametrize("context", [undisturbed, stopping_once])
+def test_who_ignores_ctrl_c_goes_on_ignoring_it(context):
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with context():
+        press()
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+
+
+@pytest.mark.parametrize("context", [undisturbed, stopping_once])
+def test_other_threads_have_no_say_in_it(context, usual):
+    seen = []
+
+    def work():
+        with context():
+            seen.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert seen == [usual]
+
+
+def test_the_command_that_goes_on_can_be_pasted():
+    assert how_to_go_on(Path("a b")).endswith("go on with: sldvexp 'resume=a b'")
