@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 import hydra
 from hydra._internal.utils import get_args_parser
 from hydra.errors import MissingConfigException
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from sldvexp import commands, config, config_source, registry  # noqa: F401 (config: the root schema registers itself)
@@ -111,7 +112,19 @@ class Command:
     def _compose_and_run(self, options: Namespace) -> None:
         self._check(options)
         start = hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name="config")
-        start(self._job)()
+        if not options.multirun or options.cfg:
+            start(self._job)()
+            return
+        from sldvexp.origins import Origins
+        from sldvexp.sweep.sweep import Sweep
+
+        with Sweep(options) as sweep:
+            sys.argv[1:] = sweep.arguments(self.arguments)
+            start(self._job)()
+            first = Origins(self.arguments, [*sweep.plan.jobs[0]]).compose()
+            states = sweep.finish(first.sweep.rank)
+        worst = FAILED if states - {"done", "missed"} else MISSED if "missed" in states else DONE
+        self.status = self.status or worst
 
     def _command(self, options: Namespace) -> int:
         """Do what a command names; only a user's mistakes are told in a sentence."""
@@ -150,20 +163,30 @@ class Command:
         from sldvexp.runner import run
 
         job = HydraConfig.get()
-        try:
-            passed = run(cfg, folder=job.runtime.output_dir)
-            self.status = self.status or (DONE if passed else MISSED)
-        except Exception as error:
+        lines: Any = OmegaConf.to_container(job.overrides, resolve=False)
+
+        def told(error: Exception) -> str | None:
             from sldvexp import complaints
             from sldvexp.origins import Origins
 
-            lines: Any = OmegaConf.to_container(job.overrides, resolve=False)
-            settings = [*lines["hydra"], *lines["task"]]
-            told = complaints.sentence(error, Origins(self.arguments, settings))
-            if told is None or self.full_error:
+            return complaints.sentence(
+                error, Origins(self.arguments, [*lines["hydra"], *lines["task"]])
+            )
+
+        try:
+            if job.mode is RunMode.MULTIRUN:
+                from sldvexp.sweep.job import perform
+
+                perform(cfg, job.runtime.output_dir, lines["task"], told)
+            else:
+                passed = run(cfg, folder=job.runtime.output_dir)
+                self.status = self.status or (DONE if passed else MISSED)
+        except Exception as error:
+            sentence = told(error)
+            if sentence is None or self.full_error:
                 self.defect = self.defect or error  # of a sweep's, Hydra raises the first
                 raise
-            self._say(told)
+            self._say(sentence)
 
     def _options(self) -> Namespace:
         """The options, all of which are Hydra's; a wrong one is a user's mistake like others."""

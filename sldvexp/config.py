@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
+from enum import Enum
 from typing import Any
 
 from hydra.core.config_store import ConfigStore
@@ -79,6 +80,39 @@ class Expectation:
         checks.done()
 
 
+class Retry(Enum):
+    """Which runs of a sweep that was started before are done again.
+
+    Attributes
+    ----------
+    unfinished
+        What is missing, failed, or would come out otherwise: other settings, inputs or versions.
+    missing
+        That without what failed.
+    all
+        Everything.
+    """
+
+    unfinished = "unfinished"
+    missing = "missing"
+    all = "all"
+
+
+@dataclass
+class Sweep:
+    """How many runs of one command (`-m`) are treated.
+
+    Parameters
+    ----------
+    rank : str
+        Result that runs are ranked by, as in ``field.residual_std``; the smallest is the best.
+    retry : Retry
+    """
+
+    rank: str = ""
+    retry: Retry = Retry.unfinished
+
+
 @dataclass
 class Experiment:
     """Root of the configuration: the plugins of one run, in the order in which data flows.
@@ -117,6 +151,7 @@ class Experiment:
     compare: dict[str, Any] = field(default_factory=dict)
     check: dict[str, Any] = field(default_factory=dict)
     expect: dict[str, Any] = field(default_factory=dict)
+    sweep: Sweep = field(default_factory=Sweep)
 
 
 ConfigStore.instance().store(
@@ -168,7 +203,8 @@ def build(config: DictConfig) -> Experiment:
         problems.append(Problem("seed", f"must be zero or a positive integer, not {config.seed}"))
     if problems:
         raise ConfigError(problems)
-    return Experiment(seed=config.seed, expect=expect, **values)
+    sweep = _object(config.sweep, "sweep", problems)
+    return Experiment(seed=config.seed, expect=expect, sweep=sweep, **values)
 
 
 def plugin_names(config: DictConfig) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 import platform
@@ -49,6 +50,14 @@ def attributes(config: DictConfig, inputs: Iterable[str], start: datetime) -> di
     }
 
 
+def identity(config: DictConfig) -> str:
+    """Digest of all that decides a run's numbers, but for the content of the files it reads."""
+    wanted = OmegaConf.masked_copy(config, [str(k) for k in config if k != "sweep"])
+    text = OmegaConf.to_yaml(wanted, resolve=True) + json.dumps(versions(), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+@functools.cache
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that decide the numbers, plugins' among them."""
     found = {"python": platform.python_version()}
@@ -69,6 +78,7 @@ def sha256(path: Path) -> str:
         raise UserError(f"{path}: cannot be read ({error.strerror})") from None
 
 
+@functools.cache
 def git_commit() -> str:
     """Commit of the checkout that the program runs from, marked if changed; empty if installed."""
     here = Path(__file__).resolve().parent

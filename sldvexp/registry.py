@@ -75,12 +75,15 @@ BUILT_IN: dict[str, dict[str, str]] = {
     "check": {
         "bitangents": "sldvexp.check.bitangents",
         "cross_ratio": "sldvexp.check.cross_ratio",
+        "left_out": "sldvexp.check.left_out",
+        "love": "sldvexp.check.love",
         "phase_image": "sldvexp.check.phase_image",
         "pose_equivalence": "sldvexp.check.pose_equivalence",
         "pose_methods": "sldvexp.check.pose_methods",
         "pose_repeats": "sldvexp.check.pose_repeats",
         "printed": "sldvexp.check.printed",
         "repeatability": "sldvexp.check.repeatability",
+        "surface_depth": "sldvexp.check.surface_depth",
         "truth": "sldvexp.check.truth",
     },
 }

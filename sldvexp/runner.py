@@ -30,7 +30,7 @@ RUN_FILE = "run.nc"
 POSE_FILE = "pose.txt"
 
 
-def run(cfg: DictConfig, folder: str) -> bool:
+def run(cfg: DictConfig, folder: str, quiet: bool = False) -> bool:
     """Run one experiment.
 
     Parameters
@@ -39,6 +39,8 @@ def run(cfg: DictConfig, folder: str) -> bool:
         The composed configuration.
     folder : str
         Where `run.nc` and the text outputs go; it exists already.
+    quiet : bool
+        Neither a bar nor the closing table, as one of many runs.
 
     Returns
     -------
@@ -60,7 +62,11 @@ def run(cfg: DictConfig, folder: str) -> bool:
             "(sldvexp --help lists them), or a target, a pose or an instrument"
         )
     bar = Progress(
-        SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), transient=True
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        TimeElapsedColumn(),
+        transient=True,
+        disable=quiet,
     )
     rng = np.random.default_rng(experiment.seed)
     run = Run(experiment, rng, Path(folder), Operator(lambda: _paused(bar)))
@@ -77,7 +83,8 @@ def run(cfg: DictConfig, folder: str) -> bool:
     for name, text in texts.items():
         with whole_or_nothing(path.with_name(name)) as beside:
             beside.write_text(text)
-    closing_table(run.tree, [path, *(path.with_name(n) for n in texts)])
+    if not quiet:
+        closing_table(run.tree, [path, *(path.with_name(n) for n in texts)])
     return "check" not in run.tree or bool(run.tree["check"]["passed"].all())
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from sldvexp import config
+from sldvexp.check.base import Examined
 from sldvexp.check.expectations import evaluate
 from sldvexp.errors import UserError
 from sldvexp.instrument.base import ScanningPlugin
@@ -150,7 +151,7 @@ def _checks(run: Run) -> None:
     """What the configuration wants examined."""
     for name, check in run.experiment.check.items():
         run.inputs += check.inputs()
-        run.tree[f"examined/{name}"] = check.examine(run.tree, run.rng)
+        run.tree[f"examined/{name}"] = check.examine(Examined(run.tree, run.rng, run.experiment))
 
 
 def _expectations(run: Run) -> None:

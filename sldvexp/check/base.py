@@ -4,26 +4,39 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
 
+@dataclass(frozen=True, eq=False)
+class Examined:
+    """The run that is examined.
+
+    Attributes
+    ----------
+    tree : mapping of str to xarray.Dataset
+        Group path to dataset, for example ``pose`` or ``compare/method_1``.
+    rng : numpy.random.Generator
+        The run's generator.
+    experiment : Experiment
+        Its plugins; None if there is only the dataset.
+    """
+
+    tree: Mapping[str, xr.Dataset]
+    rng: np.random.Generator
+    experiment: Any = None
+
+
 class Check(ABC):
-    """Examines a run's dataset and adds what it found as a group ``examined/<name>``."""
+    """Examines a run and adds what it found as a group ``examined/<name>``."""
 
     @abstractmethod
-    def examine(self, tree: Mapping[str, xr.Dataset], rng: np.random.Generator) -> xr.Dataset:
+    def examine(self, run: Examined) -> xr.Dataset:
         """Numbers found, with units and meaning as attributes.
-
-        Parameters
-        ----------
-        tree : mapping of str to xarray.Dataset
-            Group path to dataset, for example ``pose`` or ``compare/method_1``.
-        rng : numpy.random.Generator
-            The run's generator.
 
         Raises
         ------

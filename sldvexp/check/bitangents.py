@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sldvexp.check.base import Check
+from sldvexp.check.base import Check, Examined
 from sldvexp.errors import UserError
 from sldvexp.registry import register
 from sldvexp.units import LengthUnit
 
 if TYPE_CHECKING:
-    import numpy as np
     import xarray as xr
 
 
@@ -21,15 +19,15 @@ if TYPE_CHECKING:
 class Bitangents(Check):
     """Numbered bitangent points of the calibration object in inches, as in Table 4.1."""
 
-    def examine(self, tree: Mapping[str, xr.Dataset], rng: np.random.Generator) -> xr.Dataset:
+    def examine(self, run: Examined) -> xr.Dataset:
         """``position_inch (point, plane_axis)``."""
         import numpy as np
 
         from sldvexp import dataset
 
-        if "target" not in tree:
+        if "target" not in run.tree:
             raise UserError("check=bitangents needs a calibration object: choose a target")
-        target = tree["target"]
+        target = run.tree["target"]
         position = target["position"].sel(axis=["x", "y"]) / LengthUnit.inch.value
         coords = {"point": target["point"].values, "plane_axis": np.array(["x", "y"])}
         return dataset.group("examined/bitangents", coords, position_inch=position.values)

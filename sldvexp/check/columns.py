@@ -53,8 +53,8 @@ class Columns:
         inside = np.flatnonzero(crossing.any(axis=0))
         if not len(inside):
             raise UserError(
-                f"the surface lies outside of the volume: its layers are {np.nanmin(height):.3g} to "
-                f"{np.nanmax(height):.3g} m above it; move the volume with volume.offset"
+                f"the surface lies outside of the volume: its layers are {np.nanmin(height):.3g} "
+                f"to {np.nanmax(height):.3g} m above it; move the volume with volume.offset"
             )
         below = crossing[:, inside].argmax(axis=0)
         low, high = by_layer[below, inside], by_layer[below + 1, inside]

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from sldvexp.check.base import Check
+from sldvexp.check.base import Check, Examined
 from sldvexp.errors import Checks, UserError
 from sldvexp.registry import register
 
@@ -55,7 +54,7 @@ class CrossRatio(Check):
         checks.non_negative("mirror_offset", self.mirror_offset)
         checks.done()
 
-    def examine(self, tree: Mapping[str, xr.Dataset], rng: np.random.Generator) -> xr.Dataset:
+    def examine(self, run: Examined) -> xr.Dataset:
         """``up_down (kind)`` and ``left_right (kind)``, all equal if the mirrors are projective."""
         import numpy as np
 

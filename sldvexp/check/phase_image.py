@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sldvexp.check.base import Check
+from sldvexp.check.base import Check, Examined
 from sldvexp.errors import UserError
 from sldvexp.registry import register
 
@@ -24,12 +23,13 @@ class PhaseImage(Check):
     is what scatters or not; each pixel counts with its squared amplitude, since a node has none.
     """
 
-    def examine(self, tree: Mapping[str, xr.Dataset], rng: np.random.Generator) -> xr.Dataset:
+    def examine(self, run: Examined) -> xr.Dataset:
         """``phase``, ``phase_std`` and ``p_uniform`` over view, stage and frequency."""
         import numpy as np
 
         from sldvexp import dataset
 
+        tree = run.tree
         images = {k.removeprefix("image/"): g for k, g in tree.items() if k.startswith("image/")}
         if not images:
             raise UserError("check=phase_image needs velocity images: choose scan=rectangle")

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from sldvexp.check.base import Check
+from sldvexp.check.base import Check, Examined
 from sldvexp.errors import Checks, UserError
 from sldvexp.geometry.known_pose import KnownPose
 from sldvexp.pose.given import Given
@@ -50,7 +49,7 @@ class PoseEquivalence(Check):
         """The other pose's file."""
         return self._other().inputs()
 
-    def examine(self, tree: Mapping[str, xr.Dataset], rng: np.random.Generator) -> xr.Dataset:
+    def examine(self, run: Examined) -> xr.Dataset:
         """t', its degrees of freedom and critical value, for every view and parameter."""
         import numpy as np
 
@@ -58,9 +57,9 @@ class PoseEquivalence(Check):
         from sldvexp.statistics.student import student_factor
         from sldvexp.statistics.welch import welch
 
-        if "pose" not in tree:
+        if "pose" not in run.tree:
             raise UserError("check=pose_equivalence needs a pose to compare: choose pose=...")
-        pose, other = tree["pose"], self._other().group()
+        pose, other = run.tree["pose"], self._other().group()
         names = [str(v) for v in pose["view"].values]
         others = [str(v) for v in other["view"].values]
         if names != others and len(names) == len(others) == 1:

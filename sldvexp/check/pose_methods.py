@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from sldvexp.check.base import Check
+from sldvexp.check.base import Check, Examined
 from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.geometry.known_pose import KnownPose
 from sldvexp.registry import register
@@ -45,13 +45,13 @@ class PoseMethods(Check):
                 checks.require(len(values) == 3, f"truth.{name}.{key}", wrong)
         checks.done()
 
-    def examine(self, tree: Mapping[str, xr.Dataset], rng: np.random.Generator) -> xr.Dataset:
+    def examine(self, run: Examined) -> xr.Dataset:
         """``s_mean``, ``s_std`` and, with the truth, ``origin_error`` and ``rotation_error``."""
         import numpy as np
 
         from sldvexp import dataset
 
-        poses = {name: self._pose(name, group, tree) for name, group in self.methods.items()}
+        poses = {name: self._pose(name, group, run.tree) for name, group in self.methods.items()}
         s = [pose["s"].values for pose in poses.values()]
         errors: dict[str, np.ndarray] = {}
         if self.truth:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from sldvexp.check.base import Check
+from sldvexp.check.base import Check, Examined
 from sldvexp.errors import Checks, UserError
 from sldvexp.registry import register
 
@@ -34,18 +33,18 @@ class PoseRepeats(Check):
         checks.require(self.repeats >= 10, "repeats", f"must be at least 10, not {self.repeats}")
         checks.done()
 
-    def examine(self, tree: Mapping[str, xr.Dataset], rng: np.random.Generator) -> xr.Dataset:
+    def examine(self, run: Examined) -> xr.Dataset:
         """``std_ratio`` and ``coverage`` of each parameter; a note where bounds do not hold."""
         import numpy as np
 
         from sldvexp import dataset
 
-        if "pose" not in tree or "registration" not in tree:
+        if "pose" not in run.tree or "registration" not in run.tree:
             raise UserError(
                 "check=pose_repeats needs a pose from points: choose pose=registration, or leave "
                 "the check out with '~check.pose_repeats'"
             )
-        pose, registration = tree["pose"], tree["registration"]
+        pose, registration = run.tree["pose"], run.tree["registration"]
         if json.loads(pose.attrs.get("shared", "{}")):
             raise UserError(
                 "check=pose_repeats repeats every view for itself, but pose.shared solved them "
@@ -53,7 +52,7 @@ class PoseRepeats(Check):
                 "'~check.pose_repeats'"
             )
         views = pose["view"].values
-        found = [self._view(pose.sel(view=v), registration.sel(view=v), rng) for v in views]
+        found = [self._view(pose.sel(view=v), registration.sel(view=v), run.rng) for v in views]
         ratio, coverage = (np.array(values) for values in zip(*found, strict=True))
         coords = {"view": views, "parameter": pose["parameter"].values}
         group = dataset.group("examined/pose_repeats", coords, std_ratio=ratio, coverage=coverage)

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from sldvexp.check.base import Check
+from sldvexp.check.base import Check, Examined
 from sldvexp.errors import UserError, nearest
 from sldvexp.registry import register
 
 if TYPE_CHECKING:
-    import numpy as np
     import xarray as xr
 
 
@@ -32,7 +30,7 @@ class Printed(Check):
     full: str = ""
     decimals: int = 4
 
-    def examine(self, tree: Mapping[str, xr.Dataset], rng: np.random.Generator) -> xr.Dataset:
+    def examine(self, run: Examined) -> xr.Dataset:
         """One entry of each for every reconstruction of the run."""
         import numpy as np
         from scipy.special import fdtri
@@ -40,17 +38,17 @@ class Printed(Check):
         from sldvexp import dataset
         from sldvexp.check.conventions import printed_f
 
-        methods = [name for name in tree if name.split("/")[0] in ("point", "compare")]
+        methods = [name for name in run.tree if name.split("/")[0] in ("point", "compare")]
         for name in (self.partial, self.full):
             if name and name not in methods:
                 raise UserError(f"check.printed: there is no {name}; {nearest(name, methods)}")
-        rows = {name: _conventions(tree[name]) for name in methods}
+        rows = {name: _conventions(run.tree[name]) for name in methods}
         columns = {
             key: np.array([row[key] for row in rows.values()]) for key in next(iter(rows.values()))
         }
         more = {}
         if self.full:
-            partial, full = tree[self.partial], tree[self.full]
+            partial, full = run.tree[self.partial], run.tree[self.full]
             tabulated = partial.attrs["sse"], full.attrs["sse"], rows[self.full]["std"]
             more["f_statistic"] = printed_f(*(round(x, self.decimals) for x in tabulated))
             more["f_critical"] = float(fdtri(1, full.sizes["row"] - 1, 0.95))

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sldvexp.check.base import Check
+from sldvexp.check.base import Check, Examined
 from sldvexp.errors import UserError
 from sldvexp.registry import register
 
 if TYPE_CHECKING:
-    import numpy as np
     import xarray as xr
 
 
@@ -20,16 +18,16 @@ if TYPE_CHECKING:
 class Repeatability(Check):
     """Standard deviation of every image point over all views, which must be of one pose."""
 
-    def examine(self, tree: Mapping[str, xr.Dataset], rng: np.random.Generator) -> xr.Dataset:
+    def examine(self, run: Examined) -> xr.Dataset:
         """``dac_std (point, mirror)`` and the largest of them."""
         from sldvexp import dataset
 
-        if "registration" not in tree or tree["registration"].sizes["view"] < 2:
+        if "registration" not in run.tree or run.tree["registration"].sizes["view"] < 2:
             raise UserError(
                 "check=repeatability needs image points of at least two views of one pose: choose "
                 "pose=bitangent and repeat the view under other names"
             )
-        dac = tree["registration"]["dac"]
+        dac = run.tree["registration"]["dac"]
         std = dac.std("view", ddof=1)
         return dataset.group(
             "examined/repeatability",

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sldvexp.check.base import Check
+from sldvexp.check.base import Check, Examined
 from sldvexp.errors import UserError
 from sldvexp.registry import register
 
 if TYPE_CHECKING:
-    import numpy as np
     import xarray as xr
 
 
@@ -24,13 +22,14 @@ class Truth(Check):
     layers, as the element does; so is its bound, which is then no smaller than the exact one.
     """
 
-    def examine(self, tree: Mapping[str, xr.Dataset], rng: np.random.Generator) -> xr.Dataset:
+    def examine(self, run: Examined) -> xr.Dataset:
         """``relative_error``, ``rms_error``, ``rms_bound`` and ``covered`` of each component."""
         import numpy as np
 
         from sldvexp import dataset
         from sldvexp.check.columns import Columns
 
+        tree = run.tree
         if not {"field", "truth", "volume"} <= set(tree):
             raise UserError(
                 "check=truth needs a field and the virtual lab's truth: choose a volume, a "

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array
 
 from sldvexp.field.frequency_modes import FrequencyModes
 from sldvexp.field.inverse_rows import InverseRows
@@ -55,18 +54,10 @@ class Bounds:
             np.zeros((*shape, views)), np.zeros((*shape, columns)), np.zeros((equations, views))
         )
 
-    def add_noise(self, part: Part, rows: InverseRows, influences: list[bsr_array]) -> None:
-        """Noise of the part's own nodes, and of the residuals of the samples it owns.
-
-        Parameters
-        ----------
-        part : Part
-        rows : InverseRows
-        influences : list of bsr_array
-            The matrices R of the views.
-        """
+    def add_noise(self, part: Part, rows: InverseRows) -> None:
+        """Noise of the part's own nodes, and of the residuals of the samples it owns."""
         at, own = part.at, part.region.own
-        for k, (r, std) in enumerate(zip(influences, part.model.pixel_std, strict=True)):
+        for k, (r, std) in enumerate(zip(part.influences, part.model.pixel_std, strict=True)):
             variance = std**2
             covariance, fitted = rows.covariance(r, variance)
             self.noise[..., k][:, own] = np.diagonal(covariance, axis1=2, axis2=3)
@@ -80,8 +71,7 @@ class Bounds:
         self,
         part: Part,
         rows: InverseRows,
-        theta: Array,
-        data: list[Array],
+        right: Array,
         modes: FrequencyModes,
         covariance: Array,
     ) -> None:
@@ -91,12 +81,11 @@ class Bounds:
         ----------
         part : Part
         rows : InverseRows
-        theta : ndarray, shape (layer, surface_node, parameter, mode)
-        data : list of ndarray, shape (pixel, mode)
+        right : ndarray
+            See `pose_right_sides`.
         modes : FrequencyModes
         covariance : ndarray, shape (6 views, 6 views)
         """
-        right = pose_right_sides(part, theta, data)
         j = rows.times(right.reshape(*right.shape[:3], -1))
         j = j.reshape(*j.shape[:3], len(covariance), -1)
         gram = np.swapaxes(j, 3, 4) @ (covariance @ j)

@@ -8,10 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.field.coverage import Coverage, require_coverage
-from sldvexp.field.elements import Graph, Patch
-from sldvexp.field.influence import influence
-from sldvexp.field.looks import Look, Looks
-from sldvexp.field.model import FieldModel, Samples
+from sldvexp.field.model import Samples
+from sldvexp.field.parts import Part, Parts
 from sldvexp.field.system import Assembly, System
 from sldvexp.field.view import View
 
@@ -46,13 +44,12 @@ class Equations:
     coverage: tuple[Coverage, ...]
 
 
-def normal_equations(looks: Looks, model: FieldModel, data: list[Array]) -> Equations:
+def normal_equations(parts: Parts, data: list[Array]) -> Equations:
     """Go through all samples once.
 
     Parameters
     ----------
-    looks : Looks
-    model : FieldModel
+    parts : Parts
     data : list of ndarray, shape (pixel, column), m/s
         Velocities of each view's pixels as real numbers.
 
@@ -61,35 +58,31 @@ def normal_equations(looks: Looks, model: FieldModel, data: list[Array]) -> Equa
     UserError
         If a view sees nothing.
     """
+    looks, model = parts.looks, parts.model
     prisms = looks.prisms
-    assembly = Assembly(Graph.of(prisms), looks.rule, prisms.layers, model.block)
+    assembly = Assembly(parts.graph, looks.rule, prisms.layers, model.block)
     shape = (prisms.layers, prisms.surface_nodes, model.parameters)
     right, ranked, whole = np.zeros((*shape, data[0].shape[1])), np.zeros(shape), np.zeros(shape)
     rows = samples = 0
     coverage: list[Coverage] = []
-    for look in looks.blocks():
-        patch = Patch.over(prisms, looks.rule, look.triangles)
-        at = model.at(look)
-        assembly.add(patch, at.information)
-        right[:, patch.nodes] += right_side(patch, look, at, data)
-        ranked[:, patch.nodes] += patch.to_nodes(_ranked(at, model.parameters))
-        whole[:, patch.nodes] += patch.to_nodes(np.ones((len(look.position), 1)))
+    for part in parts.disjoint():
+        at, nodes = part.at, part.patch.nodes
+        assembly.add(part.patch, at.information)
+        right[:, nodes] += _right_side(part, data)
+        ranked[:, nodes] += part.patch.to_nodes(_ranked(at, model.parameters))
+        whole[:, nodes] += part.patch.to_nodes(np.ones((len(part.look.position), 1)))
         rows += int(at.pointwise.rows.sum())
         samples += int(at.pointwise.kept.sum())
-        each = [Coverage.of(v, s) for v, s in zip(looks.views, look.seen, strict=True)]
+        each = [Coverage.of(v, s) for v, s in zip(looks.views, part.look.seen, strict=True)]
         coverage = [a + b for a, b in zip(coverage, each, strict=True)] if coverage else each
     require_coverage(coverage)
     return Equations(assembly.system(), right, ranked / whole, rows, samples, tuple(coverage))
 
 
-def right_side(patch: Patch, look: Look, at: Samples, data: list[Array]) -> Array:
+def _right_side(part: Part, data: list[Array]) -> Array:
     """``sum_s B_s^T (x) T_s v_s``, shape (layer, patch_node, parameter, column)."""
-    columns = data[0].shape[1]
-    parameters = at.estimator.shape[1]
-    total = np.zeros((patch.count * parameters, columns))
-    for k, (seen, velocity) in enumerate(zip(look.seen, data, strict=True)):
-        total += influence(patch, at.estimator[:, :, k], seen.weights) @ velocity
-    return total.reshape(patch.layers, len(patch.nodes), parameters, columns)
+    total = sum(r @ velocity for r, velocity in zip(part.influences, data, strict=True))
+    return np.reshape(total, (part.patch.layers, len(part.patch.nodes), -1, data[0].shape[1]))
 
 
 def pixel_data(views: list[View] | tuple[View, ...]) -> list[Array]:

@@ -12,6 +12,7 @@ from sldvexp.field.flags import described, flags
 from sldvexp.field.looks import Looks
 from sldvexp.field.model import FieldModel
 from sldvexp.field.outcome import Outcome
+from sldvexp.field.parts import Parts
 from sldvexp.field.result import LOCAL, WORLD, FieldResult
 from sldvexp.field.second_way import pose_covariance, residuals_only, with_bounds
 from sldvexp.field.solvers.base import Solver
@@ -63,8 +64,8 @@ def estimate_field(
     _check_views(looks)
     poses = pose_covariance(looks.views, covariance)
     model = FieldModel.of(method, looks, local)
-    data = pixel_data(looks.views)
-    equations = normal_equations(looks, model, data)
+    parts, data = Parts(looks, model), pixel_data(looks.views)
+    equations = normal_equations(parts, data)
     system = equations.system
     found = flags(equations)
     messages = described(found, looks.prisms.position, LOCAL if local else WORLD)
@@ -75,10 +76,10 @@ def estimate_field(
     solve = solver.prepare(system)
     theta = solution(equations.right, system, solve)
     if not bounds:
-        second = residuals_only(looks, model, system, theta, data)
+        second = residuals_only(parts, theta, data)
         return Outcome(looks, model, equations, found, theta, second, solver).result(messages)
     determined = found.determined.reshape(*system.active.shape, -1)
-    second = with_bounds(looks, model, system, theta, data, solve, determined, poses)
+    second = with_bounds(parts, system, solve, theta, data, determined, poses)
     if poses is None:
         messages.append("the poses have no covariance: bounds are those of the velocities' noise")
     outcome = Outcome(looks, model, equations, found, theta, second, solver)

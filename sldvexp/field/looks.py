@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,12 +19,6 @@ from sldvexp.volume.samples import SampleRule, sample_frames, sample_positions
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-
-#: Samples that are looked at together: their sparse matrices take some 300 bytes a view.
-SAMPLES_AT_ONCE = 200_000
-#: Looks at so many samples, views counted, stay in memory.
-KEPT = 2_000_000
-
 
 @dataclass(frozen=True, eq=False)
 class Look:
@@ -85,7 +79,6 @@ class Looks:
     clearance: float | None = None
     _interpolators: list[Interpolator] = field(init=False, repr=False)
     _occlusions: list[Occlusion | None] = field(init=False, repr=False)
-    _kept: dict[bytes, Look] = field(init=False, repr=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         self._interpolators = [self.interpolation.prepare(v) for v in self.views]
@@ -96,18 +89,8 @@ class Looks:
         """The views' names."""
         return tuple(v.name for v in self.views)
 
-    def blocks(self, samples: int = SAMPLES_AT_ONCE) -> Iterator[Look]:
-        """Looks that together have every triangle once, so many samples or fewer at a time."""
-        count = len(self.prisms.triangles)
-        step = max(1, samples // (self.prisms.gaps * self.rule.points))
-        for start in range(0, count, step):
-            yield self.at(np.arange(start, min(start + step, count)))
-
     def at(self, triangles: Indices) -> Look:
         """Look at the samples of some triangles' prisms, in all gaps."""
-        key = triangles.tobytes()
-        if key in self._kept:
-            return self._kept[key]
         position = sample_positions(self.prisms, self.rule, triangles).reshape(-1, 3)
         frame = sample_frames(self.prisms, self.rule, triangles).reshape(-1, 3, 3)
         seen = tuple(
@@ -124,11 +107,7 @@ class Looks:
                 self.views, self._interpolators, self._occlusions, strict=True
             )
         )
-        found = Look(triangles, seen, position, frame)
-        held = sum(len(kept.position) for kept in self._kept.values())
-        if (held + len(position)) * len(self.views) <= KEPT:
-            self._kept[key] = found
-        return found
+        return Look(triangles, seen, position, frame)
 
     def _occlusion(self, view: View) -> Occlusion | None:
         if self.clearance is None:

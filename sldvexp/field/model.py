@@ -106,11 +106,12 @@ class FieldModel:
 
     @property
     def row_model(self) -> RowModel:
-        """The rows' least squares at a sample."""
+        """The rows' least squares at a sample; weights say nothing where each is solved exactly."""
+        exact = self.contravariant and len(self.rows) == self.parameters
         return RowModel(
             self.rows.matrix,
             self.intercept,
-            self.generalised,
+            self.generalised and not exact,
             self.method.rank_tolerance,
             complete=self.contravariant,
         )

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array
 
 from sldvexp.field.block_rows import block_rows, diagonal_blocks, kronecker_identity
-from sldvexp.field.elements import Patch
 from sldvexp.field.inverse_rows import InverseRows
 from sldvexp.field.local_rows import Neighbourhood, surface_rows, volume_rows
-from sldvexp.field.regions import Region
+from sldvexp.field.parts import Part
 from sldvexp.field.system import System
 
 Array = NDArray[np.float64]
@@ -53,11 +52,11 @@ class NearInverse(InverseRows):
     volume: bsr_array
 
     @classmethod
-    def of(cls, system: System, region: Region, patch: Patch, parameters: int) -> NearInverse:
-        """That of a region."""
-        around = Neighbourhood.of(system, patch)
-        own = np.searchsorted(patch.nodes, region.own)
-        turn = _turn(system, region.own)
+    def of(cls, system: System, part: Part, parameters: int) -> NearInverse:
+        """That of a part's region."""
+        around = Neighbourhood.of(system, part.patch)
+        own = np.searchsorted(part.patch.nodes, part.region.own)
+        turn = _turn(system, part.region.own)
         odd = _odd(turn, around, own)
         return cls(
             np.linalg.inv(system.line),

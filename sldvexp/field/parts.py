@@ -1,4 +1,4 @@
-"""Second way through the samples: a region's nodes, with all samples that bear on them."""
+"""The samples of a volume, part by part: what each view sees of them and what the method makes of it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ from scipy.sparse import bsr_array
 
 from sldvexp.field.elements import Graph, Patch
 from sldvexp.field.influence import influence
-from sldvexp.field.looks import SAMPLES_AT_ONCE, Look, Looks
+from sldvexp.field.looks import Look, Looks
 from sldvexp.field.model import FieldModel, Samples
 from sldvexp.field.regions import Region, Surface
 
 Array = NDArray[np.float64]
+
+#: Samples that are worked on together: they take some 2 kB each.
+SAMPLES_AT_ONCE = 200_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +58,13 @@ class Part:
         mine = np.isin(first, self.region.own)
         return np.broadcast_to(mine[None, :, None], self.patch.sample_shape).ravel()
 
-    def influence(self, view: int) -> bsr_array:
-        """The matrix R of one view's pixels."""
-        return influence(self.patch, self.at.estimator[:, :, view], self.look.seen[view].weights)
+    @cached_property
+    def influences(self) -> list[bsr_array]:
+        """The matrices R of every view's pixels, ``b = sum_k R_k v_k``."""
+        return [
+            influence(self.patch, self.at.estimator[:, :, k], seen.weights)
+            for k, seen in enumerate(self.look.seen)
+        ]
 
     def velocities(self, data: list[Array]) -> Array:
         """Interpolated from the pixels' columns, shape (sample, view, column)."""
@@ -72,24 +79,68 @@ class Part:
         return self.patch.at_samples(flat).reshape(-1, parameters, columns)
 
 
-def parts(
-    looks: Looks, model: FieldModel, graph: Graph, rings: int, whole: bool
-) -> Iterator[Part]:
-    """Go through all regions, with so many rings of neighbours around each.
+@dataclass(eq=False)
+class Parts:
+    """A way through all samples; a volume of one part stays in memory.
 
     Parameters
     ----------
     looks : Looks
     model : FieldModel
-    graph : Graph
-    rings : int
-    whole : bool
-        Make it one region, as is done anyway where there are few samples.
     """
-    surface = Surface.of(looks.prisms, graph)
-    each = looks.prisms.gaps * looks.rule.points
-    nodes = looks.prisms.surface_nodes
-    whole = whole or each * len(looks.prisms.triangles) <= SAMPLES_AT_ONCE
-    largest = nodes if whole else max(1, SAMPLES_AT_ONCE // (2 * each))
-    for region in surface.regions(largest, rings):
-        yield Part.of(looks, model, region)
+
+    looks: Looks
+    model: FieldModel
+
+    @cached_property
+    def graph(self) -> Graph:
+        """Which surface nodes share a triangle."""
+        return Graph.of(self.looks.prisms)
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The surface to walk over."""
+        return Surface.of(self.looks.prisms, self.graph)
+
+    def disjoint(self) -> Iterator[Part]:
+        """Go through all samples once."""
+        if self._fits:
+            yield self._whole
+            return
+        for own in self.surface.parts(self._largest):
+            yield Part.of(self.looks, self.model, self.surface.of_own(own))
+
+    def overlapping(self, rings: int, whole: bool) -> Iterator[Part]:
+        """Go through regions with all samples that bear on their own nodes.
+
+        Parameters
+        ----------
+        rings : int
+            Of neighbours around the own nodes whose samples belong to the part.
+        whole : bool
+            Make it one region, as is done anyway where there are few samples.
+        """
+        if whole or self._fits:
+            yield self._whole
+            return
+        for own in self.surface.parts(self._largest):
+            yield Part.of(self.looks, self.model, self.surface.around(own, rings))
+
+    @cached_property
+    def _whole(self) -> Part:
+        everything = self.surface.around(np.arange(self.looks.prisms.surface_nodes), 0)
+        return Part.of(self.looks, self.model, everything)
+
+    @property
+    def _column(self) -> int:
+        """Samples over a triangle."""
+        return self.looks.prisms.gaps * self.looks.rule.points
+
+    @property
+    def _fits(self) -> bool:
+        return self._column * len(self.looks.prisms.triangles) <= SAMPLES_AT_ONCE
+
+    @property
+    def _largest(self) -> int:
+        """Nodes of a part; there are about half as many as triangles."""
+        return max(1, SAMPLES_AT_ONCE // (2 * self._column))

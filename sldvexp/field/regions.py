@@ -68,11 +68,16 @@ class Surface:
             support = np.unique(self.neighbours[support].indices)
         return Region(own, support, np.unique(self.touching[support].indices).astype(np.intp))
 
-    def regions(self, largest: int, rings: int) -> Iterator[Region]:
-        """Compact regions of so many nodes or fewer."""
+    def of_own(self, own: Indices) -> Region:
+        """The region of these nodes, with the triangles whose first corner is one of them."""
+        first = np.isin(self.prisms.triangles[:, 0], own)
+        return Region(own, own, np.flatnonzero(first))
+
+    def parts(self, largest: int) -> Iterator[Indices]:
+        """All nodes, in compact parts of so many or fewer."""
         position = self.prisms.position.reshape(self.prisms.layers, -1, 3)[0]
-        for own in _halved(np.arange(len(position)), position, largest):
-            yield self.around(np.sort(own), rings)
+        for nodes in _halved(np.arange(len(position)), position, largest):
+            yield np.sort(nodes)
 
 
 def _halved(nodes: Indices, position: Array, largest: int) -> Iterator[Indices]:

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
-from sldvexp.field.bounds import POSE, Bounds
+from sldvexp.field.bounds import POSE, Bounds, pose_right_sides
 from sldvexp.field.frequency_modes import FrequencyModes
 from sldvexp.field.inverse_rows import SMALL, InverseRows, WholeInverse
 from sldvexp.field.local_rows import RINGS
-from sldvexp.field.looks import Looks
 from sldvexp.field.model import FieldModel
 from sldvexp.field.near_inverse import NearInverse
-from sldvexp.field.parts import parts
+from sldvexp.field.parts import Parts
 from sldvexp.field.residuals import Residuals
 from sldvexp.field.system import Solve, System
 from sldvexp.field.verification import largest_error
@@ -51,21 +50,20 @@ class Second:
     error: float
 
 
-def residuals_only(looks: Looks, model: FieldModel, system: System, theta: Array, data: list[Array]) -> Second:
+def residuals_only(parts: Parts, theta: Array, data: list[Array]) -> Second:
     """Go through the samples without computing bounds."""
-    left = Residuals.empty(model, len(data), theta.shape[-1])
-    for part in parts(looks, model, system.graph, 0, whole=False):
+    left = Residuals.empty(parts.model, len(data), theta.shape[-1])
+    for part in parts.disjoint():
         left.add(part, theta, data)
     return Second(left, None, None, None, np.nan)
 
 
 def with_bounds(
-    looks: Looks,
-    model: FieldModel,
+    parts: Parts,
     system: System,
+    solve: Solve,
     theta: Array,
     data: list[Array],
-    solve: Solve,
     determined: NDArray[np.bool_],
     covariance: Array | None,
 ) -> Second:
@@ -73,37 +71,35 @@ def with_bounds(
 
     Parameters
     ----------
-    looks : Looks
-    model : FieldModel
+    parts : Parts
     system : System
+    solve : Solve
     theta : ndarray, shape (layer, surface_node, parameter, column)
     data : list of ndarray, shape (pixel, column)
-    solve : Solve
     determined : ndarray of bool, shape (layer, surface_node, parameter)
     covariance : ndarray, shape (6 views, 6 views), optional
         Of the poses; None if it is not known.
     """
-    columns = theta.shape[-1]
-    left, found = Residuals.empty(model, len(data), columns), Bounds.empty(looks, model, columns)
+    looks, model = parts.looks, parts.model
+    left = Residuals.empty(model, len(data), theta.shape[-1])
+    found = Bounds.empty(looks, model, theta.shape[-1])
     factor = variance_factors(looks.views, model.pixel_std)
     modes = _modes(model, data, factor)
-    data_of_modes = [modes.of_columns(d) for d in data]
-    theta_of_modes = modes.of_columns(theta)
+    of_modes = modes.of_columns(theta), [modes.of_columns(d) for d in data]
     small = system.nodes * system.block <= SMALL
     whole = WholeInverse.of(system, model.parameters) if small else None
-    error, count = 0.0, 0
-    for part in parts(looks, model, system.graph, 0 if small else RINGS, whole=small):
+    errors: list[float] = [0.0] if small else []
+    for part in parts.overlapping(RINGS, whole=small):
         left.add(part, theta, data)
-        influences = [part.influence(k) for k in range(len(data))]
-        rows: InverseRows = whole or NearInverse.of(system, part.region, part.patch, model.parameters)
-        found.add_noise(part, rows, influences)
-        if isinstance(rows, NearInverse) and count < VERIFIED_PARTS:
-            worst = largest_error(part, rows, influences, found.noise, determined, system, solve)
-            error, count = max(error, worst), count + 1
-        if covariance is not None:
-            found.add_pose(part, rows, theta_of_modes, data_of_modes, modes, covariance)
+        rows: InverseRows = whole or NearInverse.of(system, part, model.parameters)
+        found.add_noise(part, rows)
+        right = None if covariance is None else pose_right_sides(part, *of_modes)
+        if right is not None:
+            found.add_pose(part, rows, right, modes, covariance)
+        if isinstance(rows, NearInverse) and len(errors) < VERIFIED_PARTS:
+            errors.append(largest_error(part, rows, found.noise, determined, system, solve))
     pose = found.pose if covariance is not None else None
-    return Second(left, found.noise @ factor, pose, 2 * found.expected @ factor, error)
+    return Second(left, found.noise @ factor, pose, 2 * found.expected @ factor, max(errors))
 
 
 def variance_factors(views: list[View] | tuple[View, ...], pixel_std: tuple[Array, ...]) -> Array:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array
 
 from sldvexp.field.near_inverse import NearInverse
 from sldvexp.field.parts import Part
@@ -20,7 +19,6 @@ NODES = 4
 def largest_error(
     part: Part,
     rows: NearInverse,
-    influences: list[bsr_array],
     noise: Array,
     determined: NDArray[np.bool_],
     system: System,
@@ -32,8 +30,6 @@ def largest_error(
     ----------
     part : Part
     rows : NearInverse
-    influences : list of bsr_array
-        The matrices R of the views.
     noise : ndarray, shape (layer, surface_node, parameter, view)
         Variances that are to be verified.
     determined : ndarray of bool, shape (layer, surface_node, parameter)
@@ -53,7 +49,7 @@ def largest_error(
         columns = inverse[:, :, :, i].reshape(-1, parameters)
         exact = sum(
             ((r.T @ columns) ** 2).T @ std**2
-            for r, std in zip(influences, part.model.pixel_std, strict=True)
+            for r, std in zip(part.influences, part.model.pixel_std, strict=True)
         )
         known = determined[x, n] & (exact > 0)
         ratio = noise[x, n, known].sum(axis=-1) / exact[known]

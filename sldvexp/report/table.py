@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from sldvexp.report.field_text import field_tables
 from sldvexp.report.image_text import image_text
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.pose_methods import pose_methods
@@ -45,6 +46,8 @@ def closing_table(tree: Mapping[str, xr.Dataset], files: Sequence[Path]) -> None
     for group in tree.values():
         if "s_mean" in group:
             console.print(pose_methods(group))
+    for table in field_tables(tree):
+        console.print(table)
     if "check" in tree:
         console.print(_published(tree["check"]))
     notes = [n for g in tree.values() for n in str(g.attrs.get("notes", "")).splitlines()]
@@ -66,7 +69,7 @@ def _estimates(tree: Mapping[str, xr.Dataset]) -> Iterator[tuple[str, str, str, 
             if shared:
                 one = group.isel(view=0).sel(adjusted=shared)
                 yield from _pose_rows("all views", one[["intrinsic", "intrinsic_confidence"]])
-        elif name.split("/")[0] in ("point", "compare"):
+        elif name.split("/")[0] in ("point", "compare") and "element" not in group.coords:
             yield from _point_rows(name, group)
 
 

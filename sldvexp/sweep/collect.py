@@ -88,12 +88,10 @@ def _by_keys(table: xr.Dataset, columns: Mapping[str, list[Any]]) -> xr.Dataset:
         return table.rename({RUN: key}).assign_coords(dict(columns))
     order = {k: list(dict.fromkeys(v)) for k, v in columns.items()}
     table = table.assign_coords({k: (RUN, v) for k, v in columns.items()})
-    unstacked = table.set_index({RUN: list(columns)}).unstack(RUN)
-    unstacked = unstacked.reindex(order)
-    for name in ("state", "reason"):
-        unstacked[name] = unstacked[name].fillna(
-            str(record.State.waiting) if name == "state" else ""
-        )
+    unstacked = table.set_index({RUN: list(columns)}).unstack(RUN).reindex(order)
+    empty = {"state": str(record.State.waiting), "reason": ""}
+    for name, value in empty.items():
+        unstacked[name] = unstacked[name].fillna(value)
     dims = [*columns, *(d for d in map(str, unstacked.dims) if d not in columns)]
     return unstacked.transpose(*dims)
 

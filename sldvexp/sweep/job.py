@@ -10,14 +10,52 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from sldvexp import provenance
+from sldvexp.config import Retry
 from sldvexp.errors import UserError
 from sldvexp.paths import locate
-from sldvexp.runner import RUN_FILE
+from sldvexp.runner import RUN_FILE, run
 from sldvexp.sweep import record
 from sldvexp.sweep.record import Record, State, Stopwatch
 
 
-def is_current(folder: Path, identity: str, retry: str) -> bool:
+def perform(
+    cfg: DictConfig, folder: str, overrides: list[str], tell: Callable[[Exception], str | None]
+) -> None:
+    """Do a run, unless its folder has what it would give, and leave a record of it.
+
+    Parameters
+    ----------
+    cfg : DictConfig
+        The composed configuration.
+    folder : str
+    overrides : list of str
+        Of the command line, for this run.
+    tell : callable
+        The sentence about an exception, None if it is a defect of the program.
+    """
+    place, identity = Path(folder), provenance.identity(cfg)
+    if is_current(place, identity, cfg.sweep.retry):
+        return
+    watch, process = Stopwatch(), os.getpid()
+
+    def note(state: State, reason: str = "", inputs: dict[str, str] | None = None) -> None:
+        seconds = watch.seconds()
+        record.write(
+            place, Record(state, identity, reason, seconds, process, overrides, inputs or {})
+        )
+
+    note(State.running)
+    try:
+        passed = run(cfg, folder, quiet=True)
+    except BaseException as error:
+        told = tell(error) if isinstance(error, Exception) else "interrupted"
+        note(State.failed, told or f"{type(error).__name__}: {error}")
+        raise
+    inputs = json.loads(_attribute(place / RUN_FILE, "inputs_sha256"))
+    note(State.done if passed else State.missed, inputs=inputs)
+
+
+def is_current(folder: Path, identity: str, retry: Retry) -> bool:
     """Whether a folder has what its run would give again.
 
     Parameters
@@ -26,63 +64,22 @@ def is_current(folder: Path, identity: str, retry: str) -> bool:
         Of the run.
     identity : str
         Of the run that is wanted, see `sldvexp.provenance.identity`.
-    retry : str
-        ``unfinished`` runs what is missing, failed or changed; ``failed`` only what failed;
-        ``missing`` all but what failed; ``all`` everything.
+    retry : Retry
     """
     found = record.read(folder)
-    same = found.identity == identity and _inputs_unchanged(found.inputs)
-    if retry == "all":
+    if retry is Retry.all or found.identity != identity or not _unchanged(found.inputs):
         return False
     if found.state is State.failed:
-        return retry == "missing" and same
-    return found.state.finished and same and (folder / RUN_FILE).is_file()
+        return retry is Retry.missing
+    return found.state.finished and (folder / RUN_FILE).is_file()
 
 
-def _inputs_unchanged(inputs: dict[str, str]) -> bool:
+def _unchanged(inputs: dict[str, str]) -> bool:
     """Whether the files that a run read still have the same content."""
     try:
         return all(provenance.sha256(locate(path)) == digest for path, digest in inputs.items())
     except UserError:
         return False
-
-
-def perform(
-    cfg: DictConfig,
-    folder: Path,
-    overrides: list[str],
-    work: Callable[[], bool],
-    tell: Callable[[Exception], str | None],
-) -> Record:
-    """Do a run and leave the record of it.
-
-    Parameters
-    ----------
-    cfg : DictConfig
-        The composed configuration.
-    folder : Path
-    overrides : list of str
-        Of the command line, for this run.
-    work : callable
-        Does the run; whether all expectations were met.
-    tell : callable
-        The sentence about an exception, None if it is a defect of the program.
-    """
-    about = {"identity": provenance.identity(cfg), "process": os.getpid(), "overrides": overrides}
-    watch = Stopwatch()
-    record.write(folder, Record(State.running, **about))
-    try:
-        passed = work()
-    except BaseException as error:
-        told = tell(error) if isinstance(error, Exception) else "interrupted"
-        reason = told or f"{type(error).__name__}: {error}"
-        record.write(folder, Record(State.failed, reason=reason, seconds=watch.seconds(), **about))
-        raise
-    state = State.done if passed else State.missed
-    inputs = json.loads(_attribute(folder / RUN_FILE, "inputs_sha256"))
-    found = Record(state, seconds=watch.seconds(), inputs=inputs, **about)
-    record.write(folder, found)
-    return found
 
 
 def _attribute(path: Path, name: str) -> str:

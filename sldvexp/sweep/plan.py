@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
+from omegaconf import OmegaConf
 
 #: Longest name of a run's folder that is made of its settings alone.
-MOST_LETTERS = 80
+MOST_LETTERS = 100
 DIGEST = 8
+
+#: What OmegaConf calls `folder_of`, in ``hydra.sweep.subdir``.
+RESOLVER = "sldvexp_run_folder"
 
 
 @dataclass(frozen=True)
@@ -24,44 +26,40 @@ class Plan:
 
     Attributes
     ----------
-    values : dict of str to tuple of str
-        Swept keys, in the order of the command line, and their values as they were written.
+    keys : tuple of str
+        Swept keys, in the order of the command line.
+    jobs : tuple of tuple of str
+        The overrides of every run, as Hydra's sweeper makes them.
     fixed : tuple of str
-        All other overrides, in the order of the command line.
+        The overrides that all runs have.
     """
 
-    values: dict[str, tuple[str, ...]]
+    keys: tuple[str, ...]
+    jobs: tuple[tuple[str, ...], ...]
     fixed: tuple[str, ...]
 
     @classmethod
     def of(cls, overrides: Sequence[str]) -> Plan:
-        """The plan of a command line's overrides."""
-        values: dict[str, tuple[str, ...]] = {}
-        fixed: list[str] = []
-        for override in OverridesParser.create().parse_overrides(list(overrides)):
-            key = override.get_key_element()
-            if override.is_sweep_override():
-                values[key] = tuple(override.sweep_string_iterator())
-            elif not key.startswith(("hydra", "sweep")):
-                fixed.append(_written(override))
-        return cls(values, tuple(fixed))
+        """The plan of a command line's overrides; Hydra's own settings are none of it."""
+        parsed = OverridesParser.create().parse_overrides(list(overrides))
+        task = [o for o in parsed if not re.match(r"[+~]*hydra[./]", o.get_key_element())]
+        jobs = BasicSweeper.split_arguments(task, None)[0]
+        swept = [o for o in task if o.is_sweep_override()]
+        fixed = [o.input_line or "" for o in task if not o.is_sweep_override()]
+        return cls(
+            tuple(o.get_key_element() for o in swept),
+            tuple(tuple(job) for job in jobs),
+            tuple(f for f in fixed if _matters(f)),
+        )
 
     @property
-    def keys(self) -> list[str]:
-        """The swept keys as they are named in the dataset, without a leading + or /."""
-        return [key.lstrip("+/") for key in self.values]
+    def names(self) -> list[str]:
+        """The swept keys as they are named in the dataset, without a leading + or ~."""
+        return [key.lstrip("+~") for key in self.keys]
 
     def cells(self) -> list[tuple[str, ...]]:
-        """The values of every run, in the order of the keys."""
-        return list(itertools.product(*self.values.values()))
-
-    def folder_name(self, cell: Sequence[str]) -> str:
-        """Name of a run's folder: its settings, and a digest where a name cannot carry them."""
-        text = ",".join(f"{k}={v}" for k, v in zip(self.values, cell, strict=True))
-        name = re.sub(r"[^\w.,=+-]", "_", text)
-        if name == text and len(name) <= MOST_LETTERS:
-            return name
-        return f"{name[:MOST_LETTERS]}-{_digest(text)}"
+        """The swept values of every run, in the order of the keys."""
+        return [tuple(_value(job, key) for key in self.keys) for job in self.jobs]
 
     def sweep_name(self, *others: str) -> str:
         """Name of the sweep's folder: the same for the same keys, whatever their values.
@@ -72,35 +70,55 @@ class Plan:
             What else sets this sweep apart, such as a folder of the user's configuration.
         """
         first = next((f for f in self.fixed if f.startswith("experiment=")), "experiment=default")
-        about = [first.partition("=")[2], *(k.rpartition(".")[2] for k in self.keys)]
-        name = re.sub(r"[^\w.-]", "_", "_".join(about))[:MOST_LETTERS]
-        return f"{name}-{_digest(repr((sorted(self.values), self.fixed, others)))}"
+        about = [first.partition("=")[2], *(k.rpartition(".")[2] for k in self.names)]
+        apart = (sorted(self.keys), sorted(self.fixed), others)
+        return _named("_".join(about), repr(apart), always=True)
 
 
-def _written(override: Override) -> str:
-    return str(override.input_line or "")
+def folder_name(overrides: Sequence[str]) -> str:
+    """Name of a run's folder: its overrides, and a digest where a name cannot carry them."""
+    text = ",".join(o for o in overrides if _matters(o))
+    return _named(text, text)
 
 
-def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()[:DIGEST]
+def register_resolver() -> None:
+    """Let ``hydra.sweep.subdir`` name each run's folder by what sets it apart."""
+
+    def of_run(*, _root_: Any) -> str:
+        return folder_name([str(o) for o in _root_.hydra.overrides.task])
+
+    OmegaConf.register_new_resolver(RESOLVER, of_run, replace=True)
 
 
-def label(value: str) -> Any:
-    """A swept value as a coordinate: a number if it is one, else the text without quotes."""
-    try:
-        return float(value) if not value.strip().lstrip("+-").isdigit() else int(value)
-    except ValueError:
-        return value.strip("'\"")
+def _value(overrides: Sequence[str], key: str) -> str:
+    return next(o.partition("=")[2] for o in overrides if o.startswith(f"{key}="))
+
+
+def _matters(override: str) -> bool:
+    """Whether an override changes what a run gives; those of the sweep itself do not."""
+    return not override.lstrip("+~").startswith("sweep.")
+
+
+def _named(text: str, digested: str, always: bool = False) -> str:
+    name = re.sub(r"[^\w.,=+-]", "_", text)
+    if name == text and len(name) <= MOST_LETTERS and not always:
+        return name
+    digest = hashlib.sha256(digested.encode()).hexdigest()[:DIGEST]
+    return f"{name[:MOST_LETTERS]}-{digest}"
 
 
 def labels(values: Sequence[str]) -> list[Any]:
     """Coordinates of one key: numbers only if all of them are."""
-    found = [label(v) for v in values]
+    found = [_number(v) for v in values]
     if all(isinstance(v, int | float) for v in found):
         return found
-    return [str(v) for v in found]
+    return [v.strip("'\"") for v in values]
 
 
-def folder_of(sweep: Path, plan: Plan, cell: Sequence[str]) -> Path:
-    """Where one run of a sweep lies."""
-    return sweep / plan.folder_name(cell)
+def _number(value: str) -> int | float | str:
+    for kind in (int, float):
+        try:
+            return kind(value)
+        except ValueError:
+            continue
+    return value

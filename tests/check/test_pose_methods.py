@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sldvexp import dataset
+from sldvexp.check.base import Examined
 from sldvexp.check.pose_methods import PoseMethods
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.known_pose import KnownPose
@@ -41,7 +42,8 @@ TREE = {
 
 
 def examined(methods, truth=TRUTH, tree=TREE):
-    return PoseMethods(methods=methods, truth=truth).examine(tree, np.random.default_rng(0))
+    run = Examined(tree, np.random.default_rng(0))
+    return PoseMethods(methods=methods, truth=truth).examine(run)
 
 
 def test_means_deviations_and_distances():

@@ -199,12 +199,12 @@ def test_what_is_only_assumed_stays_in_the_bounds(edge_lab, method):
     assert "all views: zero_up_down is what was assumed" in pose.attrs["notes"]
 
 
-def joint_errors(poses, shared, true, seed, repeats):
-    """Errors of all unknowns, and their covariance, over repeats."""
+def joint_errors(poses, shared, true, seed, repeats, size=1.0):
+    """Errors of all unknowns, and their covariance, over repeats with noise of so many steps."""
     rng = np.random.default_rng(seed)
     errors, covariances = [], []
     for _ in range(repeats):
-        solutions, covariance = together(sights(poses, true, rng), shared)
+        solutions, covariance = together(sights(poses, true, rng, size=size), shared)
         common = [solutions[0].intrinsics[n] - true[n] for n in shared]
         errors.append(np.concatenate([*errors_of(poses, solutions), common]))
         covariances.append(covariance)
@@ -235,7 +235,9 @@ def test_points_scatter_as_the_joint_covariance_says(poses):
 
 @pytest.mark.long
 def test_points_scatter_as_the_joint_covariance_says_in_many_repeats(poses):
-    check_joint(*joint_errors(first(poses, 3), dict.fromkeys(TRUE, INF), TRUE, 6, 500))
+    # With a whole step of noise ten points leave 24 mm of offset, beyond where the model is linear.
+    shared = dict.fromkeys(TRUE, INF)
+    check_joint(*joint_errors(first(poses, 3), shared, TRUE, 6, 500, size=0.2))
 
 
 def edge_errors(lab, shared, seed, repeats):

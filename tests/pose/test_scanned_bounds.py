@@ -107,7 +107,7 @@ def test_spread_is_as_reported_in_many_full_scans(many, method):
 
 
 def test_edges_are_freed_from_the_spot():
-    """A finite spot sees every edge 1 um inside of its circle, more so where it falls at a slant."""
+    """A finite spot sees every edge 1 um inside of its circle, more where it falls at a slant."""
     scans = Scans(1, [*SMALL, "scene.vibrometer.noise=1e-4", "scene.machine_error=false"])
     e, tree = scans.experiment, {"edge/1": scans.groups[0]}
     pose = Edge().estimate(e.laser, e.target, tree)["pose"]

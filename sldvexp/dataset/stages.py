@@ -1,46 +1,12 @@
-"""The one place that knows a run's groups, variables, dimensions, units, and how it is stored."""
+"""Variables of the stages of a run, by group."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any, NamedTuple
-
-import numpy as np
-import xarray as xr
-from numpy.typing import ArrayLike
-
-from sldvexp.errors import UserError
-from sldvexp.files import whole_or_nothing
-
-#: Coordinates that mean the same in every group.
-AXES: dict[str, tuple[str, ...]] = {
-    "axis": ("x", "y", "z"),
-    "laser_axis": ("x", "y", "z"),
-    "component": ("x", "y", "z"),
-    "mirror": ("up_down", "left_right"),
-    "angle_index": ("phi1", "phi2", "phi3"),
-}
-
-CONVENTIONS = {
-    "amplitude_convention": "peak",
-    "time_convention": "exp(+i omega t)",
-    "phase_reference": "reference channel",
-    "line_of_sight_convention": "positive towards the instrument",
-    "euler_convention": "x-convention (z-x'-z'')",
-}
-
-
-class Variable(NamedTuple):
-    """Dimensions (an optional one in brackets), units and meaning of one variable."""
-
-    dims: str
-    units: str
-    long_name: str
-
+from sldvexp.dataset.variable import Variable
 
 _V = Variable
-VARIABLES: dict[str, dict[str, Variable]] = {
+
+STAGES: dict[str, dict[str, Variable]] = {
     "target": {
         "position": _V("point axis", "m", "position of the object's points"),
         "position_std": _V("point axis", "m", "standard error of the position"),
@@ -180,7 +146,9 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "intercept": _V("node [frequency]", "m/s", "intercept of the full model"),
         "intercept_std": _V("node [frequency]", "m/s", "its standard error, of the larger part"),
         "position": _V("node axis", "m", "position of the nodes, layer by layer"),
-        "element": _V("element corner", "1", "nodes of the prism, from 0; three below, three above"),
+        "element": _V(
+            "element corner", "1", "nodes of the prism, from 0; three below and above"
+        ),
         "observable": _V("node component", "1", "1 where the views determine the component"),
         "flagged_node": _V("flagged", "1", "node where not all components are determined"),
         "flagged_rank": _V("flagged", "1", "how many of its directions are determined"),
@@ -199,137 +167,4 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "samples_seen": _V("view", "1", "samples that the view sees"),
         "samples_lost": _V("view reason", "1", "samples that it does not see, by the reason"),
     },
-    "examined/bitangents": {
-        "position_inch": _V("point plane_axis", "inch", "bitangent point in its circles' plane"),
-    },
-    "examined/cross_ratio": {
-        "up_down": _V("kind", "1", "cross-ratio of the up-down mirror's planes"),
-        "left_right": _V("kind", "1", "cross-ratio of the left-right mirror's planes"),
-    },
-    "examined/phase_image": {
-        "phase": _V("view stage frequency", "rad", "mean phase, but for half a turn"),
-        "phase_std": _V("view stage frequency", "rad", "circular standard deviation of phases"),
-        "p_uniform": _V("view stage frequency", "1", "p-value of phases that are uniform"),
-    },
-    "examined/pose_equivalence": {
-        "difference": _V("view quantity", "rad and m", "this pose minus the other"),
-        "t": _V("view quantity", "1", "Welch's t' of the difference"),
-        "dof": _V("view quantity", "1", "Welch-Satterthwaite degrees of freedom"),
-        "t_critical": _V("view quantity", "1", "critical value at those degrees of freedom"),
-        "t_critical_whole_dof": _V("view quantity", "1", "critical value, degrees rounded down"),
-        "reject": _V("view quantity", "1", "1 where the two poses differ significantly"),
-    },
-    "examined/pose_methods": {
-        "views": _V("pose_method", "1", "how many poses the method found"),
-        "s_mean": _V("pose_method", "1", "mean of s, the error estimate of a pose, DAC steps"),
-        "s_std": _V("pose_method", "1", "its sample standard deviation, DAC steps"),
-        "origin_error": _V("pose_method", "m", "root mean square distance from the true origin"),
-        "rotation_error": _V("pose_method", "rad", "root mean square angle to the true axes"),
-    },
-    "examined/pose_repeats": {
-        "std_ratio": _V("view parameter", "1", "std of simulated repeats over the reported one"),
-        "coverage": _V("view parameter", "1", "fraction of intervals that hold the truth"),
-    },
-    "examined/repeatability": {
-        "dac_std": _V(
-            "point mirror", "1", "standard deviation of repeated image points, DAC steps"
-        ),
-        "largest": _V("", "1", "the largest of them, DAC steps"),
-    },
-    "examined/truth": {
-        "relative_error": _V("component [frequency]", "1", "r.m.s. error over the true r.m.s."),
-        "rms_error": _V("component [frequency]", "m/s", "r.m.s. error on the true surface"),
-        "rms_bound": _V("component [frequency]", "m/s", "r.m.s. half-width of the intervals"),
-        "covered": _V("component [frequency]", "1", "share of the intervals that hold the truth"),
-    },
-    "examined/printed": {
-        "linpack_rcond": _V("method", "1", "reciprocal condition number as LINPACK estimates it"),
-        "std": _V("method", "m/s", "sample standard deviation of the residuals"),
-        "half_width": _V("method component", "m/s", "1.96 s v_ii, as printed"),
-        "f_statistic": _V("", "1", "F of the intercept by the printed convention"),
-        "f_critical": _V("", "1", "critical F with 1 and n - 1 degrees of freedom"),
-    },
-    "check": {
-        "published": _V("quantity", "as the quantity", "published or demanded value"),
-        "computed": _V("quantity", "as the quantity", "value of this run"),
-        "correct": _V("quantity", "as the quantity", "value by the correct formula"),
-        "tolerance": _V("quantity", "as the quantity", "largest accepted difference"),
-        "relation": _V("quantity", "", "how computed must stand to published"),
-        "passed": _V("quantity", "1", "1 where the run keeps it"),
-        "source": _V("quantity", "", "where the published value stands"),
-    },
 }
-
-
-def group(name: str, coords: Mapping[str, ArrayLike], **arrays: ArrayLike | None) -> xr.Dataset:
-    """Make one stage's group: arrays get their dimensions, units and meaning from `VARIABLES`.
-
-    Parameters
-    ----------
-    name : str
-        A key of `VARIABLES`.
-    coords : mapping of str to array_like
-        Coordinates besides `AXES`. An optional dimension is present if it has a coordinate here.
-    **arrays : array_like or None
-        The variables; None is left out.
-
-    Returns
-    -------
-    xarray.Dataset
-    """
-    known = VARIABLES[name]
-    data: dict[str, Any] = {}
-    for variable, values in arrays.items():
-        if values is None:
-            continue
-        spec = known[variable]
-        dims = _dims(spec, coords)
-        attributes = {"units": spec.units, "long_name": spec.long_name}
-        array = np.asarray(values)
-        data[variable] = (dims, array.astype(np.int8) if array.dtype == bool else array, attributes)
-    used = {d for dims, _, _ in data.values() for d in dims}
-    axes = {d: list(AXES[d]) for d in AXES if d in used}
-    given = {d: np.asarray(v) for d, v in coords.items() if d in used}
-    dataset = xr.Dataset(data, coords={**axes, **given})
-    if "frequency" in dataset.coords:
-        dataset["frequency"].attrs["units"] = "Hz"
-    return dataset
-
-
-def _dims(spec: Variable, coords: Mapping[str, ArrayLike]) -> tuple[str, ...]:
-    """Dimensions of a variable: all required ones, and the optional ones that have a coordinate."""
-    parts = [(d.strip("[]"), d.startswith("[")) for d in spec.dims.split()]
-    return tuple(d for d, optional in parts if not optional or d in coords)
-
-
-def save(tree: Mapping[str, xr.Dataset], attributes: Mapping[str, Any], path: Path) -> None:
-    """Write the run beside its final name and rename it: a file of that name is always whole.
-
-    Parameters
-    ----------
-    tree : mapping of str to xarray.Dataset
-        Group path (``pose``, ``compare/method_1``) to its dataset.
-    attributes : mapping
-        Of the root.
-    path : Path
-    """
-    root = xr.Dataset(attrs={**CONVENTIONS, **attributes})
-    whole = xr.DataTree.from_dict({"/": root, **{f"/{k}": v for k, v in tree.items()}})
-    with whole_or_nothing(path) as beside:
-        whole.to_netcdf(beside, engine="netcdf4", auto_complex=True)
-
-
-def load(path: Path) -> xr.DataTree:
-    """Open a run's file, lazily.
-
-    Raises
-    ------
-    UserError
-        If it is missing or is not a run's netCDF-4 file.
-    """
-    if not path.is_file():
-        raise UserError(f"{path}: there is no such file; a run's dataset is called run.nc")
-    try:
-        return xr.open_datatree(path, engine="netcdf4", auto_complex=True)
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: is not a readable netCDF-4 file ({error})") from None

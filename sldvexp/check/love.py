@@ -1,0 +1,52 @@
+"""`check=love`: whether the velocity is constant through the thickness of the volume."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from sldvexp.check.base import Check, Examined
+from sldvexp.errors import UserError
+from sldvexp.registry import register
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@register("check", "love")
+@dataclass
+class Love(Check):
+    """How much each component of the field changes from layer to layer.
+
+    The normal velocity of a thin shell is the same through its thickness (Love). In a volume that
+    is thicker than the shell the views look at different places of it away from the real surface,
+    which changes the tangential components much and the normal one little.
+    """
+
+    def examine(self, run: Examined) -> xr.Dataset:
+        """``variation`` of each component through the layers, and its bound."""
+        import numpy as np
+
+        from sldvexp import dataset
+
+        if not {"field", "volume"} <= set(run.tree):
+            raise UserError("check=love needs a field: choose a volume and a reconstruction")
+        field, volume = run.tree["field"], run.tree["volume"]
+        layers = volume.sizes["layer"]
+
+        def by_layer(name: str) -> np.ndarray:
+            values = field[name].transpose("node", "component", ...).values
+            return values.reshape(layers, -1, *values.shape[1:])
+
+        velocity, confidence = by_layer("velocity"), by_layer("confidence")
+        size = np.sqrt(np.nanmean(np.abs(velocity) ** 2))
+        change = velocity - np.nanmean(velocity, axis=0)
+        coords = {"component": field["component"].values}
+        if "frequency" in field.coords:
+            coords["frequency"] = field["frequency"].values
+        return dataset.group(
+            "examined/love",
+            coords,
+            variation=np.sqrt(np.nanmean(np.abs(change) ** 2, axis=(0, 1))) / size,
+            bound=np.sqrt(np.nanmean(confidence**2, axis=(0, 1))) / size,
+        )

@@ -1,0 +1,84 @@
+"""Views predicted from the field of all others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.check.agreement import field_looks, sampled_depth
+from sldvexp.check.base import Examined
+from sldvexp.errors import UserError
+from sldvexp.field.estimate import estimate_field
+from sldvexp.field.looks import Looks
+from sldvexp.volume.samples import shape_matrix
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What views measured against what the others say that they should measure, root mean squares.
+
+    Attributes
+    ----------
+    views : tuple of str
+    depth : ndarray, shape (depth,), m
+        Sampled depths along the normals, ascending.
+    error : ndarray, shape (view, depth), m/s
+    measured : ndarray, shape (view,), m/s
+        Of the velocity itself.
+    noise : ndarray, shape (view,), m/s
+        Of the standard error of the interpolated velocity.
+    """
+
+    views: tuple[str, ...]
+    depth: Array
+    error: Array
+    measured: Array
+    noise: Array
+
+
+def predict(run: Examined) -> Prediction:
+    """Leave out each view in turn.
+
+    Raises
+    ------
+    UserError
+        If the run has no field, or too few views to leave one out.
+    """
+    looks = field_looks(run)
+    if run.experiment.reconstruction is None or len(looks.views) < 4:
+        raise UserError(
+            "a view can only be left out of a field of at least 4 views; choose a reconstruction "
+            "and scan more views"
+        )
+    depth, place = np.unique(np.round(sampled_depth(looks), 12), return_inverse=True)
+    found = [_left_out(run, looks, k, place, len(depth)) for k in range(len(looks.views))]
+    error, measured, noise = (np.array(each) for each in zip(*found, strict=True))
+    return Prediction(looks.names, depth, error, measured, noise)
+
+
+def _left_out(
+    run: Examined, looks: Looks, k: int, place: NDArray[np.intp], depths: int
+) -> tuple[Array, float, float]:
+    """Error at each depth, size and noise of one view."""
+    e, view = run.experiment, looks.views[k]
+    others = replace(looks, views=[v for i, v in enumerate(looks.views) if i != k])
+    field = estimate_field(others, e.reconstruction, e.solver, bounds=False)
+    look = looks.at(np.arange(len(looks.prisms.triangles)))
+    seen = look.seen[k]
+    basis = shape_matrix(looks.prisms, looks.rule)
+    nodal = field.velocity.reshape(len(field.velocity), -1)
+    vector = (basis @ nodal).reshape(basis.shape[0], 3, -1)
+    left = seen.velocity(view) - np.einsum("si,sif->sf", seen.directions, vector)
+    used = seen.valid & np.isfinite(left).all(axis=1)
+    shape = (looks.prisms.gaps, len(looks.prisms.triangles), looks.rule.points)
+    squares = np.where(used, np.mean(np.abs(left) ** 2, axis=1), 0.0).reshape(shape).sum(axis=1)
+    total, count = np.zeros(depths), np.zeros(depths)
+    np.add.at(total, place, squares.ravel())
+    np.add.at(count, place, used.reshape(shape).sum(axis=1).ravel())
+    measured = np.mean(np.abs(seen.velocity(view)[used]) ** 2)
+    noise = np.mean(2 * seen.std(view)[used] ** 2)
+    return np.sqrt(total / count), float(np.sqrt(measured)), float(np.sqrt(noise))
