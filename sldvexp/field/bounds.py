@@ -38,11 +38,14 @@ class Bounds:
         From the poses.
     expected : ndarray, shape (equation, view)
         Sum of squared residuals of one real part that each view's noise lets expect.
+    pointwise : ndarray, shape (2, layer, surface_node, 3)
+        Variances at the samples around a node, summed: the least possible, and the method's.
     """
 
     noise: Array
     pose: Array
     expected: Array
+    pointwise: Array
 
     @classmethod
     def empty(cls, looks: Looks, model: FieldModel, columns: int) -> Bounds:
@@ -51,8 +54,17 @@ class Bounds:
         equations = model.parameters if model.contravariant else 1
         views = len(looks.views)
         return cls(
-            np.zeros((*shape, views)), np.zeros((*shape, columns)), np.zeros((equations, views))
+            np.zeros((*shape, views)),
+            np.zeros((*shape, columns)),
+            np.zeros((equations, views)),
+            np.zeros((2, *shape[:2], 3)),
         )
+
+    @property
+    def efficiency(self) -> Array:
+        """Gauss-Markov bound over variance, shape (layer, surface_node, component)."""
+        least, own = self.pointwise
+        return np.divide(least, own, out=np.full_like(own, np.nan), where=own > 0)
 
     def add_noise(self, part: Part, rows: InverseRows) -> None:
         """Noise of the part's own nodes, and of the residuals of the samples it owns."""
@@ -66,6 +78,13 @@ class Bounds:
                 self.expected[:, k] += of_samples @ at.estimator[:, :, k] ** 2 - fitted
             else:
                 self.expected[0, k] += of_samples @ at.pointwise.weight[:, k, k] - fitted.sum()
+
+    def add_efficiency(self, part: Part) -> None:
+        """Variances of the samples around the part's own nodes."""
+        sums = part.patch.to_nodes(np.concatenate(sample_variances(part), axis=1))
+        here = np.searchsorted(part.patch.nodes, part.region.own)
+        self.pointwise[0][:, part.region.own] = sums[:, here, :3]
+        self.pointwise[1][:, part.region.own] = sums[:, here, 3:]
 
     def add_pose(
         self,
@@ -90,6 +109,28 @@ class Bounds:
         j = j.reshape(*j.shape[:3], len(covariance), -1)
         gram = np.swapaxes(j, 3, 4) @ (covariance @ j)
         self.pose[:, part.region.own] = np.maximum(modes.quadratic(gram), 0.0)
+
+
+def sample_variances(part: Part) -> tuple[Array, Array]:
+    """Variances of the components at each sample by itself, both (sample, 3).
+
+    The least that is possible with all views that see it (Gauss and Markov, no intercept), and that
+    of the method's rows; 0 where these do not determine the velocity, or there is no noise.
+    """
+    at = part.at
+    good = at.pointwise.kept & (at.pointwise.rank == part.model.parameters)
+    good &= np.all((at.std > 0) | ~part.look.valid, axis=1)
+    std, valid = at.std[good], part.look.valid[good]
+    estimator = at.estimator[good]
+    if at.inverse is None:
+        estimator = np.linalg.solve(at.pointwise.information[good], estimator)
+    weight = valid / np.where(valid, std, 1.0) ** 2
+    x = at.pointwise.design[good, :, :3]
+    least, own = np.zeros((2, len(good), 3))
+    inverse = np.linalg.inv(np.swapaxes(x, 1, 2) @ (x * weight[..., None]))
+    least[good] = np.diagonal(inverse, axis1=1, axis2=2)
+    own[good] = np.einsum("spk,sk->sp", estimator[:, :3] ** 2, std**2)
+    return least, own
 
 
 def pose_right_sides(part: Part, theta: Array, data: list[Array]) -> Array:

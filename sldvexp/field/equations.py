@@ -15,6 +15,9 @@ from sldvexp.field.view import View
 
 Array = NDArray[np.float64]
 
+#: Part of a node's samples that must determine something for the node to count as determined.
+SMALLEST_PART = 0.02
+
 
 @dataclass(frozen=True, eq=False)
 class Equations:
@@ -76,7 +79,9 @@ def normal_equations(parts: Parts, data: list[Array]) -> Equations:
         each = [Coverage.of(v, s) for v, s in zip(looks.views, part.look.seen, strict=True)]
         coverage = [a + b for a, b in zip(coverage, each, strict=True)] if coverage else each
     require_coverage(coverage)
-    return Equations(assembly.system(), right, ranked / whole, rows, samples, tuple(coverage))
+    ranked /= whole
+    system = assembly.system(ranked[..., 0] >= SMALLEST_PART)
+    return Equations(system, right, ranked, rows, samples, tuple(coverage))
 
 
 def _right_side(part: Part, data: list[Array]) -> Array:

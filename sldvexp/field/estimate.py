@@ -71,7 +71,8 @@ def estimate_field(
     messages = described(found, looks.prisms.position, LOCAL if local else WORLD)
     if not found.observable.any():
         raise UserError(
-            f"field: nothing is determined anywhere by the rows {model.rows}; " + "; ".join(messages)
+            f"field: nothing is determined anywhere by the rows {model.rows}; "
+            + "; ".join(messages)
         )
     solve = solver.prepare(system)
     theta = solution(equations.right, system, solve)

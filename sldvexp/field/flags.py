@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.field.equations import Equations
+from sldvexp.field.equations import SMALLEST_PART, Equations
 from sldvexp.reconstruction.observability import (
     determined_components,
     determined_intercept,
@@ -16,9 +16,6 @@ from sldvexp.reconstruction.observability import (
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-
-#: Part of a node's samples that must determine something for the node to count as determined.
-SMALLEST_PART = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,25 +75,29 @@ def flags(equations: Equations) -> Flags:
 
 def described(found: Flags, position: Array, components: tuple[str, ...]) -> list[str]:
     """Sentences about flagged nodes."""
-    sentences = []
     blind = found.rank == 0
-    for some, told in (
-        (blind, "no sample around which is seen well enough to determine anything there"),
-        (~blind, "where the views determine some directions of the velocity only"),
-    ):
-        nodes = found.node[some]
-        if not len(nodes):
-            continue
-        place = ", ".join(f"{x:.4g}" for x in position[nodes[0]])
-        sentence = f"{_counted(len(nodes), len(position))} {told}: the first is node {nodes[0]} at ({place}) m"
-        if not blind[some].any():
-            first = np.flatnonzero(some)[0]
-            lost = found.direction[first][found.rank[first] :]
-            named = " and ".join("(" + ", ".join(f"{x + 0.0:.2f}" for x in d) + ")" for d in lost)
-            sentence += f", without the velocity along {named} in {', '.join(components)}"
-        sentences.append(sentence)
+    sentences = []
+    if blind.any():
+        some = found.node[blind]
+        sentences.append(
+            f"{_counted(some, position)} not seen well enough to determine anything{_at(some, position)}"
+        )
+    if (~blind).any():
+        some, first = found.node[~blind], np.flatnonzero(~blind)[0]
+        lost = found.direction[first][found.rank[first] :]
+        named = " and ".join("(" + ", ".join(f"{x + 0.0:.2f}" for x in d) + ")" for d in lost)
+        sentences.append(
+            f"{_counted(some, position)} seen in some directions only{_at(some, position)}, where the "
+            f"velocity along {named} in {', '.join(components)} is not determined"
+        )
     return sentences
 
 
-def _counted(count: int, total: int) -> str:
-    return f"{count} of {total} nodes {'has' if count == 1 else 'have'} "
+def _counted(nodes: NDArray[np.int_], position: Array) -> str:
+    return f"{len(nodes)} of {len(position)} nodes {'is' if len(nodes) == 1 else 'are'}"
+
+
+def _at(nodes: NDArray[np.int_], position: Array) -> str:
+    place = ", ".join(f"{x:.4g}" for x in position[nodes[0]])
+    which = "" if len(nodes) == 1 else "the first is "
+    return f": {which}node {nodes[0]} (from 0) at ({place}) m"

@@ -47,7 +47,9 @@ class FrequencyModes:
         vectors = vectors[:, ::-1]
         carried = np.cumsum(vectors**2 * np.einsum("ij,ik,kj->j", vectors, gram, vectors), axis=1)
         total = np.diagonal(gram)[:, None]
-        enough = np.all(total - carried <= np.maximum(2 * noise[:, None], NEGLIGIBLE * total), axis=0)
+        enough = np.all(
+            total - carried <= np.maximum(2 * noise[:, None], NEGLIGIBLE * total), axis=0
+        )
         modes = int(np.argmax(enough)) + 1 if enough.any() else columns
         return cls(np.ascontiguousarray(vectors[:, :modes].T))
 

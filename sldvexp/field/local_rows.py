@@ -1,7 +1,8 @@
 """Rows of inverses from what is near a node: the inverse of the matrix of a few rings around it.
 
 The inverse of a mass matrix decays by a factor of about 0.27 from one ring of neighbours to the
-next, so that the rest of the row is small.
+next, so that the rest of the row is small. What lies beyond the last ring is taken to have the
+values of that ring: then rows are exact for a field that is the same everywhere.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array
 
 from sldvexp.field.elements import Patch
-from sldvexp.field.system import System
+from sldvexp.field.system import PAIRS, System
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -30,11 +31,13 @@ class Neighbourhood:
 
     Parameters
     ----------
+    nodes : ndarray of int, shape (patch_node,)
     place : ndarray of int, shape (patch_node, patch_node)
         Where the block of two nodes is in the system's graph; -1 for none.
     neighbours : csr_array of bool, shape (patch_node, patch_node)
     """
 
+    nodes: Indices
     place: Indices
     neighbours: csr_array
 
@@ -52,7 +55,7 @@ class Neighbourhood:
         place = np.full((len(nodes), len(nodes)), -1, np.int32)
         place[row[inside], column[inside]] = entry[inside]
         ones = np.ones(np.count_nonzero(inside), bool)
-        return cls(place, csr_array((ones, (row[inside], column[inside])), shape=place.shape))
+        return cls(nodes, place, csr_array((ones, (row[inside], column[inside])), shape=place.shape))
 
     def reach(self, nodes: Indices) -> csr_array:
         """Nodes within `RINGS` of some, shape (node, patch_node)."""
@@ -81,6 +84,7 @@ def surface_rows(system: System, around: Neighbourhood, nodes: Indices) -> bsr_a
     length = np.diff(reach.indptr)
     data = np.empty((reach.nnz, block, block))
     blocks = _with_zero(system.surface_blocks)
+    sums = system.surface_sums[around.nodes]
     for size in np.unique(length):
         rows = np.flatnonzero(length == size)
         step = max(1, NUMBERS_AT_ONCE // (size * block) ** 2)
@@ -89,6 +93,7 @@ def surface_rows(system: System, around: Neighbourhood, nodes: Indices) -> bsr_a
             entry = reach.indptr[some, None] + np.arange(size)
             near = reach.indices[entry]
             dense = blocks[around.place[near[:, :, None], near[:, None]]]
+            dense[:, np.arange(size), np.arange(size)] += sums[near] - dense.sum(axis=2)
             data[entry] = _center_rows(dense, near == nodes[some, None])
     shape = (len(nodes) * block, len(around.place) * block)
     return bsr_array((data, reach.indices, reach.indptr), shape=shape)
@@ -107,21 +112,22 @@ def volume_rows(system: System, around: Neighbourhood, nodes: Indices) -> bsr_ar
     data, indices = [], []
     for node, first, last in zip(nodes, reach.indptr[:-1], reach.indptr[1:], strict=True):
         near = reach.indices[first:last]
-        here = pairs[around.place[near[:, None], near]]
-        dense = np.zeros((layers, len(near), block, layers, len(near), block))
+        here, number = pairs[around.place[near[:, None], near]], len(near)
+        dense = np.zeros((layers, layers, number, number, block, block))
         for gap in range(layers - 1):
-            for k, (i, j) in enumerate(((0, 0), (0, 1), (1, 1))):
-                s = here[:, :, gap, k].transpose(0, 2, 1, 3)
-                dense[gap + i, :, :, gap + j] += s
+            for k, (i, j) in enumerate(PAIRS):
+                dense[gap + i, gap + j] += here[:, :, gap, k]
                 if i != j:
-                    dense[gap + j, :, :, gap + i] += s
-        size = layers * len(near) * block
-        center = np.flatnonzero(near == node)[0]
-        right = np.zeros((layers, len(near), block, layers * block))
-        right[:, center] = np.eye(layers * block).reshape(layers, block, -1)
-        columns = np.linalg.solve(dense.reshape(size, size), right.reshape(size, -1))
-        columns = columns.reshape(layers * len(near), block, layers, block)
-        data.append(columns.transpose(2, 0, 3, 1))
+                    dense[gap + j, gap + i] += here[:, :, gap, k]
+        rest = system.lumped[:, around.nodes[near]] - dense.sum(axis=(1, 3))
+        for layer in range(layers):
+            dense[layer, layer, np.arange(number), np.arange(number)] += rest[layer]
+        size = layers * number * block
+        right = np.zeros((layers, number, block, layers * block))
+        right[:, np.flatnonzero(near == node)[0]] = np.eye(layers * block).reshape(layers, block, -1)
+        matrix = dense.transpose(0, 2, 4, 1, 3, 5).reshape(size, size)
+        columns = np.linalg.solve(matrix, right.reshape(size, -1))
+        data.append(columns.reshape(-1, block, layers, block).transpose(2, 0, 3, 1))
         indices.append((near + count * np.arange(layers)[:, None]).ravel())
     return _assembled(data, indices, layers, (len(nodes), count), block)
 

@@ -20,6 +20,7 @@ from sldvexp.volume.samples import SampleRule, sample_frames, sample_positions
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+
 @dataclass(frozen=True, eq=False)
 class Look:
     """The samples in the prisms over some triangles, and what each view sees of them.
@@ -114,6 +115,4 @@ class Looks:
             return None
         middle = np.abs(self.prisms.depth).argmin()
         surface = self.prisms.position.reshape(self.prisms.layers, -1, 3)[middle]
-        return Occlusion.prepare(
-            view, self.laser, surface, self.prisms.triangles, self.clearance
-        )
+        return Occlusion.prepare(view, self.laser, surface, self.prisms.triangles, self.clearance)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.field.looks import Look, Looks
+from sldvexp.field.seen import Seen
 from sldvexp.field.pointwise import Pointwise, RowModel
 from sldvexp.field.view import View
 from sldvexp.reconstruction.base import Model, Reconstruction, Weights
@@ -33,12 +35,16 @@ class Samples:
         T_s.
     inverse : ndarray, shape (sample, parameter, parameter), optional
         Contravariant only: of the sample's own normal equations.
+    std : ndarray, shape (sample, view), m/s
+        Mean standard error of the pixels around a sample. That of the interpolated velocity is smaller
+        between pixels than on them, but its errors are then shared with more samples.
     """
 
     pointwise: Pointwise
     information: Array
     estimator: Array
     inverse: Array | None
+    std: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +75,8 @@ class FieldModel:
         points = look.directions[by_all if by_all.any() else slice(None)]
         rows = method.row_set(np.swapaxes(points, 0, 1), looks.names)
         model = cls(method, rows, local, tuple(_pixel_std(v) for v in looks.views))
-        model._check(looks.views)
+        model._check_rows()
+        model._check_std(looks.views)
         return model
 
     @property
@@ -123,25 +130,29 @@ class FieldModel:
 
     def at(self, look: Look) -> Samples:
         """Contributions of the samples of a look."""
-        std = np.ones(look.valid.shape)
-        if self.generalised:
-            scale = np.sqrt(self.variance)
-            for k, (seen, pixel_std) in enumerate(zip(look.seen, self.pixel_std, strict=True)):
-                size = abs(seen.weights)
-                total = size.sum(axis=1)
-                mean = np.divide(size @ pixel_std**2, total, out=np.ones(len(total)), where=total > 0)
-                std[:, k] = np.sqrt(mean) / scale
-        pointwise = self.row_model.at(self.directions(look), look.valid, std)
+        std = np.stack(
+            [_mean_std(*each) for each in zip(look.seen, self.pixel_std, strict=True)], 1
+        )
+        relative = std / np.sqrt(self.variance) if self.generalised else std
+        pointwise = self.row_model.at(self.directions(look), look.valid, relative)
         if not self.contravariant:
-            return Samples(pointwise, pointwise.information, pointwise.estimator, None)
+            return Samples(pointwise, pointwise.information, pointwise.estimator, None, std)
         kept = pointwise.kept
         inverse = np.zeros((len(kept), self.parameters, self.parameters))
         inverse[kept] = np.linalg.inv(pointwise.information[kept])
-        return Samples(
-            pointwise, kept.astype(float)[:, None, None], inverse @ pointwise.estimator, inverse
-        )
+        estimator = inverse @ pointwise.estimator
+        return Samples(pointwise, kept.astype(float)[:, None, None], estimator, inverse, std)
 
-    def _check(self, views: tuple[View, ...] | list[View]) -> None:
+    def _check_rows(self) -> None:
+        independent = int(np.linalg.matrix_rank(self.rows.matrix))
+        if independent < self.parameters:
+            what = "three components and an intercept" if self.intercept else "three components"
+            raise UserError(
+                f"field: the rows {self.rows} are {independent} independent ones, which cannot "
+                f"determine {what} anywhere; {self.parameters} are needed, so take more views"
+            )
+
+    def _check_std(self, views: Sequence[View]) -> None:
         if not self.generalised:
             return
         for view, std in zip(views, self.pixel_std, strict=True):
@@ -157,6 +168,14 @@ def _pixel_std(view: View) -> Array:
     """Root mean square over frequencies; 0 where a pixel is flagged."""
     square = np.square(view.std).reshape(len(view.std), -1).mean(axis=1)
     return np.where(view.usable, np.sqrt(np.where(view.usable, square, 0.0)), 0.0)
+
+
+def _mean_std(seen: Seen, pixel_std: Array) -> Array:
+    """Root of the mean variance of the pixels around each sample; 0 where there are none."""
+    size = abs(seen.weights)
+    total = size.sum(axis=1)
+    mean = np.divide(size @ pixel_std**2, total, out=np.zeros(len(total)), where=total > 0)
+    return np.sqrt(mean)
 
 
 def _spread(count: int) -> NDArray[np.intp]:

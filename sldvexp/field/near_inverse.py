@@ -96,8 +96,7 @@ class NearInverse(InverseRows):
 
 def _turn(system: System, own: Indices) -> Array:
     """Shape (layer, own, block, block)."""
-    sums = np.add.reduceat(system.surface_blocks, system.graph.indptr[:-1], axis=0)[own]
-    mean = system.line.sum(axis=1)[:, None, None, None] * sums
+    mean = system.line.sum(axis=1)[:, None, None, None] * system.surface_sums[own]
     return np.linalg.pinv(system.lumped[:, own], rcond=1e-10, hermitian=True) @ mean
 
 

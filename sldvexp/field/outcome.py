@@ -71,7 +71,7 @@ class Outcome:
             cond=condition[0],
             rcond=condition[1],
             intercept_test=self._intercept_test(),
-            efficiency=None,
+            efficiency=self._efficiency(),
             bounds_error=error,
             coverage=self.equations.coverage,
             messages=tuple(messages),
@@ -102,6 +102,11 @@ class Outcome:
             "confidence_by_part": factor * std[:, :, :3],
             "intercept_std": std[:, :, 3].max(axis=0) if self.model.intercept else None,
         }
+
+    def _efficiency(self) -> Array | None:
+        if self.second.efficiency is None:
+            return None
+        return np.where(self.flags.observable, self._by_node(self.second.efficiency), np.nan)
 
     def _statistics(self) -> dict[str, Any]:
         """What Tables 5.7 and 5.8 state."""

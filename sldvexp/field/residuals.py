@@ -79,5 +79,7 @@ def _squares(part: Part, v: Array, u: Array, left: Array) -> Array:
     """``sum_s r^T Q r``, or ``sum_s (T v - u)^2`` for each component."""
     if not part.model.contravariant:
         return np.einsum("skc,skc->c", left, part.at.pointwise.weight @ left)[None]
-    off = (part.at.estimator @ v - u) * (part.at.information[..., 0] * part.owned[:, None])[..., None]
+    off = (part.at.estimator @ v - u) * (part.at.information[..., 0] * part.owned[:, None])[
+        ..., None
+    ]
     return np.einsum("spc,spc->pc", off, off)

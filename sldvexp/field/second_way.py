@@ -41,6 +41,8 @@ class Second:
         Sum of squares that the noise lets expect.
     error : float
         Largest relative error of a standard error found where it was computed exactly.
+    efficiency : ndarray, shape (layer, surface_node, component), optional
+        Gauss-Markov bound over variance.
     """
 
     residuals: Residuals
@@ -48,6 +50,7 @@ class Second:
     pose: Array | None
     expected: Array | None
     error: float
+    efficiency: Array | None
 
 
 def residuals_only(parts: Parts, theta: Array, data: list[Array]) -> Second:
@@ -55,7 +58,7 @@ def residuals_only(parts: Parts, theta: Array, data: list[Array]) -> Second:
     left = Residuals.empty(parts.model, len(data), theta.shape[-1])
     for part in parts.disjoint():
         left.add(part, theta, data)
-    return Second(left, None, None, None, np.nan)
+    return Second(left, None, None, None, np.nan, None)
 
 
 def with_bounds(
@@ -93,13 +96,15 @@ def with_bounds(
         left.add(part, theta, data)
         rows: InverseRows = whole or NearInverse.of(system, part, model.parameters)
         found.add_noise(part, rows)
+        found.add_efficiency(part)
         right = None if covariance is None else pose_right_sides(part, *of_modes)
         if right is not None:
             found.add_pose(part, rows, right, modes, covariance)
         if isinstance(rows, NearInverse) and len(errors) < VERIFIED_PARTS:
             errors.append(largest_error(part, rows, found.noise, determined, system, solve))
     pose = found.pose if covariance is not None else None
-    return Second(left, found.noise @ factor, pose, 2 * found.expected @ factor, max(errors))
+    expected = 2 * found.expected @ factor
+    return Second(left, found.noise @ factor, pose, expected, max(errors), found.efficiency)
 
 
 def variance_factors(views: list[View] | tuple[View, ...], pixel_std: tuple[Array, ...]) -> Array:

@@ -154,4 +154,6 @@ def _spread(weights: csr_array, rows: NDArray[np.intp], count: int) -> csr_array
     length = np.zeros(count + 1, weights.indptr.dtype)
     length[rows + 1] = np.diff(weights.indptr)
     start = np.cumsum(length, dtype=weights.indptr.dtype)
-    return csr_array((weights.data, weights.indices, start), shape=(count, weights.shape[1]))
+    # Of its own: some of scipy's methods sort a matrix in place, which others would share.
+    indices = weights.indices.copy()
+    return csr_array((weights.data, indices, start), shape=(count, weights.shape[1]))

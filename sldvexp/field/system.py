@@ -28,6 +28,8 @@ Solve = Callable[[Array], Array]
 
 #: Pairs of layers of a gap: lower with itself, lower with upper, upper with itself.
 PAIRS = ((0, 0), (0, 1), (1, 1))
+#: How firmly a node with too few samples is held, over the mean information of a node.
+HOLD = 1e-9
 
 
 def gap_coefficients(rule: SampleRule) -> Array:
@@ -94,29 +96,37 @@ class Assembly:
         column = information.reshape(gaps, triangles, -1, len(self.rule.triangle), square)
         return bool(np.all(column == column[:1, :, :1]))
 
-    def system(self) -> System:
-        """The matrix; nodes without any sample are given the unknown itself as their equation."""
-        pairs = self.pairs
+    def system(self, ranked: Bools) -> System:
+        """The matrix.
+
+        A node around which too few samples determine anything is held at zero: by an equation of its
+        own if it has no sample at all, and otherwise by so little that neighbours do not notice.
+
+        Parameters
+        ----------
+        ranked : ndarray of bool, shape (layer, surface_node)
+            Nodes around which enough samples determine something.
+        """
         lumped = np.zeros((self.layers, self.graph.nodes, self.block, self.block))
-        for gap, layer, other, k in _entries(self.layers - 1):
-            np.add.at(lumped[layer], self.graph.row, pairs[gap, k])
+        for gap, layer, _, k in _entries(self.layers - 1):
+            starts = self.graph.indptr[:-1]
+            lumped[layer] += np.add.reduceat(self.pairs[gap, k], starts, axis=0)
         trace = np.trace(lumped, axis1=-2, axis2=-1)
         active = trace > 0
         size = trace[active].mean() / self.block if active.any() else 1.0
         for layer in range(self.layers):
             gap, k = (layer, 0) if layer < self.layers - 1 else (layer - 1, 2)
-            idle = self.graph.diagonal[~active[layer]]
-            pairs[gap, k, idle] += size * np.eye(self.block)
+            for some, part in ((~active[layer], 1.0), (active[layer] & ~ranked[layer], HOLD)):
+                held = self.graph.diagonal[some]
+                self.pairs[gap, k, held] += part * size * np.eye(self.block)
         line = line_matrix(self.rule, self.layers)
-        exact = self.uniform and bool(active.all())
-        return System(self.graph, pairs, line, lumped, active, exact)
+        exact = self.uniform and bool(ranked.all())
+        return System(self.graph, self.pairs, line, lumped, active, exact)
 
 
 def _entries(gaps: int) -> list[tuple[int, int, int, int]]:
     """(gap, layer, other layer, pair) of every block of M over the layers."""
-    both = [
-        (gap, gap + i, gap + j, k) for gap in range(gaps) for k, (i, j) in enumerate(PAIRS)
-    ]
+    both = [(gap, gap + i, gap + j, k) for gap in range(gaps) for k, (i, j) in enumerate(PAIRS)]
     return both + [(gap, other, layer, k) for gap, layer, other, k in both if layer != other]
 
 
@@ -166,6 +176,11 @@ class System:
     def surface_blocks(self) -> Array:
         """Mean over the gaps of ``sum_s t t^T (x) N_s``, shape (entry, block, block)."""
         return (self.pairs[:, 0] + 2 * self.pairs[:, 1] + self.pairs[:, 2]).mean(axis=0)
+
+    @cached_property
+    def surface_sums(self) -> Array:
+        """Sums of `surface_blocks` over the columns, shape (surface_node, block, block)."""
+        return np.add.reduceat(self.surface_blocks, self.graph.indptr[:-1], axis=0)
 
     @cached_property
     def surface(self) -> bsr_array:

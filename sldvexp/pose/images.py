@@ -94,9 +94,9 @@ def match_images(
         If a circle makes no ellipse or the ellipses fit the object in no way or in two.
     """
     image = [pinhole_edges(laser, e) for e in edges] if pinhole else edges
-    fits = [fit_circle(e) for e in image]
-    ellipses = [fit.ellipse for fit, _ in fits]
     try:
+        fits = [fit_circle(e) for e in image]
+        ellipses = [fit.ellipse for fit, _ in fits]
         match = match_circles(target, ellipses)
         found = bitangent_images(ellipses, match, target.selected_pairs())
     except UserError as error:

@@ -165,6 +165,7 @@ def edge_group(edges: list[Edges]) -> xr.Dataset:
 def edges_of(group: xr.Dataset) -> list[Edges]:
     """Edge points of each circle from a group ``edge/<view>``, without lines and rejections."""
     circles = []
+    names = [line.partition(": ")[0] for line in str(group.attrs["summary"]).splitlines()]
     for number in np.unique(group["circle"].values):
         own = group.isel(edge=np.flatnonzero(group["circle"].values == number))
         count = own.sizes["edge"]
@@ -179,7 +180,7 @@ def edges_of(group: xr.Dataset) -> list[Edges]:
                 phase=own["phase"].values,
                 rejected=(),
                 lines=count,
-                name=f"circle image {number}",
+                name=names[number - 1],
             )
         )
     return circles

@@ -69,12 +69,12 @@ def require_circles(looks: Sequence[Look], folder: Path) -> None:
     """
     for look in looks:
         if look.ellipse is None:
-            require_instrument(look.image, look.name, folder / look.files)
+            require_instrument(look.image, look.name, folder)
     if silent := [look for look in looks if look.silent]:
         raise UserError(_nothing_moves(silent, len(looks), folder))
     for look in looks:
         if look.ellipse is None:
-            require_instrument(look.image, look.name, folder / look.files, MANY)
+            require_instrument(look.image, look.name, folder, MANY)
             raise UserError(_no_ellipse(look))
     found = [(look.name, look.ellipse) for look in looks if look.ellipse is not None]
     for (name, one), (other_name, other) in itertools.combinations(found, 2):
@@ -102,7 +102,7 @@ def require_instrument(image: ComplexImage, name: str, files: Path, share: float
     name : str
         What they are of.
     files : Path
-        Pattern of the files that keep them.
+        Files, or the folder, that keep what was measured with that fault.
     share : float
         Of the pixels, from which a flag counts.
 

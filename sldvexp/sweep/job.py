@@ -9,11 +9,11 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from sldvexp import provenance
+from sldvexp import provenance, runner
 from sldvexp.config import Retry
 from sldvexp.errors import UserError
 from sldvexp.paths import locate
-from sldvexp.runner import RUN_FILE, run
+from sldvexp.runner import RUN_FILE
 from sldvexp.sweep import record
 from sldvexp.sweep.record import Record, State, Stopwatch
 
@@ -46,7 +46,7 @@ def perform(
 
     note(State.running)
     try:
-        passed = run(cfg, folder, quiet=True)
+        passed = runner.run(cfg, folder, quiet=True)
     except BaseException as error:
         told = tell(error) if isinstance(error, Exception) else "interrupted"
         note(State.failed, told or f"{type(error).__name__}: {error}")

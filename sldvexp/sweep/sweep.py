@@ -27,20 +27,24 @@ class Sweep:
     Raises
     ------
     UserError
-        On entering, if another sweep is at work in the same folder.
+        If the runs' folders are to have other names; on entering, if another sweep is at work in
+        the same folder.
     """
 
     def __init__(self, options: Namespace) -> None:
         self.plan = Plan.of(options.overrides)
-        chosen = [
-            o.partition("=")[2] for o in options.overrides if o.startswith("hydra.sweep.dir=")
-        ]
+        given = [o.partition("=") for o in options.overrides]
+        chosen = [value for key, _, value in given if key == "hydra.sweep.dir"]
         own = str(Path(options.config_dir).resolve()) if options.config_dir else ""
         default = SWEEPS / self.plan.sweep_name(own, options.config_name or "")
         self.folder = Path(chosen[-1].strip("'\"")) if chosen else default
         self._added = [] if chosen else [f"hydra.sweep.dir='{self.folder}'"]
-        if not any(o.startswith("hydra.sweep.subdir=") for o in options.overrides):
-            self._added.append(f"hydra.sweep.subdir=${{{RESOLVER}:}}")
+        if any(key == "hydra.sweep.subdir" for key, _, _ in given):
+            raise UserError(
+                "command line: hydra.sweep.subdir cannot be set: a run's folder is named by its "
+                "settings, so that a sweep finds it again; hydra.sweep.dir chooses where they lie"
+            )
+        self._added.append(f"hydra.sweep.subdir=${{{RESOLVER}:}}")
         self._lock: int | None = None
         register_resolver()
 

@@ -380,7 +380,7 @@ VELOCITIES = [
     Bad(
         "~experiment reconstruction=absolute",
         "…there are no velocities to reconstruct from; name a file with instrument=file "
-        "instrument.path=...",
+        "instrument.path=..., or choose a volume and scan images of the structure",
     ),
     on_views(
         "m.csv, line 3: imag must be a finite number, not 'inf'", "0.6,100,1,2", "0.6,100,1,inf"

@@ -144,15 +144,16 @@ def test_write_that_fails_leaves_nothing(sldvexp, monkeypatch):
 def test_sweep_leaves_one_run_for_each_value(sldvexp, tmp_path):
     done = sldvexp("-m", *QUICK, "seed=1,2", "hydra.sweep.dir=sweep")
     assert done.status == 0
-    files = [tmp_path / f"sweep/{i}/run.nc" for i in range(2)]
-    assert [xr.open_datatree(f, engine="netcdf4").attrs["seed"] for f in files] == [1, 2]
+    files = (tmp_path / "sweep").glob("*/run.nc")
+    assert {xr.open_datatree(f, engine="netcdf4").attrs["seed"] for f in files} == {1, 2}
 
 
 def test_sweep_goes_on_after_a_mistake(sldvexp, tmp_path):
     done = sldvexp("-m", *QUICK, "seed=-1,2", "hydra.sweep.dir=sweep")
     assert done.status == 1
     assert done.err == "sldvexp: command line: seed must be zero or a positive integer, not -1\n"
-    assert [f.parent.name for f in (tmp_path / "sweep").rglob("run.nc")] == ["1"]
+    (file,) = (tmp_path / "sweep").glob("*/run.nc")
+    assert "seed=2" in file.parent.name
 
 
 @pytest.fixture
@@ -221,7 +222,7 @@ def test_two_plugins_of_one_name_are_refused(installed, monkeypatch, loaded):
 
 
 def test_first_defect_of_a_sweep_is_the_one_that_is_raised(sldvexp, monkeypatch):
-    def stumble(cfg, folder):
+    def stumble(cfg, folder, quiet):
         raise ZeroDivisionError(cfg.seed)
 
     monkeypatch.setattr("sldvexp.runner.run", stumble)

@@ -47,8 +47,10 @@ def one_composition(monkeypatch):
 def test_own_experiment_with_own_choices_runs(sldvexp, lab, tmp_path):
     done = sldvexp("-m", *MONDAY, "laser=ours,ometron_16bit", "hydra.sweep.dir=sweep")
     assert done.status == 0, done.err
-    for job in "01":
-        with dataset.load(tmp_path / "sweep" / job / "run.nc") as tree:
+    files = sorted((tmp_path / "sweep").glob("*/run.nc"))
+    assert len(files) == 2
+    for file in files:
+        with dataset.load(file) as tree:
             assert tree.attrs["seed"] == 5
             assert tree["target/position"].max() == 0.01  # 1 cm
 

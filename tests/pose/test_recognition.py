@@ -156,19 +156,19 @@ def test_what_is_not_the_object_at_all_is_no_wiring():
     "true",
     [
         TwoMirror(mirror_offset=0.1),
-        TwoMirror(mirror_offset=0.0),
-        TwoMirror(mirror_offset=0.045, up_down=Mirror(23.75)),
-        TwoMirror(mirror_offset=0.045, up_down=Mirror(26.25)),
-        TwoMirror(mirror_offset=0.045, left_right=Mirror(26.25)),
-        TwoMirror(mirror_offset=0.045, left_right=Mirror(25.0, 1.0)),
+        TwoMirror(up_down=Mirror(23.75)),
+        TwoMirror(left_right=Mirror(26.25)),
+        TwoMirror(left_right=Mirror(25.0, 1.0)),
     ],
-    ids=["offset large", "offset small", "gain small", "gain large", "other gain", "zero"],
+    ids=["offset", "gain of one", "gain of the other", "zero"],
 )
 def test_miscalibrated_mirrors_are_not_taken_for_wrong_ones(true):
     """Neither is a wrong one left in peace because it is miscalibrated besides."""
-    recognised("front", scanned(ONE, true), ONE, LASER, {}, upright=True)
+    laser = TwoMirror()
+    for upright in (True, False):
+        recognised("front", scanned(ONE, true), ONE, laser, {}, upright)
     for wiring in (Wiring(True), Wiring(False, (1, -1))):
-        told = refuse(scanned(ONE, true, wiring=wiring), ONE)
+        told = refuse(scanned(ONE, true, wiring=wiring), ONE, laser)
         assert f"the mirrors look wired wrongly, {wiring}: " in told
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import functools
 import re
+import shutil
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -44,7 +45,7 @@ SWAPPED = "scene.mirrors.swapped=true"
 BESIDE = "scan.views.1.dac=[[1000,1000],[1400,1000],[1400,1400],[1000,1400]]"
 ROUGH = "[-142,-704],[-401,-1326],[673,-1632]"
 KEPT = r"; what was scanned is kept, go on with: sldvexp resume=\S+$"
-AGAIN = r"; then delete \S+/journal/1/\d_coarse_\* and resume the run$"
+AGAIN = r"; then delete \S+/journal/1 and resume the run$"
 WIRED = r"^sldvexp: view 1: the mirrors look wired wrongly, "
 
 
@@ -276,6 +277,22 @@ def require_right(pose, lab, view="1"):
     turned = vector_from_rotation(pose["rotation"].values @ rotation.T)
     error = np.hstack([turned, pose["origin"].values - origin])
     assert (np.abs(error) < WITHIN * np.sqrt(np.diag(pose["covariance"].values))).all()
+
+
+def test_what_a_sentence_says_puts_it_right(sldvexp):
+    """A cable that is plugged in, what was measured without it deleted, and the run resumed."""
+    behind = laboratory()
+    electronics = replace(behind.scene.digitizer, reference_gain=0.0)
+    behind.scene = replace(behind.scene, digitizer=electronics)
+    with LabServer(behind) as server:
+        done = sldvexp(*SMALL, *over(server))
+        told = re.search(r"not plugged in; then delete (\S+) and resume the run$", done.err.strip())
+        assert told, done.err
+        shutil.rmtree(told[1])
+        behind.scene = laboratory().scene
+        again = sldvexp(f"resume={done.folder}")
+    assert again.status == 0, again.err
+    require_right(done.tree["pose"].isel(view=0), laboratory())
 
 
 TWO_VIEWS = (

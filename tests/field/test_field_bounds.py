@@ -1,0 +1,217 @@
+"""Standard errors of nodal values: against simulated noise, moved poses, and one another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import sldvexp.field.parts as field_parts
+import sldvexp.field.second_way as second_way
+from sldvexp.field.estimate import estimate_field
+from sldvexp.field.looks import Looks
+from sldvexp.field.result import FieldResult
+from sldvexp.field.view import View
+from sldvexp.geometry.rotation import rotation_from_vector
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.reconstruction.base import Model, Reconstruction
+from sldvexp.registry import get
+from sldvexp.volume.samples import SampleRule
+
+Make = Callable[..., Any]
+METHODS = [
+    ("absolute", {}),
+    ("absolute", {"model": Model.full}),
+    ("relative", {}),
+    ("combined", {"rows": "1-4,2,3"}),
+    ("contravariant", {"rows": "1-4,2,3"}),
+    ("contravariant", {"rows": "all"}),
+]
+
+
+def method_of(name: str, fields: dict[str, Any]) -> Reconstruction:
+    method: Reconstruction = get("reconstruction", name)(**fields)
+    return method
+
+
+def estimate(looks: Looks, method: Reconstruction, **options: Any) -> FieldResult:
+    return estimate_field(looks, method, get("solver", "iterative")(), **options)
+
+
+def smooth(views: list[View]) -> list[View]:
+    """Velocities that are linear in the steps, and so are interpolated exactly."""
+    rng = np.random.default_rng(5)
+    shape = views[0].velocity.shape
+    return [
+        replace(v, velocity=(v.dac / 1000 @ rng.normal(size=(2, 2)) + 1) @ [[1], [1j]] * np.ones(shape))
+        for v in views
+    ]
+
+
+@pytest.mark.parametrize("local", [False, True])
+@pytest.mark.parametrize(("name", "fields"), METHODS)
+def test_noise_of_shared_pixels(
+    make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror,
+    name: str, fields: dict[str, Any], local: bool,
+) -> None:  # fmt: skip
+    """Each frequency is one draw of the noise: its std over frequencies is the standard error."""
+    draws = 300
+    prisms = make_plate((4, 4), 3, radius=0.7 if local else 0.0)
+    rng = np.random.default_rng(6)
+    views = []
+    for view in make_views(5, pixels=9, frequencies=draws):
+        std = rng.uniform(0.5, 2, len(view.dac))
+        noise = rng.normal(size=(*view.velocity.shape, 2)) @ [1, 1j]
+        views.append(replace(view, std=std, velocity=std[:, None] * noise))
+    result = estimate(Looks(views, laser, prisms, six_points), method_of(name, fields), local=local)
+    assert result.bounds_error == 0.0
+    parts = np.concatenate([result.velocity.real, result.velocity.imag], axis=2)
+    ratio = np.sqrt((parts**2).mean(axis=2)) / result.std_noise[:, :, 0]
+    # The relative error of a std from n draws is 1 / sqrt(2 n); 4.5 of that for each value.
+    assert np.abs(ratio - 1).max() < 4.5 / np.sqrt(4 * draws)
+    np.testing.assert_allclose(result.std, result.std_noise)
+    # The expected sum of squares: its own spread is above that of independent samples by the
+    # number of samples that share a pixel, which is below 30 here.
+    degrees = 2 * draws * len(views[0].dac)
+    assert np.abs(result.chi2_ratio.mean(axis=1) - 1).max() < 4.5 * np.sqrt(2 * 30 / degrees)
+
+
+@pytest.mark.parametrize("local", [False, True])
+@pytest.mark.parametrize(("name", "fields"), METHODS)
+def test_derivative_by_the_poses(
+    make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror,
+    name: str, fields: dict[str, Any], local: bool,
+) -> None:  # fmt: skip
+    """With one uncertain parameter, the standard error is the change with it."""
+    prisms = make_plate((4, 4), 3, radius=0.7 if local else 0.0)
+    views, method = smooth(make_views(5, pixels=9)), method_of(name, fields)
+    h = 1e-6
+
+    def velocity(k: int, step: np.ndarray) -> np.ndarray:
+        turned = rotation_from_vector(step[:3]) @ views[k].rotation
+        moved = replace(views[k], rotation=turned, origin=views[k].origin + step[3:])
+        changed = [*views[:k], moved, *views[k + 1 :]]
+        looks = Looks(changed, laser, prisms, six_points)
+        return estimate(looks, method, local=local, bounds=False).velocity
+
+    for k, parameter in ((0, 0), (1, 1), (2, 2), (3, 3), (1, 4), (2, 5)):
+        step = h * np.eye(6)[parameter]
+        slope = (velocity(k, step) - velocity(k, -step)) / (2 * h)
+        covariance = np.zeros((30, 30))
+        covariance[6 * k + parameter, 6 * k + parameter] = 1.0
+        looks = Looks(views, laser, prisms, six_points)
+        result = estimate(looks, method, local=local, covariance=covariance)
+        scale = np.abs(slope).max()
+        np.testing.assert_allclose(result.std_pose[0], np.abs(slope.real), atol=2e-5 * scale)
+        np.testing.assert_allclose(result.std_pose[1], np.abs(slope.imag), atol=2e-5 * scale)
+
+
+def test_both_parts_add_up_and_poses_may_be_joint(
+    make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror
+) -> None:
+    prisms, method = make_plate((4, 4), 3), method_of("absolute", {"confidence": 0.9})
+    root = np.random.default_rng(7).normal(size=(30, 30)) * 1e-3
+    joint = root @ root.T
+    own = [joint[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k in range(5)]
+    views = smooth(make_views(5, pixels=9))
+    by_view = [replace(v, covariance=c) for v, c in zip(views, own, strict=True)]
+    result = estimate(Looks(by_view, laser, prisms, six_points), method)
+    both = np.sqrt(result.std_noise**2 + result.std_pose**2)
+    np.testing.assert_allclose(result.std_by_part, both)
+    np.testing.assert_allclose(result.confidence_by_part, 1.6448536 * both, rtol=1e-6)
+    np.testing.assert_allclose(result.std, both.max(axis=0))
+    blocks = np.zeros((30, 30))
+    for k, c in enumerate(own):
+        blocks[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = c
+    again = estimate(Looks(views, laser, prisms, six_points), method, covariance=blocks)
+    np.testing.assert_allclose(again.std_pose, result.std_pose)
+    other = estimate(Looks(views, laser, prisms, six_points), method, covariance=joint)
+    assert np.abs(other.std_pose / result.std_pose - 1).max() > 0.1
+    none = estimate(Looks(views, laser, prisms, six_points), method)
+    assert none.std_pose is None
+    assert "poses have no covariance" in none.messages[-1]
+    np.testing.assert_allclose(none.std, result.std_noise)
+
+
+@pytest.mark.parametrize("at_once", [10**6, 2000])
+@pytest.mark.parametrize("uneven", [False, True])
+@pytest.mark.parametrize(("name", "fields"), METHODS[:1] + METHODS[4:])
+def test_large_fields(
+    make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str, fields: dict[str, Any], uneven: bool, at_once: int,
+) -> None:  # fmt: skip
+    """Bounds of large fields, computed part by part from what is near, are almost the exact ones."""
+    prisms, method = make_plate((10, 9), 4), method_of(name, fields)
+    views = smooth(make_views(5, pixels=20, covariance=1e-6 * np.eye(6)))
+    if uneven:
+        views[4] = replace(views[4], flags=(views[4].dac[:, 1] > 300).astype(int))
+        views[2] = replace(views[2], flags=(np.hypot(*(views[2].dac.T - 200)) < 250).astype(int))
+    looks = Looks(views, laser, prisms, six_points)
+    exact = estimate(looks, method)
+    monkeypatch.setattr(second_way, "SMALL", 0)
+    monkeypatch.setattr(field_parts, "SAMPLES_AT_ONCE", at_once)
+    near = estimate(looks, method)
+    known = exact.observable
+    assert known.mean() > 0.7
+    np.testing.assert_allclose(near.velocity, exact.velocity, atol=1e-9)
+    off = np.abs(near.std_noise / exact.std_noise - 1)[known]
+    assert 0 < off.max() < 0.01
+    assert 0 < near.bounds_error < 0.01
+    assert np.abs(near.std_pose / exact.std_pose - 1)[:, known].max() < 0.03
+    np.testing.assert_allclose(near.chi2_ratio, exact.chi2_ratio, rtol=2e-3)
+    np.testing.assert_allclose(near.efficiency, exact.efficiency)
+
+
+def test_many_frequencies(
+    make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror
+) -> None:
+    """Poses' part of many frequencies comes from what is above the noise of all of them."""
+    prisms, method = make_plate((5, 4), 3), method_of("absolute", {})
+    views = smooth(make_views(5, pixels=9, covariance=1e-6 * np.eye(6)))
+    rng = np.random.default_rng(8)
+    response = rng.normal(size=(40, 2)) @ [1, 1j] * np.logspace(0, -3, 40)
+    many = []
+    for view in views:
+        noise = 1e-3 * rng.normal(size=(len(view.dac), 40, 2)) @ [1, 1j]
+        many.append(replace(view, velocity=view.velocity * response + noise))
+    result = estimate(Looks(many, laser, prisms, six_points), method)
+    for f in (0, 20, 39):
+        one = [replace(v, velocity=v.velocity[:, f : f + 1]) for v in many]
+        alone = estimate(Looks(one, laser, prisms, six_points), method)
+        np.testing.assert_allclose(result.velocity[..., f], alone.velocity[..., 0], rtol=1e-9)
+        np.testing.assert_allclose(result.std_noise[..., f], alone.std_noise[..., 0])
+        total = alone.std_by_part[..., 0]
+        assert np.abs(result.std_by_part[..., f] / total - 1).max() < 0.02
+
+
+def test_noise_that_changes_with_frequency(
+    make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror
+) -> None:
+    prisms, method = make_plate((4, 4), 3), method_of("absolute", {})
+    views = make_views(5, pixels=9, frequencies=2)
+    std = np.random.default_rng(9).uniform(1, 2, len(views[0].dac))
+    two = [replace(v, std=std[:, None] * [1.0, 3.0]) for v in views]
+    result = estimate(Looks(two, laser, prisms, six_points), method)
+    same = [replace(v, std=std) for v in views]
+    one = estimate(Looks(same, laser, prisms, six_points), method)
+    np.testing.assert_allclose(result.std_noise, one.std_noise * [1.0, 3.0])
+
+
+def test_efficiency(
+    make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror
+) -> None:
+    """Absolute with noise weights is the best; the ratio of variances is the efficiency."""
+    prisms = make_plate((5, 5), 3)
+    views = make_views(5, pixels=20)
+    looks = Looks(views, laser, prisms, six_points)
+    best = estimate(looks, method_of("absolute", {}))
+    np.testing.assert_allclose(best.efficiency, 1.0, rtol=1e-9)
+    for name, fields in METHODS[1:]:
+        other = estimate(looks, method_of(name, fields))
+        assert np.all((other.efficiency > 0) & (other.efficiency < 1 + 1e-9))
+        ratio = (best.std_noise / other.std_noise)[..., 0] ** 2
+        np.testing.assert_allclose(other.efficiency, ratio, rtol=0.1)
