@@ -8,7 +8,7 @@ import sys
 import warnings
 from argparse import Namespace
 from collections.abc import Sequence
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import hydra
 from hydra._internal.utils import get_args_parser
@@ -19,6 +19,9 @@ from omegaconf import DictConfig, OmegaConf
 from sldvexp import commands, config, config_source, registry  # noqa: F401 (config: the root schema registers itself)
 from sldvexp.errors import UserError
 from sldvexp.paths import conf_dir
+
+if TYPE_CHECKING:
+    from sldvexp.sweep.sweep import Sweep
 
 DONE, FAILED, MISSED, INTERRUPTED = 0, 1, 2, 130
 
@@ -74,6 +77,18 @@ class Command:
         self.full_error = full_error
         self.status = DONE
         self.defect: Exception | None = None
+        self.sweep: Sweep | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a launcher takes to other processes: the sweep itself stays in this one."""
+        return {**vars(self), "sweep": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        from sldvexp.sweep.plan import register_resolver
+
+        config_source.install()
+        register_resolver()
 
     def run(self) -> int:
         """Run every job; the worst exit status of them."""
@@ -120,7 +135,13 @@ class Command:
 
         with Sweep(options) as sweep:
             sys.argv[1:] = sweep.arguments(self.arguments)
-            start(self._job)()
+            self.sweep = sweep
+            try:
+                start(self._job)()
+            except BaseException:
+                if sweep.begun:  # what there is may be looked at
+                    sweep.finish("")
+                raise
             first = Origins(self.arguments, [*sweep.plan.jobs[0]]).compose()
             states = sweep.finish(first.sweep.rank)
         worst = FAILED if states - {"done", "missed"} else MISSED if "missed" in states else DONE
@@ -173,11 +194,12 @@ class Command:
                 error, Origins(self.arguments, [*lines["hydra"], *lines["task"]])
             )
 
+        computed = True
         try:
             if job.mode is RunMode.MULTIRUN:
                 from sldvexp.sweep.job import perform
 
-                perform(cfg, job.runtime.output_dir, lines["task"], told)
+                computed = perform(cfg, job.runtime.output_dir, lines["task"], told)
             else:
                 passed = run(cfg, folder=job.runtime.output_dir)
                 self.status = self.status or (DONE if passed else MISSED)
@@ -187,6 +209,9 @@ class Command:
                 self.defect = self.defect or error  # of a sweep's, Hydra raises the first
                 raise
             self._say(sentence)
+        finally:
+            if self.sweep:
+                self.sweep.tell(job.runtime.output_dir, computed)
 
     def _options(self) -> Namespace:
         """The options, all of which are Hydra's; a wrong one is a user's mistake like others."""

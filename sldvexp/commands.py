@@ -13,7 +13,9 @@ from sldvexp.errors import UserError, nearest
 
 #: The module of each; its `run` gets the words after the command and the user's folder.
 COMMANDS = {
+    "compare": "sldvexp.sweep.compare",
     "list": "sldvexp.catalogue.listing",
+    "rerun": "sldvexp.sweep.rerun",
     "show": "sldvexp.catalogue.showing",
 }
 

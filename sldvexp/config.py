@@ -89,12 +89,15 @@ class Retry(Enum):
         What is missing, failed, or would come out otherwise: other settings, inputs or versions.
     missing
         That without what failed.
+    failed
+        Only what failed or was cut off.
     all
         Everything.
     """
 
     unfinished = "unfinished"
     missing = "missing"
+    failed = "failed"
     all = "all"
 
 

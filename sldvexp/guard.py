@@ -32,7 +32,7 @@ def check(origins: Origins) -> None:
     for job in _jobs(origins):
         for layer in job.layers_of_files():
             if layer.outside:
-                _check_layer(layer)
+                check_layer(layer)
 
 
 def _jobs(origins: Origins) -> Iterator[Origins]:
@@ -44,7 +44,7 @@ def _jobs(origins: Origins) -> Iterator[Origins]:
         yield Origins(origins.arguments, [*lines, *combination])
 
 
-def _check_layer(layer: Layer) -> None:
+def check_layer(layer: Layer) -> None:
     """Refuse a file that names code, or that sets more of Hydra than is harmless."""
     content = layer.values
     for part in reversed(parts_of(layer.package)):

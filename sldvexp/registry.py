@@ -75,6 +75,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
     "check": {
         "bitangents": "sldvexp.check.bitangents",
         "cross_ratio": "sldvexp.check.cross_ratio",
+        "field_pattern": "sldvexp.check.field_pattern",
         "left_out": "sldvexp.check.left_out",
         "love": "sldvexp.check.love",
         "phase_image": "sldvexp.check.phase_image",

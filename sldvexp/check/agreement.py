@@ -14,8 +14,10 @@ from sldvexp.field.run import looks_of
 
 Array = NDArray[np.float64]
 
-#: Sampled depths on each side of the smallest misfit that the parabola goes through.
-NEIGHBOURS = 2
+#: Depths that are tried for the smallest misfit; between them a parabola is used.
+TRIED = 401
+#: Fewest parts of the surface that a standard error can rest on.
+FEWEST_PARTS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,38 +101,45 @@ def _misfit(looks: Looks, triangles: NDArray[np.intp]) -> tuple[Array, Array]:
     return by_point, each * everywhere.reshape(shape).sum(axis=1).ravel().astype(float)
 
 
-def best_depth(found: Agreement) -> tuple[float, float, float]:
-    """Depth of the smallest misfit, its standard error and the latter's degrees of freedom.
+def best_depth(found: Agreement) -> tuple[float, float]:
+    """Depth of the smallest misfit and its standard error, m.
 
-    The standard error is the jackknife's: how the minimum moves when a part is left out.
+    Away from the surface the views disagree by ``z^2`` times the curvature of what vibrates: what
+    goes with z itself looks like a tangential velocity, with which they do agree. So the misfit is
+    ``a + c (z - z_0)^4``. The standard error is the jackknife's: how the minimum moves when a part
+    of the surface is left out.
 
     Raises
     ------
     UserError
-        If the smallest misfit lies at the first or last depth: the surface is not in the volume.
+        If all views together see too little of the surface.
     """
     seen = found.freedom.sum(axis=1) > 0
-    if seen.sum() < 4:
+    if seen.sum() < FEWEST_PARTS:
         raise UserError("too little of the surface is seen by all views at all depths")
     misfit = found.misfit[seen]
-    parts = len(misfit)
     total = misfit.sum(axis=0)
-    depth = _minimum(found.depth, total)
     without = np.array([_minimum(found.depth, total - part) for part in misfit])
-    variance = (parts - 1) / parts * np.sum((without - without.mean()) ** 2)
-    return depth, float(np.sqrt(variance)), float(parts - 1)
+    return _minimum(found.depth, total), jackknife(without)
+
+
+def jackknife(without: Array) -> float:
+    """Standard error of a number from its values when each part of the data is left out."""
+    parts = len(without)
+    return float(np.sqrt((parts - 1) / parts * np.sum((without - without.mean()) ** 2)))
 
 
 def _minimum(depth: Array, misfit: Array) -> float:
-    """Where the parabola through the depths around the smallest misfit has its minimum."""
-    middle = int(misfit.argmin())
-    if middle in (0, len(depth) - 1):
-        raise UserError(
-            f"the views agree best at the edge of the volume ({depth[middle]:.4g} m): the surface "
-            "seems to lie outside of it; move the volume with volume.offset"
-        )
-    some = slice(max(0, middle - NEIGHBOURS), middle + NEIGHBOURS + 1)
-    scale = np.ptp(depth[some])
-    offset = (depth[some] - depth[middle]) / scale
-    curve = np.polynomial.polynomial.polyfit(offset, misfit[some], 2)
-    return float(depth[middle] - scale * curve[1] / (2 * curve[2]))
+    """z_0 of the curve ``a + c (z - z_0)^4`` that is nearest, within the sampled depths."""
+    middle, half = (depth[0] + depth[-1]) / 2, np.ptp(depth) / 2
+    tried = np.linspace(-1, 1, TRIED)
+    power = ((depth - middle) / half - tried[:, None]) ** 4
+    power -= power.mean(axis=1, keepdims=True)
+    centred = misfit - misfit.mean()
+    along = power @ centred
+    gain = np.where(along > 0, along, 0.0) ** 2 / np.einsum("td,td->t", power, power)
+    best = int(np.clip(gain.argmax(), 1, TRIED - 2))
+    low, top, high = gain[best - 1 : best + 2]
+    bend = low - 2 * top + high
+    shift = (low - high) / (2 * bend) if bend < 0 else 0.0
+    return float(middle + half * (tried[best] + np.clip(shift, -1, 1) * (tried[1] - tried[0])))

@@ -1,4 +1,4 @@
-"""`check=surface_depth`: where in the volume the views agree best, which is the real surface."""
+"""`check=surface_depth`: where in the volume the real surface is, without any geometry."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sldvexp.check.base import Check, Examined
-from sldvexp.errors import Checks
+from sldvexp.errors import Checks, UserError
 from sldvexp.registry import register
 
 if TYPE_CHECKING:
@@ -16,50 +16,54 @@ if TYPE_CHECKING:
 @register("check", "surface_depth")
 @dataclass
 class SurfaceDepth(Check):
-    """Depth of the vibrating surface in the volume, without any geometry.
+    """Depth of the middle of a vibrating shell in the volume, from velocities alone.
 
-    At each sample the views' velocities fit one vector only if the sample lies on the surface;
-    elsewhere every view sees another place of it. The misfit grows with the square of the distance,
-    so that a parabola through it has its minimum there. How the minimum scatters between parts of
-    the surface is its uncertainty, whatever its cause.
+    Away from it every view looks at another place of the structure. To first order that adds a
+    tangential velocity, the distance times the slope of the normal velocity, and a thin shell that
+    bends has the same by itself (Love): none in the middle of its thickness. So the tangential
+    velocity is least there. To second order the views disagree, which needs no shell but says less;
+    where they agree best is found besides if there are four views or more.
 
     Parameters
     ----------
     parts : int
-        Into how many parts the surface is cut for the uncertainty.
-    confidence : float
-        Level of the interval.
+        Into how many parts the surface is cut; how the depth changes when each is left out is its
+        standard error, whatever the cause.
     """
 
     parts: int = 16
-    confidence: float = 0.95
 
     def __post_init__(self) -> None:
         checks = Checks()
         checks.require(self.parts >= 4, "parts", f"must be at least 4, not {self.parts}")
-        checks.probability("confidence", self.confidence)
         checks.done()
 
     def examine(self, run: Examined) -> xr.Dataset:
-        """``depth`` along the normals with bounds, and ``misfit`` at every sampled depth.
+        """``depth`` along the normals, ``agreement_depth``, and ``misfit`` at sampled depths.
 
         Raises
         ------
         UserError
-            If there is no field, fewer than four views, or no minimum inside of the volume.
+            If there is no field.
         """
         from sldvexp import dataset
         from sldvexp.check.agreement import agreement, best_depth
-        from sldvexp.statistics.student import student_factor
+        from sldvexp.check.tangential import least_motion
 
-        found = agreement(run, self.parts)
-        depth, std, dof = best_depth(found)
-
-        return dataset.group(
+        if not {"field", "volume"} <= set(run.tree):
+            raise UserError("check=surface_depth needs a field: choose volume and reconstruction")
+        depth, std, inside = least_motion(run.tree["field"], run.tree["volume"], self.parts)
+        notes = [] if inside else ["the surface lies outside of the volume; move volume.offset"]
+        found = agreement(run, self.parts) if len(run.tree["field"]["view"]) > 3 else None
+        agreed, agreed_std = best_depth(found) if found else (None, None)
+        group = dataset.group(
             "examined/surface_depth",
-            {"sample_depth": found.depth},
+            {"sample_depth": found.depth if found else []},
             depth=depth,
             depth_std=std,
-            depth_confidence=std * float(student_factor(self.confidence, dof)),
-            misfit=found.misfit.sum(axis=0) / found.freedom.sum(axis=0),
+            agreement_depth=agreed,
+            agreement_depth_std=agreed_std,
+            misfit=found and found.misfit.sum(axis=0) / found.freedom.sum(axis=0),
         )
+        group.attrs["notes"] = "\n".join(notes)
+        return group

@@ -14,6 +14,12 @@ EXAMINED: dict[str, dict[str, Variable]] = {
         "up_down": _V("kind", "1", "cross-ratio of the up-down mirror's planes"),
         "left_right": _V("kind", "1", "cross-ratio of the left-right mirror's planes"),
     },
+    "examined/field_pattern": {
+        "std_ratio": _V("field component", "1", "r.m.s. standard error over the out-of-plane one"),
+        "residual_ratio": _V("field component", "1", "residual std over the out-of-plane one"),
+        "view_ratio": _V("field view", "1", "residual std of a view over the median view's"),
+        "cond_ratio": _V("field", "1", "condition number of the chosen field over this one's"),
+    },
     "examined/phase_image": {
         "phase": _V("view stage frequency", "rad", "mean phase, but for half a turn"),
         "phase_std": _V("view stage frequency", "rad", "circular standard deviation of phases"),
@@ -45,9 +51,10 @@ EXAMINED: dict[str, dict[str, Variable]] = {
         "largest": _V("", "1", "the largest of them, DAC steps"),
     },
     "examined/surface_depth": {
-        "depth": _V("", "m", "depth of the real surface along the normals"),
+        "depth": _V("", "m", "depth of least tangential motion: the middle of the real shell"),
         "depth_std": _V("", "m", "its standard error"),
-        "depth_confidence": _V("", "m", "half-width of its interval"),
+        "agreement_depth": _V("", "m", "depth at which the views agree best"),
+        "agreement_depth_std": _V("", "m", "its standard error"),
         "misfit": _V("sample_depth", "1", "squared residuals over their expectation from noise"),
     },
     "examined/left_out": {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,7 +91,7 @@ def _right_side(part: Part, data: list[Array]) -> Array:
     return np.reshape(total, (part.patch.layers, len(part.patch.nodes), -1, data[0].shape[1]))
 
 
-def pixel_data(views: list[View] | tuple[View, ...]) -> list[Array]:
+def pixel_data(views: Sequence[View]) -> list[Array]:
     """Velocities of each view as real numbers, shape (pixel, column); 0 where flagged."""
     each = [np.where(v.usable[:, None], v.velocity, 0.0) for v in views]
     return [np.ascontiguousarray(v).view(float) for v in each]

@@ -14,7 +14,8 @@ from sldvexp.field.model import FieldModel
 from sldvexp.field.outcome import Outcome
 from sldvexp.field.parts import Parts
 from sldvexp.field.result import LOCAL, WORLD, FieldResult
-from sldvexp.field.second_way import pose_covariance, residuals_only, with_bounds
+from sldvexp.field.pose_effect import pose_covariance
+from sldvexp.field.second_way import residuals_only, with_bounds
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.system import solution
 from sldvexp.reconstruction.base import Reconstruction

@@ -19,8 +19,8 @@ NEGLIGIBLE = 1e-6
 class FrequencyModes:
     """Orthonormal combinations C of the data's columns, ``v = (v C^T) C`` but for noise.
 
-    A pose moves what the poses are seen to move by; of the noise it moves a small part, which does
-    not show beside the noise itself.
+    A pose that is known to a part of a pixel changes velocities by that part of their difference
+    from pixel to pixel. Of the noise this does not show beside the noise itself.
 
     Attributes
     ----------

@@ -147,7 +147,8 @@ class Outcome:
         sse, fewer = _by_frequency(self.second.residuals.squares)[0], _by_frequency(drop)
         added = 2 * int(equations.system.active.sum())
         freedom = 2 * equations.rows - 4 * added
-        return nested_f_test(sse + fewer, sse, added, freedom, model.method.confidence)
+        with np.errstate(divide="ignore", invalid="ignore"):  # velocities may all be zero
+            return nested_f_test(sse + fewer, sse, added, freedom, model.method.confidence)
 
 
 def _by_frequency(squares: Array) -> Array:

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.errors import UserError
-from sldvexp.field.bounds import POSE, Bounds, pose_right_sides
+from sldvexp.field.bounds import Bounds
 from sldvexp.field.frequency_modes import FrequencyModes
 from sldvexp.field.inverse_rows import SMALL, InverseRows, WholeInverse
 from sldvexp.field.local_rows import RINGS
 from sldvexp.field.model import FieldModel
 from sldvexp.field.near_inverse import NearInverse
 from sldvexp.field.parts import Parts
+from sldvexp.field.pose_effect import PoseEffect
 from sldvexp.field.residuals import Residuals
 from sldvexp.field.system import Solve, System
-from sldvexp.field.verification import largest_error
+from sldvexp.field.verification import Verification
 from sldvexp.field.view import View
 
 Array = NDArray[np.float64]
@@ -87,8 +88,7 @@ def with_bounds(
     left = Residuals.empty(model, len(data), theta.shape[-1])
     found = Bounds.empty(looks, model, theta.shape[-1])
     factor = variance_factors(looks.views, model.pixel_std)
-    modes = _modes(model, data, factor)
-    of_modes = modes.of_columns(theta), [modes.of_columns(d) for d in data]
+    pose = _pose_effect(model, theta, data, factor, covariance)
     small = system.nodes * system.block <= SMALL
     whole = WholeInverse.of(system, model.parameters) if small else None
     errors: list[float] = [0.0] if small else []
@@ -97,17 +97,19 @@ def with_bounds(
         rows: InverseRows = whole or NearInverse.of(system, part, model.parameters)
         found.add_noise(part, rows)
         found.add_efficiency(part)
-        right = None if covariance is None else pose_right_sides(part, *of_modes)
-        if right is not None:
-            found.add_pose(part, rows, right, modes, covariance)
+        right = None if pose is None else pose.right_sides(part)
+        if pose is not None and right is not None:
+            found.pose[:, part.region.own] = pose.variance(rows.times(right))
         if isinstance(rows, NearInverse) and len(errors) < VERIFIED_PARTS:
-            errors.append(largest_error(part, rows, found.noise, determined, system, solve))
-    pose = found.pose if covariance is not None else None
+            near = found.noise.sum(axis=3)[..., None] + found.pose
+            check = Verification(part, pose, right, near, determined)
+            errors.append(check.largest_error(rows, system, solve))
+    variance = None if pose is None else found.pose
     expected = 2 * found.expected @ factor
-    return Second(left, found.noise @ factor, pose, expected, max(errors), found.efficiency)
+    return Second(left, found.noise @ factor, variance, expected, max(errors), found.efficiency)
 
 
-def variance_factors(views: list[View] | tuple[View, ...], pixel_std: tuple[Array, ...]) -> Array:
+def variance_factors(views: Sequence[View], pixel_std: tuple[Array, ...]) -> Array:
     """Each frequency's variance over the mean of all, shape (view, frequency).
 
     White noise has the same variance at all frequencies, or differs by a factor that all pixels of a
@@ -125,30 +127,15 @@ def variance_factors(views: list[View] | tuple[View, ...], pixel_std: tuple[Arra
     return np.array(factors)
 
 
-def pose_covariance(views: list[View] | tuple[View, ...], joint: Array | None) -> Array | None:
-    """Covariance of all poses, (6 views, 6 views); None if that of a view is not known.
-
-    Raises
-    ------
-    UserError
-        If the given one has another shape.
-    """
-    size = POSE * len(views)
-    if joint is not None:
-        if joint.shape != (size, size):
-            raise UserError(
-                f"the covariance of the poses has shape {joint.shape}; {len(views)} views need "
-                f"({size}, {size})"
-            )
-        return joint
-    found = np.zeros((size, size))
-    for k, view in enumerate(views):
-        if view.covariance is None:
-            return None
-        found[POSE * k : POSE * (k + 1), POSE * k : POSE * (k + 1)] = view.covariance
-    return found
-
-
-def _modes(model: FieldModel, data: list[Array], factor: Array) -> FrequencyModes:
+def _pose_effect(
+    model: FieldModel,
+    theta: Array,
+    data: list[Array],
+    factor: Array,
+    covariance: Array | None,
+) -> PoseEffect | None:
+    if covariance is None:
+        return None
     total = np.array([np.sum(std**2) for std in model.pixel_std])
-    return FrequencyModes.of(data, np.repeat(total @ factor, 2))
+    modes = FrequencyModes.of(data, np.repeat(total @ factor, 2))
+    return PoseEffect.of(covariance, modes, theta, data)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.field.near_inverse import NearInverse
 from sldvexp.field.parts import Part
+from sldvexp.field.pose_effect import PoseEffect
 from sldvexp.field.system import Solve, System
 
 Array = NDArray[np.float64]
@@ -16,53 +19,62 @@ Indices = NDArray[np.intp]
 NODES = 4
 
 
-def largest_error(
-    part: Part,
-    rows: NearInverse,
-    noise: Array,
-    determined: NDArray[np.bool_],
-    system: System,
-    solve: Solve,
-) -> float:
-    """Largest relative error of the standard errors of some of a part's nodes.
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """What is verified.
 
     Parameters
     ----------
     part : Part
-    rows : NearInverse
-    noise : ndarray, shape (layer, surface_node, parameter, view)
-        Variances that are to be verified.
+    pose : PoseEffect, optional
+    right : ndarray, optional
+        Its right-hand sides.
+    near : ndarray, shape (layer, surface_node, parameter, column)
+        Variances.
     determined : ndarray of bool, shape (layer, surface_node, parameter)
-    system : System
-    solve : Solve
     """
-    parameters, worst = noise.shape[2], 0.0
-    layer, own = _chosen(rows, determined[:, part.region.own])
-    node = part.region.own[own]
-    unit = np.zeros((system.layers, system.graph.nodes, system.block, len(node), system.block))
-    for i, (x, n) in enumerate(zip(layer, node, strict=True)):
-        unit[x, n, :, i] = np.eye(system.block)
-    inverse = solve(unit.reshape(*unit.shape[:3], -1)).reshape(unit.shape)[:, part.patch.nodes]
-    if system.block == 1:
-        inverse = inverse * np.eye(parameters)[:, None]
-    for i, (x, n) in enumerate(zip(layer, node, strict=True)):
-        columns = inverse[:, :, :, i].reshape(-1, parameters)
-        exact = sum(
-            ((r.T @ columns) ** 2).T @ std**2
-            for r, std in zip(part.influences, part.model.pixel_std, strict=True)
-        )
-        known = determined[x, n] & (exact > 0)
-        ratio = noise[x, n, known].sum(axis=-1) / exact[known]
-        worst = max(worst, float(np.abs(np.sqrt(ratio) - 1).max(initial=0.0)))
-    return worst
 
+    part: Part
+    pose: PoseEffect | None
+    right: Array | None
+    near: Array
+    determined: NDArray[np.bool_]
 
-def _chosen(rows: NearInverse, determined: NDArray[np.bool_]) -> tuple[Indices, Indices]:
-    """Some nodes spread over the part, and the one whose information differs most from the mean."""
-    layers, count = determined.shape[:2]
-    own = np.linspace(0, count - 1, min(NODES, count)).round().astype(np.intp)
-    layer = np.arange(len(own)) * (layers - 1) // max(1, len(own) - 1)
-    size = rows.turn.shape[-1]
-    odd = np.abs(rows.turn - np.eye(size)).max(axis=(2, 3)) * determined.all(axis=2)
-    x, n = np.unravel_index(np.argmax(odd), odd.shape)
-    return np.append(layer, x), np.append(own, n)
+    def largest_error(self, rows: NearInverse, system: System, solve: Solve) -> float:
+        """Largest relative error of the standard errors of some of the part's nodes."""
+        layer, own = self._chosen(rows)
+        node, block = self.part.region.own[own], system.block
+        unit = np.zeros((system.layers, system.graph.nodes, block, len(node), block))
+        for i, (x, n) in enumerate(zip(layer, node, strict=True)):
+            unit[x, n, :, i] = np.eye(block)
+        columns = solve(unit.reshape(*unit.shape[:3], -1)).reshape(unit.shape)
+        inverse = columns[:, self.part.patch.nodes]
+        if block == 1:
+            inverse = inverse * np.eye(self.near.shape[2])[:, None]
+        worst = 0.0
+        for i, (x, n) in enumerate(zip(layer, node, strict=True)):
+            exact = self._variance(inverse[:, :, :, i])
+            known = self.determined[x, n] & np.all(exact > 0, axis=1)
+            ratio = np.sqrt(self.near[x, n, known] / exact[known])
+            worst = max(worst, float(np.abs(ratio - 1).max(initial=0.0)))
+        return worst
+
+    def _variance(self, inverse: Array) -> Array:
+        """Of a node, from its row of the inverse (layer, patch_node, parameter, parameter)."""
+        row = inverse.reshape(-1, inverse.shape[-1]).T
+        total = np.zeros((len(row), self.near.shape[3]))
+        for r, std in zip(self.part.influences, self.part.model.pixel_std, strict=True):
+            total += ((r.T @ row.T) ** 2).T @ std[:, None] ** 2
+        if self.pose is not None and self.right is not None:
+            total += self.pose.variance(row @ self.right.reshape(row.shape[1], -1))
+        return total
+
+    def _chosen(self, rows: NearInverse) -> tuple[Indices, Indices]:
+        """Some nodes spread over the part, and one with the oddest information."""
+        determined = self.determined[:, self.part.region.own]
+        layers, count = determined.shape[:2]
+        own = np.linspace(0, count - 1, min(NODES, count)).round().astype(np.intp)
+        layer = np.arange(len(own)) * (layers - 1) // max(1, len(own) - 1)
+        far = np.abs(rows.turn - np.eye(rows.turn.shape[-1])).max(axis=(2, 3))
+        x, n = np.unravel_index(np.argmax(far * determined.all(axis=2)), far.shape)
+        return np.append(layer, x), np.append(own, n)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from datetime import datetime
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,6 @@ import numpy as np
 import xarray as xr
 
 from sldvexp import dataset
-from sldvexp.errors import UserError
 from sldvexp.runner import RUN_FILE
 from sldvexp.sweep import record
 from sldvexp.sweep.headlines import headlines
@@ -18,6 +19,8 @@ from sldvexp.sweep.plan import labels
 
 #: Dimension of runs that do not fill a table of keys.
 RUN = "run"
+#: A table of keys has at most so many cells a run.
+MOST_EMPTY = 2
 
 
 def collect(
@@ -42,7 +45,7 @@ def collect(
         Dimensions are the keys, then those of each result. ``state`` and ``reason`` say for every
         cell why it is empty, if it is; results of missing cells are NaN.
     """
-    records = [record.read(folder) for folder in folders]
+    records = [_record(folder) for folder in folders]
     results = {
         i: headlines(_opened(folder / RUN_FILE))
         for i, (folder, r) in enumerate(zip(folders, records, strict=True))
@@ -59,8 +62,22 @@ def collect(
     return _by_keys(xr.Dataset(stacked), columns)
 
 
+def _record(folder: Path) -> record.Record:
+    """The record of a run; what its file tells, if it was none of a sweep's."""
+    found = record.read(folder)
+    path = folder / RUN_FILE
+    if found.state is not record.State.waiting or not path.is_file():
+        return found
+    with dataset.load(path) as tree:
+        met = "check" not in tree.children or bool(tree["check/passed"].values.all())
+        begun, ended = (datetime.fromisoformat(tree.attrs[f"{k}_time"]) for k in ("start", "end"))
+    state = record.State.done if met else record.State.missed
+    return record.Record(state, seconds=(ended - begun).total_seconds())
+
+
 def _why(found: record.Record) -> str:
-    return "" if found.state.finished else f"the run is {found.state}"
+    why = {record.State.running: "the run was cut off", record.State.waiting: "not begun"}
+    return why.get(found.state, "")
 
 
 def _opened(path: Path) -> xr.DataTree:
@@ -81,7 +98,8 @@ def _stack(name: str, results: Mapping[int, dict[str, xr.DataArray]], count: int
 def _by_keys(table: xr.Dataset, columns: Mapping[str, list[Any]]) -> xr.Dataset:
     """The runs' dimension turned into one for each key, if the keys tell all runs apart."""
     rows = list(zip(*columns.values(), strict=True))
-    if not columns or len(set(rows)) < len(rows):
+    cells = prod(len(set(v)) for v in columns.values())
+    if not columns or len(set(rows)) < len(rows) or cells > MOST_EMPTY * len(rows):
         return table.assign_coords({k: (RUN, v) for k, v in columns.items()})
     if len(columns) == 1:
         (key,) = columns
@@ -89,15 +107,8 @@ def _by_keys(table: xr.Dataset, columns: Mapping[str, list[Any]]) -> xr.Dataset:
     order = {k: list(dict.fromkeys(v)) for k, v in columns.items()}
     table = table.assign_coords({k: (RUN, v) for k, v in columns.items()})
     unstacked = table.set_index({RUN: list(columns)}).unstack(RUN).reindex(order)
-    empty = {"state": str(record.State.waiting), "reason": ""}
+    empty = {"state": str(record.State.waiting), "reason": "not among the runs"}
     for name, value in empty.items():
         unstacked[name] = unstacked[name].fillna(value)
     dims = [*columns, *(d for d in map(str, unstacked.dims) if d not in columns)]
     return unstacked.transpose(*dims)
-
-
-def require_runs(folders: Sequence[Path]) -> None:
-    """UserError naming the first folder that holds no run."""
-    for folder in folders:
-        if not (folder / RUN_FILE).is_file():
-            raise UserError(f"{folder}: has no {RUN_FILE}; give folders of finished runs")

@@ -15,12 +15,15 @@ from sldvexp.errors import UserError
 from sldvexp.paths import locate
 from sldvexp.runner import RUN_FILE
 from sldvexp.sweep import record
+from sldvexp.sweep.lock import locked
 from sldvexp.sweep.record import Record, State, Stopwatch
+
+LOCK_FILE = ".lock"
 
 
 def perform(
     cfg: DictConfig, folder: str, overrides: list[str], tell: Callable[[Exception], str | None]
-) -> None:
+) -> bool:
     """Do a run, unless its folder has what it would give, and leave a record of it.
 
     Parameters
@@ -32,10 +35,27 @@ def perform(
         Of the command line, for this run.
     tell : callable
         The sentence about an exception, None if it is a defect of the program.
+
+    Returns
+    -------
+    bool
+        Whether it was done now.
     """
     place, identity = Path(folder), provenance.identity(cfg)
-    if is_current(place, identity, cfg.sweep.retry):
-        return
+    with locked(place / LOCK_FILE):  # a worker of a killed sweep may still be at it
+        if is_current(place, identity, cfg.sweep.retry):
+            return False
+        _perform(cfg, place, identity, overrides, tell)
+    return True
+
+
+def _perform(
+    cfg: DictConfig,
+    place: Path,
+    identity: str,
+    overrides: list[str],
+    tell: Callable[[Exception], str | None],
+) -> None:
     watch, process = Stopwatch(), os.getpid()
 
     def note(state: State, reason: str = "", inputs: dict[str, str] | None = None) -> None:
@@ -46,10 +66,9 @@ def perform(
 
     note(State.running)
     try:
-        passed = runner.run(cfg, folder, quiet=True)
-    except BaseException as error:
-        told = tell(error) if isinstance(error, Exception) else "interrupted"
-        note(State.failed, told or f"{type(error).__name__}: {error}")
+        passed = runner.run(cfg, str(place), quiet=True)
+    except Exception as error:  # what Ctrl-C or a signal stops stays noted as running
+        note(State.failed, tell(error) or f"{type(error).__name__}: {error}")
         raise
     inputs = json.loads(_attribute(place / RUN_FILE, "inputs_sha256"))
     note(State.done if passed else State.missed, inputs=inputs)
@@ -67,6 +86,8 @@ def is_current(folder: Path, identity: str, retry: Retry) -> bool:
     retry : Retry
     """
     found = record.read(folder)
+    if retry is Retry.failed and found.state in (State.waiting, State.done, State.missed):
+        return True
     if retry is Retry.all or found.identity != identity or not _unchanged(found.inputs):
         return False
     if found.state is State.failed:

@@ -69,7 +69,7 @@ class Plan:
         *others : str
             What else sets this sweep apart, such as a folder of the user's configuration.
         """
-        first = next((f for f in self.fixed if f.startswith("experiment=")), "experiment=default")
+        first = next((f for f in self.fixed if f.startswith("experiment=")), "experiment=plate")
         about = [first.partition("=")[2], *(k.rpartition(".")[2] for k in self.names)]
         apart = (sorted(self.keys), sorted(self.fixed), others)
         return _named("_".join(about), repr(apart), always=True)

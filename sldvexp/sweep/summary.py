@@ -9,6 +9,7 @@ import xarray as xr
 from rich.console import Console
 
 from sldvexp import dataset
+from sldvexp.errors import UserError
 from sldvexp.report.table import NARROWEST
 from sldvexp.sweep import ranking
 
@@ -27,8 +28,17 @@ def write_summary(table: xr.Dataset, keys: Sequence[str], folder: Path, rank: st
     folder : Path
     rank : str
         Headline to rank by; empty chooses one.
+
+    Raises
+    ------
+    UserError
+        After all is written, if no run has what to rank by.
     """
-    by = ranking.ranked_by(table, rank)
+    by, mistake = "", None
+    try:
+        by = ranking.ranked_by(table, rank)
+    except UserError as error:  # told when the results are safe
+        by, mistake = ranking.ranked_by(table), error
     table.attrs |= {"keys": list(keys), "ranked_by": by}
     dataset.save_table(table, folder / SWEEP_FILE)
     ranking.write_csv(table, keys, folder / TABLE_FILE)
@@ -38,3 +48,5 @@ def write_summary(table: xr.Dataset, keys: Sequence[str], folder: Path, rank: st
     console.print(ranking.terminal_table(ranking.rows(table, keys, by), keys, by))
     for name in (SWEEP_FILE, TABLE_FILE):
         console.print(str(folder / name), soft_wrap=True, highlight=False)
+    if mistake:
+        raise mistake

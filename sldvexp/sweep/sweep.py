@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-import fcntl
-import os
+import shutil
 from argparse import Namespace
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 
 from sldvexp.errors import UserError
+from sldvexp.sweep import record
+from sldvexp.sweep.lock import locked
 from sldvexp.sweep.plan import RESOLVER, Plan, folder_name, register_resolver
+from sldvexp.sweep.progress import Progress
 
 SWEEPS = Path("outputs/sweeps")
 LOCK_FILE = ".lock"
@@ -45,7 +48,8 @@ class Sweep:
                 "settings, so that a sweep finds it again; hydra.sweep.dir chooses where they lie"
             )
         self._added.append(f"hydra.sweep.subdir=${{{RESOLVER}:}}")
-        self._lock: int | None = None
+        self._held, self._made = ExitStack(), False
+        self._progress = Progress(len(self.plan.jobs), self.folder)
         register_resolver()
 
     def arguments(self, arguments: Sequence[str]) -> list[str]:
@@ -58,17 +62,15 @@ class Sweep:
         return [self.folder / folder_name(job) for job in self.plan.jobs]
 
     def __enter__(self) -> Sweep:
+        self._made = not self.folder.exists()
+        held = locked(self.folder / LOCK_FILE, wait=False)
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            self._lock = os.open(self.folder / LOCK_FILE, os.O_CREAT | os.O_RDWR)
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._held.enter_context(held)
         except BlockingIOError:
             raise UserError(
                 f"{self.folder}: another sweep is at work in this folder; wait for it, or choose "
                 "another with hydra.sweep.dir=..."
             ) from None
-        except OSError as error:
-            raise UserError(f"{self.folder}: cannot be written: {error.strerror}") from None
         return self
 
     def __exit__(
@@ -77,8 +79,27 @@ class Sweep:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        if self._lock is not None:
-            os.close(self._lock)
+        if self._made and not any(p.is_dir() for p in self.folder.iterdir()):
+            shutil.rmtree(self.folder, ignore_errors=True)  # refused before a run began
+        self._held.close()
+
+    @property
+    def begun(self) -> bool:
+        """Whether any run has left a record."""
+        return any((folder / record.FILE).is_file() for folder in self.folders)
+
+    def tell(self, run: str, computed: bool) -> None:
+        """Print how far this is, after a run.
+
+        Parameters
+        ----------
+        run : str
+            Its folder.
+        computed : bool
+            Whether it was done now.
+        """
+        if line := self._progress.tell(Path(run), computed):
+            print(line, flush=True)
 
     def finish(self, rank: str) -> set[str]:
         """Leave one dataset and one table of all runs, and print them in order of merit.

@@ -112,15 +112,15 @@ def test_check_has_no_file_and_is_shown(sldvexp):
 
 
 def test_show_tells_what_an_experiment_chooses_sets_and_expects(sldvexp):
-    out = sldvexp("show", "experiment=default").out
-    assert out.startswith("experiment=default\n\nWhat bare `sldvexp` runs")
-    assert "file  conf/experiment/default.yaml\n" in out
+    out = sldvexp("show", "experiment=dissertation/measured").out
+    assert out.startswith("experiment=dissertation/measured\n\nThe instrument's own")
+    assert "file  conf/experiment/dissertation/measured.yaml\n" in out
     assert "  pose=registration\n" in out
     assert "  instrument=file\n" in out
     part = out.partition("conf/experiment/dissertation/registration.yaml sets\n")[2]
     assert part.startswith("  pose.path: conf://data/figure_4_28.reg\n")
     assert "  expect.half_width: 1 compared with Eq 5.18\n" in out
-    assert "default.yaml sets" not in out  # it only includes others
+    assert "dissertation/measured.yaml sets" not in out  # it only includes others
     assert "config.yaml sets" not in out
 
 

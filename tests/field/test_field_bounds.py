@@ -158,10 +158,14 @@ def test_large_fields(
     known = exact.observable
     assert known.mean() > 0.7
     np.testing.assert_allclose(near.velocity, exact.velocity, atol=1e-9)
-    off = np.abs(near.std_noise / exact.std_noise - 1)[known]
-    assert 0 < off.max() < 0.01
-    assert 0 < near.bounds_error < 0.01
-    assert np.abs(near.std_pose / exact.std_pose - 1)[:, known].max() < 0.03
+    noise = np.abs(near.std_noise / exact.std_noise - 1)[known]
+    pose = np.abs(near.std_pose / exact.std_pose - 1)[:, known]
+    # Where a view ends the field's own errors jump, and what is far counts for more.
+    assert 0 < noise.max() < (0.02 if uneven else 0.005)
+    assert 0 < pose.max() < (0.1 if uneven else 0.01)
+    assert np.sqrt(np.mean(noise**2)) < 0.002
+    assert np.sqrt(np.mean(pose**2)) < 0.01
+    assert 0 < near.bounds_error < 0.1
     np.testing.assert_allclose(near.chi2_ratio, exact.chi2_ratio, rtol=2e-3)
     np.testing.assert_allclose(near.efficiency, exact.efficiency)
 
@@ -171,7 +175,7 @@ def test_many_frequencies(
 ) -> None:
     """Poses' part of many frequencies comes from what is above the noise of all of them."""
     prisms, method = make_plate((5, 4), 3), method_of("absolute", {})
-    views = smooth(make_views(5, pixels=9, covariance=1e-6 * np.eye(6)))
+    views = smooth(make_views(5, pixels=9, covariance=1e-8 * np.eye(6)))
     rng = np.random.default_rng(8)
     response = rng.normal(size=(40, 2)) @ [1, 1j] * np.logspace(0, -3, 40)
     many = []
@@ -185,7 +189,8 @@ def test_many_frequencies(
         np.testing.assert_allclose(result.velocity[..., f], alone.velocity[..., 0], rtol=1e-9)
         np.testing.assert_allclose(result.std_noise[..., f], alone.std_noise[..., 0])
         total = alone.std_by_part[..., 0]
-        assert np.abs(result.std_by_part[..., f] / total - 1).max() < 0.02
+        assert np.abs(result.std_by_part[..., f] / total - 1).max() < 0.005
+        assert alone.std_pose.max() > 1e-5 or f
 
 
 def test_noise_that_changes_with_frequency(
@@ -213,5 +218,7 @@ def test_efficiency(
     for name, fields in METHODS[1:]:
         other = estimate(looks, method_of(name, fields))
         assert np.all((other.efficiency > 0) & (other.efficiency < 1 + 1e-9))
+        # The mesh has the same part in both, but for how it mixes the samples around a node.
         ratio = (best.std_noise / other.std_noise)[..., 0] ** 2
-        np.testing.assert_allclose(other.efficiency, ratio, rtol=0.1)
+        middle = np.median(other.efficiency / ratio, axis=0)
+        np.testing.assert_allclose(middle, 1.0, atol=0.08)

@@ -1,0 +1,84 @@
+"""`check=field_pattern`: how fields compare in what does not depend on how much the plate moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from sldvexp.check.base import Check, Examined
+from sldvexp.errors import UserError
+from sldvexp.registry import register
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Component that leaves the surface, in world axes along a plate and in local ones.
+OUT_OF_PLANE = ("z", "n")
+
+
+@register("check", "field_pattern")
+@dataclass
+class FieldPattern(Check):
+    """Ratios between components, between views and between methods (Tables 5.7 and 5.8).
+
+    In world axes z is taken for the direction out of the plane; choose ``volume.coordinates=local``
+    for a surface that stands otherwise.
+    """
+
+    def examine(self, run: Examined) -> xr.Dataset:
+        """Ratios of the chosen field, called ``field``, and of those it is compared with.
+
+        Returns
+        -------
+        xarray.Dataset
+            ``std_ratio`` and ``residual_ratio`` of each component to the one out of the plane,
+            ``view_ratio`` of each view's residuals to the median view's, and ``cond_ratio`` of the
+            condition number of ``field`` to that of each.
+
+        Raises
+        ------
+        UserError
+            If there is no field.
+        """
+        import numpy as np
+
+        from sldvexp import dataset
+
+        if "field" not in run.tree:
+            raise UserError("check=field_pattern needs a field: choose a volume, a reconstruction")
+        compared = {k: g for k, g in run.tree.items() if k.startswith("compare/")}
+        fields = {"field": run.tree["field"]} | {
+            k.removeprefix("compare/"): g for k, g in compared.items()
+        }
+        components = list(map(str, run.tree["field"]["component"].values))
+        views = list(map(str, run.tree["field"]["view"].values))
+        each = fields.values()
+        cond = np.array([g.attrs.get("cond", np.nan) for g in each])
+        return dataset.group(
+            "examined/field_pattern",
+            {"field": list(fields), "component": components, "view": views},
+            std_ratio=[_over_normal(g["velocity_std"], "component") for g in each],
+            residual_ratio=[_residual_ratio(g["residual_std"], components) for g in each],
+            view_ratio=[_over_median(g["residual_std_by_view"]) for g in each],
+            cond_ratio=cond[0] / cond,
+        )
+
+
+def _over_normal(std: xr.DataArray, dim: str) -> xr.DataArray:
+    """Root mean squares along a dimension of components, over that out of the plane."""
+    squares = (std**2).mean([d for d in std.dims if d != dim])
+    normal = squares[dim].isin(OUT_OF_PLANE)
+    return (squares / squares.where(normal, drop=True).item()) ** 0.5
+
+
+def _residual_ratio(std: xr.DataArray, components: list[str]) -> xr.DataArray:
+    """The same of residuals; NaN where components are not solved for one by one."""
+    if std["equation"].values.tolist() != components:
+        return std.isel(equation=[0] * len(components)).mean("frequency") * float("nan")
+    return _over_normal(std, "equation")
+
+
+def _over_median(std: xr.DataArray) -> xr.DataArray:
+    """Root mean square of each view over the median of all."""
+    by_view = (std**2).mean("frequency") ** 0.5
+    return by_view / by_view.median()

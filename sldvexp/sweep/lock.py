@@ -1,0 +1,38 @@
+"""One at a time: locks that the system itself takes back when a process is killed."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from sldvexp.errors import UserError
+
+
+@contextmanager
+def locked(path: Path, wait: bool = True) -> Iterator[None]:
+    """Hold the lock of a file, which is made if it is not there; its folder too.
+
+    Parameters
+    ----------
+    path : Path
+    wait : bool
+        Until others let it go; otherwise BlockingIOError is raised.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be made.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        opened = os.open(path, os.O_CREAT | os.O_RDWR)
+    except OSError as error:
+        raise UserError(f"{path.parent}: cannot be written: {error.strerror or error}") from None
+    try:
+        fcntl.flock(opened, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        yield
+    finally:
+        os.close(opened)

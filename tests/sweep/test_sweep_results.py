@@ -1,0 +1,160 @@
+"""What a sweep leaves: one dataset by the swept keys, a table, a ranking; and what it refuses."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from sldvexp import dataset
+from sldvexp.sweep.lock import locked
+from sldvexp.sweep.plan import Plan, folder_name, labels
+from sldvexp.sweep.progress import span
+
+METHODS = ("-m", "experiment=point", "reconstruction=absolute,relative", "seed=1,-1,2")
+WHERE = "hydra.sweep.dir=swept"
+
+
+def opened(folder):
+    with xr.open_dataset(folder / "sweep.nc", engine="netcdf4", auto_complex=True) as table:
+        return table.load()
+
+
+@pytest.fixture
+def swept(sldvexp, tmp_path):
+    done = sldvexp(*METHODS, WHERE)
+    return done, tmp_path / "swept"
+
+
+def test_everything_that_a_sweep_leaves(swept):
+    done, folder = swept
+    table = opened(folder)
+    assert done.status == 1  # seed=-1 failed
+    assert table["state"].dims == ("reconstruction", "seed")
+    assert table["seed"].values.tolist() == [1, -1, 2]
+    assert table["seed"].dtype.kind == "i"
+    assert table["reconstruction"].values.tolist() == ["absolute", "relative"]
+
+    # Every cell is its own run's result, with its labels, and NaN where there is none.
+    for method in ("absolute", "relative"):
+        for seed in (1, 2):
+            cell = table.sel(reconstruction=method, seed=seed)
+            name = folder_name(["experiment=point", f"reconstruction={method}", f"seed={seed}"])
+            with dataset.load(folder / name / "run.nc") as run:
+                for variable in ("velocity", "velocity_std"):
+                    of_run = run["point"].to_dataset()[variable].load()
+                    found = cell[f"point.{variable}"]
+                    assert np.array_equal(found.values, of_run.values)
+                    assert set(of_run.dims) <= set(found.coords)
+                    assert found.attrs["units"] == of_run.attrs["units"]
+            assert cell["state"] == "done"
+            assert cell["reason"] == ""
+    failed = table.sel(seed=-1)
+    assert (failed["state"] == "failed").all()
+    sentence = "seed must be zero or a positive integer, not -1"
+    assert all(sentence in reason for reason in failed["reason"].values)
+    assert np.isnan(failed["point.velocity"]).all()
+
+    # The same numbers as a plain table, one row a run.
+    rows = list(csv.DictReader((folder / "sweep.csv").open(newline="")))
+    assert len(rows) == 6
+    for row in rows:
+        cell = table.sel(reconstruction=row["reconstruction"], seed=int(row["seed"]))
+        assert row["state"] == cell["state"].item()
+        std = cell["point.velocity_std"]
+        at = {d: std[d].values[0] if d in std.coords else 0 for d in std.dims}
+        column = f"point.velocity_std[{', '.join(f'{d}={v}' for d, v in at.items())}]"
+        assert float(row[column]) == pytest.approx(std.values.flat[0], rel=1e-12, nan_ok=True)
+
+    # The smallest is the first, what failed the last, with its sentence.
+    ranked = [line.split("│")[1:] for line in done.out.splitlines() if line.startswith("│")]
+    places = [(cells[1].strip(), cells[2].strip()) for cells in ranked if cells[0].strip()]
+    size = {m: float(np.sqrt((table.sel(reconstruction=m, seed=1)["point.velocity_std"] ** 2).mean()))
+            for m in ("absolute", "relative")}  # fmt: skip
+    better, worse = sorted(size, key=lambda method: size[method])
+    assert places == [(better, "1"), (better, "2"), (worse, "1"), (worse, "2")]
+    assert all(sentence in "│".join(cells) for cells in ranked[4:])
+
+    # A line a run, which counts.
+    told = [line for line in done.out.splitlines() if line.startswith(tuple("01234"))]
+    assert "1 of 6 done; about " in told[0]
+    assert "4 of 6 done, 2 failed: " in told[-1]
+
+
+def test_ranked_by_what_the_user_says(sldvexp, tmp_path):
+    done = sldvexp(*METHODS[:3], "sweep.rank=point.sse", WHERE)
+    assert done.status == 0
+    assert "by point.sse" in done.out
+    done = sldvexp(*METHODS[:3], "sweep.rank=point.ssse", WHERE)
+    assert done.status == 1
+    assert "sweep.rank: no run has point.ssse; did you mean point.sse?" in done.err
+    assert "point.velocity_std" in opened(tmp_path / "swept").data_vars
+
+
+REFUSED = [
+    ("seed=1,2 sede=1", "sede is not a known setting; did you mean seed?"),
+    ("seed=1,x", "seed must be a whole number, not x"),
+    ("reconstruction=absolute,relativ", "did you mean relative?"),
+    ("seed=1,2 hydra.sweep.subdir=x", "hydra.sweep.subdir cannot be set"),
+]
+
+
+@pytest.mark.parametrize(("settings", "sentence"), REFUSED)
+def test_mistake_in_one_setting_starts_nothing(settings, sentence, sldvexp, tmp_path):
+    done = sldvexp("-m", "experiment=point", *settings.split(), WHERE)
+    assert done.status == 1
+    assert sentence in done.err
+    assert len(done.err.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_two_sweeps_at_once_in_one_folder(sldvexp, tmp_path):
+    with locked(tmp_path / "swept" / ".lock"):
+        done = sldvexp(*METHODS, WHERE)
+    assert done.status == 1
+    assert done.err.startswith("sldvexp: swept: another sweep is at work in this folder; wait")
+    assert [p.name for p in (tmp_path / "swept").iterdir()] == [".lock"]
+
+
+@pytest.mark.parametrize("folder", ["/proc/swept", "file/swept"])
+def test_folder_that_cannot_be_written(folder, sldvexp, tmp_path):
+    (tmp_path / "file").touch()
+    done = sldvexp(*METHODS, f"hydra.sweep.dir={folder}")
+    assert done.status == 1
+    assert done.err.startswith(f"sldvexp: {folder}: cannot be written: ")
+    assert len(done.err.splitlines()) == 1
+
+
+def test_same_keys_share_a_folder_and_others_do_not():
+    def name(*settings):
+        return Plan.of(settings).sweep_name()
+
+    assert name("seed=1,2", "target=circles") == name("target=circles", "seed=3,4,5")
+    assert name("seed=1,2", "sweep.retry=all") == name("seed=1,2")
+    others = [("seed=1,2",), ("seed=1,2", "target=circles"), ("laser.step=1,2",), ("seed=1",)]
+    assert len({name(*settings) for settings in others}) == len(others)
+
+
+def test_numbers_only_if_all_of_them_are():
+    assert labels(["1", "0.5", "1e-3"]) == [1, 0.5, 0.001]
+    assert labels(["1", "two"]) == ["1", "two"]
+    assert labels(["'a b'"]) == ["a b"]
+
+
+def test_folders_of_different_runs_differ():
+    many = [[f"pose.path='{'x' * 200}{i}'"] for i in range(50)] + [["a=1/2"], ["a=1_2"], ["a=1:2"]]
+    names = [folder_name(run) for run in many]
+    assert len(set(names)) == len(names)
+    assert all("/" not in n and len(n) < 120 for n in names)
+
+
+def test_time_spans_in_words():
+    assert [span(s) for s in (4, 90, 200, 4000, 9000)] == [
+        "4 s",
+        "90 s",
+        "3 min",
+        "67 min",
+        "2.5 h",
+    ]

@@ -1,0 +1,216 @@
+"""The same sweep again does what is missing, failed or changed, and nothing else."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from sldvexp import dataset, provenance
+from sldvexp.paths import conf_dir
+from sldvexp.sweep import record
+from sldvexp.sweep.plan import folder_name
+from sldvexp.sweep.record import State
+
+TINY = ("~experiment", "target=dissertation")
+SEEDS = "seed=1,-2,3"
+WHERE = "hydra.sweep.dir=swept"
+
+
+@pytest.fixture
+def sweep(sldvexp, tmp_path):
+    """Do the sweep; which seeds' runs it has computed, by the bytes and times of their records."""
+
+    def call(*added, seeds=SEEDS):
+        before = fingerprints(tmp_path / "swept")
+        done = sldvexp("-m", *TINY, seeds, WHERE, *added)
+        after = fingerprints(tmp_path / "swept")
+        return done, {seed for seed in after if after[seed] != before.get(seed)}
+
+    return call
+
+
+def fingerprints(folder):
+    found = {}
+    for path in folder.glob("*/record.json"):
+        seed = re.search(r"seed=(-?\d+)", path.parent.name)[1]
+        run = path.with_name("run.nc")
+        files = [f for f in (path, run) if f.is_file()]
+        found[seed] = [(f.stat().st_mtime_ns, f.read_bytes()) for f in files]
+    return found
+
+
+def run_of(folder, seed):
+    return (
+        folder / "swept" / folder_name(["~experiment=null", "target=dissertation", f"seed={seed}"])
+    )
+
+
+def test_only_what_failed_is_done_again(sweep):
+    assert sweep()[1] == {"1", "-2", "3"}
+    done, computed = sweep()
+    assert (done.status, computed) == (1, {"-2"})
+    done, computed = sweep("sweep.retry=missing")
+    assert (done.status, computed) == (1, set())
+    assert sweep("sweep.retry=failed")[1] == {"-2"}
+    assert sweep("sweep.retry=all")[1] == {"1", "-2", "3"}
+
+
+def test_only_new_values_are_done(sweep):
+    sweep()
+    assert sweep("sweep.retry=failed", seeds="seed=1,3,4")[1] == set()
+    assert sweep("sweep.retry=missing", seeds="seed=1,-2,3,4")[1] == {"4"}
+
+
+@pytest.mark.parametrize("damage", ["no record", "torn record", "no run", "cut off"])
+def test_what_is_missing_is_done_again(damage, sweep, tmp_path):
+    sweep(seeds="seed=1,3")
+    run = run_of(tmp_path, 3)
+    if damage == "no run":
+        (run / "run.nc").unlink()
+    elif damage == "no record":
+        (run / "record.json").unlink()
+    elif damage == "torn record":
+        (run / "record.json").write_text((run / "record.json").read_text()[:40])
+    else:
+        record.write(run, record.Record(State.running, record.read(run).identity))
+    done, computed = sweep(seeds="seed=1,3")
+    assert (done.status, computed) == (0, {"3"})
+
+
+def test_other_version_of_a_package_does_it_again(sweep, monkeypatch):
+    sweep(seeds="seed=1,3")
+    monkeypatch.setattr(provenance, "versions", lambda: {"sldvexp": "0.0.0"})
+    assert sweep(seeds="seed=1,3")[1] == {"1", "3"}
+
+
+def test_clock_that_goes_backwards_changes_nothing(sweep, monkeypatch):
+    sweep(seeds="seed=1,3")
+    monkeypatch.setattr(time, "time", lambda: 0.0)
+    assert sweep(seeds="seed=1,3")[1] == set()
+
+
+def test_changed_input_file_does_it_again(sldvexp, tmp_path):
+    mine = tmp_path / "mine.csv"
+    mine.write_bytes((conf_dir() / "data" / "point_example.csv").read_bytes())
+    call = (
+        "-m",
+        "experiment=point",
+        "instrument.path=mine.csv,conf://data/point_example.csv",
+        WHERE,
+    )
+
+    def times():
+        found = (tmp_path / "swept").glob("*/run.nc")
+        return {f.parent.name[-12:]: f.stat().st_mtime_ns for f in found}
+
+    assert sldvexp(*call).status == 0
+    before = times()
+    assert sldvexp(*call).status == 0
+    assert times() == before
+    mine.write_text(mine.read_text().replace("450", "451"))
+    assert sldvexp(*call).status == 0
+    assert sum(before[name] != now for name, now in times().items()) == 1
+
+
+def test_settings_decide_and_not_how_they_are_written(sweep, sldvexp, tmp_path):
+    """A run is known by its whole configuration, so that a default that changes is noticed."""
+    sweep(seeds="seed=1,3")
+    path = run_of(tmp_path, 3) / "record.json"
+    path.write_text(path.read_text().replace(record.read(path.parent).identity, "another"))
+    assert sweep(seeds="seed=1,3")[1] == {"3"}
+
+
+def test_interrupted_sweep_leaves_what_it_has(sldvexp, tmp_path, monkeypatch):
+    from sldvexp import runner
+
+    whole = runner.run
+
+    def run(cfg, folder, **others):
+        if cfg.seed == 3:
+            raise KeyboardInterrupt
+        return whole(cfg, folder, **others)
+
+    monkeypatch.setattr(runner, "run", run)
+    done = sldvexp("-m", *TINY, "seed=1,3,5", WHERE)
+    assert done.status == 130
+    with xr.open_dataset(tmp_path / "swept/sweep.nc", engine="netcdf4") as table:
+        assert table["state"].values.tolist() == ["done", "running", "waiting"]
+        assert table["reason"].values.tolist() == ["", "the run was cut off", "not begun"]
+
+
+# Killed sweeps are processes of their own, in which nothing can be tidied up.
+
+
+def start(folder, *settings):
+    call = [sys.executable, "-m", "sldvexp.app", "-m", *TINY, *settings, WHERE]
+    return subprocess.Popen(
+        call, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True
+    )
+
+
+def finish(folder, *settings):
+    process = start(folder, *settings)
+    _, said = process.communicate()
+    assert process.returncode == 0, said.decode()
+
+
+def without_times(folder):
+    with xr.open_dataset(folder / "swept/sweep.nc", engine="netcdf4") as table:
+        return table.load().drop_vars("seconds")
+
+
+def finished(folder):
+    """Runs that are done, each with the bytes of its dataset, which are whole."""
+    found = {}
+    for path in (folder / "swept").glob("*/run.nc"):
+        with dataset.load(path) as tree:  # under its final name a file is never torn
+            assert "target" in tree.children
+        if record.read(path.parent).state is State.done:
+            found[path] = (path.stat().st_ino, path.read_bytes())
+    return found
+
+
+def killed_and_resumed(tmp_path, settings, moments):
+    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    whole.mkdir()
+    cut.mkdir()
+    began = time.monotonic()
+    finish(whole, *settings)
+    lasted = time.monotonic() - began
+    kept = {}
+    for moment in moments:
+        process = start(cut, *settings)
+        time.sleep(float(moment) * lasted)
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        now = finished(cut)
+        assert kept.items() <= now.items()
+        kept = now
+    finish(cut, *settings)
+    assert kept.items() <= finished(cut).items()
+    xr.testing.assert_identical(without_times(cut), without_times(whole))
+    assert not list((cut / "swept").glob("sweep.nc?*"))
+    return kept
+
+
+def test_killed_sweep_goes_on_to_the_same_end(tmp_path):
+    moments = np.random.default_rng(5).uniform(0.5, 0.95, 2)
+    killed_and_resumed(tmp_path, ["seed=1,2,3,4,5,6"], moments)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("launcher", ["basic", "joblib"])
+def test_sweep_killed_ten_times_goes_on_to_the_same_end(launcher, tmp_path):
+    pytest.importorskip("joblib")
+    settings = ["seed=range(1,25)", "laser.mirror_offset=0,0.01,0.02,0.03"]
+    moments = np.random.default_rng(7).uniform(0.05, 0.3, 10)
+    kept = killed_and_resumed(tmp_path, [*settings, f"hydra/launcher={launcher}"], moments)
+    assert kept  # some were done before the last kill
