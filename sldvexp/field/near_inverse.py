@@ -17,7 +17,8 @@ from sldvexp.field.system import System
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: A node is odd if its own information differs by this part from that of the Kronecker product.
+#: A node is odd if its own information differs by this part from that of the Kronecker product, in
+#: any direction.
 ODD = 0.05
 
 
@@ -102,7 +103,7 @@ def _turn(system: System, own: Indices) -> Array:
 
 def _odd(turn: Array, around: Neighbourhood, own: Indices) -> Indices:
     """Own nodes whose own turn, or that of a neighbour, is far from none."""
-    far = np.abs(turn - np.eye(turn.shape[-1])).max(axis=(0, 2, 3)) > ODD
+    far = np.abs(np.linalg.eigvals(turn) - 1).max(axis=(0, 2)) > ODD
     place = np.zeros(len(around.place), bool)
     place[own[far]] = True
     return np.flatnonzero(around.neighbours[own] @ place.astype(float) > 0)

@@ -12,6 +12,7 @@ from sldvexp.field.estimate import estimate_field
 from sldvexp.field.group import field_group
 from sldvexp.field.looks import Looks
 from sldvexp.field.view import views_of
+from sldvexp.pose.joint import cross_covariance
 from sldvexp.volume.base import Coordinates
 
 if TYPE_CHECKING:
@@ -60,9 +61,9 @@ def reconstruct(
 ) -> xr.Dataset:
     """The group ``field`` of a run by one method; see `sldvexp.field.estimate.estimate_field`."""
     local = volume.coordinates is Coordinates.local
-    result = estimate_field(
-        looks, method, solver, local=local, covariance=None
-    )
+    poses = cross_covariance(tree["pose"], looks.names).reshape(2 * [6 * len(looks.names)])
+    known = poses if np.isfinite(poses).all() else None
+    result = estimate_field(looks, method, solver, local=local, covariance=known)
     image = tree[f"image/{looks.names[0]}"]
     frequency = image["frequency"].values if "frequency" in image.coords else None
     return field_group(result, looks.prisms, method, frequency)

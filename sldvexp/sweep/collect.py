@@ -20,7 +20,7 @@ from sldvexp.sweep.plan import labels
 #: Dimension of runs that do not fill a table of keys.
 RUN = "run"
 #: A table of keys has at most so many cells a run.
-MOST_EMPTY = 2
+MOST_EMPTY = 1.5
 
 
 def collect(

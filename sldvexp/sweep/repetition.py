@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-#: Largest difference that other libraries' order of operations makes, of a variable's largest entry.
+#: Largest difference that another order of operations makes, of a variable's largest entry.
 ROUNDING = 1e-10
 
 

@@ -13,6 +13,7 @@ from sldvexp.sweep.lock import locked
 from sldvexp.sweep.plan import Plan, folder_name, labels
 from sldvexp.sweep.progress import span
 
+METHOD = ("absolute", "relative")
 METHODS = ("-m", "experiment=point", "reconstruction=absolute,relative", "seed=1,-1,2")
 WHERE = "hydra.sweep.dir=swept"
 
@@ -38,7 +39,7 @@ def test_everything_that_a_sweep_leaves(swept):
     assert table["reconstruction"].values.tolist() == ["absolute", "relative"]
 
     # Every cell is its own run's result, with its labels, and NaN where there is none.
-    for method in ("absolute", "relative"):
+    for method in METHOD:
         for seed in (1, 2):
             cell = table.sel(reconstruction=method, seed=seed)
             name = folder_name(["experiment=point", f"reconstruction={method}", f"seed={seed}"])
@@ -71,9 +72,8 @@ def test_everything_that_a_sweep_leaves(swept):
     # The smallest is the first, what failed the last, with its sentence.
     ranked = [line.split("│")[1:] for line in done.out.splitlines() if line.startswith("│")]
     places = [(cells[1].strip(), cells[2].strip()) for cells in ranked if cells[0].strip()]
-    size = {m: float(np.sqrt((table.sel(reconstruction=m, seed=1)["point.velocity_std"] ** 2).mean()))
-            for m in ("absolute", "relative")}  # fmt: skip
-    better, worse = sorted(size, key=lambda method: size[method])
+    squares = table.sel(seed=1)["point.velocity_std"] ** 2
+    better, worse = sorted(METHOD, key=lambda m: float(squares.sel(reconstruction=m).mean()))
     assert places == [(better, "1"), (better, "2"), (worse, "1"), (worse, "2")]
     assert all(sentence in "│".join(cells) for cells in ranked[4:])
 
