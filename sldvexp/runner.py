@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -22,7 +22,7 @@ from sldvexp.report.pose_text import pose_text
 from sldvexp.report.table import closing_table
 from sldvexp.session.interruption import how_to_go_on
 from sldvexp.session.operator import Operator
-from sldvexp.steps import STEPS, Run
+from sldvexp.steps import STEPS, Run, Step
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +30,12 @@ RUN_FILE = "run.nc"
 POSE_FILE = "pose.txt"
 
 
-def run(cfg: DictConfig, folder: str, quiet: bool = False) -> bool:
+def run(
+    cfg: DictConfig,
+    folder: str,
+    quiet: bool = False,
+    share: Callable[[Step, Run], None] | None = None,
+) -> bool:
     """Run one experiment.
 
     Parameters
@@ -41,6 +46,8 @@ def run(cfg: DictConfig, folder: str, quiet: bool = False) -> bool:
         Where `run.nc` and the text outputs go; it exists already.
     quiet : bool
         Neither a bar nor the closing table, as one of many runs.
+    share : callable, optional
+        Does a step, or takes over what another run did, see `sldvexp.sweep.store.Store`.
 
     Returns
     -------
@@ -55,7 +62,7 @@ def run(cfg: DictConfig, folder: str, quiet: bool = False) -> bool:
     start = datetime.now(UTC)
     _clear(cfg, Path(folder))
     experiment = config.build(cfg)
-    steps = [(name, step) for name, needed, step in STEPS if needed(experiment)]
+    steps = [step for step in STEPS if step.needed(experiment)]
     if not steps:
         raise UserError(
             "there is nothing to do: choose an experiment, for example experiment=pose "
@@ -72,12 +79,17 @@ def run(cfg: DictConfig, folder: str, quiet: bool = False) -> bool:
     run = Run(experiment, rng, Path(folder), Operator(lambda: _paused(bar)))
     with bar, _told_how_to_go_on(run.folder):
         task = bar.add_task("", total=len(steps))
-        for name, step in steps:
-            bar.update(task, description=name, advance=1)
-            log.info(name)
-            step(run)
+        for step in steps:
+            bar.update(task, description=step.name, advance=1)
+            log.info(step.name)
+            if share:
+                share(step, run)
+            else:
+                step.work(run)
     path = Path(folder) / RUN_FILE
     attributes = provenance.attributes(cfg, run.inputs, start)
+    if run.reused:
+        attributes["reused_steps"] = ", ".join(run.reused)
     texts = {POSE_FILE: pose_text(run.tree["pose"])} if "pose" in run.tree else {}
     dataset.save(run.tree, attributes, path)
     for name, text in texts.items():

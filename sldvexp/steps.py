@@ -25,7 +25,21 @@ COMPARED_SCANS = "compare_scan"
 
 @dataclass
 class Run:
-    """What the steps of one run share: the plugins, the generator, and the groups made so far."""
+    """What the steps of one run have in common: plugins, generator, and the groups made so far.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    rng : Generator
+    folder : Path
+    operator : Operator
+    tree : dict of str to Dataset
+        Groups by their path.
+    inputs : list of str
+        Files read so far, as the configuration names them.
+    reused : list of str
+        Steps that were done by another run of the same sweep.
+    """
 
     experiment: config.Experiment
     rng: np.random.Generator
@@ -33,6 +47,7 @@ class Run:
     operator: Operator = field(default_factory=Operator)
     tree: dict[str, xr.Dataset] = field(default_factory=dict)
     inputs: list[str] = field(default_factory=list)
+    reused: list[str] = field(default_factory=list)
 
 
 def _target(run: Run) -> None:
@@ -170,16 +185,55 @@ def _has_truth(e: config.Experiment) -> bool:
     return bool(e.volume and e.reconstruction and e.scan and hasattr(e.scene, "plate"))
 
 
-Needed = Callable[[config.Experiment], bool]
-STEPS: tuple[tuple[str, Needed, Callable[[Run], None]], ...] = (
-    ("calibration object", lambda e: e.target is not None, _target),
-    ("scan", lambda e: bool(e.scan or e.compare_scan), _scan),
-    ("pose", lambda e: bool(e.pose or e.compare_pose), _pose),
-    ("volume", lambda e: e.volume is not None, _volume),
-    ("line-of-sight velocities", lambda e: hasattr(e.instrument, "read"), _line_of_sight),
-    ("velocity at points", lambda e: _reconstructs(e) and e.volume is None, _point),
-    ("velocity field", lambda e: _reconstructs(e) and e.volume is not None, _field),
-    ("truth of the virtual lab", lambda e: _reconstructs(e) and _has_truth(e), _truth),
-    ("checks", lambda e: bool(e.check), _checks),
-    ("expectations", lambda e: bool(e.expect), _expectations),
+@dataclass(frozen=True)
+class Step:
+    """One stage of a run.
+
+    Parameters
+    ----------
+    name : str
+    needed : callable
+        Whether an experiment has it.
+    work : callable
+        Adds groups to the run's tree; it changes none that are there.
+    reads : tuple of str
+        Keys of the configuration that decide what it adds, if it is shared.
+    after : tuple of str
+        Steps whose groups it reads, if it is shared.
+    """
+
+    name: str
+    needed: Callable[[config.Experiment], bool]
+    work: Callable[[Run], None]
+    reads: tuple[str, ...] = ()
+    after: tuple[str, ...] = ()
+
+    @property
+    def shared(self) -> bool:
+        """Whether runs of a sweep share its result; it must then draw no random numbers."""
+        return bool(self.reads)
+
+
+TARGET, SCAN, POSE, VOLUME = "calibration object", "scan", "pose", "volume"
+MEASURING = ("seed", "target", "laser", "scene", "scan", "compare_scan", "instrument", "signal")
+POSING = ("target", "laser", "pose", "compare_pose")
+SOLVING = ("laser", "volume", "reconstruction", "compare", "solver")
+
+STEPS: tuple[Step, ...] = (
+    Step(TARGET, lambda e: e.target is not None, _target),
+    Step(SCAN, lambda e: bool(e.scan or e.compare_scan), _scan, MEASURING, (TARGET,)),
+    Step(POSE, lambda e: bool(e.pose or e.compare_pose), _pose, POSING, (TARGET, SCAN)),
+    Step(VOLUME, lambda e: e.volume is not None, _volume, ("volume",)),
+    Step("line-of-sight velocities", lambda e: hasattr(e.instrument, "read"), _line_of_sight),
+    Step("velocity at points", lambda e: _reconstructs(e) and e.volume is None, _point),
+    Step(
+        "velocity field",
+        lambda e: _reconstructs(e) and e.volume is not None,
+        _field,
+        SOLVING,
+        (SCAN, POSE, VOLUME),
+    ),
+    Step("truth of the virtual lab", lambda e: _reconstructs(e) and _has_truth(e), _truth),
+    Step("checks", lambda e: bool(e.check), _checks),
+    Step("expectations", lambda e: bool(e.expect), _expectations),
 )

@@ -85,8 +85,8 @@ def _misfit(looks: Looks, triangles: NDArray[np.intp]) -> tuple[Array, Array]:
     """Misfit and degrees of freedom at each gap's sample points, of some triangles."""
     look = looks.at(triangles)
     shape = (looks.prisms.gaps, len(triangles), looks.rule.points)
-    valid = look.valid.all(axis=1).reshape(shape)
-    everywhere = np.broadcast_to(valid.all(axis=(0, 2))[None, :, None], shape).ravel()
+    valid: NDArray[np.bool_] = np.all(look.valid, axis=1).reshape(shape)
+    everywhere = np.broadcast_to(np.all(valid, axis=(0, 2), keepdims=True), shape).ravel()
     pairs = list(zip(look.seen, looks.views, strict=True))
     velocity = np.stack([seen.velocity(view) for seen, view in pairs], axis=1)
     std = np.stack([seen.std(view) for seen, view in pairs], axis=1)

@@ -40,7 +40,8 @@ class Love(Check):
 
         velocity, confidence = by_layer("velocity"), by_layer("confidence")
         size = np.sqrt(np.nanmean(np.abs(velocity) ** 2))
-        change = velocity - np.nanmean(velocity, axis=0)
+        layers_known = np.isfinite(velocity).sum(axis=0)
+        change = velocity - np.nansum(velocity, axis=0) / np.maximum(layers_known, 1)
         coords = {"component": field["component"].values}
         if "frequency" in field.coords:
             coords["frequency"] = field["frequency"].values

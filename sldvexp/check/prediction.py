@@ -71,7 +71,7 @@ def _left_out(
     seen = look.seen[k]
     basis = shape_matrix(looks.prisms, looks.rule)
     nodal = field.velocity.reshape(len(field.velocity), -1)
-    vector = (basis @ nodal).reshape(basis.shape[0], 3, -1)
+    vector = np.asarray(basis @ nodal).reshape(basis.shape[0], 3, -1)
     left = seen.velocity(view) - np.einsum("si,sif->sf", seen.directions, vector)
     used = seen.valid & np.isfinite(left).all(axis=1)
     shape = (looks.prisms.gaps, len(looks.prisms.triangles), looks.rule.points)

@@ -63,7 +63,7 @@ class SurfaceDepth(Check):
             depth_std=std,
             agreement_depth=agreed,
             agreement_depth_std=agreed_std,
-            misfit=found and found.misfit.sum(axis=0) / found.freedom.sum(axis=0),
+            misfit=found.misfit.sum(axis=0) / found.freedom.sum(axis=0) if found else None,
         )
         group.attrs["notes"] = "\n".join(notes)
         return group

@@ -23,7 +23,7 @@ class Truth(Check):
     """
 
     def examine(self, run: Examined) -> xr.Dataset:
-        """``relative_error``, ``rms_error``, ``rms_bound`` and ``covered`` of each component."""
+        """Errors and coverage of each component at each frequency, and in all frequencies."""
         import numpy as np
 
         from sldvexp import dataset
@@ -56,6 +56,8 @@ class Truth(Check):
             rms_error=rms,
             rms_bound=np.sqrt(np.nanmean(bound**2, axis=0)),
             covered=covered.sum(axis=(0, 1)) / known.sum(axis=(0, 1)),
+            relative_error_in_all=np.linalg.norm(rms, axis=1) / np.linalg.norm(largest, axis=1),
+            covered_in_all=covered.sum(axis=(0, 1, 3)) / known.sum(axis=(0, 1, 3)),
         )
         group.attrs["columns"] = len(columns.inside)
         return group

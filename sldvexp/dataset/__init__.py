@@ -60,7 +60,7 @@ def group(name: str, coords: Mapping[str, ArrayLike], **arrays: ArrayLike | None
         spec = known[variable]
         dims = _dims(spec, coords)
         attributes = {"units": spec.units, "long_name": spec.long_name}
-        array = np.asarray(values)
+        array = np.asarray(values, order="C")  # as it comes back from a file, to the last bit
         data[variable] = (dims, array.astype(np.int8) if array.dtype == bool else array, attributes)
     used = {d for dims, _, _ in data.values() for d in dims}
     axes = {d: list(AXES[d]) for d in AXES if d in used}

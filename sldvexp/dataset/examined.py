@@ -72,6 +72,8 @@ EXAMINED: dict[str, dict[str, Variable]] = {
         "rms_error": _V("component [frequency]", "m/s", "r.m.s. error on the true surface"),
         "rms_bound": _V("component [frequency]", "m/s", "r.m.s. half-width of the intervals"),
         "covered": _V("component [frequency]", "1", "share of the intervals that hold the truth"),
+        "relative_error_in_all": _V("component", "1", "relative error of all frequencies together"),
+        "covered_in_all": _V("component", "1", "share of the intervals of all frequencies"),
     },
     "examined/printed": {
         "linpack_rcond": _V("method", "1", "reciprocal condition number as LINPACK estimates it"),

@@ -143,12 +143,13 @@ STAGES: dict[str, dict[str, Variable]] = {
         "confidence_by_part": _V(
             "part node component [frequency]", "m/s", "half-width of each part's interval"
         ),
+        "element_error": _V(
+            "node component [frequency]", "m/s", "estimated error that the elements' size adds"
+        ),
         "intercept": _V("node [frequency]", "m/s", "intercept of the full model"),
         "intercept_std": _V("node [frequency]", "m/s", "its standard error, of the larger part"),
         "position": _V("node axis", "m", "position of the nodes, layer by layer"),
-        "element": _V(
-            "element corner", "1", "nodes of the prism, from 0; three below and above"
-        ),
+        "element": _V("element corner", "1", "nodes of the prism, from 0; three below and above"),
         "observable": _V("node component", "1", "1 where the views determine the component"),
         "flagged_node": _V("flagged", "1", "node where not all components are determined"),
         "flagged_rank": _V("flagged", "1", "how many of its directions are determined"),

@@ -66,8 +66,7 @@ class Bounds:
         at, own = part.at, part.region.own
         for k, (r, std) in enumerate(zip(part.influences, part.model.pixel_std, strict=True)):
             variance = std**2
-            covariance, fitted = rows.covariance(r, variance)
-            self.noise[..., k][:, own] = np.diagonal(covariance, axis1=2, axis2=3)
+            self.noise[..., k][:, own], fitted = rows.variances(r, variance)
             of_samples = (part.look.seen[k].weights.power(2) @ variance) * part.owned
             if part.model.contravariant:
                 self.expected[:, k] += of_samples @ at.estimator[:, :, k] ** 2 - fitted

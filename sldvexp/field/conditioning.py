@@ -11,7 +11,7 @@ from sldvexp.field.system import Solve, System
 Array = NDArray[np.float64]
 
 #: Unknowns up to which the matrix is looked at as a whole.
-SMALL = 2500
+SMALL = 2000
 #: Relative accuracy of the extreme eigenvalues of larger ones.
 ACCURACY = 1e-3
 #: Steps of Hager's estimate of a norm; it rarely needs more than three.

@@ -19,6 +19,7 @@ def field_group(
     prisms: Prisms,
     method: Reconstruction,
     frequency: ArrayLike | None = None,
+    element_error: np.ndarray | None = None,
 ) -> xr.Dataset:
     """Make the group ``field``.
 
@@ -29,6 +30,8 @@ def field_group(
     method : Reconstruction
     frequency : array_like, shape (frequency,), Hz, optional
         Without it there is no such dimension, and the result must have one frequency.
+    element_error : ndarray of complex, shape (node, component, frequency), m/s, optional
+        See `sldvexp.field.element_error.element_error`.
 
     Returns
     -------
@@ -49,13 +52,14 @@ def field_group(
         coords["equation"] = [*result.components, "intercept"]
     if frequency is not None:
         coords["frequency"] = np.asarray(frequency, float)
-    group = dataset.group("field", coords, **_variables(result, prisms, frequency is not None))
+    arrays = _variables(result, prisms, element_error, frequency is not None)
+    group = dataset.group("field", coords, **arrays)
     group.attrs |= _attributes(result, method)
     return group
 
 
 def _variables(
-    result: FieldResult, prisms: Prisms, frequencies: bool
+    result: FieldResult, prisms: Prisms, element_error: np.ndarray | None, frequencies: bool
 ) -> dict[str, ArrayLike | None]:
     """Arrays of the group, without a frequency dimension if there is none."""
 
@@ -73,6 +77,7 @@ def _variables(
         "velocity_std_pose": None if pose is None else last(pose.max(axis=0)),
         "velocity_std_by_part": last(result.std_by_part),
         "confidence_by_part": last(result.confidence_by_part),
+        "element_error": last(element_error),
         "intercept": last(result.intercept),
         "intercept_std": last(result.intercept_std),
         "position": prisms.position,
@@ -111,7 +116,7 @@ def _attributes(result: FieldResult, method: Reconstruction) -> dict[str, Any]:
         "rows": str(result.rows),
         "model": method.model.name,
         "weights": method.weights.name,
-        "coordinates": "world" if result.components[0] == "x" else "local",
+        "coordinate_system": "world" if result.components[0] == "x" else "local",
         "confidence_level": method.confidence,
         "coverage": "\n".join(c.summary() for c in result.coverage),
         "notes": "\n".join(result.messages),

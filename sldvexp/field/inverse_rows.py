@@ -14,9 +14,7 @@ from sldvexp.field.system import System
 Array = NDArray[np.float64]
 
 #: Unknowns up to which the inverse is computed as a whole.
-SMALL = 3000
-#: Numbers of dense arrays that are worked on at once.
-NUMBERS_AT_ONCE = 20_000_000
+SMALL = 2000
 
 
 class InverseRows(ABC):
@@ -27,8 +25,8 @@ class InverseRows(ABC):
         """``M^-1 x``, from (layer, patch_node, parameter, column) to (layer, own, ...)."""
 
     @abstractmethod
-    def covariance(self, influence: bsr_array, variance: Array) -> tuple[Array, Array]:
-        """Blocks on the diagonal of ``K S K^T``, ``K = M^-1 R``, and the sum of that of ``K S R^T``.
+    def variances(self, influence: bsr_array, variance: Array) -> tuple[Array, Array]:
+        """Diagonals of ``K S K^T`` and of ``K S R^T``, with ``K = M^-1 R``.
 
         Parameters
         ----------
@@ -39,9 +37,9 @@ class InverseRows(ABC):
 
         Returns
         -------
-        covariance : ndarray, shape (layer, own, parameter, parameter)
+        nodal : ndarray, shape (layer, own, parameter)
         fitted : ndarray, shape (parameter,)
-            Over the own nodes, parameter by parameter.
+            The second diagonal, summed over the own nodes.
         """
 
 
@@ -68,19 +66,14 @@ class WholeInverse(InverseRows):
         """See `InverseRows`."""
         return (self.inverse @ x.reshape(len(self.inverse), -1)).reshape(x.shape)
 
-    def covariance(self, influence: bsr_array, variance: Array) -> tuple[Array, Array]:
+    def variances(self, influence: bsr_array, variance: Array) -> tuple[Array, Array]:
         """See `InverseRows`."""
-        rows = influence.tocsr()
-        used = np.unique(rows.indices)
-        rows, variance = rows[:, used], variance[used]
-        nodes, p = rows.shape[0] // self.parameters, self.parameters
-        covariance, fitted = np.zeros((nodes, p, p)), np.zeros(p)
-        step = max(1, NUMBERS_AT_ONCE // rows.shape[0])
-        for first in range(0, len(used), step):
-            part = slice(first, first + step)
-            some = rows[:, part].toarray()
-            k = (self.inverse @ some.reshape(len(self.inverse), -1)).reshape(nodes, p, -1)
-            scaled = k * variance[part]
-            covariance += scaled @ np.swapaxes(k, 1, 2)
-            fitted += np.einsum("npx,npx->p", scaled, some.reshape(nodes, p, -1))
-        return covariance.reshape(self.layers, -1, p, p), fitted
+        rows, p = influence.tocsr(), self.parameters
+        apart = p if len(self.inverse) < rows.shape[0] else 1  # components that do not couple
+        nodal, fitted = np.empty(rows.shape[0]), np.empty(rows.shape[0])
+        for first in range(apart):
+            r = rows[first::apart]
+            across = self.inverse @ (r * variance @ r.T).toarray()
+            nodal[first::apart] = np.einsum("ij,ij->i", across, self.inverse)
+            fitted[first::apart] = np.diagonal(across)
+        return nodal.reshape(self.layers, -1, p), fitted.reshape(-1, p).sum(axis=0)

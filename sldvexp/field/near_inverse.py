@@ -78,7 +78,7 @@ class NearInverse(InverseRows):
         found[:, self.odd] = exact.reshape(layers, len(self.odd), parameters, columns)
         return found
 
-    def covariance(self, influence: bsr_array, variance: Array) -> tuple[Array, Array]:
+    def variances(self, influence: bsr_array, variance: Array) -> tuple[Array, Array]:
         """See `InverseRows`."""
         layers, p = len(self.line), influence.blocksize[0]
         nodes = influence.shape[0] // p // layers
@@ -92,7 +92,7 @@ class NearInverse(InverseRows):
         covariance = self.turn @ covariance @ np.swapaxes(self.turn, 2, 3)
         exact = diagonal_blocks(self.volume @ influence, variance)
         covariance[:, self.odd] = exact.reshape(layers, len(self.odd), p, p)
-        return covariance, fitted
+        return np.diagonal(covariance, axis1=2, axis2=3), fitted
 
 
 def _turn(system: System, own: Indices) -> Array:

@@ -71,12 +71,19 @@ class Part:
         each = zip(self.look.seen, data, strict=True)
         return np.stack([s.weights @ d for s, d in each], axis=1)
 
-    def field(self, theta: Array) -> Array:
-        """Parameters at the samples of nodal ones (layer, surface_node, parameter, column)."""
-        nodal = theta[:, self.patch.nodes]
-        layers, nodes, parameters, columns = nodal.shape
-        flat = nodal.reshape(layers, nodes, parameters * columns)
-        return self.patch.at_samples(flat).reshape(-1, parameters, columns)
+    def field(self, theta: Array, gap: int | None = None) -> Array:
+        """Parameters at the samples, of one gap or all, (sample, parameter, column).
+
+        Parameters
+        ----------
+        theta : ndarray, shape (layer, surface_node, parameter, column)
+        gap : int, optional
+        """
+        layers = slice(None) if gap is None else slice(gap, gap + 2)
+        nodal = theta[layers, self.patch.nodes]
+        return self.patch.at_samples(nodal.reshape(*nodal.shape[:2], -1)).reshape(
+            -1, *nodal.shape[2:]
+        )
 
 
 @dataclass(eq=False)

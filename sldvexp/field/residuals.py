@@ -60,26 +60,39 @@ class Residuals:
         theta : ndarray, shape (layer, surface_node, parameter, column)
         data : list of ndarray, shape (pixel, column)
         """
-        rows = part.model.rows.matrix
         used = part.look.valid & (part.at.pointwise.kept & part.owned)[:, None]
-        has_row = ~np.any((rows != 0)[None] & ~used[:, None], axis=2)
+        has_row = ~np.any((part.model.rows.matrix != 0)[None] & ~used[:, None], axis=2)
         self.view_count += used.sum(axis=0)
         self.row_count += has_row.sum(axis=0)
-        for first in range(0, theta.shape[-1], COLUMNS_AT_ONCE):
-            some = slice(first, first + COLUMNS_AT_ONCE)
-            v, u = part.velocities([d[:, some] for d in data]), part.field(theta[..., some])
-            left = (v - part.at.pointwise.design @ u) * used[..., None]
-            self.by_view[:, some] += np.einsum("skc,skc->kc", left, left)
-            of_rows = (rows @ left) * has_row[..., None]
-            self.by_row[:, some] += np.einsum("src,src->rc", of_rows, of_rows)
-            self.squares[:, some] += _squares(part, v, u, left)
+        samples = len(used) // part.patch.sample_shape[0]
+        for gap in range(part.patch.sample_shape[0]):
+            here = slice(gap * samples, (gap + 1) * samples)
+            weights = [seen.weights[here] for seen in part.look.seen]
+            for first in range(0, theta.shape[-1], COLUMNS_AT_ONCE):
+                some = slice(first, first + COLUMNS_AT_ONCE)
+                v = np.stack([w @ d[:, some] for w, d in zip(weights, data, strict=True)], axis=1)
+                u = part.field(theta[..., some], gap)
+                left = (v - part.at.pointwise.design[here] @ u) * used[here, :, None]
+                self._add(part, here, some, has_row[here], v, u, left)
 
-
-def _squares(part: Part, v: Array, u: Array, left: Array) -> Array:
-    """``sum_s r^T Q r``, or ``sum_s (T v - u)^2`` for each component."""
-    if not part.model.contravariant:
-        return np.einsum("skc,skc->c", left, part.at.pointwise.weight @ left)[None]
-    off = (part.at.estimator @ v - u) * (part.at.information[..., 0] * part.owned[:, None])[
-        ..., None
-    ]
-    return np.einsum("spc,spc->pc", off, off)
+    def _add(
+        self,
+        part: Part,
+        here: slice,
+        some: slice,
+        has_row: NDArray[np.bool_],
+        v: Array,
+        u: Array,
+        left: Array,
+    ) -> None:
+        """Add some samples and columns: velocities, the field there, and what it leaves of them."""
+        self.by_view[:, some] += np.einsum("skc,skc->kc", left, left)
+        of_rows = (part.model.rows.matrix @ left) * has_row[..., None]
+        self.by_row[:, some] += np.einsum("src,src->rc", of_rows, of_rows)
+        if part.model.contravariant:
+            own = part.at.information[here, :, 0] * part.owned[here, None]
+            off = (part.at.estimator[here] @ v - u) * own[..., None]
+            self.squares[:, some] += np.einsum("spc,spc->pc", off, off)
+        else:
+            weighted = part.at.pointwise.weight[here] @ left
+            self.squares[0, some] += np.einsum("skc,skc->c", left, weighted)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
+from sldvexp.field.element_error import element_error, told
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.group import field_group
 from sldvexp.field.looks import Looks
@@ -66,4 +68,7 @@ def reconstruct(
     result = estimate_field(looks, method, solver, local=local, covariance=known)
     image = tree[f"image/{looks.names[0]}"]
     frequency = image["frequency"].values if "frequency" in image.coords else None
-    return field_group(result, looks.prisms, method, frequency)
+    error = element_error(looks.prisms, looks.rule, result.velocity)
+    if result.confidence is not None:
+        result = replace(result, messages=(*result.messages, *told(error, result.confidence)))
+    return field_group(result, looks.prisms, method, frequency, error)

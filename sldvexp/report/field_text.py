@@ -47,7 +47,7 @@ def _methods(fields: Mapping[str, xr.Dataset]) -> Table:
 
 def _components(fields: Mapping[str, xr.Dataset]) -> Table:
     """Size of every component with its bounds, at each frequency."""
-    columns = ("component", "Hz", "largest", "r.m.s.", "bound: noise", "poses", "both")
+    columns = ("component", "Hz", "largest", "r.m.s.", "std: noise", "poses", "bound", "elements")
     table = Table("field", *columns, title="Velocity, mm/s", title_justify="left")
     for name, field in fields.items():
         for component in field["component"].values:
@@ -59,6 +59,7 @@ def _components(fields: Mapping[str, xr.Dataset]) -> Table:
                 cells += [_mm(np.nanmax(size)), _mm(_rms(size))]
                 bounds = ("velocity_std_noise", "velocity_std_pose", "confidence")
                 cells += [_mm(_rms(one[b].values)) if b in one else "" for b in bounds]
+                cells.append(_mm(_rms(np.abs(one["element_error"].values))))
                 table.add_row(*map(escape, cells))
     return table
 

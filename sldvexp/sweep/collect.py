@@ -69,7 +69,7 @@ def _record(folder: Path) -> record.Record:
     if found.state is not record.State.waiting or not path.is_file():
         return found
     with dataset.load(path) as tree:
-        met = "check" not in tree.children or bool(tree["check/passed"].values.all())
+        met = "check" not in tree.children or bool(tree["check"].to_dataset()["passed"].all())
         begun, ended = (datetime.fromisoformat(tree.attrs[f"{k}_time"]) for k in ("start", "end"))
     state = record.State.done if met else record.State.missed
     return record.Record(state, seconds=(ended - begun).total_seconds())
@@ -106,7 +106,7 @@ def _by_keys(table: xr.Dataset, columns: Mapping[str, list[Any]]) -> xr.Dataset:
         return table.rename({RUN: key}).assign_coords(dict(columns))
     order = {k: list(dict.fromkeys(v)) for k, v in columns.items()}
     table = table.assign_coords({k: (RUN, v) for k, v in columns.items()})
-    unstacked = table.set_index({RUN: list(columns)}).unstack(RUN).reindex(order)
+    unstacked = table.set_index({RUN: tuple(columns)}).unstack(RUN).reindex(order)
     empty = {"state": str(record.State.waiting), "reason": "not among the runs"}
     for name, value in empty.items():
         unstacked[name] = unstacked[name].fillna(value)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -12,11 +13,13 @@ from omegaconf import DictConfig
 from sldvexp import provenance, runner
 from sldvexp.config import Retry
 from sldvexp.errors import UserError
+from sldvexp.instrument.recording import JOURNAL
 from sldvexp.paths import locate
 from sldvexp.runner import RUN_FILE
 from sldvexp.sweep import record
 from sldvexp.sweep.lock import locked
 from sldvexp.sweep.record import Record, State, Stopwatch
+from sldvexp.sweep.store import SHARED, Store
 
 LOCK_FILE = ".lock"
 
@@ -56,6 +59,7 @@ def _perform(
     overrides: list[str],
     tell: Callable[[Exception], str | None],
 ) -> None:
+    _put_aside(place, identity, cfg.sweep.retry)
     watch, process = Stopwatch(), os.getpid()
 
     def note(state: State, reason: str = "", inputs: dict[str, str] | None = None) -> None:
@@ -66,12 +70,22 @@ def _perform(
 
     note(State.running)
     try:
-        passed = runner.run(cfg, str(place), quiet=True)
+        store = Store(cfg, place.parent / SHARED)
+        passed = runner.run(cfg, str(place), quiet=True, share=store)
     except Exception as error:  # what Ctrl-C or a signal stops stays noted as running
         note(State.failed, tell(error) or f"{type(error).__name__}: {error}")
         raise
     inputs = json.loads(_attribute(place / RUN_FILE, "inputs_sha256"))
     note(State.done if passed else State.missed, inputs=inputs)
+
+
+def _put_aside(folder: Path, identity: str, retry: Retry) -> None:
+    """Keep scan lines that belong to another configuration under another name."""
+    found, journal = record.read(folder), folder / JOURNAL
+    other = found.identity != identity or retry is Retry.all or not _unchanged(found.inputs)
+    if found.identity and other and journal.is_dir():
+        aside = (folder / f"{JOURNAL}-{found.identity[:8]}-{i}" for i in count(1))
+        journal.rename(next(path for path in aside if not path.exists()))
 
 
 def is_current(folder: Path, identity: str, retry: Retry) -> bool:

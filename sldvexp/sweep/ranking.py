@@ -62,7 +62,7 @@ def rows(table: xr.Dataset, keys: Sequence[str], by: str) -> list[dict[str, Any]
 
 def cells(table: xr.Dataset, keys: Sequence[str]) -> Iterator[xr.Dataset]:
     """The single runs of a sweep's dataset."""
-    dims = [d for d in keys if d in table.dims] or [d for d in table["state"].dims]
+    dims = [d for d in keys if d in table.dims] or [str(d) for d in table["state"].dims]
     shape = [table.sizes[d] for d in dims]
     for index in np.ndindex(*shape):
         yield table.isel(dict(zip(dims, index, strict=True)))

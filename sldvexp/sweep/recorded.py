@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -80,14 +80,14 @@ class Recorded:
         return OmegaConf.merge(schema, value)
 
 
-def read(path: Path, attributes: dict[str, Any]) -> Recorded:
+def read(path: Path, attributes: Mapping[Any, Any]) -> Recorded:
     """What the root's attributes of a run's file say.
 
     Parameters
     ----------
     path : Path
         Of the file, for messages.
-    attributes : dict
+    attributes : mapping
         Of its root, see `sldvexp.provenance.attributes`.
 
     Raises

@@ -7,6 +7,7 @@ import os
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import xarray as xr
 from omegaconf import OmegaConf
@@ -84,8 +85,8 @@ def _bases(folder: Path) -> list[Path]:
     """Where this was called, and where the run was, if Hydra's folder still tells."""
     found = [Path.cwd()]
     try:
-        settings = OmegaConf.load(folder / ".hydra" / "hydra.yaml")
-        found.append(Path(str(OmegaConf.to_container(settings)["hydra"]["runtime"]["cwd"])))
+        settings: Any = OmegaConf.load(folder / ".hydra" / "hydra.yaml")
+        found.append(Path(str(settings.hydra.runtime.cwd)))
     except Exception:  # any file may lie there; it is only a hint
         return found
     return [base for base in found if base.is_dir()]

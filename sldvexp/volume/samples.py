@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sldvexp.volume.prisms import Array, Prisms
 
@@ -64,7 +65,9 @@ class SampleRule:
         return _line_shape(self.line)
 
 
-def sample_positions(prisms: Prisms, rule: SampleRule, triangles: slice = WHOLE) -> Array:
+def sample_positions(
+    prisms: Prisms, rule: SampleRule, triangles: slice | NDArray[np.integer] = WHOLE
+) -> Array:
     """Sample points in the world, ``P = sum_i N_i P_i`` (Section 5.3.4).
 
     Parameters
@@ -84,7 +87,9 @@ def sample_positions(prisms: Prisms, rule: SampleRule, triangles: slice = WHOLE)
     return shape[:, :3] @ corner[:-1] + shape[:, 3:] @ corner[1:]
 
 
-def sample_frames(prisms: Prisms, rule: SampleRule, triangles: slice = WHOLE) -> Array:
+def sample_frames(
+    prisms: Prisms, rule: SampleRule, triangles: slice | NDArray[np.integer] = WHOLE
+) -> Array:
     """Tangents and normal at the samples, interpolated from the nodes' and made orthonormal again.
 
     Parameters

@@ -222,7 +222,7 @@ def test_two_plugins_of_one_name_are_refused(installed, monkeypatch, loaded):
 
 
 def test_first_defect_of_a_sweep_is_the_one_that_is_raised(sldvexp, monkeypatch):
-    def stumble(cfg, folder, quiet):
+    def stumble(cfg, folder, **others):
         raise ZeroDivisionError(cfg.seed)
 
     monkeypatch.setattr("sldvexp.runner.run", stumble)

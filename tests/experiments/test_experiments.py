@@ -9,9 +9,12 @@ import yaml
 
 FOLDER = Path(__file__).parents[2] / "conf" / "experiment"
 EXPERIMENTS = sorted(str(p.relative_to(FOLDER).with_suffix("")) for p in FOLDER.rglob("*.yaml"))
+#: Take more than 8 s.
+SLOW = {"dissertation/plate_1", "dissertation/plate_2", "plate"}
+MARKED = [pytest.param(n, marks=pytest.mark.long if n in SLOW else ()) for n in EXPERIMENTS]
 
 
-@pytest.mark.parametrize("name", EXPERIMENTS)
+@pytest.mark.parametrize("name", MARKED)
 def test_experiment_meets_its_expectations(name, sldvexp):
     done = sldvexp(f"experiment={name}")
     assert done.status == 0, done.err + done.out

@@ -62,14 +62,14 @@ def test_differences_are_told_quantity_by_quantity(point, sldvexp):
     with netCDF4.Dataset(point / "run.nc", "a", auto_complex=True) as file:
         std = file["point/velocity_std"]
         std[:] = std[:] * (1 + 1e-13)
-        condition = file["line_of_sight/std"]
+        condition = file["point/rcond"]
         condition[:] = condition[:] * 1.5
 
     changed(point, packages=lambda text: text.replace(json.loads(text)["numpy"], "0.1"))
     done = sldvexp("rerun", str(point))
     assert done.status == 2
     assert re.search(r"^point/velocity_std: equal within rounding, by 1e-13", done.out, re.M)
-    assert "line_of_sight/std: different, by 0.33 of its largest entry" in done.out
+    assert "point/rcond: different, by 0.33 of its largest entry" in done.out
     assert re.search("bit-identical, 1 equal within rounding, 1 different$", done.out, re.M)
     assert f"packages: numpy 0.1 -> {np.__version__}\n" in done.out
 

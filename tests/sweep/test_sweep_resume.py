@@ -14,8 +14,9 @@ import pytest
 import xarray as xr
 
 from sldvexp import dataset, provenance
+from sldvexp.config import Retry
 from sldvexp.paths import conf_dir
-from sldvexp.sweep import record
+from sldvexp.sweep import job, record
 from sldvexp.sweep.plan import folder_name
 from sldvexp.sweep.record import State
 
@@ -89,6 +90,18 @@ def test_other_version_of_a_package_does_it_again(sweep, monkeypatch):
     sweep(seeds="seed=1,3")
     monkeypatch.setattr(provenance, "versions", lambda: {"sldvexp": "0.0.0"})
     assert sweep(seeds="seed=1,3")[1] == {"1", "3"}
+
+
+def test_scan_lines_of_other_settings_are_put_aside(tmp_path):
+    def left(identity, retry=Retry.unfinished):
+        (tmp_path / "journal").mkdir(exist_ok=True)
+        record.write(tmp_path, record.Record(State.failed, "before"))
+        job._put_aside(tmp_path, identity, retry)
+        return sorted(path.name for path in tmp_path.glob("journal*"))
+
+    assert left("before") == ["journal"]
+    assert left("now") == ["journal-before-1"]
+    assert left("before", Retry.all) == ["journal-before-1", "journal-before-2"]
 
 
 def test_clock_that_goes_backwards_changes_nothing(sweep, monkeypatch):

@@ -27,7 +27,7 @@ class Iterative(Solver):
         After so many without reaching it the system counts as singular.
     """
 
-    tolerance: float = 1e-13
+    tolerance: float = 1e-12
     iterations: int = 2000
 
     def __post_init__(self) -> None:

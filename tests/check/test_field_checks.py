@@ -1,0 +1,247 @@
+"""Checks of fields: on fields that are made so that every number is known."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from sldvexp import dataset
+from sldvexp.check.base import Examined
+from sldvexp.check.columns import Columns
+from sldvexp.check.field_pattern import FieldPattern
+from sldvexp.check.left_out import LeftOut
+from sldvexp.check.love import Love
+from sldvexp.check.truth import Truth
+from sldvexp.errors import UserError
+from sldvexp.field.solvers.iterative import Iterative
+from sldvexp.geometry.known_pose import KnownPose
+from sldvexp.geometry.rotation import rotation_from_euler
+from sldvexp.laser.model import direction_cosines, project
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.pose.given import Given
+from sldvexp.reconstruction.absolute import Absolute
+from sldvexp.virtual_lab.scene_plate import Mode, Plate, PlateScene
+from sldvexp.virtual_lab.truth import truth_group
+from sldvexp.volume.grid import Grid
+
+EULER, FREQUENCY = [0.3, 0.5, -0.2], [200.0, 230.0]
+#: Through the plate's surface, which is between two of its layers.
+VOLUME = Grid(euler=EULER, size=[0.2, 0.15], shape=[5, 4], layers=4, thickness=0.012)
+SCENE = PlateScene(
+    views={"1": KnownPose([0.0, np.pi, 0.0], [0.0, 0.0, 1.7])},
+    plate=Plate(euler=EULER, thickness=0.001, modes={"m": Mode(1, 1, 200.0, 0.02, 0.02)}),
+)
+NODES = 20
+
+
+def examined(tree, experiment=None):
+    return Examined(tree, np.random.default_rng(0), experiment)
+
+
+def field_of(velocity, confidence, components="xyz", **attributes):
+    coords = {"component": list(components), "frequency": FREQUENCY[: velocity.shape[-1]]}
+    confidence = np.broadcast_to(confidence, velocity.shape)
+    group = dataset.group("field", coords, velocity=velocity, confidence=confidence)
+    return group.assign_attrs(attributes)
+
+
+def tree_of(change=0.0, confidence=0.002):
+    """A field that is the truth plus a change of each node, component and frequency, m/s."""
+    volume = VOLUME.group()
+    truth = truth_group(SCENE, volume["position"].values, FREQUENCY, 1.0)
+    field = field_of(truth["velocity"].values + change, confidence)
+    return {"volume": volume, "truth": truth, "field": field}
+
+
+def test_a_true_field_has_no_error():
+    found = Truth().examine(examined(tree_of()))
+    np.testing.assert_allclose(found["rms_error"], 0, atol=1e-15)
+    np.testing.assert_allclose(found["relative_error"], 0, atol=1e-12)
+    assert (found["covered"] == 1).all()
+    np.testing.assert_allclose(found["rms_bound"], 0.002)
+    assert found.attrs["columns"] == NODES
+
+
+def test_errors_are_those_on_the_surface():
+    """What vanishes on the surface counts for nothing, and what is constant counts in full."""
+    height = tree_of()["truth"]["height"].values
+    lever = height[:, None, None] * np.array([1.0, 0.0, 0.0])[:, None]
+    constant = np.array([0.0, 0.003, 0.001j])[:, None]
+    tree = tree_of(lever + constant)
+    found = Truth().examine(examined(tree))
+    expected = np.array([[0.0], [0.003], [0.001]]) * [1, 1]
+    np.testing.assert_allclose(found["rms_error"], expected, atol=1e-15)
+    # The real part of y is beyond the bounds; its imaginary part and all of x and z are within.
+    np.testing.assert_allclose(found["covered"], [[1, 1], [0.5, 0.5], [1, 1]])
+    size = np.sqrt(np.mean(np.abs(_on_surface(tree)) ** 2, axis=0))
+    np.testing.assert_allclose(found["relative_error"], expected / size, atol=1e-12)
+    in_all = np.linalg.norm(expected, axis=1) / np.linalg.norm(size, axis=1)
+    np.testing.assert_allclose(found["relative_error_in_all"], in_all, atol=1e-12)
+    np.testing.assert_allclose(found["covered_in_all"], [1, 0.5, 1])
+
+
+def _on_surface(tree):
+    truth = tree["truth"]
+    return Columns.of(tree["volume"], truth["height"].values).at_surface(truth["velocity"].values)
+
+
+def test_local_components_are_compared_along_each_nodes_frame():
+    tree = tree_of()
+    frame = np.tile(tree["volume"]["frame"].values, (VOLUME.layers, 1, 1))
+    local = np.einsum("nca,naf->ncf", frame, tree["truth"]["velocity"].values)
+    local[:, 2] += 0.003
+    tree["field"] = field_of(local, 0.002, ("t1", "t2", "n"))
+    found = Truth().examine(examined(tree))
+    assert found["component"].values.tolist() == ["t1", "t2", "n"]
+    np.testing.assert_allclose(found["rms_error"], [[0, 0], [0, 0], [0.003, 0.003]], atol=1e-15)
+
+
+def test_nodes_without_a_velocity_do_not_count():
+    change = np.zeros((VOLUME.layers * NODES, 3, 2))
+    change[::NODES, 0] = np.nan
+    change[1::NODES, 0] = 0.019
+    found = Truth().examine(examined(tree_of(change)))
+    # Of 19 columns one is off, in its real part.
+    np.testing.assert_allclose(found["rms_error"][0], 0.019 / np.sqrt(19))
+    np.testing.assert_allclose(found["covered"][0], 1 - 1 / 38)
+    assert (found["covered"][1:] == 1).all()
+
+
+def test_truth_needs_a_surface_inside():
+    with pytest.raises(UserError, match="needs a field and the virtual lab's truth"):
+        Truth().examine(examined({"volume": VOLUME.group()}))
+    tree = tree_of()
+    tree["truth"]["height"] += 0.1
+    with pytest.raises(UserError, match=r"outside of the volume: its layers are .* m above it"):
+        Truth().examine(examined(tree))
+
+
+def test_love_measures_the_change_through_the_layers():
+    layer = np.repeat([-1.5, -0.5, 0.5, 1.5], NODES)[:, None, None]
+    still = np.ones((VOLUME.layers * NODES, 3, 1)) * [[1e-3], [2e-3], [2e-3]]
+    velocity = still + 1e-3j * layer * [[0.0], [1.0], [0.0]]
+    velocity[::NODES, 2] = np.nan
+    run = {"volume": VOLUME.group(), "field": field_of(velocity, 5e-4)}
+    found = Love().examine(examined(run))
+    size = np.sqrt(np.nanmean(np.abs(velocity) ** 2))
+    of_layers = 1e-3 * np.sqrt(1.25)
+    np.testing.assert_allclose(found["variation"].squeeze(), [0, of_layers / size, 0], atol=1e-15)
+    np.testing.assert_allclose(found["bound"], 5e-4 / size)
+    with pytest.raises(UserError, match="check=love needs a field"):
+        Love().examine(examined({}))
+
+
+# --- views left out -------------------------------------------------------------------------------
+
+VIEWS = {
+    "1": KnownPose([0.024, 2.910, -3.117], [-0.13, 0.39, 1.655]),
+    "2": KnownPose([-0.955, 2.695, 2.139], [0.479, 0.424, 1.533]),
+    "3": KnownPose([-0.927, 2.913, 2.202], [0.188, 0.232, 1.656]),
+    "4": KnownPose([2.075, 2.988, -1.072], [-0.347, -0.125, 1.680]),
+    "5": KnownPose([-1.749, 2.790, 1.403], [0.456, -0.104, 1.596]),
+}
+LASER, PIXELS, STD = TwoMirror(), 12, 1e-4
+MOTION = np.array([0.002, -0.001j, 0.01])
+
+
+def session_of(views, added=None):
+    """Views of a plate that moves as one, and what is added to the image of some, m/s."""
+    volume = Grid(size=[0.2, 0.15], shape=[5, 4], layers=3, thickness=0.01)
+    tree = {"pose": Given(views=views).group(), "volume": volume.group()}
+    corners = volume.prisms().position.reshape(-1, 3)
+    for name, pose in views.items():
+        rotation = rotation_from_euler(pose.euler)
+        dac = LASER.dac_from_angle(project((corners - pose.origin) @ rotation.T))
+        axes = np.linspace(dac.min(axis=0) - 20, dac.max(axis=0) + 20, PIXELS).T
+        pixels = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        along = direction_cosines(LASER.angle_from_dac(pixels), rotation)
+        velocity = (along @ MOTION + (added or {}).get(name, 0.0))[:, None]
+        image = dataset.group(
+            "image",
+            {"pixel": np.arange(len(pixels)), "frequency": [200.0]},
+            velocity=velocity,
+            velocity_std=np.full(velocity.shape, STD),
+            dac=pixels,
+            flags=np.zeros(len(pixels), np.uint8),
+        )
+        tree[f"image/{name}"] = image.assign_attrs(shape=[PIXELS, PIXELS])
+    experiment = SimpleNamespace(
+        laser=LASER, volume=volume, reconstruction=Absolute(), solver=Iterative()
+    )
+    return examined(tree, experiment)
+
+
+def test_the_other_views_predict_what_one_measured():
+    found = LeftOut().examine(session_of(VIEWS))
+    assert found["view"].values.tolist() == list(VIEWS)
+    np.testing.assert_allclose(found["measured"], 0.01, rtol=0.1)
+    assert (found["error_at_surface"] < 1e-3 * found["measured"]).all()
+    # Of the mean of some pixels; both parts.
+    assert (found["noise"] < np.sqrt(2) * STD).all()
+    assert (found["noise"] > 0.3 * np.sqrt(2) * STD).all()
+
+
+def test_a_view_that_is_off_is_off_by_as_much():
+    found = LeftOut().examine(session_of(VIEWS, {"4": 0.003j}))
+    np.testing.assert_allclose(found["error"].sel(view="4"), 0.003, rtol=1e-2)
+    np.testing.assert_allclose(found["error_at_surface"].sel(view="4"), 0.003, rtol=1e-2)
+    assert found["sample_depth"].size == found["error"].shape[1] == 4
+
+
+def test_a_view_can_only_be_left_out_of_four():
+    three = dict(list(VIEWS.items())[:3])
+    with pytest.raises(UserError, match="of at least 4 views; choose a reconstruction"):
+        LeftOut().examine(session_of(three))
+    run = session_of(VIEWS)
+    run.experiment.reconstruction = None
+    with pytest.raises(UserError, match="choose a reconstruction"):
+        LeftOut().examine(run)
+    with pytest.raises(UserError, match="only be compared over a volume"):
+        LeftOut().examine(examined({}))
+
+
+# --- pattern --------------------------------------------------------------------------------------
+
+
+def solved(std, equations, residual, by_view, cond):
+    """A field's group with what the pattern is made of, at two frequencies."""
+    coords = {
+        "component": list("xyz"),
+        "frequency": FREQUENCY,
+        "equation": equations,
+        "view": list("12345"),
+    }
+    group = dataset.group(
+        "field",
+        coords,
+        velocity_std=np.ones((4, 1, 1)) * np.array(std)[:, None] * [1.0, 1.0],
+        residual_std=np.array(residual)[:, None] * [1.0, 2.0],
+        residual_std_by_view=np.array(by_view)[:, None] * [1.0, 2.0],
+    )
+    return group.assign_attrs(cond=cond)
+
+
+def test_pattern_is_made_of_ratios():
+    tree: dict[str, xr.Dataset] = {
+        "field": solved([4, 6, 2], ["all components"], [1.0], [1, 1, 2, 3, 5], 9000.0),
+        "compare/decoupled": solved([2, 3, 1], list("xyz"), [3, 4, 2], [1, 1, 1, 1, 1], 180.0),
+    }
+    found = FieldPattern().examine(examined(tree))
+    assert found["field"].values.tolist() == ["field", "decoupled"]
+    np.testing.assert_allclose(found["std_ratio"], [[2, 3, 1], [2, 3, 1]])
+    np.testing.assert_allclose(found["residual_ratio"], [[np.nan] * 3, [1.5, 2, 1]])
+    np.testing.assert_allclose(found["view_ratio"], [[0.5, 0.5, 1, 1.5, 2.5], [1] * 5])
+    np.testing.assert_allclose(found["cond_ratio"], [1, 50])
+    with pytest.raises(UserError, match="check=field_pattern needs a field"):
+        FieldPattern().examine(examined({}))
+
+
+def test_local_pattern_is_relative_to_the_normal():
+    group = solved([4, 6, 2], ["t1", "t2", "n"], [3, 4, 2], [1] * 5, 1.0)
+    group = group.assign_coords(component=["t1", "t2", "n"])
+    found = FieldPattern().examine(examined({"field": group}))
+    np.testing.assert_allclose(found["std_ratio"].sel(field="field"), [2, 3, 1])
+    np.testing.assert_allclose(found["residual_ratio"].sel(field="field"), [1.5, 2, 1])
