@@ -22,6 +22,8 @@ from sldvexp.sweep.record import Record, State, Stopwatch
 from sldvexp.sweep.store import SHARED, Store
 
 LOCK_FILE = ".lock"
+#: Files that a killed process had not finished, see `sldvexp.files.whole_or_nothing`.
+TORN = ".*.[0-9]*.*"
 
 
 def perform(
@@ -60,6 +62,8 @@ def _perform(
     tell: Callable[[Exception], str | None],
 ) -> None:
     _put_aside(place, identity, cfg.sweep.retry)
+    for torn in place.glob(TORN):
+        torn.unlink(missing_ok=True)
     watch, process = Stopwatch(), os.getpid()
 
     def note(state: State, reason: str = "", inputs: dict[str, str] | None = None) -> None:

@@ -36,6 +36,7 @@ def pointed(rng, path, pointing=1.0, worse=1.0):
     return path
 
 
+@pytest.mark.long
 def test_bounds_from_known_errors_cover_the_truth(tmp_path):
     rng, repeats = np.random.default_rng(0), 300
     inside = []

@@ -95,6 +95,7 @@ def many():
     return Scans(100)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", METHODS, ids=str)
 def test_spread_is_as_reported(few, method):
     check(few, method)

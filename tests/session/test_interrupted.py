@@ -119,7 +119,7 @@ def assert_clean_stop(process, folder, signals):
 
 
 @pytest.mark.parametrize(
-    ("lines", "signals"), [(20, 4), pytest.param(120, 1, marks=pytest.mark.long)]
+    ("lines", "signals"), [pytest.param(20, 4), pytest.param(120, 1, marks=pytest.mark.long)]
 )
 def test_ctrl_c_keeps_what_was_scanned(start, tmp_path, whole, lines, signals):
     folder = tmp_path / "run"
@@ -277,6 +277,7 @@ def test_a_question_without_an_answer_is_a_clean_stop(terminal, tmp_path, whole,
     assert_same(images(folder), whole)
 
 
+@pytest.mark.long
 def test_a_view_that_was_begun_must_be_as_it_was(terminal, tmp_path):
     folder = tmp_path / "run"
     terminal.session()
