@@ -69,6 +69,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "relative": "sldvexp.reconstruction.relative",
     },
     "solver": {
+        "cholesky": "sldvexp.field.solvers.cholesky",
         "direct": "sldvexp.field.solvers.direct",
         "iterative": "sldvexp.field.solvers.iterative",
     },

@@ -1,9 +1,9 @@
 """How far nodal values may be off, of all nodes.
 
-The samples' velocities are interpolated from the same pixels, so that their errors are correlated.
+Samples' velocities are interpolated from the same pixels, so that their errors are correlated.
 With ``b = sum_k R_k v_k`` the noise of the pixels, independent of one another, gives the nodal
-covariance ``sum_k K_k S_k K_k^T``, ``K_k = M^-1 R_k`` and S_k the pixels' variances. To it comes the
-effect of the poses, see `sldvexp.field.pose_effect`.
+covariance ``sum_k K_k S_k K_k^T``, ``K_k = M^-1 R_k`` and S_k the pixels' variances. To it comes
+the effect of the poses, see `sldvexp.field.pose_effect`.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from sldvexp.field.inverse_rows import InverseRows
 from sldvexp.field.looks import Looks
 from sldvexp.field.model import FieldModel
 from sldvexp.field.parts import Part
+from sldvexp.field.threads import side_by_side
 
 Array = NDArray[np.float64]
 
@@ -64,9 +65,12 @@ class Bounds:
     def add_noise(self, part: Part, rows: InverseRows) -> None:
         """Noise of the part's own nodes, and of the residuals of the samples it owns."""
         at, own = part.at, part.region.own
-        for k, (r, std) in enumerate(zip(part.influences, part.model.pixel_std, strict=True)):
-            variance = std**2
-            self.noise[..., k][:, own], fitted = rows.variances(r, variance)
+        variances = [std**2 for std in part.model.pixel_std]
+        found = side_by_side(
+            lambda k: rows.variances(part.influences[k], variances[k]), range(len(variances))
+        )
+        for k, (variance, (nodal, fitted)) in enumerate(zip(variances, found, strict=True)):
+            self.noise[..., k][:, own] = nodal
             of_samples = (part.look.seen[k].weights.power(2) @ variance) * part.owned
             if part.model.contravariant:
                 self.expected[:, k] += of_samples @ at.estimator[:, :, k] ** 2 - fitted

@@ -21,7 +21,7 @@ STEPS = 6
 def condition_numbers(system: System, solve: Solve) -> tuple[float, float]:
     """Largest over smallest eigenvalue of M, and ``1 / (|M| |M^-1|)`` in the 1-norm.
 
-    The latter's ``|M^-1|`` is Hager's estimate for large systems, a lower bound that is mostly exact.
+    For large systems the latter's ``|M^-1|`` is Hager's estimate, a lower bound, mostly exact.
     Both numbers of a Kronecker product are the products of its factors'.
 
     Parameters

@@ -100,19 +100,19 @@ class Patch:
         """(gap, triangle, point)."""
         return self.layers - 1, len(self.triangles), len(self.shape)
 
-    def at_samples(self, nodal: NDArray[np.inexact]) -> NDArray[np.inexact]:
+    def at_samples(self, nodal: Array) -> Array:
         """``B f``: values at samples of nodal values, (layer, patch_node, m) to (sample, m)."""
         corner = nodal[:, self.corner]
         values = self.shape[:, :3] @ corner[:-1]
         values += self.shape[:, 3:] @ corner[1:]
         return values.reshape(-1, nodal.shape[-1])
 
-    def to_nodes(self, samples: NDArray[np.inexact]) -> NDArray[np.inexact]:
+    def to_nodes(self, samples: Array) -> Array:
         """``B^T f``: sums over samples, (sample, m) to (layer, patch_node, m)."""
         columns = samples.shape[-1]
         each = self.shape.T @ samples.reshape(*self.sample_shape, columns)
-        gaps, triangles, _ = self.sample_shape
-        sums = np.zeros((self.layers, triangles, 3, columns), samples.dtype)
+        triangles = len(self.triangles)
+        sums = np.zeros((self.layers, triangles, 3, columns))
         sums[:-1] += each[:, :, :3]
         sums[1:] += each[:, :, 3:]
         flat = sums.reshape(self.layers, triangles * 3, columns)

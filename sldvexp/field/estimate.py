@@ -1,4 +1,4 @@
-"""The velocity field over a volume of prisms (Section 5.3): from views to nodal values with bounds."""
+"""The velocity field over a volume of prisms (Section 5.3), from views to values with bounds."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from sldvexp.field.looks import Looks
 from sldvexp.field.model import FieldModel
 from sldvexp.field.outcome import Outcome
 from sldvexp.field.parts import Parts
-from sldvexp.field.result import LOCAL, WORLD, FieldResult
 from sldvexp.field.pose_effect import pose_covariance
+from sldvexp.field.result import LOCAL, WORLD, FieldResult
 from sldvexp.field.second_way import residuals_only, with_bounds
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.system import solution

@@ -44,7 +44,7 @@ class Flags:
 def flags(equations: Equations) -> Flags:
     """Judge every node by its samples.
 
-    As many parameters are determined as at a part of the node's samples, by the views of each alone.
+    As many parameters are determined as at a part of the node's samples, by each one's views alone.
     The directions that are not are those of the least information of all its samples. Nodes next to
     it and views that turn from sample to sample may say more; that is in the bounds, and no reason
     to trust it.
@@ -79,16 +79,17 @@ def described(found: Flags, position: Array, components: tuple[str, ...]) -> lis
     sentences = []
     if blind.any():
         some = found.node[blind]
+        where = _at(some, position)
         sentences.append(
-            f"{_counted(some, position)} not seen well enough to determine anything{_at(some, position)}"
+            f"{_counted(some, position)} not seen well enough to determine anything{where}"
         )
     if (~blind).any():
         some, first = found.node[~blind], np.flatnonzero(~blind)[0]
         lost = found.direction[first][found.rank[first] :]
         named = " and ".join("(" + ", ".join(f"{x + 0.0:.2f}" for x in d) + ")" for d in lost)
         sentences.append(
-            f"{_counted(some, position)} seen in some directions only{_at(some, position)}, where the "
-            f"velocity along {named} in {', '.join(components)} is not determined"
+            f"{_counted(some, position)} seen in some directions only{_at(some, position)}, where "
+            f"the velocity along {named} in {', '.join(components)} is not determined"
         )
     return sentences
 

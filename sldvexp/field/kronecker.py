@@ -31,7 +31,7 @@ def factorised(matrix: csc_array) -> SuperLU:
         If it is singular.
     """
     options = {"SymmetricMode": True}
-    factor = splu(csc_array(matrix), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    factor = splu(matrix, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     pivots = np.abs(factor.U.diagonal())
     if not pivots.min() > SINGULAR * pivots.max():
         raise RuntimeError("the matrix is singular")
@@ -74,17 +74,18 @@ class KroneckerInverse:
         pivots = np.linalg.eigvalsh(system.line)
         if not pivots[0] > SINGULAR * pivots[-1]:
             raise UserError(
-                "field: the samples through the thickness of each prism do not determine the layers "
+                "field: samples through the thickness of each prism do not determine the layers "
                 "above and below them one by one; use samples.line=2 or more"
             )
         try:
-            return cls(np.linalg.inv(system.line), factorised(system.surface))
+            surface = factorised(csc_array(system.surface))
         except RuntimeError:
             raise UserError(
                 "field: the samples are too few to determine the surface nodes "
                 f"{_undetermined(system)} one by one; use more points in each triangle, as with "
                 "samples.triangle=3"
             ) from None
+        return cls(np.linalg.inv(system.line).astype(float), surface)
 
     def times(self, x: Array) -> Array:
         """``(line (x) surface)^-1 x``; x as in `System`."""

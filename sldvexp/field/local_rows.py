@@ -15,12 +15,14 @@ from scipy.sparse import bsr_array, csr_array
 
 from sldvexp.field.elements import Patch
 from sldvexp.field.system import PAIRS, System
+from sldvexp.volume.samples import SampleRule
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Rings around a node that its row reaches.
-RINGS = 3
+#: Rings around a node that its row reaches: of samples that are a tensor product, and of others,
+#: whose matrices are worse conditioned and decay more slowly.
+RINGS, MORE_RINGS = 3, 4
 #: Numbers of small matrices that are solved at once.
 NUMBERS_AT_ONCE = 20_000_000
 
@@ -35,14 +37,17 @@ class Neighbourhood:
     place : ndarray of int, shape (patch_node, patch_node)
         Where the block of two nodes is in the system's graph; -1 for none.
     neighbours : csr_array of bool, shape (patch_node, patch_node)
+    rings : int
+        How far rows reach.
     """
 
     nodes: Indices
-    place: Indices
+    place: NDArray[np.int32]
     neighbours: csr_array
+    rings: int
 
     @classmethod
-    def of(cls, system: System, patch: Patch) -> Neighbourhood:
+    def of(cls, system: System, patch: Patch, rings: int) -> Neighbourhood:
         """That of a patch."""
         graph, nodes = system.graph, patch.nodes
         local = np.full(graph.nodes, -1)
@@ -55,15 +60,21 @@ class Neighbourhood:
         place = np.full((len(nodes), len(nodes)), -1, np.int32)
         place[row[inside], column[inside]] = entry[inside]
         ones = np.ones(np.count_nonzero(inside), bool)
-        return cls(nodes, place, csr_array((ones, (row[inside], column[inside])), shape=place.shape))
+        entries = (ones, (row[inside], column[inside]))
+        return cls(nodes, place, csr_array(entries, shape=place.shape), rings)
 
     def reach(self, nodes: Indices) -> csr_array:
-        """Nodes within `RINGS` of some, shape (node, patch_node)."""
+        """Nodes within so many rings of some, shape (node, patch_node)."""
         found = self.neighbours[nodes]
-        for _ in range(RINGS - 1):
+        for _ in range(self.rings - 1):
             found = (found @ self.neighbours).astype(bool)
         found.sort_indices()
         return found
+
+
+def rings_of(rule: SampleRule) -> int:
+    """How far rows reach."""
+    return MORE_RINGS if rule.triangle is None else RINGS
 
 
 def surface_rows(system: System, around: Neighbourhood, nodes: Indices) -> bsr_array:
@@ -124,9 +135,11 @@ def volume_rows(system: System, around: Neighbourhood, nodes: Indices) -> bsr_ar
             dense[layer, layer, np.arange(number), np.arange(number)] += rest[layer]
         size = layers * number * block
         right = np.zeros((layers, number, block, layers * block))
-        right[:, np.flatnonzero(near == node)[0]] = np.eye(layers * block).reshape(layers, block, -1)
+        right[:, np.flatnonzero(near == node)[0]] = np.eye(layers * block).reshape(
+            layers, block, -1
+        )
         matrix = dense.transpose(0, 2, 4, 1, 3, 5).reshape(size, size)
-        columns = np.linalg.solve(matrix, right.reshape(size, -1))
+        columns = np.linalg.solve(matrix, right.reshape(size, -1)).astype(float)
         data.append(columns.reshape(-1, block, layers, block).transpose(2, 0, 3, 1))
         indices.append((near + count * np.arange(layers)[:, None]).ravel())
     return _assembled(data, indices, layers, (len(nodes), count), block)

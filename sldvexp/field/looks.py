@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sldvexp.field.occlusion import Occlusion
 from sldvexp.field.seen import GRAZING, Seen, look
+from sldvexp.field.threads import side_by_side
 from sldvexp.field.view import View
 from sldvexp.image.interpolation.base import Interpolator
 from sldvexp.image.interpolation.method import Interpolation
@@ -94,20 +95,19 @@ class Looks:
         """Look at the samples of some triangles' prisms, in all gaps."""
         position = sample_positions(self.prisms, self.rule, triangles).reshape(-1, 3)
         frame = sample_frames(self.prisms, self.rule, triangles).reshape(-1, 3, 3)
-        seen = tuple(
-            look(
-                view,
+
+        def seen_by(k: int) -> Seen:
+            return look(
+                self.views[k],
                 self.laser,
                 position,
                 frame[:, 2] if self.one_sided else None,
-                interpolator,
+                self._interpolators[k],
                 grazing=self.grazing,
-                occlusion=occlusion,
+                occlusion=self._occlusions[k],
             )
-            for view, interpolator, occlusion in zip(
-                self.views, self._interpolators, self._occlusions, strict=True
-            )
-        )
+
+        seen = tuple(side_by_side(seen_by, range(len(self.views))))
         return Look(triangles, seen, position, frame)
 
     def _occlusion(self, view: View) -> Occlusion | None:

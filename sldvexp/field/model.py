@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.field.looks import Look, Looks
-from sldvexp.field.seen import Seen
 from sldvexp.field.pointwise import Pointwise, RowModel
+from sldvexp.field.seen import Seen
 from sldvexp.field.view import View
 from sldvexp.reconstruction.base import Model, Reconstruction, Weights
 from sldvexp.reconstruction.rows import RowSet
@@ -36,8 +36,8 @@ class Samples:
     inverse : ndarray, shape (sample, parameter, parameter), optional
         Contravariant only: of the sample's own normal equations.
     std : ndarray, shape (sample, view), m/s
-        Mean standard error of the pixels around a sample. That of the interpolated velocity is smaller
-        between pixels than on them, but its errors are then shared with more samples.
+        Mean standard error of the pixels around a sample. That of the interpolated velocity is
+        smaller between pixels than on them, but its errors are then shared with more samples.
     """
 
     pointwise: Pointwise

@@ -10,7 +10,7 @@ from scipy.sparse import bsr_array
 
 from sldvexp.field.block_rows import block_rows, diagonal_blocks, kronecker_identity
 from sldvexp.field.inverse_rows import InverseRows
-from sldvexp.field.local_rows import Neighbourhood, surface_rows, volume_rows
+from sldvexp.field.local_rows import Neighbourhood, rings_of, surface_rows, volume_rows
 from sldvexp.field.parts import Part
 from sldvexp.field.system import System
 
@@ -55,12 +55,12 @@ class NearInverse(InverseRows):
     @classmethod
     def of(cls, system: System, part: Part, parameters: int) -> NearInverse:
         """That of a part's region."""
-        around = Neighbourhood.of(system, part.patch)
+        around = Neighbourhood.of(system, part.patch, rings_of(part.looks.rule))
         own = np.searchsorted(part.patch.nodes, part.region.own)
         turn = _turn(system, part.region.own)
         odd = _odd(turn, around, own)
         return cls(
-            np.linalg.inv(system.line),
+            np.linalg.inv(system.line).astype(float),
             _of_parameters(surface_rows(system, around, own), parameters),
             own,
             turn if system.block > 1 else turn * np.eye(parameters),

@@ -1,4 +1,4 @@
-"""The samples of a volume, part by part: what each view sees of them and what the method makes of it."""
+"""The samples of a volume, part by part: what views see of them, what the method makes of it."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ from sldvexp.field.regions import Region, Surface
 
 Array = NDArray[np.float64]
 
-#: Samples that are worked on together: they take some 2 kB each.
-SAMPLES_AT_ONCE = 200_000
+#: Samples up to which a volume is one part.
+SAMPLES_IN_ALL = 200_000
+#: Samples of each of several parts: with those around them they take some 10 kB each.
+SAMPLES_AT_ONCE = 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +83,8 @@ class Part:
         """
         layers = slice(None) if gap is None else slice(gap, gap + 2)
         nodal = theta[layers, self.patch.nodes]
-        return self.patch.at_samples(nodal.reshape(*nodal.shape[:2], -1)).reshape(
-            -1, *nodal.shape[2:]
-        )
+        values = self.patch.at_samples(nodal.reshape(*nodal.shape[:2], -1))
+        return values.reshape(-1, *nodal.shape[2:])
 
 
 @dataclass(eq=False)
@@ -145,7 +146,7 @@ class Parts:
 
     @property
     def _fits(self) -> bool:
-        return self._column * len(self.looks.prisms.triangles) <= SAMPLES_AT_ONCE
+        return self._column * len(self.looks.prisms.triangles) <= SAMPLES_IN_ALL
 
     @property
     def _largest(self) -> int:

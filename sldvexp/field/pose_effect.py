@@ -68,8 +68,8 @@ class PoseEffect:
     def right_sides(self, part: Part) -> Array:
         """Right-hand sides of the derivatives by all poses, ``M dtheta = ...``.
 
-        A change of the pose of view k changes its velocity at a sample by ``dv = grad v . d dac`` and
-        its row of X by dx. With what the view's rows leave, r = v - X u, the sample adds
+        A change of view k's pose changes its velocity at a sample: ``dv = grad v . d dac`` and its
+        row of X by dx. With what the view's rows leave, r = v - X u, the sample adds
         ``dx (Q r)_k + T_k (dv - dx . u)``. For the contravariant method u is what the sample's own
         rows give, and their inverse stands before dx.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sldvexp.field.bounds import Bounds
 from sldvexp.field.frequency_modes import FrequencyModes
 from sldvexp.field.inverse_rows import SMALL, InverseRows, WholeInverse
-from sldvexp.field.local_rows import RINGS
+from sldvexp.field.local_rows import rings_of
 from sldvexp.field.model import FieldModel
 from sldvexp.field.near_inverse import NearInverse
 from sldvexp.field.parts import Parts
@@ -92,7 +92,7 @@ def with_bounds(
     small = system.nodes * system.block <= SMALL
     whole = WholeInverse.of(system, model.parameters) if small else None
     errors: list[float] = [0.0] if small else []
-    for part in parts.overlapping(RINGS, whole=small):
+    for part in parts.overlapping(rings_of(looks.rule), whole=small):
         left.add(part, theta, data)
         rows: InverseRows = whole or NearInverse.of(system, part, model.parameters)
         found.add_noise(part, rows)
@@ -112,8 +112,8 @@ def with_bounds(
 def variance_factors(views: Sequence[View], pixel_std: tuple[Array, ...]) -> Array:
     """Each frequency's variance over the mean of all, shape (view, frequency).
 
-    White noise has the same variance at all frequencies, or differs by a factor that all pixels of a
-    view have in common; this factor is taken from the pixels' mean.
+    White noise has the same variance at all frequencies, or differs by a factor that all pixels of
+    a view have in common; this factor is taken from the pixels' mean.
     """
     factors = []
     for view, std in zip(views, pixel_std, strict=True):

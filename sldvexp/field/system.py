@@ -1,10 +1,10 @@
 """The normal equations of a field, ``M theta = b`` with ``M = sum_s B_s^T B_s (x) N_s``.
 
 B_s holds the basis functions at a sample and N_s the sample's own information. A prism's basis
-functions are products of those of its triangle, t, and of the line through it, l, so that M is a sum
-of Kronecker products, one for each gap and pair of its layers: ``l l^T (x) S`` with
-``S = sum_s l_i l_j t t^T (x) N_s`` over the surface. Where N_s does not change with depth and samples
-are a tensor product, M is one Kronecker product; elsewhere that of the means is near it.
+functions are products of those of its triangle, t, and of the line through it, l. In the layers i
+and j of each gap M has the block ``S = sum_s l_i l_j t t^T (x) N_s`` over the surface. Where N_s
+does not change with depth and samples are a tensor product, M is one Kronecker product of a matrix
+of the line and one of the surface; elsewhere that of the means over depth is near it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array
+from scipy.sparse import bsr_array, csr_array
 
 from sldvexp.field.elements import Graph, Patch
 from sldvexp.volume.samples import SampleRule
@@ -99,8 +99,8 @@ class Assembly:
     def system(self, ranked: Bools) -> System:
         """The matrix.
 
-        A node around which too few samples determine anything is held at zero: by an equation of its
-        own if it has no sample at all, and otherwise by so little that neighbours do not notice.
+        A node around which too few samples determine anything is held at zero: by an equation of
+        its own if it has no sample at all, otherwise by so little that neighbours do not notice.
 
         Parameters
         ----------
@@ -221,14 +221,18 @@ class System:
         upper = [(i, j, self._over_surface(blocks)) for (i, j), blocks in sums.items()]
         return upper + [(j, i, matrix) for i, j, matrix in upper if i != j]
 
-    def matrix(self) -> bsr_array:
+    def matrix(self) -> csr_array:
         """M itself, unknowns node by node, layer by layer."""
-        from scipy.sparse import bmat
-
-        grid: list[list[bsr_array | None]] = [[None] * self.layers for _ in range(self.layers)]
+        size = self.graph.nodes * self.block
+        rows, columns, values = [], [], []
         for layer, other, matrix in self._layer_matrices:
-            grid[layer][other] = matrix
-        return bmat(grid, format="csr")
+            entries = matrix.tocoo()
+            rows.append(entries.row + layer * size)
+            columns.append(entries.col + other * size)
+            values.append(entries.data)
+        places = np.concatenate(rows), np.concatenate(columns)
+        shape = (self.layers * size, self.layers * size)
+        return csr_array((np.concatenate(values), places), shape=shape)
 
     def _over_surface(self, blocks: Array) -> bsr_array:
         size = self.graph.nodes * self.block

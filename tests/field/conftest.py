@@ -89,7 +89,9 @@ def views_around(
         velocity = np.zeros((total, frequencies), complex)
         flags, noise = np.zeros(total, int), np.full(total, std)
         shape = (pixels, pixels)
-        view = View(str(k + 1), rotation, origin, covariance, lattice, velocity, noise, flags, shape)
+        view = View(
+            str(k + 1), rotation, origin, covariance, lattice, velocity, noise, flags, shape
+        )
         found.append(view)
     return found
 

@@ -46,7 +46,9 @@ def smooth(views: list[View]) -> list[View]:
     rng = np.random.default_rng(5)
     shape = views[0].velocity.shape
     return [
-        replace(v, velocity=(v.dac / 1000 @ rng.normal(size=(2, 2)) + 1) @ [[1], [1j]] * np.ones(shape))
+        replace(
+            v, velocity=(v.dac / 1000 @ rng.normal(size=(2, 2)) + 1) @ [[1], [1j]] * np.ones(shape)
+        )
         for v in views
     ]
 
@@ -136,7 +138,7 @@ def test_both_parts_add_up_and_poses_may_be_joint(
     np.testing.assert_allclose(none.std, result.std_noise)
 
 
-@pytest.mark.parametrize("at_once", [10**6, 2000])
+@pytest.mark.parametrize("at_once", [10**6, 0])
 @pytest.mark.parametrize("uneven", [False, True])
 @pytest.mark.parametrize(("name", "fields"), METHODS[:1] + METHODS[4:])
 def test_large_fields(
@@ -144,7 +146,7 @@ def test_large_fields(
     monkeypatch: pytest.MonkeyPatch,
     name: str, fields: dict[str, Any], uneven: bool, at_once: int,
 ) -> None:  # fmt: skip
-    """Bounds of large fields, computed part by part from what is near, are almost the exact ones."""
+    """Bounds of large fields, computed part by part from what is near, are almost exact."""
     prisms, method = make_plate((10, 9), 4), method_of(name, fields)
     views = smooth(make_views(5, pixels=20, covariance=1e-6 * np.eye(6)))
     if uneven:
@@ -153,7 +155,8 @@ def test_large_fields(
     looks = Looks(views, laser, prisms, six_points)
     exact = estimate(looks, method)
     monkeypatch.setattr(second_way, "SMALL", 0)
-    monkeypatch.setattr(field_parts, "SAMPLES_AT_ONCE", at_once)
+    monkeypatch.setattr(field_parts, "SAMPLES_IN_ALL", at_once)
+    monkeypatch.setattr(field_parts, "SAMPLES_AT_ONCE", 1000)
     near = estimate(looks, method)
     known = exact.observable
     assert known.mean() > 0.7

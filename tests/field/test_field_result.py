@@ -19,8 +19,8 @@ from sldvexp.field.result import FieldResult
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.reconstruction.base import Model, Reconstruction, Weights
 from sldvexp.registry import get
-from sldvexp.volume.points import Points
 from sldvexp.volume.base import Samples
+from sldvexp.volume.points import Points
 from sldvexp.volume.rules import tensor_rule
 from sldvexp.volume.samples import SampleRule, shape_matrix
 
@@ -81,9 +81,7 @@ def volume_of_section_5_4(tmp_path: Any) -> Points:
     return Points(path=str(path), samples=Samples(parameters=parameters))
 
 
-def test_structural_numbers(
-    volume_of_section_5_4: Points, make_every_sample: Make
-) -> None:
+def test_structural_numbers(volume_of_section_5_4: Points, make_every_sample: Make) -> None:
     """Unknowns, rows and the order of condition numbers of Table 5.7."""
     prisms, rule = volume_of_section_5_4.prisms(), volume_of_section_5_4.rule()
     triangles = len(prisms.triangles)
@@ -236,8 +234,8 @@ def test_what_is_refused(
     prisms, views = make_plate((4, 4), 3), make_views(5)
 
     def refused(some: list[Any], match: str, method: str = "absolute", **options: Any) -> None:
+        looks = Looks(some, laser, prisms, six_points)
         with pytest.raises(UserError, match=match):
-            looks = Looks(some, laser, prisms, six_points)
             estimate(looks, method_of(method), bounds=False, **options)
 
     refused([], "field: there are no views")
@@ -251,8 +249,5 @@ def test_what_is_refused(
     refused(views, r"shape \(6, 6\); 5 views need \(30, 30\)", covariance=np.eye(6))
     away = replace(views[1], dac=views[1].dac + 3000)
     refused([views[0], away, *views[2:]], "view 2: none of the samples is seen")
-    near = [
-        replace(views[0], name=str(k + 1), origin=views[0].origin + [1e-5 * k, 0, 0])
-        for k in range(3)
-    ]
+    near = [replace(views[0], name=str(k + 1), origin=views[0].origin + 1e-5 * k) for k in range(3)]
     refused(near, "nothing is determined anywhere by the rows 1,2,3; 48 of 48 nodes")

@@ -212,9 +212,7 @@ def test_regions(make_plate: Make, rings: int) -> None:
         assert np.abs(x).max() < 0.4 / 6 * (rings + 4)
     np.testing.assert_array_equal(np.sort(np.concatenate(owned)), np.arange(63))
     single = [surface.of_own(own).triangles for own in owned]
-    np.testing.assert_array_equal(
-        np.sort(np.concatenate(single)), np.arange(len(prisms.triangles))
-    )
+    np.testing.assert_array_equal(np.sort(np.concatenate(single)), np.arange(len(prisms.triangles)))
 
 
 def test_patch_is_the_matrix_of_basis_functions(make_plate: Make, six_points: SampleRule) -> None:

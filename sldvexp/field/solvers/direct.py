@@ -1,4 +1,4 @@
-"""`solver=direct`: LU factors of the whole matrix, or of its two parts where it is their product."""
+"""`solver=direct`: LU factors of the matrix, or of its two factors where it is a product."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ class Direct(Solver):
         """Factors of the matrix."""
         from sldvexp.field.kronecker import KroneckerInverse, factorised, solved
 
+        inverse = KroneckerInverse.of(system)  # which says what is singular
         if system.exact:
-            return KroneckerInverse.of(system).times
+            return inverse.times
         factor = factorised(system.matrix().tocsc())
         return lambda right: solved(factor, right.reshape(-1, right.shape[-1])).reshape(right.shape)
