@@ -57,6 +57,12 @@ class Graph:
         return np.repeat(np.arange(self.nodes), np.diff(self.indptr))
 
     @cached_property
+    def neighbours(self) -> csr_array:
+        """Which nodes share a triangle, a node with itself as well, shape (node, node), bool."""
+        ones = np.ones(len(self.indices), bool)
+        return csr_array((ones, self.indices, self.indptr), shape=(self.nodes, self.nodes))
+
+    @cached_property
     def diagonal(self) -> Indices:
         """Where the block of a node with itself is, shape (surface_node,)."""
         return np.flatnonzero(self.indices == self.row)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array
 
+from sldvexp.field.parts import Part
 from sldvexp.field.system import System
 
 Array = NDArray[np.float64]
@@ -61,6 +62,10 @@ class WholeInverse(InverseRows):
     def of(cls, system: System, parameters: int) -> WholeInverse:
         """That of a system."""
         return cls(np.linalg.inv(system.matrix().toarray()), system.layers, parameters)
+
+    def of_part(self, part: Part) -> WholeInverse:
+        """The same: a small field is one part."""
+        return self
 
     def times(self, x: Array) -> Array:
         """See `InverseRows`."""

@@ -10,7 +10,8 @@ from scipy.sparse import bsr_array
 
 from sldvexp.field.block_rows import block_rows, diagonal_blocks, kronecker_identity
 from sldvexp.field.inverse_rows import InverseRows
-from sldvexp.field.local_rows import Neighbourhood, rings_of, surface_rows, volume_rows
+from sldvexp.field.kronecker import KroneckerInverse
+from sldvexp.field.local_rows import surface_rows, volume_rows
 from sldvexp.field.parts import Part
 from sldvexp.field.system import System
 
@@ -23,7 +24,7 @@ ODD = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class NearInverse(InverseRows):
+class NearInverse:
     """Rows of the inverse Kronecker product, turned to each node's own information.
 
     Where that differs a lot from the product's, as where a view ends at another place in each
@@ -31,18 +32,72 @@ class NearInverse(InverseRows):
 
     Parameters
     ----------
+    system : System
     line : ndarray, shape (layer, layer)
         The inverse of the line's matrix.
-    surface : bsr_array, shape (own * parameter, patch_node * parameter)
+    surface : bsr_array, shape (surface_node * block, surface_node * block)
         Rows of the inverse of the surface's matrix.
+    turn : ndarray, shape (layer, surface_node, block, block)
+        ``N^-1 N_mean`` of a node's information and that of the Kronecker product there.
+    odd : ndarray of bool, shape (surface_node,)
+    rings : int
+        How far rows reach.
+    """
+
+    system: System
+    line: Array
+    surface: bsr_array
+    turn: Array
+    odd: NDArray[np.bool_]
+    rings: int
+
+    @classmethod
+    def of(cls, system: System, rings: int) -> NearInverse:
+        """That of a system."""
+        product = KroneckerInverse.of(system)
+        mean = system.line.sum(axis=1)[:, None, None, None] * system.surface_sums
+        turn = np.linalg.pinv(system.lumped, rcond=1e-10, hermitian=True) @ mean
+        far = np.abs(np.linalg.eigvals(turn) - 1).max(axis=(0, 2)) > ODD
+        odd = system.graph.neighbours @ far.astype(float) > 0
+        rows = surface_rows(system, product.surface, rings)
+        return cls(system, product.line, rows, turn, odd, rings)
+
+    def of_part(self, part: Part) -> NearRows:
+        """Those of a part's own nodes."""
+        p, nodes, own = part.model.parameters, part.patch.nodes, part.region.own
+        place = np.full(self.system.graph.nodes, -1)
+        place[nodes] = np.arange(len(nodes))
+        surface = block_rows(self.surface, own)
+        shape = surface.shape[0], len(nodes) * self.system.block
+        surface = bsr_array((surface.data, place[surface.indices], surface.indptr), shape=shape)
+        odd = np.flatnonzero(self.odd[own])
+        volume = volume_rows(self.system, own[odd], place, self.rings)
+        turn = self.turn[:, own]
+        return NearRows(
+            self.line,
+            _of_parameters(surface, p),
+            place[own],
+            turn if self.system.block > 1 else turn * np.eye(p),
+            odd,
+            _of_parameters(volume, p),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class NearRows(InverseRows):
+    """Rows of a part's own nodes.
+
+    Parameters
+    ----------
+    line, turn
+        As in `NearInverse`, the latter of the own nodes and all parameters.
+    surface : bsr_array, shape (own * parameter, patch_node * parameter)
     own : ndarray of int
         Places of the own nodes in the patch.
-    turn : ndarray, shape (layer, own, parameter, parameter)
-        ``N^-1 N_mean`` of a node's information and that of the Kronecker product there.
     odd : ndarray of int
         Which of `own` are odd.
     volume : bsr_array, shape (layer * odd * parameter, layer * patch_node * parameter)
-        Rows of the inverse of the whole matrix.
+        Their rows of the inverse of the whole matrix.
     """
 
     line: Array
@@ -51,22 +106,6 @@ class NearInverse(InverseRows):
     turn: Array
     odd: Indices
     volume: bsr_array
-
-    @classmethod
-    def of(cls, system: System, part: Part, parameters: int) -> NearInverse:
-        """That of a part's region."""
-        around = Neighbourhood.of(system, part.patch, rings_of(part.looks.rule))
-        own = np.searchsorted(part.patch.nodes, part.region.own)
-        turn = _turn(system, part.region.own)
-        odd = _odd(turn, around, own)
-        return cls(
-            np.linalg.inv(system.line).astype(float),
-            _of_parameters(surface_rows(system, around, own), parameters),
-            own,
-            turn if system.block > 1 else turn * np.eye(parameters),
-            odd,
-            _of_parameters(volume_rows(system, around, own[odd]), parameters),
-        )
 
     def times(self, x: Array) -> Array:
         """See `InverseRows`."""
@@ -93,20 +132,6 @@ class NearInverse(InverseRows):
         exact = diagonal_blocks(self.volume @ influence, variance)
         covariance[:, self.odd] = exact.reshape(layers, len(self.odd), p, p)
         return np.diagonal(covariance, axis1=2, axis2=3), fitted
-
-
-def _turn(system: System, own: Indices) -> Array:
-    """Shape (layer, own, block, block)."""
-    mean = system.line.sum(axis=1)[:, None, None, None] * system.surface_sums[own]
-    return np.linalg.pinv(system.lumped[:, own], rcond=1e-10, hermitian=True) @ mean
-
-
-def _odd(turn: Array, around: Neighbourhood, own: Indices) -> Indices:
-    """Own nodes whose own turn, or that of a neighbour, is far from none."""
-    far = np.abs(np.linalg.eigvals(turn) - 1).max(axis=(0, 2)) > ODD
-    place = np.zeros(len(around.place), bool)
-    place[own[far]] = True
-    return np.flatnonzero(around.neighbours[own] @ place.astype(float) > 0)
 
 
 def _of_parameters(matrix: bsr_array, parameters: int) -> bsr_array:

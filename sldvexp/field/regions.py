@@ -55,11 +55,9 @@ class Surface:
     def of(cls, prisms: Prisms, graph: Graph) -> Surface:
         """The surface of a volume."""
         nodes, count = prisms.surface_nodes, len(prisms.triangles)
-        ones = np.ones(len(graph.indices), bool)
-        neighbours = csr_array((ones, graph.indices, graph.indptr), shape=(nodes, nodes))
         corner = prisms.triangles.ravel(), np.repeat(np.arange(count), 3)
         touching = csr_array((np.ones(3 * count, bool), corner), shape=(nodes, count))
-        return cls(prisms, neighbours, touching)
+        return cls(prisms, graph.neighbours, touching)
 
     def around(self, own: Indices, rings: int) -> Region:
         """The region of these nodes."""

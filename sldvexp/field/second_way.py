@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from sldvexp.field.bounds import Bounds
 from sldvexp.field.frequency_modes import FrequencyModes
-from sldvexp.field.inverse_rows import SMALL, InverseRows, WholeInverse
+from sldvexp.field.inverse_rows import SMALL, WholeInverse
 from sldvexp.field.local_rows import rings_of
 from sldvexp.field.model import FieldModel
-from sldvexp.field.near_inverse import NearInverse
+from sldvexp.field.near_inverse import NearInverse, NearRows
 from sldvexp.field.parts import Parts
 from sldvexp.field.pose_effect import PoseEffect
 from sldvexp.field.residuals import Residuals
@@ -90,17 +90,18 @@ def with_bounds(
     factor = variance_factors(looks.views, model.pixel_std)
     pose = _pose_effect(model, theta, data, factor, covariance)
     small = system.nodes * system.block <= SMALL
-    whole = WholeInverse.of(system, model.parameters) if small else None
+    rings = rings_of(looks.rule)
+    whole = WholeInverse.of(system, model.parameters) if small else NearInverse.of(system, rings)
     errors: list[float] = [0.0] if small else []
-    for part in parts.overlapping(rings_of(looks.rule), whole=small):
+    for part in parts.overlapping(rings, whole=small):
         left.add(part, theta, data)
-        rows: InverseRows = whole or NearInverse.of(system, part, model.parameters)
+        rows = whole.of_part(part)
         found.add_noise(part, rows)
         found.add_efficiency(part)
         right = None if pose is None else pose.right_sides(part)
         if pose is not None and right is not None:
             found.pose[:, part.region.own] = pose.variance(rows.times(right))
-        if isinstance(rows, NearInverse) and len(errors) < VERIFIED_PARTS:
+        if isinstance(rows, NearRows) and len(errors) < VERIFIED_PARTS:
             near = found.noise.sum(axis=3)[..., None] + found.pose
             check = Verification(part, pose, right, near, determined)
             errors.append(check.largest_error(rows, system, solve))

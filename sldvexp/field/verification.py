@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.field.near_inverse import NearInverse
+from sldvexp.field.near_inverse import NearRows
 from sldvexp.field.parts import Part
 from sldvexp.field.pose_effect import PoseEffect
 from sldvexp.field.system import Solve, System
@@ -40,7 +40,7 @@ class Verification:
     near: Array
     determined: NDArray[np.bool_]
 
-    def largest_error(self, rows: NearInverse, system: System, solve: Solve) -> float:
+    def largest_error(self, rows: NearRows, system: System, solve: Solve) -> float:
         """Largest relative error of the standard errors of some of the part's nodes."""
         layer, own = self._chosen(rows)
         node, block = self.part.region.own[own], system.block
@@ -69,7 +69,7 @@ class Verification:
             total += self.pose.variance(row @ self.right.reshape(row.shape[1], -1))
         return total
 
-    def _chosen(self, rows: NearInverse) -> tuple[Indices, Indices]:
+    def _chosen(self, rows: NearRows) -> tuple[Indices, Indices]:
         """Some nodes spread over the part, and one with the oddest information."""
         determined = self.determined[:, self.part.region.own]
         layers, count = determined.shape[:2]

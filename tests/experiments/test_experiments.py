@@ -9,8 +9,16 @@ import yaml
 
 FOLDER = Path(__file__).parents[2] / "conf" / "experiment"
 EXPERIMENTS = sorted(str(p.relative_to(FOLDER).with_suffix("")) for p in FOLDER.rglob("*.yaml"))
-#: Take more than 8 s.
-SLOW = {"dissertation/plate_1", "dissertation/plate_2", "plate"}
+#: Take more than 4 s.
+SLOW = {
+    "curved_panel",
+    "dissertation/plate_1",
+    "dissertation/plate_2",
+    "dissertation/pose_methods",
+    "dissertation/repeatability",
+    "plate",
+    "plate_frf",
+}
 MARKED = [pytest.param(n, marks=pytest.mark.long if n in SLOW else ()) for n in EXPERIMENTS]
 
 

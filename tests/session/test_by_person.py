@@ -272,6 +272,7 @@ class Terminal:
         return self.process.wait(PATIENCE)
 
 
+@pytest.mark.long
 def test_a_person_at_a_real_terminal(composed, tmp_path):
     """Steers onto four marks, is interrupted, goes on, and the pose is right."""
     made = composed("target=fiducials")
@@ -300,6 +301,7 @@ def test_a_person_at_a_real_terminal(composed, tmp_path):
             terminal.read_until(f"beam at {beam[0]} {beam[1]}: ")
             terminal.type("\n")
         terminal.read_until(f"beam at {beam[0]} {beam[1]}: ")
+        time.sleep(0.5)  # until the question is really waiting for its answer
         terminal.type("\x03")
         assert terminal.status() == 130
         told = f"what was scanned is kept, go on with: sldvexp resume={folder}"

@@ -343,6 +343,7 @@ def test_a_server_that_dies_and_comes_back_is_connected_again(sldvexp):
     require_right(done.tree["pose"].isel(view=0), laboratory())
 
 
+@pytest.mark.long
 def test_a_server_that_stays_away_is_told_and_the_run_resumed(sldvexp):
     with LabServer(laboratory(), faults=[f.ServerDies("DATA?", after=9)]) as server:
         port = int(server.resource.split("::")[2])

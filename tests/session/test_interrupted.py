@@ -234,6 +234,7 @@ def prompt(view):
     return f"Move the instrument to the view {view}, then press Enter: "
 
 
+@pytest.mark.long
 def test_the_operator_is_asked_once_a_view(terminal, tmp_path, whole):
     terminal.session()
     for view in "ab":

@@ -55,6 +55,7 @@ def alike_with_and_without(sldvexp, tmp_path, fixed, swept, shared):
     assert {step: reused.count(step) for step in shared} == shared
 
 
+@pytest.mark.long
 def test_poses_of_one_scan(sldvexp, tmp_path):
     alike_with_and_without(sldvexp, tmp_path, POSES, "pose=bitangent,edge", {"scan": 1, "pose": 0})
 

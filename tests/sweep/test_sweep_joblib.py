@@ -12,6 +12,7 @@ pytest.importorskip("hydra_plugins.hydra_joblib_launcher")
 TWO = ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "hydra.sweep.dir=swept")
 
 
+@pytest.mark.long
 def test_runs_of_other_processes(sldvexp, tmp_path):
     call = ("-m", "experiment=point", "seed=1,2,-1", "reconstruction=absolute,relative", *TWO)
     assert sldvexp(*call).status == 1  # seed=-1

@@ -54,6 +54,7 @@ def run_of(folder, seed):
     )
 
 
+@pytest.mark.long
 def test_only_what_failed_is_done_again(sweep):
     assert sweep()[1] == {"1", "-2", "3"}
     done, computed = sweep()
@@ -106,6 +107,7 @@ def test_scan_lines_of_other_settings_are_put_aside(tmp_path):
     assert left("before", Retry.all) == ["journal-before-1", "journal-before-2"]
 
 
+@pytest.mark.long
 def test_clock_that_goes_backwards_changes_nothing(sweep, monkeypatch):
     sweep(seeds="seed=1,3")
     monkeypatch.setattr(time, "time", lambda: 0.0)
@@ -135,6 +137,7 @@ def test_changed_input_file_does_it_again(sldvexp, tmp_path):
     assert sum(before[name] != now for name, now in times().items()) == 1
 
 
+@pytest.mark.long
 def test_settings_decide_and_not_how_they_are_written(sweep, sldvexp, tmp_path):
     """A run is known by its whole configuration, so that a default that changes is noticed."""
     sweep(seeds="seed=1,3")
@@ -216,6 +219,7 @@ def killed_and_resumed(tmp_path, settings, moments):
     return kept
 
 
+@pytest.mark.long
 def test_killed_sweep_goes_on_to_the_same_end(tmp_path):
     moments = np.random.default_rng(5).uniform(0.5, 0.95, 2)
     killed_and_resumed(tmp_path, ["seed=1,2,3,4,5,6"], moments)
