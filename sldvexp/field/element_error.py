@@ -41,7 +41,8 @@ def element_error(
     from_inside = _from_inside(prisms, mass)
     by_layer = velocity.reshape(prisms.layers, prisms.surface_nodes, -1)
     twice = [layer - np.asarray(mass @ layer) for layer in by_layer]
-    return np.stack([np.asarray(from_inside @ t) / 2 for t in twice]).reshape(velocity.shape)
+    error: NDArray[np.complex128] = np.array([from_inside @ t for t in twice], complex)
+    return np.asarray(error.reshape(velocity.shape) / 2)
 
 
 def _surface_mass(prisms: Prisms, rule: SampleRule) -> csr_array:
@@ -61,8 +62,9 @@ def _from_inside(prisms: Prisms, mass: csr_array) -> csr_array:
     unique, count = np.unique(edges, axis=0, return_counts=True)
     rim = np.zeros(prisms.surface_nodes, bool)
     rim[unique[count == 1]] = True
-    beside = csr_array(diags_array(rim.astype(float)) @ (mass != 0) @ diags_array(1.0 - rim))
-    return csr_array(_rows_to_one(beside) + diags_array(1.0 - rim))
+    inner = csr_array(diags_array(1.0 - rim))
+    beside = csr_array(diags_array(rim.astype(float)) @ mass.astype(bool).astype(float) @ inner)
+    return csr_array(_rows_to_one(beside) + inner)
 
 
 def _rows_to_one(matrix: csr_array) -> csr_array:

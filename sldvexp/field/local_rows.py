@@ -64,7 +64,7 @@ def surface_rows(system: System, factor: SuperLU, rings: int) -> bsr_array:
         found = columns[reach.indices[entry], :, colour[row[entry]] - first]
         data[entry] = np.swapaxes(found, 1, 2)
     last = _last_ring(reach, within(neighbours, rings - 1), row)
-    _close(data, row, reach.indices, last, system.surface_sums)
+    _close(data, row, np.asarray(reach.indices, np.intp), last, system.surface_sums)
     size = nodes * block
     return bsr_array((data, reach.indices, reach.indptr), shape=(size, size))
 
@@ -79,7 +79,9 @@ def _last_ring(reach: csr_array, inner: csr_array, row: Indices) -> NDArray[np.b
     return last | alone[row]
 
 
-def _close(data: Array, row: Indices, column: Indices, last: NDArray[np.bool_], sums: Array) -> None:
+def _close(
+    data: Array, row: Indices, column: Indices, last: NDArray[np.bool_], sums: Array
+) -> None:
     """Give the last ring what rows lack to be exact for a constant, ``sum_m Z_nm s_m = 1``.
 
     Parameters
@@ -119,7 +121,7 @@ def volume_rows(system: System, nodes: Indices, place: Indices, rings: int) -> b
     reach = within(graph.neighbours, rings)[nodes]
     data, indices, count = [], [], int(place.max()) + 1
     for node, first, last in zip(nodes, reach.indptr[:-1], reach.indptr[1:], strict=True):
-        near = reach.indices[first:last]
+        near = np.asarray(reach.indices[first:last], np.intp)
         here, number = _blocks_of(system, near), len(near)
         dense = np.zeros((layers, layers, number, number, block, block))
         for gap in range(layers - 1):

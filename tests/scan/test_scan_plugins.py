@@ -153,6 +153,7 @@ def test_inputs_of_a_session_are_those_of_its_parts():
 
 def test_settings_of_a_part_are_named_in_full(sldvexp):
     done = sldvexp(
+        "~experiment",
         "scan=session",
         "scan.structure.views={a: {corners: [[1, 2]]}}",
         "scan.structure.stride=0",
