@@ -7,6 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 
+#: Frequencies that a line tells of, those of the largest amplitudes.
+MOST_FREQUENCIES = 4
+
 
 def image_text(tree: Mapping[str, xr.Dataset]) -> str:
     """What the images of a run hold, a line for each view; empty if there are none.
@@ -19,8 +22,8 @@ def image_text(tree: Mapping[str, xr.Dataset]) -> str:
     Returns
     -------
     str
-        Pixels, flagged ones by kind, and for each frequency the largest amplitude and the median
-        standard error of the others.
+        Pixels, flagged ones by kind, and for the strongest frequencies the largest amplitude and
+        the median standard error.
     """
     images = {k.removeprefix("image/"): g for k, g in tree.items() if k.startswith("image/")}
     return "\n".join(_view_text(view, image) for view, image in images.items())
@@ -33,8 +36,12 @@ def _view_text(view: str, image: xr.Dataset) -> str:
     good = image.isel(pixel=image["flags"].values == 0)
     largest = np.abs(good["velocity"].values).max(axis=0)
     std = np.median(good["velocity_std"].values, axis=0)
+    hertz = image["frequency"].values
+    shown = np.sort(np.argsort(-largest, kind="stable")[:MOST_FREQUENCIES])
     found = "; ".join(
-        f"{hertz:g} Hz: at most {1000 * amplitude:.4g} mm/s, median std {1000 * error:.2g} mm/s"
-        for hertz, amplitude, error in zip(image["frequency"].values, largest, std, strict=True)
+        f"{hertz[i]:g} Hz: at most {1000 * largest[i]:.4g} mm/s, "
+        f"median std {1000 * std[i]:.2g} mm/s"
+        for i in shown
     )
-    return f"{name}: {image.attrs['summary']}; {found}"
+    rest = f"; {len(hertz) - len(shown)} more frequencies" if len(shown) < len(hertz) else ""
+    return f"{name}: {image.attrs['summary']}; {found}{rest}"

@@ -33,3 +33,10 @@ def test_a_line_for_each_view():
 
 def test_nothing_without_images():
     assert image_text({"pose": None}) == ""
+
+
+def test_of_many_frequencies_the_strongest_are_told():
+    told = image_text({"image/front": image([10.0, 20.0, 30.0, 40.0, 50.0, 60.0])})
+    assert " 30 Hz: at most 15 mm/s" in told
+    assert " 20 Hz:" not in told
+    assert told.endswith("; 2 more frequencies")
