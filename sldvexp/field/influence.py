@@ -30,4 +30,6 @@ def influence(patch: Patch, estimator: Array, weights: csr_array) -> bsr_array:
     parameters = estimator.shape[1]
     data = patch.shape.ravel()[basis.data, None] * estimator[basis.indices]
     shape = (patch.count * parameters, len(estimator))
+    if not estimator.any():  # the rows leave this view out
+        return bsr_array((shape[0], weights.shape[1]), blocksize=(parameters, 1))
     return bsr_array((data[..., None], basis.indices, basis.indptr), shape=shape) @ weights
