@@ -13,8 +13,12 @@ from sldvexp.errors import UserError, nearest
 
 #: The module of each; its `run` gets the words after the command and the user's folder.
 COMMANDS = {
+    "check": "sldvexp.sweep.checking",
     "compare": "sldvexp.sweep.compare",
+    "export": "sldvexp.export.command",
     "list": "sldvexp.catalogue.listing",
+    "plot": "sldvexp.plot.command",
+    "report": "sldvexp.sweep.report",
     "rerun": "sldvexp.sweep.rerun",
     "show": "sldvexp.catalogue.showing",
 }

@@ -41,6 +41,8 @@ ARGUMENTS = (
      "-sc does not know the shell {0}; Valid: bash, fish, zsh"),
     (r"hydra\.searchpath must be a list of strings", "hydra.searchpath must be a list of folders"),
     (r"Additional config directory '(.*)' not found", "--config-dir: there is no folder {0}"),
+    (r"Could not detect \"srun\"", "hydra/launcher=submitit_slurm submits to SLURM, which is not "
+     "here; submitit_local does the same on this machine"),
 )  # fmt: skip
 
 #: What Hydra says about a file's defaults list, and what a user is told.
@@ -54,6 +56,17 @@ IN_FILES = (
     (r"Override '.*' is defined before '(.*): .*'",
      "its defaults have {0} after an override, but overrides must come last"),
 )  # fmt: skip
+
+#: The extra of this package that brings each of Hydra's launchers.
+LAUNCHERS = {
+    "joblib": "parallel",
+    "submitit_local": "slurm",
+    "submitit_slurm": "slurm",
+    "ray": "ray",
+}
+
+#: Packages that raise errors of their own when a process that did runs for them is lost.
+OF_LAUNCHERS = ("joblib", "submitit", "ray")
 
 #: Entries with numbers for names, and new ones whose settings have types, have no dotted paths.
 UNREACHABLE = (
@@ -84,6 +97,11 @@ def of_composition(error: Exception, origins: Origins) -> str:
     """The sentence for whatever keeps a configuration from being composed."""
     if told := sentence(error, origins):
         return told
+    if type(error).__module__.partition(".")[0] in OF_LAUNCHERS:
+        return (
+            "a process that did a run was lost, as when memory runs out; the same command does "
+            f"what is missing: {(str(error) or type(error).__name__).splitlines()[0]}"
+        )
     if unreadable := origins.unreadable:
         return (
             f"{COMMAND_LINE}: {unreadable[0]!r} cannot be read; write key=value, and put a value "
@@ -123,6 +141,12 @@ def _missing_choice(path: str, origins: Origins) -> str:
     where = origins.where_chosen(group, name)
     if not name:
         return f"{COMMAND_LINE}: there is no configuration {path}; is --config-name right?"
+    if extra := path.startswith("hydra/launcher/") and LAUNCHERS.get(path.rpartition("/")[2]):
+        name = path.rpartition("/")[2]
+        return (
+            f"{COMMAND_LINE}: hydra/launcher={name} needs a package that is not installed: "
+            f"pip install 'sldvexp[{extra}]'"
+        )
     if path.startswith("hydra/") or name.startswith("schema/"):
         group, _, name = path.rpartition("/")
         where = where or origins.where_chosen(group, name)

@@ -57,6 +57,8 @@ def _all(words: list[str], word: str) -> Iterable[str]:
         return GROUPS
     if command == "show":
         return _choices(word, GROUPS, origins) or [f"{group}=" for group in GROUPS]
+    if command == "check":
+        return origins.options_of(EXPERIMENT)
     if command in COMMANDS:
         return []  # the shell offers files
     return (

@@ -18,6 +18,7 @@ usage: sldvexp [group=choice | key=value ...] [options]
   sldvexp experiment=pose --cfg job                what would be run
   sldvexp -m experiment=pose laser.mirror_offset=0,0.02    one run for each value
   sldvexp --config-dir lab experiment=mine         with experiments and choices of your own
+  sldvexp check plate lab                          whether experiments, or all of a folder, work
   sldvexp list [group]                             plugins and experiments, one line each
   sldvexp show pose=edge                           what can be set, and what it means
   sldvexp --hydra-help                             all options

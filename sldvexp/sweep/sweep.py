@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
+import os
+import shlex
 import shutil
 from argparse import Namespace
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from pathlib import Path
 from types import TracebackType
 
 from sldvexp.errors import UserError
+from sldvexp.report.base import Report
 from sldvexp.sweep import record
 from sldvexp.sweep.lock import locked
 from sldvexp.sweep.plan import RESOLVER, Plan, folder_name, register_resolver
 from sldvexp.sweep.progress import Progress
+from sldvexp.sweep.watch import Watch
 
 SWEEPS = Path("outputs/sweeps")
 LOCK_FILE = ".lock"
+
+IN_THIS_PROCESS = "basic"
+#: How many runs Hydra's sweeper gives to the launcher at once.
+BATCH = "hydra.sweeper.max_batch_size"
+#: Launchers that begin all runs at once, however few processors there are.
+UNBOUNDED = ("submitit_local",)
 
 
 class Sweep:
@@ -27,6 +37,11 @@ class Sweep:
     options : Namespace
         Of the command line.
 
+    Attributes
+    ----------
+    batched : bool
+        Whether the launcher gets some of the runs only when others are done.
+
     Raises
     ------
     UserError
@@ -36,6 +51,7 @@ class Sweep:
 
     def __init__(self, options: Namespace) -> None:
         self.plan = Plan.of(options.overrides)
+        self._command = _command(options)
         given = [o.partition("=") for o in options.overrides]
         chosen = [value for key, _, value in given if key == "hydra.sweep.dir"]
         own = str(Path(options.config_dir).resolve()) if options.config_dir else ""
@@ -48,6 +64,12 @@ class Sweep:
                 "settings, so that a sweep finds it again; hydra.sweep.dir chooses where they lie"
             )
         self._added.append(f"hydra.sweep.subdir=${{{RESOLVER}:}}")
+        launchers = [value for key, _, value in given if key == "hydra/launcher"]
+        self._launcher = launchers[-1] if launchers else IN_THIS_PROCESS
+        self.batched = any(key == BATCH for key, _, _ in given)
+        if self._launcher in UNBOUNDED and not self.batched:
+            self._added.append(f"{BATCH}={os.cpu_count() or 1}")
+            self.batched = True
         self._held, self._made = ExitStack(), False
         self._progress = Progress(len(self.plan.jobs), self.folder)
         register_resolver()
@@ -88,6 +110,12 @@ class Sweep:
         """Whether any run has left a record."""
         return any((folder / record.FILE).is_file() for folder in self.folders)
 
+    def watched(self) -> AbstractContextManager[object]:
+        """While in it, what runs of other processes come to is told as they end."""
+        if self._launcher == IN_THIS_PROCESS:
+            return nullcontext()
+        return Watch(self.folder, self.tell)
+
     def tell(self, run: str, computed: bool) -> None:
         """Print how far this is, after a run.
 
@@ -101,22 +129,33 @@ class Sweep:
         if line := self._progress.tell(Path(run), computed):
             print(line, flush=True)
 
-    def finish(self, rank: str) -> set[str]:
+    def finish(self, rank: str, report: Report | None = None) -> set[str]:
         """Leave one dataset and one table of all runs, and print them in order of merit.
 
         Parameters
         ----------
         rank : str
             Headline to rank by, see `sldvexp.sweep.ranking.ranked_by`.
+        report : Report, optional
+            Makes a page about all of it.
 
         Returns
         -------
         set of str
             States that runs are in, see `sldvexp.sweep.record.State`.
         """
+        from sldvexp.provenance import about_program
         from sldvexp.sweep.collect import collect
         from sldvexp.sweep.summary import write_summary
 
         table = collect(self.plan.names, self.plan.cells(), self.folders)
-        write_summary(table, self.plan.names, self.folder, rank)
+        table.attrs |= {"command": self._command, **about_program()}
+        write_summary(table, self.plan.names, self.folder, rank, report)
         return {str(state) for state in table["state"].values.ravel()}
+
+
+def _command(options: Namespace) -> str:
+    """The command line again."""
+    where = {"--config-dir": options.config_dir, "--config-name": options.config_name}
+    given = [word for name, value in where.items() if value for word in (name, value)]
+    return shlex.join(["sldvexp", "-m", *given, *options.overrides])
