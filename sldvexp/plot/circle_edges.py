@@ -1,0 +1,183 @@
+"""Edge points of the calibration object's circles, and the ellipses through them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.plot import style
+from sldvexp.plot.needed import require
+from sldvexp.plot.recorded import plugin
+from sldvexp.plot.shown import Shown, Source, one_of, shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from sldvexp.geometry.conic_fit import ConicFit
+
+Array = NDArray[np.float64]
+
+NO_EDGES = (
+    "the run has no edges of circles (groups edge/<view>); they come from a scan of a calibration "
+    "object, as in experiment=dissertation/automated_pose"
+)
+
+#: Views beside each other.
+COLUMNS = 3
+
+TURN = np.linspace(0.0, 2.0 * np.pi, 181)
+
+
+def missing(run: Shown) -> str:
+    """Why no edges can be shown; empty if they can."""
+    return "" if run.below_with("edge", "dac", "circle") else NO_EDGES
+
+
+@style.styled
+def edges(source: Source | Shown, view: str | None = None) -> Figure:
+    """Edge points of all circles, a panel for each view (Figure 4.22, seen from the instrument).
+
+    Parameters
+    ----------
+    source : DataTree or others
+        See `sldvexp.plot.shown.shown`.
+    view : str, optional
+        Only this one.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    UserError
+        If the run has no edges, or none of that view.
+    """
+    run = shown(source)
+    require("edges", missing(run))
+    views = run.below_with("edge", "dac", "circle")
+    if view is not None:
+        view = one_of(view, views, "edges", "view")
+        views = {view: views[view]}
+    columns = min(len(views), COLUMNS)
+    rows = -(-len(views) // columns)
+    made = style.figure(1.0 + 3.6 * columns, 0.9 + 3.4 * rows, "Edge points of the circles")
+    axes = made.subplots(rows, columns, squeeze=False)
+    for axis, (name, group) in zip(axes.ravel(), views.items(), strict=False):
+        numbers = np.unique(group["circle"].values)
+        for number, look in zip(numbers, style.looks(len(numbers)), strict=True):
+            own = group["circle"].values == number
+            up_down, left_right = group["dac"].values[own].T
+            look |= {"linestyle": "none", "markersize": 2.5, "fillstyle": "none"}
+            axis.plot(left_right, up_down, label=f"{number}: {own.sum()} edges", **look)
+        error = float(np.median(group["dac_std"]))
+        axis.set_title(f"view {name}: standard error {error:.2g} steps (median)")
+        axis.set(xlabel="left-right, DAC steps", ylabel="up-down, DAC steps")
+        axis.set_aspect("equal")
+        axis.legend(loc="best", frameon=True, framealpha=0.9, title="circle")
+    for axis in axes.ravel()[len(views) :]:
+        axis.remove()
+    return made
+
+
+@style.styled
+def conics(source: Source | Shown, view: str | None = None) -> Figure:
+    """Ellipses through one view's edges, and their residuals (Figures 4.23 and 4.24).
+
+    They are fitted where the image of a circle is an ellipse (`sldvexp.image.pinhole`) if the run
+    tells its laser, otherwise in DAC steps.
+
+    Parameters
+    ----------
+    source : DataTree or others
+        See `sldvexp.plot.shown.shown`.
+    view : str, optional
+        Without it the first.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    UserError
+        If the run has no edges, or none of that view.
+    """
+    run = shown(source)
+    require("conics", missing(run))
+    view = one_of(view, run.below_with("edge", "dac", "circle"), "conics", "view")
+    fits = fitted(run, view)
+    columns = len(fits)
+    made = style.figure(1.0 + 2.8 * columns, 6.4, f"Ellipses through the edges of view {view}")
+    axes = made.subplots(2, columns, squeeze=False, height_ratios=[1.2, 1.0])
+    for column, (number, (fit, turn, points, curve)) in zip(axes.T, fits.items(), strict=True):
+        _ellipse(column[0], points, curve, fit)
+        column[0].set_title(f"circle {number}")
+        _residuals(column[1], turn, fit)
+    axes[0, 0].set_ylabel("up-down, DAC steps")
+    axes[1, 0].set_ylabel("distance from the ellipse, DAC steps")
+    low = min(axis.get_ylim()[0] for axis in axes[1])
+    high = max(axis.get_ylim()[1] for axis in axes[1])
+    for axis in axes[1]:
+        axis.set_ylim(low, high)
+    return made
+
+
+def fitted(run: Shown, view: str) -> dict[int, tuple[ConicFit, Array, Array, Array]]:
+    """Of each circle its fit, the edges' turn around it, the edges and the curve, DAC steps."""
+    from sldvexp.geometry.conic import boundary
+    from sldvexp.image.conics import fit_circle
+    from sldvexp.image.pinhole import dac_from_pinhole, pinhole_edges
+    from sldvexp.session.circles import edges_of
+
+    laser = _laser(run)
+    found = {}
+    for number, edge in enumerate(edges_of(run.groups[f"edge/{view}"]), 1):
+        fit, moved = fit_circle(pinhole_edges(laser, edge) if laser else edge)
+        curve = boundary(fit.ellipse.parameters, TURN)[0]
+        away = moved.position - fit.ellipse.centre
+        turn = np.degrees(np.arctan2(away[:, 0], away[:, 1]))
+        curve = dac_from_pinhole(laser, curve) if laser else curve
+        points = dac_from_pinhole(laser, moved.position) if laser else moved.position
+        found[number] = (fit, turn, points, curve)
+    return found
+
+
+def _laser(run: Shown) -> Any:
+    """The run's laser; None if it does not tell."""
+    known = '"laser"' in str(run.attributes.get("plugins", "")) and "config" in run.attributes
+    return plugin(run, "laser", "conics") if known else None
+
+
+def _ellipse(axes: Axes, points: Array, curve: Array, fit: ConicFit) -> None:
+    axes.plot(curve[:, 1], curve[:, 0], color=style.COLOURS[1], label="ellipse")
+    for used, marker, name in ((True, "o", "edge"), (False, "x", "outlier")):
+        some = points[fit.used == used]
+        if len(some):
+            look: dict[str, Any] = {"color": style.COLOURS[0], "markersize": 3, "fillstyle": "none"}
+            axes.plot(some[:, 1], some[:, 0], marker, label=name, **look)
+    axes.set_aspect("equal")
+    axes.set_xlabel("left-right, DAC steps")
+    axes.legend(loc="center")
+
+
+def _residuals(axes: Axes, turn: Array, fit: ConicFit) -> None:
+    axes.axhline(0.0, color=style.COLOURS[-1], linewidth=0.8)
+    for used, marker, name in ((True, "o", "edge"), (False, "x", "outlier")):
+        own = fit.used == used
+        if own.any():
+            axes.errorbar(
+                turn[own],
+                fit.residual[own],
+                fit.residual_std[own],
+                fmt=marker,
+                color=style.COLOURS[0],
+                ecolor=style.COLOURS[-1],
+                markersize=3,
+                label=name,
+            )
+    axes.set_title(f"χ² {fit.chi_square:.0f} of {fit.dof} degrees of freedom")
+    axes.set(xlabel="direction from the centre, deg", xticks=[-180, -90, 0, 90, 180])

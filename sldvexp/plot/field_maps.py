@@ -1,0 +1,125 @@
+"""Maps of a velocity field on one layer: size, phase and bound of every component."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sldvexp.plot import style
+from sldvexp.plot.layer import Layer, layer_of, missing_field
+from sldvexp.plot.needed import require
+from sldvexp.plot.shown import Shown, Source, shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+missing = missing_field
+
+
+@style.styled
+def field(
+    source: Source | Shown,
+    frequency: float | None = None,
+    depth: float | None = None,
+    name: str | None = None,
+) -> Figure:
+    """Size, phase and bound of every component of the velocity on one layer.
+
+    Where a velocity is smaller than its bound its phase means nothing and is hatched.
+
+    Parameters
+    ----------
+    source : DataTree or others
+        See `sldvexp.plot.shown.shown`.
+    frequency : float, Hz, optional
+        Without it the one of the largest velocity.
+    depth : float, m, optional
+        Of the layer; without it the given surface.
+    name : str, optional
+        ``field``, or one of those it is compared with.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    UserError
+        If the run has no field, or none there.
+    """
+    run = shown(source)
+    require("field", missing(run))
+    layer = layer_of(run, "field", frequency, depth, name)
+    rows = len(layer.components)
+    wide, high = (np.ptp(layer.position[:, i]) for i in layer.plane)
+    height = 0.9 + rows * (0.55 + 2.3 * min(max(high / wide, 0.35), 1.4))
+    title = style.joined(f"Velocity {layer.where}", layer.frequency)
+    made = style.figure(10.5, height, title)
+    axes = made.subplots(rows, 3, sharex=True, sharey=True, squeeze=False)
+    for row, component in zip(axes, layer.components, strict=True):
+        _size(row[0], layer, component)
+        _phase(row[1], layer, component)
+        _bound(row[2], layer, component)
+    for one in axes.ravel():
+        layer.label(one)
+        one.label_outer()
+    return made
+
+
+def _size(axes: Axes, layer: Layer, component: str) -> None:
+    """Magnitudes; linear inside of an element, as the field is."""
+    size = np.abs(layer.values("velocity", component))
+    factor, unit = style.prefixed(size, "m/s")
+    _map(axes, layer, factor * size, unit, 0.0, component)
+    axes.set_title(f"{component}: size")
+
+
+def _bound(axes: Axes, layer: Layer, component: str) -> None:
+    """Half-widths of the intervals."""
+    bound = layer.bound(component)
+    factor, unit = style.prefixed(bound, "m/s")
+    _map(axes, layer, factor * bound, unit, None, component)
+    axes.set_title(f"{component}: {layer.bound_name}")
+
+
+def _map(
+    axes: Axes, layer: Layer, values: np.ndarray, unit: str, low: float | None, component: str
+) -> None:
+    style.hatched(axes)
+    mesh, known = layer.mesh(), np.isfinite(values) & (layer.values("observable", component) != 0)
+    if not known.any():
+        axes.triplot(mesh, color="none")
+        style.not_determined(axes)
+        return
+    mesh.set_mask(~known[mesh.triangles].all(axis=1))
+    shown_values = np.where(known, values, values[known].mean())
+    mapped = axes.tripcolor(
+        mesh, shown_values, shading="gouraud", cmap=style.SIZE_MAP, vmin=low, rasterized=True
+    )
+    style.bar(axes, mapped, unit)
+
+
+def _phase(axes: Axes, layer: Layer, component: str) -> None:
+    """Phases of triangles, where they are larger than their bound."""
+    from matplotlib.tri import Triangulation
+
+    style.hatched(axes)
+    mesh, velocity = layer.mesh(), layer.values("velocity", component)
+    mean = velocity[mesh.triangles].mean(axis=1)
+    bound = np.nan_to_num(layer.bound(component))[mesh.triangles].mean(axis=1)
+    known = np.abs(mean) > bound  # a NaN is not above anything
+    axes.triplot(mesh, linestyle="none")  # as wide as the others, whatever is known
+    if not known.any():
+        known[0], mean[0] = True, np.nan
+    mapped = axes.tripcolor(
+        Triangulation(mesh.x, mesh.y, mesh.triangles[known]),
+        facecolors=np.ma.masked_invalid(np.angle(mean[known])),
+        cmap=style.PHASE_MAP,
+        vmin=-np.pi,
+        vmax=np.pi,
+        rasterized=True,
+    )
+    style.phase_bar(axes, mapped)
+    axes.set_title(f"{component}: phase (hatched: below its bound)")

@@ -1,0 +1,254 @@
+"""Image points of the calibration object: bitangents, residuals of the pose, repeatability."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from sldvexp.plot import style
+from sldvexp.plot.circle_edges import COLUMNS, fitted
+from sldvexp.plot.needed import require
+from sldvexp.plot.shown import Shown, Source, one_of, shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NO_POINTS = (
+    "the run has no image points of the object (group registration); they come from pose=bitangent "
+    "or registration data"
+)
+NO_PAIRS = "the image points are not four for each pair of circles, as pose=bitangent makes them"
+NO_RESIDUALS = (
+    "the run has no residuals of a pose (group pose, variable residual or residual_rms); choose a "
+    "pose that is adjusted, as pose=bitangent"
+)
+NO_REPEATS = (
+    "the run does not repeat a pose's image points (a check=repeatability with its registration); "
+    "see experiment=dissertation/repeatability"
+)
+
+MIRRORS = {"left_right": "left-right", "up_down": "up-down"}
+
+
+def missing(run: Shown) -> str:
+    """Why no bitangent points can be shown; empty if they can."""
+    if not run.has("registration", "dac"):
+        return NO_POINTS
+    scanned = run.below_with("edge", "dac")
+    return "" if scanned and run.groups["registration"].sizes["point"] % 4 == 0 else NO_PAIRS
+
+
+def missing_residuals(run: Shown) -> str:
+    """Why no residuals can be shown; empty if they can."""
+    return "" if run.has("pose", "residual") or run.has("pose", "residual_rms") else NO_RESIDUALS
+
+
+def missing_repeats(run: Shown) -> str:
+    """Why no repeatability can be shown; empty if it can."""
+    found = run.below_with("examined", "dac_std") and run.has("registration", "dac")
+    return "" if found else NO_REPEATS
+
+
+@style.styled
+def bitangents(source: Source | Shown, view: str | None = None) -> Figure:
+    """Bitangent points, their tangents and the ellipses that they touch, as the beam sees them.
+
+    Parameters
+    ----------
+    source : DataTree or others
+        See `sldvexp.plot.shown.shown`.
+    view : str, optional
+        Without it the first.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    UserError
+        If the run has no bitangent points, or none of that view.
+    """
+    run = shown(source)
+    require("bitangents", missing(run))
+    views = run.groups["registration"]["view"].values.astype(str)
+    view = one_of(view, views, "bitangents", "view")
+    points = run.groups["registration"].sel(view=view)
+    made = style.figure(7.2, 6.4, f"Bitangent points of view {view}")
+    axes = made.subplots()
+    if f"edge/{view}" in run.groups:
+        for _, _, _, curve in fitted(run, view).values():
+            axes.plot(curve[:, 1], curve[:, 0], color=style.COLOURS[1], label="ellipse")
+    dac = points["dac"].values
+    for four in dac.reshape(-1, 4, 2):
+        for ends in (four[[0, 2]], four[[1, 3]]):
+            axes.plot(ends[:, 1], ends[:, 0], "--", color=style.COLOURS[-1], label="bitangent")
+    axes.plot(dac[:, 1], dac[:, 0], "o", color=style.COLOURS[3], label="bitangent point")
+    _number(axes, dac, points["point"].values)
+    axes.set(xlabel="left-right, DAC steps", ylabel="up-down, DAC steps")
+    axes.set_aspect("equal")
+    axes.margins(0.12)
+    style.legend_below(made, axes)
+    return made
+
+
+def _number(axes: Axes, dac: np.ndarray, numbers: np.ndarray) -> None:
+    """Write a point's number beside it, on the side away from the middle of its neighbours."""
+    for k, (place, number) in enumerate(zip(dac, numbers, strict=True)):
+        near = np.argsort(np.linalg.norm(dac - place, axis=1))[1:4]
+        away = place - dac[near].mean(axis=0)
+        away = away[::-1] / (np.linalg.norm(away) or 1.0)
+        axes.annotate(
+            str(number),
+            place[::-1],
+            xytext=tuple(10.0 * away),
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            fontsize=8,
+            gid=f"point-{k}",
+        )
+
+
+@style.styled
+def pose_residuals(source: Source | Shown) -> Figure:
+    """What the poses leave at the image points, in DAC steps; by view, if that is all there is.
+
+    Error bars are the standard deviation of a mirror reading, s.
+
+    Parameters
+    ----------
+    source : DataTree or others
+        See `sldvexp.plot.shown.shown`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    UserError
+        If the run has no pose that leaves residuals.
+    """
+    run = shown(source)
+    require("pose_residuals", missing_residuals(run))
+    pose = run.groups["pose"]
+    return _by_point(pose) if "residual" in pose else _by_view(pose)
+
+
+def _by_point(pose: xr.Dataset) -> Figure:
+    """Residuals of both mirrors, a panel for each view."""
+    names = [str(v) for v in pose["view"].values]
+    columns = min(len(names), COLUMNS)
+    rows = -(-len(names) // columns)
+    width, height = (7.0, 3.6) if len(names) == 1 else (1.0 + 3.6 * columns, 0.8 + 2.3 * rows)
+    made = style.figure(width, height, "Residuals of the pose: observed minus predicted")
+    axes = made.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    numbers = np.arange(pose.sizes["point"]) + 1
+    labels = pose["point"].values if "point" in pose.coords else numbers
+    for axis, name in zip(axes.ravel(), names, strict=False):
+        one = pose.sel(view=name)
+        s = float(one["s"]) if "s" in one else np.nan
+        axis.axhline(0.0, color=style.COLOURS[-1], linewidth=0.8)
+        for (mirror, text), look, shift in zip(
+            MIRRORS.items(), style.looks(2), (-0.12, 0.12), strict=True
+        ):
+            values = one["residual"].sel(mirror=mirror).values
+            look["linestyle"] = "none"
+            error = None if np.isnan(s) else np.full(len(values), s)
+            axis.errorbar(numbers + shift, values, error, label=text, **look)
+        rms = float(one["residual_rms"]) if "residual_rms" in one else np.nan
+        axis.set_title(f"view {name}: r.m.s. {rms:.3g}, s {s:.3g} steps")
+        axis.xaxis.set_major_locator(style.whole_numbers())
+        if not np.array_equal(labels, numbers) and len(labels) <= 30:
+            axis.set_xticks(numbers, [str(n) for n in labels])
+    for axis in axes.ravel()[len(names) :]:
+        axis.remove()
+    style.outer_labels(axes, len(names), "point", "residual, DAC steps")
+    style.legend_below(made, axes[0, 0])
+    return made
+
+
+def _by_view(pose: xr.Dataset) -> Figure:
+    """Root mean square residual of each view, where no points are known."""
+    names = [str(v) for v in pose["view"].values]
+    made = style.figure(max(5.0, 1.8 + 0.5 * len(names)), 3.4, "Residuals of the poses by view")
+    axes = made.subplots()
+    place = np.arange(len(names))
+    known = {"residual_rms": "r.m.s. residual", "s": "s, of a mirror reading"}
+    for (key, text), look, aside in zip(known.items(), style.looks(2), (-0.1, 0.1), strict=True):
+        if key in pose:
+            look["linestyle"] = "none"
+            values = pose[key].values
+            # the relative standard error of a standard deviation with so many degrees of freedom
+            error = values / np.sqrt(2.0 * pose["dof"].values) if "dof" in pose else None
+            axes.errorbar(place + aside, values, error, label=text, markersize=6, **look)
+    axes.set_xticks(place, names)
+    axes.set(xlabel="view", ylabel="DAC steps")
+    axes.set_ylim(bottom=0.0)
+    axes.margins(x=0.1)
+    style.legend_below(made, axes)
+    return made
+
+
+@style.styled
+def repeatability(source: Source | Shown) -> Figure:
+    """Scatter of repeated image points: both mirrors and standard deviation (Figures 4.25 to 4.27).
+
+    Parameters
+    ----------
+    source : DataTree or others
+        See `sldvexp.plot.shown.shown`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    UserError
+        If the run does not repeat a pose.
+    """
+    run = shown(source)
+    require("repeatability", missing_repeats(run))
+    group = run.groups["registration"]
+    examined = next(iter(run.below_with("examined", "dac_std").values()))
+    names = [str(v) for v in group["view"].values]
+    numbers = np.arange(group.sizes["point"]) + 1
+    made = style.figure(8.0, 8.4, f"Image points of {len(names)} repeated scans of one pose")
+    axes = made.subplots(3, 1, sharex=True)
+    for axis, (mirror, text) in zip(axes, MIRRORS.items(), strict=False):
+        dac = group["dac"].sel(mirror=mirror)
+        away = dac - dac.mean("view")
+        axis.axhline(0.0, color=style.COLOURS[-1], linewidth=0.8)
+        shift = np.linspace(-0.3, 0.3, len(names))
+        for name, look, aside in zip(names, style.looks(len(names)), shift, strict=True):
+            look["linestyle"] = "none"
+            axis.plot(numbers + aside, away.sel(view=name).values, label=name, **look)
+        axis.set_ylabel(f"{text} minus mean, DAC steps")
+    _scatter(axes[2], examined, len(names), numbers)
+    axes[2].set_xticks(numbers, [str(n) for n in group["point"].values])
+    axes[2].set_xlabel("point")
+    style.legend_below(made, axes[0], title="scan")
+    return made
+
+
+def _scatter(axes: Axes, examined: xr.Dataset, repeats: int, numbers: np.ndarray) -> None:
+    """Standard deviations, with the 95 % intervals that chi square gives them."""
+    from scipy.special import chdtri
+
+    dof = repeats - 1
+    low, high = np.sqrt(dof / chdtri(dof, [0.025, 0.975]))
+    for (mirror, text), look, shift in zip(
+        MIRRORS.items(), style.looks(2), (-0.12, 0.12), strict=True
+    ):
+        std = examined["dac_std"].sel(mirror=mirror).values
+        look["linestyle"] = "none"
+        error = np.stack([std * (1.0 - low), std * (high - 1.0)])
+        axes.errorbar(numbers + shift, std, error, label=f"{text}, 95% interval", **look)
+    axes.set_ylabel("standard deviation, DAC steps")
+    axes.set_ylim(bottom=0.0)
+    axes.legend(loc="upper left", bbox_to_anchor=(0.0, 1.16), ncols=2)

@@ -1,0 +1,206 @@
+"""One layer of a field's volume, as a plane map and with its nodes' values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from sldvexp.errors import UserError
+from sldvexp.plot.shown import Shown, at_frequency, one_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.tri import Triangulation
+
+Array = NDArray[np.float64]
+
+AXES = "xyz"
+
+#: Height of the true surface over a layer, in layer spacings, that makes no difference.
+IN_LAYER = 0.02
+
+NO_FIELD = (
+    "the run has no velocity field (group field); choose a volume and a reconstruction, as in "
+    "experiment=plate"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """A layer of the volume at one frequency.
+
+    Parameters
+    ----------
+    group : Dataset
+        The field at the layer's nodes and one frequency.
+    node : ndarray of int, shape (n,)
+        Which nodes of the field they are.
+    position : ndarray, shape (n, 3), m
+    triangle : ndarray of int, shape (triangle, 3)
+        By the layer's own nodes.
+    plane : tuple of (int, int)
+        The two axes of the world along which the layer is seen best.
+    depth : float, m
+    frequency : str
+        Such as ``197 Hz``.
+    truth : dict of str to ndarray of complex, shape (n,), m/s
+        In a virtual lab, of the components that can be compared with this layer: all if the true
+        surface lies in it, only that along the normal if it lies elsewhere in the volume, since
+        tangential motion changes through the thickness. NaN beside the real surface.
+    """
+
+    group: xr.Dataset
+    node: NDArray[np.intp]
+    position: Array
+    triangle: NDArray[np.intp]
+    plane: tuple[int, int]
+    depth: float
+    frequency: str
+    truth: dict[str, NDArray[np.complex128]]
+
+    @property
+    def components(self) -> list[str]:
+        """Names of the velocity's components."""
+        return [str(c) for c in self.group["component"].values]
+
+    @property
+    def where(self) -> str:
+        """Which layer it is."""
+        return (
+            "at the surface"
+            if self.depth == 0
+            else f"at {1000 * self.depth:+.3g} mm from the surface"
+        )
+
+    def values(self, name: str, component: str) -> NDArray:
+        """A variable of one component at the nodes, shape (n,)."""
+        values: NDArray = self.group[name].sel(component=component).values
+        return values
+
+    def bound(self, component: str) -> Array:
+        """Half-width of the velocity's interval, shape (n,), m/s; NaN if there is none."""
+        name = "confidence" if "confidence" in self.group else "velocity_std"
+        if name not in self.group:
+            return np.full(len(self.node), np.nan)
+        return np.asarray(self.values(name, component), float)
+
+    @property
+    def bound_name(self) -> str:
+        """What `bound` is."""
+        if "confidence" in self.group:
+            return f"{self.group.attrs.get('confidence_level', 0.95):.0%} bound"
+        return "standard error"
+
+    def mesh(self) -> Triangulation:
+        """The layer's triangles in its plane, mm."""
+        from matplotlib.tri import Triangulation
+
+        x, y = 1000 * self.position[:, self.plane].T
+        return Triangulation(x, y, self.triangle)
+
+    def label(self, axes: Axes) -> None:
+        """Name the axes of a map of this layer."""
+        first, second = (AXES[i] for i in self.plane)
+        axes.set(xlabel=f"{first}, mm", ylabel=f"{second}, mm")
+        axes.set_aspect("equal")
+
+
+def missing_field(run: Shown) -> str:
+    """Why no field can be shown; empty if one can."""
+    return "" if fields(run) else NO_FIELD
+
+
+def fields(run: Shown) -> dict[str, xr.Dataset]:
+    """Velocity fields of a run by name: ``field``, and those it is compared with."""
+    own = {"field": run.groups["field"]} if run.has("field", "velocity", "element") else {}
+    return own | run.below_with("compare", "velocity", "element", "position")
+
+
+def layer_of(
+    run: Shown,
+    figure: str,
+    frequency: float | None = None,
+    depth: float | None = None,
+    name: str | None = None,
+) -> Layer:
+    """One layer of a field.
+
+    Parameters
+    ----------
+    run : Shown
+    figure : str
+        For messages.
+    frequency : float, Hz, optional
+        See `sldvexp.plot.shown.at_frequency`.
+    depth : float, m, optional
+        The layer nearest to it. Without it that nearest to the given surface.
+    name : str, optional
+        Of the field, as in `fields`.
+
+    Raises
+    ------
+    UserError
+        If there is none of that name, depth or frequency.
+    """
+    known = fields(run)
+    chosen = one_of(name, known, figure, "field")
+    whole, hertz = at_frequency(known[chosen], figure, frequency)
+    depths = run.groups["volume"]["depth"].values if run.has("volume", "depth") else np.zeros(1)
+    wanted = 0.0 if depth is None else depth
+    if not depths.min() - 1e-9 <= wanted <= depths.max() + 1e-9 and depth is not None:
+        raise UserError(
+            f"plot: {figure}: the volume's layers lie from {1000 * depths.min():g} to "
+            f"{1000 * depths.max():g} mm; {1000 * wanted:g} mm is outside of them"
+        )
+    index = int(np.abs(depths - wanted).argmin())
+    position = whole["position"].values
+    per_layer = len(position) // len(depths)
+    node = np.arange(per_layer) + index * per_layer
+    below = whole["element"].values[:, :3]
+    here = position[node]
+    # the two axes along which the layer is widest, in the world's order
+    first, second = sorted(np.argsort(np.ptp(here, axis=0))[1:])
+    plane = int(first), int(second)
+    truth = _truth(run, whole, node, depths, plane) if chosen == "field" else {}
+    return Layer(
+        whole.isel(node=node),
+        node,
+        here,
+        below[(below < per_layer).all(axis=1)],
+        plane,
+        float(depths[index]),
+        hertz,
+        truth,
+    )
+
+
+def _truth(
+    run: Shown,
+    field: xr.Dataset,
+    node: NDArray[np.intp],
+    depths: Array,
+    plane: tuple[int, int],
+) -> dict[str, NDArray[np.complex128]]:
+    """True velocities at the nodes by component, as far as they are of this layer."""
+    if not run.has("truth", "velocity", "height"):
+        return {}
+    truth = run.groups["truth"]
+    if truth.sizes["node"] != field.sizes["node"]:
+        return {}
+    if "frequency" in truth.dims:
+        truth = truth.sel(frequency=field["frequency"].item())
+    velocity = truth["velocity"].transpose("node", "component").values[node]
+    components = [str(c) for c in field["component"].values]
+    normal = AXES[3 - sum(plane)]
+    if "n" in components:
+        frame = run.groups["volume"]["frame"].values
+        velocity = np.einsum("nca,na->nc", frame[node % len(frame)], velocity)
+        normal = "n"
+    spacing = np.ptp(depths) / max(len(depths) - 1, 1)
+    height = np.nanmax(np.abs(truth["height"].values[node]))
+    inside = height <= IN_LAYER * spacing
+    return {c: velocity[:, i] for i, c in enumerate(components) if inside or c == normal}

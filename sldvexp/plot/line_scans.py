@@ -1,0 +1,239 @@
+"""Scan lines across one circle: raw, filtered, gradient and edges, coarse and fine."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sldvexp.errors import UserError
+from sldvexp.plot import style
+from sldvexp.plot.needed import require
+from sldvexp.plot.recorded import plugin, settings
+from sldvexp.plot.shown import Shown, Source, one_of, shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from sldvexp.image.lines import Edges, ScanLines
+
+#: Kinds of scan lines, and how many edges each of their lines crosses.
+KINDS = {"coarse": 2, "fine": 1}
+
+NO_LINES = (
+    "the run has no scan lines across circles (files <circle>_fine_*.npz in its folder journal); "
+    "they come from a scan of a calibration object, as in experiment=dissertation/automated_pose"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Taken:
+    """Scan lines of one kind and what became of them.
+
+    Parameters
+    ----------
+    raw : ScanLines
+    filtered : ndarray, shape (line, pixel), m/s
+    gradient : ndarray, shape (line, pixel), m/s per step
+    edges : Edges
+    window : int
+        Of the median filter, pixels.
+    """
+
+    raw: ScanLines
+    filtered: np.ndarray
+    gradient: np.ndarray
+    edges: Edges
+    window: int
+
+
+def missing(run: Shown) -> str:
+    """Why no scan lines can be shown; empty if they can."""
+    return "" if "config" in run.attributes and _views(run) else NO_LINES
+
+
+@style.styled
+def scan_lines(
+    source: Source | Shown,
+    view: str | None = None,
+    circle: int = 1,
+    folder: str | Path | None = None,
+) -> Figure:
+    """Scan lines across one circle (Figures 4.13 to 4.17 and 4.19 to 4.22).
+
+    A column for the coarse and one for the fine lines; rows are the velocity as measured,
+    median-filtered, its gradient along the line, and the edges that were found.
+
+    Parameters
+    ----------
+    source : DataTree or others
+        See `sldvexp.plot.shown.shown`.
+    view : str, optional
+        Without it the first.
+    circle : int
+        Which one, in the order of scanning, from 1.
+    folder : str or Path, optional
+        Of the run, if `source` is not the file in it: the samples are in its ``journal``.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    UserError
+        If the scan lines were not kept, or there is no such view or circle.
+    """
+    run = shown(source, folder)
+    require("scan_lines", missing(run))
+    view = one_of(view, _views(run), "scan_lines", "view")
+    circles = _circles(run, view)
+    number = one_of(str(circle), circles, "scan_lines", "circle")
+    taken = {kind: _take(run, view, number, kind) for kind in KINDS}
+    title = f"Scan lines across circle {number} of {len(circles)}, view {view}"
+    made = style.figure(10.5, 9.5, title)
+    axes = made.subplots(4, 2, sharex="col")
+    for column, (kind, one) in zip(axes.T, taken.items(), strict=True):
+        _column(column, kind, one)
+    return made
+
+
+def _column(axes: Any, kind: str, taken: Taken) -> None:
+    """Four panels of one kind of lines."""
+    factor, unit = style.prefixed(taken.raw.magnitude, "m/s")
+    along = taken.raw.along
+    count = f"{len(along)} {kind} lines"
+    raw = np.where(taken.raw.flag, np.nan, taken.raw.magnitude)
+    _lines(axes[0], along, factor * raw, error=factor * taken.raw.std)
+    axes[0].set_title(f"{count}: in phase with the motion, as measured")
+    _lines(axes[1], along, factor * taken.filtered)
+    axes[1].set_title(f"{count}: median of {taken.window} pixels")
+    _lines(axes[2], along, factor * taken.gradient)
+    axes[2].set_title(f"{count}: gradient of the median")
+    _lines(axes[3], along, factor * taken.filtered, faint=True)
+    place, height = edge_heights(taken)
+    axes[3].errorbar(
+        place,
+        factor * height,
+        xerr=taken.edges.std,
+        fmt="o",
+        color=style.COLOURS[3],
+    )
+    axes[3].set_title(f"{count}: {len(place)} edges ± standard error")
+    for axis in (axes[0], axes[1], axes[3]):
+        axis.set_ylabel(f"velocity, {unit}")
+    axes[2].set_ylabel(f"gradient, {unit} per step")
+    axes[3].set_xlabel("place along the line, DAC steps")
+
+
+def edge_heights(taken: Taken) -> tuple[np.ndarray, np.ndarray]:
+    """Place of each edge along its line, steps, and the filtered velocity there, m/s."""
+    edges, lines = taken.edges, taken.raw
+    away = edges.position - lines.origin[edges.line]
+    place = (away * lines.direction[edges.line]).sum(axis=-1)
+    pairs = zip(place, edges.line, strict=True)
+    height = [np.interp(p, lines.along[k], taken.filtered[k]) for p, k in pairs]
+    return place, np.array(height)
+
+
+def _lines(
+    axes: Axes,
+    along: np.ndarray,
+    values: np.ndarray,
+    error: np.ndarray | None = None,
+    faint: bool = False,
+) -> None:
+    """A few lines each in its own look, many in one; their standard errors if they are known."""
+    few = len(along) <= len(style.LINES)
+    for k, look in enumerate(style.looks(len(along))):
+        own = {"color": look["color"], "linestyle": look["linestyle"]} if few else {}
+        own |= {} if few else {"color": style.COLOURS[0], "alpha": 0.35}
+        own |= {"color": style.COLOURS[-1]} if faint else {}
+        axes.plot(along[k], values[k], linewidth=0.8, **own)
+        if error is not None and few:
+            colour = own["color"]
+            low, high = values[k] - error[k], values[k] + error[k]
+            axes.fill_between(along[k], low, high, color=colour, alpha=0.25, linewidth=0)
+        elif error is not None:
+            axes.errorbar(
+                along[k], values[k], error[k], fmt="none", linewidth=0.4, capsize=0, **own
+            )
+
+
+def _take(run: Shown, view: str, circle: str, kind: str) -> Taken:
+    """Demodulate the kept samples of some lines, and look for edges as the session did."""
+    from scipy.ndimage import median_filter
+
+    from sldvexp.image.edges import gradient_edges
+    from sldvexp.image.lines import ScanLines
+    from sldvexp.scan.calibration import EdgeMethod
+    from sldvexp.session.circles import PLACE
+
+    image, dac = _image(run, view, f"{circle}_{kind}")
+    shape = dac.shape[:2]
+    lines = ScanLines.of_velocity(
+        image.velocity[:, 0].reshape(shape),
+        image.std[:, 0].reshape(shape),
+        dac.astype(float),
+        (image.flags != 0).reshape(shape),
+        f"circle {circle}",
+    )
+    scan = _scan_settings(run)
+    window = int(scan[kind]["window"])
+    place = PLACE[EdgeMethod[scan["edge"]]] if kind == "fine" else gradient_edges
+    filtered = median_filter(lines.filled(), size=(1, window), mode="mirror")
+    gradient = np.gradient(filtered, axis=1) / lines.pitch[:, None]
+    return Taken(lines, filtered, gradient, place(lines, KINDS[kind], window), window)
+
+
+def _image(run: Shown, view: str, name: str) -> tuple[Any, np.ndarray]:
+    """Complex pixels of the kept lines of a name, and their DAC steps (line, pixel, mirror)."""
+    from sldvexp.instrument.protocol import Status
+    from sldvexp.instrument.recording import read_line
+
+    kept = [read_line(path) for path in sorted(_journal(run, view).glob(f"{name}_*.npz"))]
+    whole = [line for line in kept if line is not None]
+    if not whole:
+        raise UserError(f"plot: scan_lines: the view {view} has no whole scan line {name}")
+    samples = [line[2] for line in whole]
+    asked = whole[0][1]
+    status = np.concatenate([s.status for s in samples])
+    image = plugin(run, "signal", "scan_lines").demodulate(
+        np.concatenate([s.counts for s in samples]),
+        np.arange(int(asked[1])) / samples[0].rate,
+        tuple(asked[3:]),
+        volts_per_count=samples[0].volts_per_count,
+        quality=status & Status.dropped_out == 0,
+    )
+    return image, np.array([line[0] for line in whole])
+
+
+def _scan_settings(run: Shown) -> dict[str, Any]:
+    """Settings of the scan of the calibration object; a session has them below its own."""
+    scan: dict[str, Any] = settings(run, "scan_lines")["scan"] or {}
+    scan = scan.get("calibration") or scan
+    if not all(key in scan for key in (*KINDS, "edge")):
+        raise UserError("plot: scan_lines: the run's scan has no coarse and fine lines")
+    return scan
+
+
+def _journal(run: Shown, view: str) -> Path:
+    from sldvexp.instrument.recording import JOURNAL
+
+    return (run.folder or Path()) / JOURNAL / view
+
+
+def _views(run: Shown) -> list[str]:
+    """Views with kept lines of both kinds."""
+    return [view for view in run.below("edge") if run.folder and _circles(run, view)]
+
+
+def _circles(run: Shown, view: str) -> list[str]:
+    """Circles of a view with kept lines of both kinds, by their number."""
+    names = {p.name.rpartition("_")[0] for p in _journal(run, view).glob("*_*.npz")}
+    numbers = {m[1] for name in names if (m := re.fullmatch(r"(\d+)_fine", name))}
+    return sorted((n for n in numbers if f"{n}_coarse" in names), key=int)

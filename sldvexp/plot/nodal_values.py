@@ -1,0 +1,171 @@
+"""Nodal values with their bounds (Figures 5.9 to 5.11 and 5.13)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from sldvexp.errors import UserError
+from sldvexp.plot import style
+from sldvexp.plot.layer import AXES, Layer, layer_of, missing_field
+from sldvexp.plot.needed import require
+from sldvexp.plot.shown import Shown, Source, shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+missing = missing_field
+
+PARTS: dict[str, Any] = {"real": np.real, "imaginary": np.imag}
+
+
+@style.styled
+def nodal(
+    source: Source | Shown,
+    frequency: float | None = None,
+    depth: float | None = None,
+    name: str | None = None,
+    component: str | None = None,
+    nodes: str | Sequence[int] = "line",
+) -> Figure:
+    """Velocities of nodes with their bounds, real and imaginary part, a row for each component.
+
+    Parameters
+    ----------
+    source : DataTree or others
+        See `sldvexp.plot.shown.shown`.
+    frequency : float, Hz, optional
+        Without it the one of the largest velocity.
+    depth : float, m, optional
+        Of the layer; without it the given surface.
+    name : str, optional
+        ``field``, or one of those it is compared with.
+    component : str, optional
+        Only this one.
+    nodes : str or sequence of int
+        ``line``: those along the layer's longer side through its largest velocity. ``all``: all of
+        the layer, by number. Numbers of nodes: these, of any layer.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    UserError
+        If the run has no field, or not these nodes.
+    """
+    run = shown(source)
+    require("nodal", missing(run))
+    layer = layer_of(run, "nodal", frequency, depth, name)
+    own, place, label = _chosen(layer, nodes)
+    components = [component] if component else layer.components
+    if component and component not in layer.components:
+        raise UserError(
+            f"plot: nodal: there is no component {component}, only {', '.join(layer.components)}"
+        )
+    title = style.joined(f"Nodal velocities {layer.where}", layer.frequency, layer.bound_name)
+    made = style.figure(11.0, 0.9 + 2.3 * len(components), title)
+    axes = made.subplots(len(components), 2, squeeze=False, sharex=True)
+    for row, one in zip(axes, components, strict=True):
+        for axis, (part, take) in zip(row, PARTS.items(), strict=True):
+            _values(axis, layer, own, place, one, part, take)
+    for axis in axes[-1]:
+        axis.set_xlabel(label)
+    if layer.truth:
+        style.legend_below(made, axes[0, 0], axes[-1, 0])
+    return made
+
+
+def _chosen(
+    layer: Layer, nodes: str | Sequence[int]
+) -> tuple[NDArray[np.intp], NDArray[np.float64], str]:
+    """Which of the layer's nodes, where they are drawn, and what that axis is called."""
+    if isinstance(nodes, str) and nodes not in ("line", "all"):
+        raise UserError(f"plot: nodal: nodes is line, all or numbers, not {nodes}")
+    if nodes == "line":
+        own, along = line_nodes(layer)
+        return own, 1000 * along, _line_label(layer, own)
+    wanted = layer.node if isinstance(nodes, str) else np.asarray(nodes, int)
+    own = np.flatnonzero(np.isin(layer.node, wanted))
+    if not len(own):
+        raise UserError(
+            f"plot: nodal: nodes {layer.where} have the numbers {layer.node[0]} to "
+            f"{layer.node[-1]}; choose some of them, or another depth"
+        )
+    return own, layer.node[own].astype(float), "node"
+
+
+def line_nodes(layer: Layer) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Nodes along the layer's longer side through its largest velocity, and their place, m."""
+    flat = layer.position[:, layer.plane]
+    longer = int(np.ptp(flat, axis=0).argmax())
+    size = np.nansum(np.abs(layer.group["velocity"].values) ** 2, axis=-1)
+    peak = flat[int(size.argmax())]
+    # nodes of one row of a grid are within rounding; of a free mesh, within half its pitch
+    pitch = np.sqrt(np.prod(np.ptp(flat, axis=0)) / len(flat))
+    aside = np.abs(flat[:, 1 - longer] - peak[1 - longer])
+    exact = np.flatnonzero(aside < 1e-6 * pitch)
+    own = exact if len(exact) > 2 else np.flatnonzero(aside < 0.5 * pitch)
+    own = own[np.argsort(flat[own, longer])]
+    return own, flat[own, longer]
+
+
+def _line_label(layer: Layer, own: NDArray[np.intp]) -> str:
+    flat = layer.position[own][:, layer.plane]
+    longer = int(np.ptp(flat, axis=0).argmax())
+    other = layer.plane[1 - longer]
+    beside = 1000 * float(np.median(flat[:, 1 - longer]))
+    return f"{AXES[layer.plane[longer]]}, mm (at {AXES[other]} = {beside:.1f} mm)"
+
+
+def part_bound(
+    group: xr.Dataset, component: str, part: str, own: NDArray[np.intp]
+) -> NDArray[np.float64] | None:
+    """Half-widths of the intervals of one part, else of the larger part, else standard errors."""
+    if "confidence_by_part" in group and part in group["part"].values:
+        return np.asarray(
+            group["confidence_by_part"].sel(part=part, component=component).values[own]
+        )
+    for name in ("confidence", "velocity_std"):
+        if name in group:
+            return np.asarray(group[name].sel(component=component).values[own])
+    return None
+
+
+def _values(
+    axes: Axes,
+    layer: Layer,
+    own: NDArray[np.intp],
+    place: NDArray[np.float64],
+    component: str,
+    part: str,
+    take: Any,
+) -> None:
+    velocity = layer.values("velocity", component)[own]
+    bound = part_bound(layer.group, component, part, own)
+    factor, unit = style.prefixed(velocity, "m/s")
+    many = len(own) > 150
+    axes.axhline(0.0, color=style.COLOURS[-1], linewidth=0.7)
+    if component in layer.truth:
+        truth = factor * take(layer.truth[component][own])
+        axes.plot(place, truth, "-", color=style.COLOURS[2], linewidth=1.0, label="truth")
+    axes.errorbar(
+        place,
+        factor * take(velocity),
+        None if bound is None else factor * bound,
+        fmt="o",
+        color=style.COLOURS[1],
+        markersize=1.5 if many else 3.0,
+        capsize=0 if many else 2,
+        linewidth=0.5 if many else 1.0,
+        label=f"velocity ± {layer.bound_name}",
+    )
+    axes.set_ylabel(f"{component}, {part}, {unit}")
+    if not np.isfinite(velocity).any():
+        style.not_determined(axes)

@@ -1,0 +1,216 @@
+"""How figures look: light, and told apart without colour (markers, line styles, hatching)."""
+
+from __future__ import annotations
+
+import functools
+import io
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, ParamSpec
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+P = ParamSpec("P")
+
+#: Colours of Okabe and Ito, which the colour-blind tell apart, in an order in which neighbours
+#: differ in lightness too.
+COLOURS = ("#000000", "#0072B2", "#E69F00", "#D55E00", "#56B4E9", "#009E73", "#CC79A7", "#8A8A8A")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">")
+LINES = ("-", "--", "-.", ":")
+HATCHES = ("", "///", "...", "\\\\\\", "xxx", "+++", "ooo", "---")
+
+#: Perceptually uniform: sizes, values with a sign (dark is below zero), and phases (cyclic).
+SIZE_MAP, SIGN_MAP, PHASE_MAP = "viridis", "cividis", "twilight_shifted"
+
+#: Behind what a map does not tell.
+UNKNOWN = {"facecolor": "#ffffff", "hatch": "////", "edgecolor": "#bbbbbb"}
+
+SETTINGS: Any = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "axes.titlesize": 9.0,
+    "axes.labelsize": 9.0,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.7,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-4, 5),
+    "axes.unicode_minus": True,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.5,
+    "lines.linewidth": 1.2,
+    "lines.markersize": 4.0,
+    "errorbar.capsize": 2.0,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "figure.facecolor": "#ffffff",
+    "figure.titlesize": 10.0,
+    "hatch.linewidth": 0.6,
+    "svg.hashsalt": "sldvexp",
+    "svg.fonttype": "path",
+    "figure.dpi": 110.0,
+    "savefig.dpi": 150.0,
+}
+
+
+def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+    """Decorator: the figure is drawn in this style, whatever the user's own is."""
+
+    @functools.wraps(draw)
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        import matplotlib
+
+        with matplotlib.rc_context():
+            matplotlib.rcdefaults()
+            matplotlib.rcParams.update(SETTINGS)
+            return draw(*args, **kwargs)
+
+    return drawn
+
+
+def figure(width: float, height: float, title: str = "") -> Figure:
+    """An empty figure that keeps its labels apart and inside; sizes in inch.
+
+    It belongs to no window, so that none has to be closed; a notebook shows it all the same.
+    """
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    layout = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06)
+    made: Figure = _picture()(figsize=(width, height), layout=layout)
+    if title:
+        made.suptitle(title)
+    return made
+
+
+@functools.cache
+def _picture() -> type[Figure]:
+    """A figure that a notebook can show without pyplot."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    class Picture(Figure):
+        def _repr_png_(self) -> bytes:
+            image = io.BytesIO()
+            FigureCanvasAgg(self).print_png(image)
+            return image.getvalue()
+
+    return Picture
+
+
+def not_determined(axes: Axes) -> None:
+    """Say in an empty panel why it is empty."""
+    note = {"facecolor": "#ffffff", "edgecolor": "none"}
+    where: dict[str, Any] = {"transform": axes.transAxes, "ha": "center", "va": "center"}
+    axes.text(0.5, 0.5, "not determined", bbox=note, **where)
+
+
+def looks(number: int) -> Iterator[dict[str, Any]]:
+    """Colour, marker and line style of so many curves, no two alike."""
+    cycle = zip(
+        itertools.cycle(COLOURS), itertools.cycle(MARKERS), itertools.cycle(LINES), strict=False
+    )
+    for colour, marker, line in itertools.islice(cycle, number):
+        yield {"color": colour, "marker": marker, "linestyle": line}
+
+
+def prefixed(values: ArrayLike, unit: str) -> tuple[float, str]:
+    """The factor and the prefixed unit in which the largest of some values is a handy number.
+
+    Parameters
+    ----------
+    values : array_like
+        In the unit without prefix; not finite ones do not count.
+    unit : str
+        Such as ``m/s``.
+
+    Examples
+    --------
+    >>> prefixed([0.02, 0.001], "m/s")
+    (1000.0, 'mm/s')
+    """
+    size = np.abs(np.asarray(values)).ravel()
+    size = size[np.isfinite(size)]
+    largest = float(size.max()) if size.size else 0.0
+    if largest == 0.0:
+        return 1.0, unit
+    third = min(max(math.floor(math.log10(largest) / 3 + 1e-9), -4), 2)
+    prefix = {-4: "p", -3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M"}[third]
+    return 10.0 ** (-3 * third), prefix + unit
+
+
+def bar(axes: Axes | NDArray[Any], mapped: Any, label: str) -> Any:
+    """The scale of a coloured map beside it, or below several of the same scale."""
+    every = np.ravel(np.array(axes, object))
+    where = {"location": "bottom", "aspect": 25} if len(every) > 1 else {"location": "right"}
+    scale = every[0].figure.colorbar(mapped, ax=axes, label=label, pad=0.02, **where)
+    scale.outline.set_linewidth(0.5)
+    return scale
+
+
+def phase_bar(axes: Axes | NDArray[Any], mapped: Any) -> None:
+    """The scale of a map of phases."""
+    bar(axes, mapped, "phase, rad").set_ticks([-np.pi, 0.0, np.pi], labels=["−π", "0", "π"])
+
+
+def hatched(axes: Axes) -> None:
+    """Hatch what a map leaves free, and draw no grid over it."""
+    axes.grid(False)
+    axes.margins(0)
+    axes.patch.set(**UNKNOWN)
+
+
+def joined(*parts: str) -> str:
+    """Parts of a title that are not empty."""
+    return ", ".join(part for part in parts if part)
+
+
+def ticks(number: int) -> Any:
+    """At most so many intervals between ticks."""
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(nbins=number)
+
+
+def whole_numbers() -> Any:
+    """Ticks of a count."""
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(integer=True)
+
+
+def legend_below(made: Any, *axes: Any, title: str = "", columns: int = 9, **look: Any) -> None:
+    """The legend of some panels below all of them, in which every name stands once."""
+    once: dict[str, Any] = {}
+    for one in axes:
+        handles, labels = one.get_legend_handles_labels()
+        once |= dict(zip(labels, handles, strict=True))
+    made.legend(
+        once.values(),
+        once.keys(),
+        loc="outside lower center",
+        ncols=min(len(once), columns),
+        title=title or None,
+        **look,
+    )
+
+
+def outer_labels(axes: NDArray[Any], used: int, x: str, y: str) -> None:
+    """Names of common axes at the left and at the lowest panel of every column."""
+    rows, columns = axes.shape
+    for row in range(rows):
+        axes[row, 0].set_ylabel(y)
+    for column in range(columns):
+        lowest = max(r for r in range(rows) if r * columns + column < used)
+        axes[lowest, column].set_xlabel(x)
+        axes[lowest, column].tick_params(labelbottom=True)

@@ -1,0 +1,102 @@
+"""The velocity of a layer as a surface in space (Figure 5.14)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.errors import UserError
+from sldvexp.plot import style
+from sldvexp.plot.layer import AXES, layer_of, missing_field
+from sldvexp.plot.needed import require
+from sldvexp.plot.shown import Shown, Source, shown
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+missing = missing_field
+
+
+@style.styled
+def surface(
+    source: Source | Shown,
+    frequency: float | None = None,
+    depth: float | None = None,
+    name: str | None = None,
+    component: str | None = None,
+) -> Figure:
+    """One component of the velocity over the layer, at the moment when it is largest.
+
+    Parameters
+    ----------
+    source : DataTree or others
+        See `sldvexp.plot.shown.shown`.
+    frequency : float, Hz, optional
+        Without it the one of the largest velocity.
+    depth : float, m, optional
+        Of the layer; without it the given surface.
+    name : str, optional
+        ``field``, or one of those it is compared with.
+    component : str, optional
+        Without it the one that is largest.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    UserError
+        If the run has no field, or not this component.
+    """
+    run = shown(source)
+    require("surface", missing(run))
+    layer = layer_of(run, "surface", frequency, depth, name)
+    known = layer.components
+    if component is not None and component not in known:
+        raise UserError(
+            f"plot: surface: there is no component {component}, only {', '.join(known)}"
+        )
+    if component is None:
+        size = np.nansum(np.abs(layer.group["velocity"].values) ** 2, axis=0)
+        component = known[int(size.argmax())]
+    velocity = layer.values("velocity", component)
+    moment, values = at_largest(velocity)
+    factor, unit = style.prefixed(values, "m/s")
+    mesh, fine = layer.mesh(), np.isfinite(values)
+    made = style.figure(
+        8.0,
+        5.8,
+        style.joined(f"Velocity along {component} {layer.where}", layer.frequency, moment),
+    )
+    axes: Any = made.add_subplot(projection="3d")
+    limit = float(np.nanmax(np.abs(factor * values))) or 1.0
+    mapped = axes.plot_trisurf(
+        mesh.x,
+        mesh.y,
+        np.where(fine, factor * values, 0.0),
+        triangles=mesh.triangles[fine[mesh.triangles].all(axis=1)],
+        cmap=style.SIGN_MAP,
+        vmin=-limit,
+        vmax=limit,
+        edgecolor="#00000040",
+        linewidth=0.2,
+        antialiased=True,
+    )
+    mapped.set_rasterized(True)
+    first, second = (AXES[i] for i in layer.plane)
+    axes.set(xlabel=f"{first}, mm", ylabel=f"{second}, mm", zlabel=f"velocity, {unit}")
+    wide, deep = np.ptp(mesh.x), np.ptp(mesh.y)
+    axes.set_box_aspect((wide, deep, 0.5 * max(wide, deep)), zoom=0.85)
+    scale: Any = made.colorbar(mapped, ax=axes, label=unit, shrink=0.6, pad=0.08)
+    scale.outline.set_linewidth(0.5)
+    return made
+
+
+def at_largest(velocity: NDArray[np.complex128]) -> tuple[str, NDArray[np.float64]]:
+    """Velocities at the moment of the largest one, which is then as positive as it gets."""
+    largest = velocity[int(np.nanargmax(np.abs(velocity)))]
+    phase = float(np.angle(largest))
+    return f"ωt = {-phase:+.2f} rad", (velocity * np.exp(-1j * phase)).real

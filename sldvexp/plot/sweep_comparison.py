@@ -1,0 +1,148 @@
+"""The runs of a sweep side by side."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from sldvexp.errors import UserError, nearest
+from sldvexp.plot import style
+from sldvexp.plot.needed import require
+from sldvexp.plot.shown import Shown, Source, shown
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+NO_SWEEP = "this is no sweep (a dataset sweep.nc with state and headline results of its runs)"
+NO_RESULT = "no run of the sweep has a result that can be compared"
+
+#: Of every run, besides its results.
+ABOUT = ("state", "reason", "seconds")
+#: More curves in a panel than this cannot be told apart, nor more panels be read.
+MOST = 12
+
+
+class Panel(NamedTuple):
+    """One panel: its title, the name of its axis, and numbers over the swept keys."""
+
+    title: str
+    label: str
+    values: xr.DataArray
+    error: xr.DataArray | None
+
+
+def missing(run: Shown) -> str:
+    """Why no sweep can be shown; empty if one can."""
+    if not run.has("", "state"):
+        return NO_SWEEP
+    return "" if _results(run.groups[""]) else NO_RESULT
+
+
+@style.styled
+def sweep(source: Source | Shown, quantity: str | None = None) -> Figure:
+    """A headline result of all runs, by the first swept key; the others tell the curves apart.
+
+    Parameters
+    ----------
+    source : Dataset or others
+        A sweep's dataset, see `sldvexp.plot.shown.shown`.
+    quantity : str, optional
+        Such as ``point.velocity_std``; without it what the sweep is ranked by.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        With a panel for each component of the result, r.m.s. over its frequencies.
+
+    Raises
+    ------
+    UserError
+        If it is no sweep, or has no such result.
+    """
+    run = shown(source)
+    require("sweep", missing(run))
+    table = run.groups[""]
+    results = _results(table)
+    if quantity is None:
+        ranked = str(table.attrs.get("ranked_by", ""))
+        quantity = ranked if ranked in results else results[0]
+    if quantity not in results:
+        raise UserError(f"plot: sweep: there is no result {quantity}; {nearest(quantity, results)}")
+    keys = [str(d) for d in table["state"].dims]
+    panels = _panels(table, quantity, keys)
+    failed = int((table["state"] != "done").sum())
+    title = f"{quantity} of {table['state'].size} runs"
+    title += f" ({failed} without a result)" if failed else ""
+    made = style.figure(8.0, 1.5 + 2.3 * len(panels), title)
+    axes = made.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]
+    for axis, panel in zip(axes, panels, strict=True):
+        _curves(axis, panel, keys)
+        axis.set_title(panel.title)
+        axis.set_ylabel(panel.label)
+    axes[-1].set_xlabel(keys[0])
+    if len(keys) > 1:
+        style.legend_below(made, axes[0], title=", ".join(keys[1:]), columns=3)
+    return made
+
+
+def _results(table: xr.Dataset) -> list[str]:
+    """Names of results with at least one number."""
+    return [
+        str(name)
+        for name, variable in table.data_vars.items()
+        if name not in ABOUT
+        and variable.dtype.kind in "fciub"
+        and np.isfinite(np.abs(variable.values)).any()
+    ]
+
+
+def _panels(table: xr.Dataset, quantity: str, keys: list[str]) -> list[Panel]:
+    """A panel for each entry along the result's own first dimension, r.m.s. over the others."""
+    result = table[quantity]
+    name = f"{quantity}_std"
+    error = table.get(name)
+    unit, factor = str(result.attrs.get("units", "1")), 1.0
+    if np.iscomplexobj(result.values):
+        result = abs(result)
+    if unit in ("m/s", "m", "rad"):
+        factor, unit = style.prefixed(result.values, unit)
+    first, *others = [d for d in result.dims if d not in keys] or [None]
+    over = ""
+    if others:
+        result = (result**2).mean(others) ** 0.5
+        error, over = None, f"r.m.s. over {' and '.join(map(str, others))}"
+    label = f"{quantity}, {unit}"
+    if first is None:
+        return [Panel("", label, factor * result, None if error is None else factor * error)]
+    panels = []
+    for i in range(min(result.sizes[first], MOST)):
+        entry = result[first].values[i] if first in result.coords else i
+        own_error = None if error is None else factor * error.isel({first: i})
+        title = style.joined(f"{first} {entry}", over)
+        panels.append(Panel(title, label, factor * result.isel({first: i}), own_error))
+    return panels
+
+
+def _curves(axes: Any, panel: Panel, keys: list[str]) -> None:
+    """A curve for each combination of the other keys."""
+    values, (along, *others) = panel.values, keys
+    ticks = values[along].values if along in values.coords else np.arange(values.sizes[along])
+    numbers = np.issubdtype(ticks.dtype, np.number) and len(ticks) > 1
+    place = ticks.astype(float) if numbers else np.arange(len(ticks), dtype=float)
+    combinations = list(np.ndindex(*(values.sizes[d] for d in others)))[:MOST]
+    aside = 0.0 if numbers or len(combinations) == 1 else 0.3
+    shifts = np.linspace(-aside, aside, len(combinations))
+    looks = style.looks(len(combinations))
+    for index, look, shift in zip(combinations, looks, shifts, strict=True):
+        where = dict(zip(others, index, strict=True))
+        error = None if panel.error is None else panel.error.isel(where).values
+        look |= {} if numbers else {"linestyle": "none"}
+        label = ", ".join(str(values[d].values[i]) for d, i in where.items())
+        axes.errorbar(place + shift, values.isel(where).values, error, label=label, **look)
+    if not numbers:
+        axes.set_xticks(place, [str(t) for t in ticks])
+        axes.margins(x=0.15)
+    if np.nanmin(values.values, initial=np.inf) >= 0:
+        axes.set_ylim(0.0, 1.15 * max(axes.get_ylim()[1], np.finfo(float).tiny))

@@ -1,0 +1,184 @@
+"""Velocity images: all views, and one view before and after the phase correction."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from sldvexp.plot import style
+from sldvexp.plot.needed import require
+from sldvexp.plot.shown import Shown, Source, at_frequency, one_of, shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Complex = NDArray[np.complex128]
+
+NO_IMAGE = (
+    "the run has no velocity image (groups image/<view>); choose a scan of pixels, as in "
+    "experiment=dissertation/velocity_image"
+)
+NO_RAW = "the run's images have no uncorrected phasors (variable uncorrected)"
+
+#: What is drawn of an image, column by column.
+PARTS = ("real part", "imaginary part", "magnitude", "phase")
+
+
+def missing(run: Shown) -> str:
+    """Why no image can be shown; empty if one can."""
+    return "" if run.below_with("image", "velocity", "dac") else NO_IMAGE
+
+
+def missing_raw(run: Shown) -> str:
+    """Why no image before the correction can be shown; empty if one can."""
+    return missing(run) or ("" if run.below_with("image", "uncorrected") else NO_RAW)
+
+
+@style.styled
+def images(
+    source: Source | Shown, view: str | None = None, frequency: float | None = None
+) -> Figure:
+    """Complex velocity of the pixels, a row for each view; flagged pixels are hatched.
+
+    Parameters
+    ----------
+    source : DataTree or others
+        See `sldvexp.plot.shown.shown`.
+    view : str, optional
+        Only this one.
+    frequency : float, Hz, optional
+        Without it the one of the largest velocity in the first of them.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    UserError
+        If the run has no image, or none of that view and frequency.
+    """
+    run = shown(source)
+    require("images", missing(run))
+    views = run.below_with("image", "velocity", "dac")
+    if view is not None:
+        view = one_of(view, views, "images", "view")
+        views = {view: views[view]}
+    first, hertz = at_frequency(next(iter(views.values())), "images", frequency)
+    if frequency is None and "frequency" in first.coords:
+        frequency = float(first["frequency"])
+    rows = {f"view {k}": at_frequency(g, "images", frequency)[0] for k, g in views.items()}
+    velocities = {name: group["velocity"].values for name, group in rows.items()}
+    title = style.joined("Velocity images", hertz)
+    return _rows(rows, velocities, title)
+
+
+@style.styled
+def phase_correction(
+    source: Source | Shown, view: str | None = None, frequency: float | None = None
+) -> Figure:
+    """One view's image before and after the phase correction (Figures 3.4 to 3.7).
+
+    Parameters
+    ----------
+    source : DataTree or others
+        See `sldvexp.plot.shown.shown`.
+    view : str, optional
+        Without it the first.
+    frequency : float, Hz, optional
+        Without it the one of the largest velocity.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    UserError
+        If the run has no image before the correction, or none of that view and frequency.
+    """
+    run = shown(source)
+    require("phase_correction", missing_raw(run))
+    views = run.below_with("image", "velocity", "uncorrected", "dac")
+    view = one_of(view, views, "phase_correction", "view")
+    group, hertz = at_frequency(views[view], "phase_correction", frequency)
+    values = {"raw": group["uncorrected"].values, "corrected": group["velocity"].values}
+    title = style.joined(f"Phase correction of the view {view}", hertz)
+    return _rows(dict.fromkeys(values, group), values, title)
+
+
+def _rows(groups: dict[str, xr.Dataset], velocities: dict[str, Complex], title: str) -> Figure:
+    """A row of four maps for each image, with a common scale for each column."""
+    dac = next(iter(groups.values()))["dac"].values
+    tall = np.clip(np.ptp(dac[:, 0]) / max(np.ptp(dac[:, 1]), 1), 0.4, 1.6)
+    if any(not _good(group).all() for group in groups.values()):
+        title += " (×: flagged pixel)"
+    made = style.figure(12.0, 0.8 + len(groups) * (0.5 + 2.0 * tall), title)
+    axes = made.subplots(len(groups), len(PARTS), squeeze=False)
+    largest = max(np.abs(v[_good(groups[k])]).max(initial=0.0) for k, v in velocities.items())
+    factor, unit = style.prefixed(largest, "m/s")
+    for column, part in zip(axes.T, PARTS, strict=True):
+        for axis, (name, group) in zip(column, groups.items(), strict=True):
+            mapped = _part(axis, group, factor * velocities[name], part, factor * largest or 1.0)
+            axis.set_title(f"{name}: {part}")
+        column[-1].set_xlabel("left-right, DAC steps")
+        if part == "phase":
+            style.phase_bar(column, mapped)
+        else:
+            style.bar(column, mapped, unit)
+    for axis in axes[:, 0]:
+        axis.set_ylabel("up-down, DAC steps")
+    return made
+
+
+def _good(group: xr.Dataset) -> NDArray[np.bool_]:
+    """Pixels that nothing is wrong with."""
+    if "flags" not in group:
+        return np.ones(group.sizes["pixel"], bool)
+    return group["flags"].values == 0
+
+
+def _part(axes: Axes, group: xr.Dataset, velocity: Complex, part: str, limit: float) -> Any:
+    """One map of an image."""
+    style.hatched(axes)
+    take: dict[str, Any] = {"real part": np.real, "imaginary part": np.imag, "magnitude": np.abs}
+    values = take.get(part, np.angle)(velocity)
+    low, high, colours = {
+        "magnitude": (0.0, limit, style.SIZE_MAP),
+        "phase": (-np.pi, np.pi, style.PHASE_MAP),
+    }.get(part, (-limit, limit, style.SIGN_MAP))
+    up_down, left_right = group["dac"].values[~_good(group)].T
+    axes.plot(left_right, up_down, "x", color=style.COLOURS[3], markersize=3, label="flagged")
+    return _pixels(axes, group, values, {"vmin": low, "vmax": high, "cmap": colours})
+
+
+def _pixels(axes: Axes, group: xr.Dataset, values: NDArray, look: dict[str, Any]) -> Any:
+    """Pixels as quadrilaterals around their DAC steps, or as dots if they are on no grid."""
+    up_down, left_right = group["dac"].values.T
+    good = _good(group)
+    shape = tuple(int(n) for n in np.atleast_1d(group.attrs.get("shape", ())))
+    if len(shape) == 2 and shape[0] * shape[1] == len(values) and min(shape) > 1:
+        grid = np.where(good, values, np.nan).reshape(shape)
+        return axes.pcolormesh(
+            left_right.reshape(shape),
+            up_down.reshape(shape),
+            np.ma.masked_invalid(grid),
+            shading="nearest",
+            rasterized=True,
+            **look,
+        )
+    axes.margins(0.05)
+    axes.patch.set(hatch=None, facecolor="#eeeeee")
+    return axes.scatter(
+        left_right[good],
+        up_down[good],
+        c=values[good],
+        s=12,
+        linewidths=0.3,
+        edgecolors="#555555",
+        **look,
+    )

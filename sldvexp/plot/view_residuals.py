@@ -1,0 +1,114 @@
+"""What a field leaves of every view's velocities (Figure 5.12, Table 5.8)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from sldvexp.plot import style
+from sldvexp.plot.layer import fields
+from sldvexp.plot.needed import require
+from sldvexp.plot.shown import Shown, Source, shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NO_RESIDUALS = (
+    "the run has no residuals of a field by view (group field, variable residual_std_by_view); "
+    "choose a volume and a reconstruction, as in experiment=plate"
+)
+
+#: More frequencies than this are drawn as curves.
+FEW = 4
+
+
+def missing(run: Shown) -> str:
+    """Why no residuals can be shown; empty if they can."""
+    return "" if _of(run) else NO_RESIDUALS
+
+
+@style.styled
+def residuals(source: Source | Shown) -> Figure:
+    """Root mean square residual of every view, for the field and those it is compared with.
+
+    Bars by view, hatched by field, for a few frequencies; curves over the frequency for many.
+
+    Parameters
+    ----------
+    source : DataTree or others
+        See `sldvexp.plot.shown.shown`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    UserError
+        If the run has no field with residuals by view.
+    """
+    run = shown(source)
+    require("residuals", missing(run))
+    found = _of(run)
+    first = next(iter(found.values()))
+    count = first.sizes.get("frequency", 1)
+    many = count > FEW
+    wide = max(6.0, 1.5 + first.sizes["view"] * 0.35 * (1 + len(found)))
+    rows = len(found) if many else count
+    made = style.figure(wide, 1.0 + 2.7 * rows, "Residuals by view")
+    axes = made.subplots(rows, 1, squeeze=False, sharex=True)[:, 0]
+    if many:
+        for axis, (name, array) in zip(axes, found.items(), strict=True):
+            _curves(axis, array)
+            axis.set_title(name)
+    else:
+        for k, axis in enumerate(axes):
+            _bars(axis, {n: v.isel(frequency=k, missing_dims="ignore") for n, v in found.items()})
+            if "frequency" in first.coords:
+                axis.set_title(f"{float(first['frequency'][k]):g} Hz")
+    axes[-1].set_xlabel("frequency, Hz" if many else "view")
+    if many or len(found) > 1:
+        style.legend_below(made, axes[0], title="view" if many else "field")
+    return made
+
+
+def _of(run: Shown) -> dict[str, xr.DataArray]:
+    name = "residual_std_by_view"
+    return {k: g[name] for k, g in fields(run).items() if name in g}
+
+
+def _bars(axes: Axes, found: dict[str, xr.DataArray]) -> None:
+    """A bar for each view and field; a field that leaves a view out has none there."""
+    names = list(dict.fromkeys(str(v) for f in found.values() for v in f["view"].values))
+    width = 0.8 / len(found)
+    factor, unit = style.prefixed(np.concatenate([f.values for f in found.values()]), "m/s")
+    for k, (name, array) in enumerate(found.items()):
+        place = [
+            names.index(str(v)) + (k - (len(found) - 1) / 2) * width for v in array["view"].values
+        ]
+        axes.bar(
+            place,
+            factor * array.values,
+            0.9 * width,
+            color="#ffffff" if k % 2 else "#d9e6f2",
+            edgecolor="#333333",
+            hatch=style.HATCHES[k % len(style.HATCHES)],
+            linewidth=0.8,
+            label=name,
+        )
+    axes.set_xticks(np.arange(len(names)), names)
+    axes.grid(False, axis="x")
+    axes.set_ylabel(f"r.m.s. residual, {unit}")
+
+
+def _curves(axes: Axes, array: xr.DataArray) -> None:
+    """A curve for each view over the frequency."""
+    factor, unit = style.prefixed(array.values, "m/s")
+    hertz = array["frequency"].values
+    for name, look in zip(array["view"].values, style.looks(array.sizes["view"]), strict=True):
+        values = factor * array.sel(view=name).values
+        axes.plot(hertz, values, label=str(name), markevery=max(1, len(hertz) // 12), **look)
+    axes.set_ylabel(f"r.m.s. residual, {unit}")

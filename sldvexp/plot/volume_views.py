@@ -1,0 +1,168 @@
+"""The volume with the places around it, and as every view sees it (Figures 5.5 and 5.6)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from sldvexp.plot import style
+from sldvexp.plot.needed import require
+from sldvexp.plot.shown import Shown, Source, shown
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d.axes3d import Axes3D
+
+Array = NDArray[np.float64]
+
+NO_VOLUME = (
+    "the run has no volume with poses around it (groups volume and pose); choose volume=grid, as "
+    "in experiment=plate"
+)
+
+#: Length of the drawn axis of an instrument, as a fraction of its distance from the volume.
+AXIS_LENGTH = 0.25
+
+#: Panels of views beside each other.
+COLUMNS = 3
+
+
+def missing(run: Shown) -> str:
+    """Why no volume can be shown; empty if it can."""
+    known = run.has("volume", "position", "element") and run.has("pose", "origin", "rotation")
+    return "" if known else NO_VOLUME
+
+
+@style.styled
+def volume(source: Source | Shown) -> Figure:
+    """The volume among the instrument's places, and its nodes in every view's image.
+
+    Parameters
+    ----------
+    source : DataTree or others
+        See `sldvexp.plot.shown.shown`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    UserError
+        If the run has no volume or no pose.
+    """
+    run = shown(source)
+    require("volume", missing(run))
+    pose, group = run.groups["pose"], run.groups["volume"]
+    names = [str(v) for v in pose["view"].values]
+    columns = min(len(names), COLUMNS)
+    rows = -(-len(names) // columns)
+    made = style.figure(11.5, max(5.2, 0.6 + 2.6 * rows), _title(group))
+    middle, rim = _surface(group), outline(group)
+    halves: Any = made.subfigures(1, 2, width_ratios=[1.0, 1.35])
+    left, right = halves
+    scene: Any = left.add_subplot(projection="3d")
+    _scene(scene, run, names)
+    axes = right.subplots(rows, columns, squeeze=False)
+    for axis, name in zip(axes.ravel(), names, strict=False):
+        up_down, left_right = np.degrees(seen(pose.sel(view=name), group["position"].values)).T
+        if run.has(f"image/{name}", "angle"):
+            pixel = np.degrees(run.groups[f"image/{name}"]["angle"].values)
+            look = {"color": "#bbbbbb", "markersize": 1.0, "rasterized": True}
+            axis.plot(pixel[:, 1], pixel[:, 0], ".", label="pixel", **look)
+        look = {"color": style.COLOURS[1], "markersize": 1.0, "rasterized": True}
+        axis.plot(left_right[middle], up_down[middle], ".", label="node of the surface", **look)
+        for ends in rim:
+            look = {"color": style.COLOURS[3], "linewidth": 0.8}
+            axis.plot(left_right[ends], up_down[ends], label="edge of the volume", **look)
+        axis.set_title(f"view {name}")
+        axis.set_aspect("equal", adjustable="datalim")
+    for axis in axes.ravel()[len(names) :]:
+        axis.remove()
+    style.outer_labels(axes, len(names), "left-right, deg", "up-down, deg")
+    style.legend_below(right, axes[0, 0], markerscale=5)
+    return made
+
+
+def _surface(group: xr.Dataset) -> NDArray[np.intp]:
+    """Nodes of the layer nearest to the given surface."""
+    depth = group["depth"].values if "depth" in group else np.zeros(1)
+    per_layer = group.sizes["node"] // len(depth)
+    return np.arange(per_layer) + int(np.abs(depth).argmin()) * per_layer
+
+
+def _title(group: xr.Dataset) -> str:
+    depth = 1000 * group["depth"].values if "depth" in group else np.zeros(1)
+    layers = f"{len(depth)} layers from {depth.min():g} to {depth.max():g} mm"
+    return f"Volume of {group.sizes['node']} nodes, {group.sizes['element']} prisms, {layers}"
+
+
+def seen(pose: xr.Dataset, position: Array) -> Array:
+    """Mirror angles that reach points from one view, shape (n, 2), rad (Eqs 4.2 and 4.3)."""
+    x, y, z = pose["rotation"].values @ (position - pose["origin"].values).T
+    offset = float(pose.attrs.get("mirror_offset", 0.0))
+    return np.stack([np.arctan2(y, z), np.arctan2(x, np.hypot(y, z) + offset)], axis=1)
+
+
+def _scene(axes: Axes3D, run: Shown, names: list[str]) -> None:
+    """World axes with the volume's outline, the object's points and the instrument's places."""
+    pose, group = run.groups["pose"], run.groups["volume"]
+    position = group["position"].values
+    middle = position.mean(axis=0)
+    for edge in position[outline(group)]:
+        axes.plot(*edge.T, color=style.COLOURS[1], linewidth=0.6, label="volume")
+    if run.has("target", "position"):
+        points = run.groups["target"]["position"].values
+        axes.plot(*points.T, "x", color=style.COLOURS[3], markersize=4, label="object's points")
+    for name in names:
+        one = pose.sel(view=name)
+        origin = one["origin"].values
+        ahead = one["rotation"].values[2] * AXIS_LENGTH * np.linalg.norm(middle - origin)
+        axes.plot(*origin, "D", color=style.COLOURS[0], label="instrument")
+        way = np.stack([origin, origin + ahead])
+        axes.plot(*way.T, color=style.COLOURS[0], label="its axis")
+        away = np.stack([origin, middle])
+        axes.plot(*away.T, ":", color=style.COLOURS[-1], linewidth=0.7)
+        axes.text(*(origin - 0.35 * ahead), name, ha="center", va="center")
+    length = np.ptp([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()], axis=1)
+    axes.set_box_aspect(length, zoom=0.88)
+    axes.tick_params(labelsize=7, pad=0)
+    for axis, name, own in zip((axes.xaxis, axes.yaxis, axes.zaxis), "xyz", length, strict=True):
+        axis.set_major_locator(style.ticks(2 if own < 0.6 * length.max() else 4))
+        axis.set_label_text(f"{name}, m")
+    # the height of most worlds is y; looked at from beside the instruments
+    axes.view_init(elev=20, azim=-60, vertical_axis="y")
+    style.legend_below(axes.figure, axes, columns=2)
+
+
+def outline(group: xr.Dataset) -> NDArray[np.intp]:
+    """Edges of the surface's rim, on the first and the last layer and between, (edge, 2)."""
+    element = group["element"].values.astype(np.intp)
+    depths = group.sizes.get("layer", 2)
+    nodes = group.sizes["node"]
+    per_layer = nodes // depths
+    triangle = element[(element[:, :3] < per_layer).all(axis=1), :3]
+    sides = np.sort(np.concatenate([triangle[:, [0, 1]], triangle[:, [1, 2]], triangle[:, [2, 0]]]))
+    rim, count = np.unique(sides, axis=0, return_counts=True)
+    rim = rim[count == 1]
+    last = nodes - per_layer
+    corner = _corners(group["position"].values[:per_layer], rim)
+    through = np.stack([corner, corner + last], axis=1)
+    return np.concatenate([rim, rim + last, through])
+
+
+def _corners(position: Array, rim: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Nodes at which the rim turns by more than 30 deg."""
+    found = []
+    for node in np.unique(rim):
+        own = rim[(rim == node).any(axis=1)]
+        ends = np.where(own[:, 0] == node, own[:, 1], own[:, 0])
+        if len(ends) == 2:
+            way = position[ends] - position[node]
+            way /= np.linalg.norm(way, axis=1, keepdims=True)
+            if way[0] @ way[1] > -np.cos(np.radians(30.0)):
+                found.append(node)
+    return np.array(found, dtype=np.intp)

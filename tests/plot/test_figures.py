@@ -1,0 +1,291 @@
+"""Figures show what the dataset holds, with units, bounds, and all of their labels."""
+
+from __future__ import annotations
+
+import itertools
+import re
+
+import numpy as np
+import pytest
+
+import sldvexp.plot
+from sldvexp.errors import UserError
+from sldvexp.image.conics import fit_circle
+from sldvexp.image.pinhole import pinhole_edges
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.plot import FIGURES, figures_of
+from sldvexp.plot.style import prefixed
+from sldvexp.session.circles import edges_of
+
+SHOWN = (
+    *("scan_lines", "edges", "conics", "bitangents", "pose_residuals", "phase_correction"),
+    *("images", "volume", "field", "surface", "nodal", "residuals"),
+)
+
+#: What an axis may be called: a quantity with its unit, or what is counted.
+UNIT = re.compile(r"((, (mm|m|deg|rad|Hz|[nµmk]?m/s)| DAC steps|per step)( |\(|$))|^[nµm]?m/s$")
+COUNTED = {"view", "point", "component", "node", "reconstruction", "seed"}
+
+
+def bars(axes):
+    """Half-lengths of the error bars of every container of a panel, largest side."""
+    found = []
+    for container in axes.containers:
+        if hasattr(container, "lines") and container.lines[2]:
+            segments = container.lines[2][0].get_segments()
+            found.append(np.array([np.ptp(np.asarray(s)[:, 1]) / 2 for s in segments]))
+    return found
+
+
+def test_the_session_shows_its_figures(tree):
+    assert tuple(figures_of(tree)) == SHOWN
+
+
+def test_groups_without_a_folder_have_no_scan_lines(tree, run_file):
+    groups = {n.path.strip("/"): n.to_dataset() for n in tree.subtree if n.has_data}
+    assert set(figures_of(groups)) == set(SHOWN) - {"scan_lines"}
+    assert "field" in figures_of(run_file)
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_labels_are_inside_and_apart(figures, name):
+    figure = figures[name]
+    box = figure.get_tightbbox()
+    width, height = figure.get_size_inches()
+    assert min(box.x0, box.y0) >= -0.01
+    assert max(box.x1 - width, box.y1 - height) <= 0.01
+    panels = [a.get_tightbbox() for a in figure.axes]
+    panels += [legend.get_window_extent() for legend in figure.legends]
+    for one, other in itertools.combinations(panels, 2):
+        shared = one.intersection(one, other)
+        assert shared is None or shared.width < 2 or shared.height < 2
+    for axes in figure.axes:
+        low, high = sorted(axes.get_xlim())
+        ticks = [t for t in axes.get_xticklabels() if t.get_text() and t.get_visible()]
+        ticks = [t for t in ticks if low <= t.get_position()[0] <= high]
+        extents = sorted((t.get_window_extent().extents[[0, 2]] for t in ticks), key=min)
+        if axes.name != "3d":
+            assert all(a[1] < b[0] for a, b in itertools.pairwise(extents))
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_every_axis_has_its_unit_and_every_panel_its_data(figures, name):
+    assert figures[name].axes
+    for axes in figures[name].axes:
+        labels = [axes.get_xlabel(), axes.get_ylabel()]
+        labels += [axes.get_zlabel()] if axes.name == "3d" else []
+        scale = axes.get_label() == "<colorbar>"
+        assert any(labels) or not scale
+        for label in filter(None, labels):
+            assert UNIT.search(label) or label in COUNTED, label
+        assert axes.has_data() or scale
+    outer = figures[name].axes[0]
+    assert outer.get_ylabel()
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_what_is_missing_is_said_in_one_sentence(name):
+    with pytest.raises(UserError, match=f"plot: {name}: .*(no|not) ") as raised:
+        getattr(sldvexp.plot, name)({})
+    assert "\n" not in str(raised.value)
+    assert figures_of({}) == {}
+
+
+def test_images_are_of_the_pixels(figures, tree):
+    for row, view in zip(np.reshape(figures["images"].axes[:12], (3, 4)), "123", strict=True):
+        group = tree[f"image/{view}"].to_dataset().isel(frequency=0)
+        good = group["flags"].values == 0
+        for axes, take in zip(row, (np.real, np.imag, np.abs, np.angle), strict=True):
+            drawn = axes.collections[0].get_array().ravel()
+            values = take(group["velocity"].values) * (1.0 if take is np.angle else 1000.0)
+            np.testing.assert_allclose(drawn[good], values[good], rtol=1e-12)
+            assert np.ma.getmaskarray(drawn)[~good].all()
+
+
+def test_phase_correction_has_both_stages(figures, tree):
+    group = tree["image/1"].to_dataset().isel(frequency=0)
+    good = group["flags"].values == 0
+    stages = {"raw: phase": "uncorrected", "corrected: phase": "velocity"}
+    panels = figures["phase_correction"].axes[3:8:4]
+    for axes, (title, name) in zip(panels, stages.items(), strict=True):
+        drawn = axes.collections[0].get_array().ravel()
+        np.testing.assert_allclose(drawn[good], np.angle(group[name].values)[good])
+        assert axes.get_title() == title
+
+
+def test_pixels_of_a_list_are_dots(tree):
+    group = tree["image/2"].to_dataset().isel(frequency=0, drop=True)
+    group.attrs = {}
+    figure = sldvexp.plot.images({"image/2": group})
+    good = group["flags"].values == 0
+    dots = figure.axes[2].collections[0]
+    np.testing.assert_array_equal(dots.get_offsets(), group["dac"].values[good][:, ::-1])
+    np.testing.assert_allclose(dots.get_array(), 1000 * np.abs(group["velocity"].values[good]))
+
+
+def test_what_no_view_determines_is_said(tree):
+    groups = {n.path.strip("/"): n.to_dataset() for n in tree.subtree if n.has_data}
+    field = groups["field"].copy(deep=True)
+    field["velocity"].loc[{"component": "y"}] = complex(np.nan, np.nan)
+    field["observable"].loc[{"component": "y"}] = 0
+    groups["field"] = field
+    for name, panels in (("field", [3, 5]), ("nodal", [2, 3])):
+        figure = getattr(sldvexp.plot, name)(groups)
+        figure.draw_without_rendering()
+        told = [k for k, a in enumerate(figure.axes) if a.texts]
+        assert told == panels
+        assert figure.axes[panels[0]].texts[0].get_text() == "not determined"
+
+
+def test_scan_lines_end_at_the_edges_of_the_run(figures, tree):
+    raw, median, gradient, found = figures["scan_lines"].axes[1::2]
+    assert len(raw.get_lines()[:16]) == 16
+    place = raw.lines[0].get_xdata()
+    steps = median.lines[0].get_ydata()
+    np.testing.assert_allclose(
+        gradient.lines[0].get_ydata(), np.gradient(steps) / np.ptp(place) * (len(place) - 1)
+    )
+    group = tree["edge/1"].to_dataset()
+    own = group["circle"].values == 1
+    (container,) = found.containers
+    errors = [np.ptp(np.asarray(s)[:, 0]) / 2 for s in container.lines[2][0].get_segments()]
+    np.testing.assert_allclose(errors, group["dac_std"].values[own], rtol=1e-9)
+    assert f"{own.sum()} edges ± standard error" in found.get_title()
+
+
+def test_edges_are_those_of_every_view(figures, tree):
+    for axes, view in zip(figures["edges"].axes, "123", strict=True):
+        drawn = np.concatenate([line.get_xydata() for line in axes.get_lines()])
+        np.testing.assert_array_equal(drawn, tree[f"edge/{view}/dac"].values[:, ::-1])
+
+
+def test_conics_have_their_residuals_and_errors(figures, tree):
+    edges = edges_of(tree["edge/1"].to_dataset())
+    lower = figures["conics"].axes[4:]
+    for axes, edge in zip(lower, edges, strict=True):
+        fit, _ = fit_circle(pinhole_edges(TwoMirror(), edge))
+        (container,) = axes.containers
+        np.testing.assert_allclose(container.lines[0].get_ydata(), fit.residual, atol=1e-9)
+        np.testing.assert_allclose(bars(axes)[0], fit.residual_std, rtol=1e-6)
+
+
+def test_bitangent_points_are_those_of_the_registration(figures, tree):
+    (axes,) = figures["bitangents"].axes
+    dac = tree["registration/dac"].values[0]
+    points = axes.get_lines()[-1]
+    np.testing.assert_array_equal(points.get_xydata(), dac[:, ::-1])
+    assert [t.get_text() for t in axes.texts] == [str(n) for n in range(1, 17)]
+    ellipses = [line for line in axes.get_lines() if line.get_label() == "ellipse"]
+    for point in dac:
+        nearest = min(
+            np.linalg.norm(e.get_xydata()[:, ::-1] - point, axis=1).min() for e in ellipses
+        )
+        assert nearest < 2.5  # steps; the curve has a point every 2 deg
+
+
+def test_pose_residuals_have_s_as_their_error(figures, tree):
+    pose = tree["pose"].to_dataset()
+    for axes, view in zip(figures["pose_residuals"].axes, "123", strict=True):
+        one = pose.sel(view=view)
+        for container, half, mirror in zip(
+            axes.containers, bars(axes), ("left_right", "up_down"), strict=True
+        ):
+            drawn = container.lines[0].get_ydata()
+            np.testing.assert_array_equal(drawn, one["residual"].sel(mirror=mirror).values)
+            np.testing.assert_allclose(half, float(one["s"]))
+
+
+def test_the_volume_is_seen_where_the_pixels_are(figures, tree):
+    panels = [a for a in figures["volume"].axes if a.name != "3d"]
+    for axes, view in zip(panels, "123", strict=True):
+        pixels, nodes = axes.get_lines()[:2]
+        angle = np.degrees(tree[f"image/{view}/angle"].values[:, ::-1])
+        np.testing.assert_array_equal(pixels.get_xydata(), angle)
+        assert len(nodes.get_xdata()) == 42
+        assert (nodes.get_xydata().min(axis=0) > angle.min(axis=0)).all()
+        assert (nodes.get_xydata().max(axis=0) < angle.max(axis=0)).all()
+    scene = next(a for a in figures["volume"].axes if a.name == "3d")
+    assert [t.get_text() for t in scene.texts] == ["1", "2", "3"]
+
+
+def test_field_maps_are_of_the_surface_layer(figures, tree):
+    field = tree["field"].to_dataset().isel(frequency=0, node=slice(42, 84))
+    panels = np.reshape(figures["field"].axes[:9], (3, 3))
+    for (size, _, bound), component in zip(panels, "xyz", strict=True):
+        own = field.sel(component=component)
+        for axes, values in ((size, np.abs(own["velocity"])), (bound, own["confidence"])):
+            factor, unit = prefixed(values, "m/s")
+            np.testing.assert_allclose(axes.collections[-1].get_array(), factor * values)
+            assert unit in [a.get_ylabel() for a in figures["field"].axes[9:]]
+        assert "95% bound" in bound.get_title()
+    phase = panels[2, 1].collections[-1].get_array()
+    z = field.sel(component="z")
+    three = tree["field/element"].values[:, :3]
+    mean = z["velocity"].values[three[(three < 42).all(axis=1)]].mean(axis=1)
+    np.testing.assert_allclose(phase, np.angle(mean))
+
+
+def test_nodal_values_have_their_bounds(figures, tree):
+    field = tree["field"].to_dataset().isel(frequency=0)
+    panels = np.reshape(figures["nodal"].axes, (3, 2))
+    position = 1000 * field["position"].values[42:84]
+    for row, component in zip(panels, "xyz", strict=True):
+        own = field.sel(component=component)
+        for axes, part, take in zip(row, ("real", "imaginary"), (np.real, np.imag), strict=True):
+            x, y = axes.containers[0].lines[0].get_data()
+            assert len(x) == 7
+            row_of_nodes = 42 + np.flatnonzero(np.isin(np.round(position[:, 0], 6), np.round(x, 6)))
+            values = take(own["velocity"].values[row_of_nodes])
+            scale = 1000.0 if "mm/s" in axes.get_ylabel() else 1e6
+            assert np.isin(np.round(y, 6), np.round(scale * values, 6)).all()
+            half = bars(axes)[0]
+            bound = scale * own["confidence_by_part"].sel(part=part).values[row_of_nodes]
+            assert np.isin(np.round(half, 5), np.round(bound, 5)).all()
+        assert bool(row[0].get_legend_handles_labels()[1].count("truth")) == (component == "z")
+
+
+def test_nodal_values_of_chosen_nodes(tree):
+    figure = sldvexp.plot.nodal(tree, nodes=[50, 44], component="z")
+    x, y = figure.axes[0].containers[0].lines[0].get_data()
+    velocity = tree["field/velocity"].sel(component="z").values[[44, 50], 0]
+    np.testing.assert_array_equal(x, [44, 50])
+    np.testing.assert_allclose(y, 1000 * velocity.real)
+    with pytest.raises(UserError, match="nodes at the surface have the numbers 42 to 83"):
+        sldvexp.plot.nodal(tree, nodes=[7])
+
+
+def test_surface_is_the_moment_of_the_largest_velocity(figures, tree):
+    axes, scale = figures["surface"].axes
+    assert "velocity, mm/s" in axes.get_zlabel()
+    assert scale.get_ylabel() == "mm/s"
+    z = tree["field/velocity"].sel(component="z").values[42:84, 0]
+    assert f"{-np.angle(z[np.abs(z).argmax()]):+.2f} rad" in figures["surface"].get_suptitle()
+    assert axes.get_zlim()[1] >= 1000 * np.abs(z).max() * 0.999
+
+
+def test_residuals_are_those_by_view(figures, tree):
+    (axes,) = figures["residuals"].axes
+    heights = [bar.get_height() for bar in axes.patches]
+    _, unit = prefixed(tree["field/residual_std_by_view"].values, "m/s")
+    assert axes.get_ylabel() == f"r.m.s. residual, {unit}"
+    ratio = heights / tree["field/residual_std_by_view"].values[:, 0]
+    np.testing.assert_allclose(ratio, prefixed(heights[0] / ratio[0], "m/s")[0])
+    assert [t.get_text() for t in axes.get_xticklabels()] == ["1", "2", "3"]
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "said"),
+    [
+        ("images", {"view": "9"}, "there is no view 9.*Valid: 1, 2, 3"),
+        ("conics", {"view": "9"}, "there is no view 9"),
+        ("scan_lines", {"circle": 5}, "there is no circle 5"),
+        ("field", {"frequency": 500.0}, "frequencies go from 197 to 197 Hz"),
+        ("field", {"depth": 0.5}, "layers lie from -12 to 12 mm"),
+        ("surface", {"component": "t1"}, "no component t1, only x, y, z"),
+        ("nodal", {"name": "other"}, "there is no field other"),
+        ("nodal", {"nodes": "some"}, "line, all or numbers"),
+    ],
+)
+def test_a_wrong_choice_is_named(tree, name, options, said):
+    with pytest.raises(UserError, match=said):
+        getattr(sldvexp.plot, name)(tree, **options)

@@ -1,0 +1,187 @@
+"""Figures of points, repeats and sweeps; files of figures; the command."""
+
+from __future__ import annotations
+
+import importlib.util
+import itertools
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+
+import sldvexp.plot
+from sldvexp import dataset
+from sldvexp.errors import UserError
+from sldvexp.plot.style import COLOURS, looks, prefixed
+
+_spec = importlib.util.spec_from_file_location(
+    "groups_of_runs", Path(__file__).with_name("groups_of_runs.py")
+)
+groups = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(groups)
+
+
+def half_lengths(container):
+    segments = container.lines[2][0].get_segments()
+    return [np.ptp(np.asarray(s)[:, 1]) / 2 for s in segments if len(s)]
+
+
+def test_points_have_their_bounds():
+    tree = {"point": groups.point(1), "compare/other": groups.point(2)}
+    figure = sldvexp.plot.point(tree)
+    for k, row in enumerate(np.reshape(figure.axes, (2, 2))):
+        for axes, take in zip(row, (np.real, np.imag), strict=True):
+            for container, group in zip(axes.containers, tree.values(), strict=True):
+                values = group["velocity"].values[:, k]
+                np.testing.assert_allclose(container.lines[0].get_ydata(), 1000 * take(values))
+                bound = 1000 * group["confidence"].values[:, k]
+                np.testing.assert_allclose(half_lengths(container), bound)
+    assert [t.get_text() for t in figure.legends[0].get_texts()] == ["point", "other"]
+
+
+def test_many_frequencies_are_a_spectrum():
+    group = groups.point(1, 40)
+    figure = sldvexp.plot.point({"point": group})
+    left = figure.axes[0::2]
+    for axes, component in zip(left, "xyz", strict=True):
+        x, y = axes.lines[0].get_data()
+        np.testing.assert_array_equal(x, group["frequency"].values)
+        values = group["velocity"].sel(component=component).values
+        np.testing.assert_allclose(y, 1000 * np.abs(values))
+        top = axes.collections[0].get_paths()[0].vertices[:, 1].max()
+        bound = group["confidence"].sel(component=component).values
+        assert top == pytest.approx(1000 * (np.abs(values) + bound).max())
+    z = group.sel(component="z")
+    (phases,) = figure.axes[5].containers
+    np.testing.assert_allclose(phases.lines[0].get_ydata(), np.angle(z["velocity"].values))
+    angle = np.arcsin(z["confidence"].values / np.abs(z["velocity"].values))
+    np.testing.assert_allclose(half_lengths(phases), angle)
+    assert left[-1].get_xlabel() == "frequency, Hz"
+
+
+def test_repeats_have_their_scatter_and_its_interval():
+    dac = np.random.default_rng(0).uniform(-1000, 1000, (16, 2))
+    tree = groups.repeats(dac)
+    figure = sldvexp.plot.repeatability(tree)
+    left_right, up_down, scatter = figure.axes
+    away = tree["registration"]["dac"] - tree["registration"]["dac"].mean("view")
+    for axes, mirror in ((left_right, "left_right"), (up_down, "up_down")):
+        drawn = [line.get_ydata() for line in axes.lines[1:]]
+        np.testing.assert_allclose(drawn, away.sel(mirror=mirror).values)
+    std = tree["examined/again"]["dac_std"].sel(mirror="left_right").values
+    np.testing.assert_array_equal(scatter.containers[0].lines[0].get_ydata(), std)
+    bar = np.asarray(scatter.containers[0].lines[2][0].get_segments()[0])[:, 1]
+    # chi square with 3 degrees of freedom: 0.2158 and 9.3484 at 2.5 and 97.5 %
+    np.testing.assert_allclose(bar / std[0], np.sqrt([3 / 9.3484, 3 / 0.2158]), rtol=1e-3)
+
+
+def test_a_sweep_compares_its_runs():
+    table = groups.sweep()
+    figure = sldvexp.plot.sweep(table)
+    assert "(1 without a result)" in figure.get_suptitle()
+    for axes, component in zip(figure.axes, "xyz", strict=True):
+        assert axes.get_title() == f"component {component}"
+        assert axes.get_ylabel() == "point.velocity, mm/s"
+        for container, seed in zip(axes.containers, (1, 2, 3), strict=True):
+            own = table.sel(seed=seed, component=component)
+            values = 1000 * np.abs(own["point.velocity"].values)
+            np.testing.assert_allclose(container.lines[0].get_ydata(), values)
+            first = half_lengths(container)[0]
+            assert first == pytest.approx(1000 * float(own["point.velocity_std"][0]))
+    with pytest.raises(UserError, match="there is no result point"):
+        sldvexp.plot.sweep(table, "point.sse")
+
+
+def test_a_run_is_no_sweep(tree):
+    with pytest.raises(UserError, match="this is no sweep"):
+        sldvexp.plot.sweep(tree)
+
+
+def test_the_users_style_is_neither_used_nor_changed():
+    with matplotlib.rc_context({"font.size": 31.0, "axes.grid": False}):
+        figure = sldvexp.plot.point({"point": groups.point(1)})
+        assert figure.axes[0].xaxis.label.get_fontsize() == 9.0
+        assert matplotlib.rcParams["font.size"] == 31.0
+
+
+def test_curves_differ_without_their_colour():
+    seen = [(look["marker"], look["linestyle"]) for look in looks(36)]
+    assert len(set(seen)) == len(seen)
+    lightness = [
+        int(c[1:3], 16) * 0.30 + int(c[3:5], 16) * 0.59 + int(c[5:], 16) * 0.11 for c in COLOURS
+    ]
+    assert all(abs(a - b) > 5 for a, b in itertools.pairwise(lightness))
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ([0.02], (1e3, "mm/s")),
+        ([-3e-5, np.nan], (1e6, "µm/s")),
+        ([1.0], (1.0, "m/s")),
+        ([0.0], (1.0, "m/s")),
+        ([], (1.0, "m/s")),
+        ([1e-3], (1e3, "mm/s")),
+        ([2500.0], (1e-3, "km/s")),
+    ],
+)
+def test_units_get_a_handy_prefix(values, expected):
+    assert prefixed(values, "m/s") == (pytest.approx(expected[0]), expected[1])
+
+
+def test_files_are_the_same_each_time(tmp_path):
+    tree = {"point": groups.point(1)}
+    first = sldvexp.plot.save(sldvexp.plot.point(tree), tmp_path / "one" / "point")
+    again = sldvexp.plot.save(sldvexp.plot.point(tree), tmp_path / "two" / "point")
+    assert [p.name for p in first] == ["point.png", "point.svg"]
+    assert [p.read_bytes() for p in first] == [p.read_bytes() for p in again]
+    text = first[1].read_text()
+    assert "<dc:date>" not in text
+    assert "http" not in text.replace("http://www.w3.org", "").replace(
+        "http://purl.org", ""
+    ).replace("http://creativecommons.org", "")
+
+
+def test_a_notebook_shows_a_figure():
+    figure = sldvexp.plot.point({"point": groups.point(1)})
+    assert figure._repr_png_().startswith(b"\x89PNG")
+
+
+def test_a_folder_that_is_a_file_is_refused(tmp_path):
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(UserError, match="cannot be written"):
+        sldvexp.plot.save(sldvexp.plot.point({"point": groups.point(1)}), tmp_path / "taken" / "p")
+
+
+def test_the_command_writes_beside_the_run(sldvexp, tmp_path):
+    dataset.save({"point": groups.point(1)}, {}, tmp_path / "run.nc")
+    done = sldvexp("plot", str(tmp_path))
+    assert done.status == 0, done.err
+    written = sorted(p.name for p in (tmp_path / "figures").iterdir())
+    assert written == ["point.png", "point.svg"]
+    assert done.out.split() == [str(tmp_path / "figures" / name) for name in written]
+    dataset.save_table(groups.sweep(), tmp_path / "sweep.nc")
+    (tmp_path / "run.nc").unlink()
+    assert sldvexp("plot", str(tmp_path), "sweep").status == 0
+    assert (tmp_path / "figures" / "sweep.svg").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "plot takes a run.nc"),
+        (["run.nc", "fild"], "there is no figure fild; did you mean field"),
+        (["run.nc", "field"], "the run has no velocity field"),
+        (["nowhere"], "nowhere: there is no such file"),
+        (["."], "neither run.nc nor sweep.nc"),
+    ],
+)
+def test_the_command_refuses_in_one_sentence(sldvexp, tmp_path, words, said):
+    if "run.nc" in words:
+        dataset.save({"point": groups.point(1)}, {}, tmp_path / "run.nc")
+    done = sldvexp("plot", *words)
+    assert done.status != 0
+    assert said in done.err
+    assert "Traceback" not in done.err
+    assert not (tmp_path / "figures").exists()
