@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 if TYPE_CHECKING:
     from sldvexp.instrument.protocol import Instrument
@@ -13,7 +13,15 @@ if TYPE_CHECKING:
 
 
 class ScanningPlugin(ABC):
-    """Base of the instruments that scan; `open` is what they add."""
+    """Base of the instruments that scan; `open` is what they add.
+
+    Attributes
+    ----------
+    real : bool
+        Whether mirrors move; what only tries a configuration out leaves such an instrument alone.
+    """
+
+    real: ClassVar[bool] = True
 
     @property
     def takes_views_itself(self) -> bool:

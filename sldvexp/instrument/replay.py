@@ -28,6 +28,7 @@ class Replay(ScanningPlugin):
         Folder of that run.
     """
 
+    real = False
     path: str = MISSING
 
     def open(

@@ -1,4 +1,4 @@
-"""Line-of-sight velocities as named arrays, in netCDF or MATLAB files."""
+"""Line-of-sight velocities as named arrays, of whatever file they come from."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
-from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.line_of_sight.table import LineOfSight
 from sldvexp.units import VelocityUnit
@@ -18,81 +16,17 @@ from sldvexp.units import VelocityUnit
 REQUIRED = ("direction_cosines", "velocity")
 
 
-def read_netcdf(path: Path, unit: VelocityUnit) -> LineOfSight:
-    """Read a run's group ``line_of_sight``, or the same variables at the root of another file.
-
-    The file's own unit of velocity must agree with `unit`.
-    """
-    try:
-        with dataset.load(path) as tree:
-            node = tree["line_of_sight"] if "line_of_sight" in tree.children else tree
-            data = node.to_dataset().load()
-    except RuntimeError:  # the netCDF library's word for data that its own index contradicts
-        raise UserError(f"{path}: is a damaged netCDF-4 file") from None
-    for name in REQUIRED:
-        if name not in data:
-            raise UserError(
-                f"{path}: the variable {name} is missing; needed are {', '.join(REQUIRED)}"
-            )
-    stated = str(data["velocity"].attrs.get("units", unit.name)).replace("/", "_per_")
-    if stated != unit.name:
-        raise UserError(
-            f"{path}: the file states velocities in {data['velocity'].attrs['units']}, the "
-            f"configuration instrument.unit={unit.name}; they must agree"
-        )
-    values: dict[str, Any] = {}
-    for name, key in (
-        ("direction_cosines", "direction_cosines"),
-        ("velocity", "velocity"),
-        ("velocity_std", "std"),
-    ):
-        if name in data:
-            values[key] = _ordered(data[name], path)
-    if ("point" in data["velocity"].dims) != ("point" in data["direction_cosines"].dims):
-        raise UserError(f"{path}: velocity and direction_cosines must both have a dimension point")
-    values |= {d: data[d].values for d in ("view", "point", "frequency") if d in data.coords}
-    return _from_arrays(values, path, unit)
+def with_velocity(values: dict[str, Any]) -> dict[str, Any]:
+    """The arrays with ``velocity`` where there are ``real`` and ``imag`` instead."""
+    if "velocity" in values or "real" not in values:
+        return values
+    velocity = np.asarray(values["real"])
+    if "imag" in values:
+        velocity = velocity + 1j * np.asarray(values["imag"])
+    return values | {"velocity": velocity}
 
 
-def read_matlab(path: Path, unit: VelocityUnit) -> LineOfSight:
-    """Read a MATLAB file (up to version 7) with arrays of these names.
-
-    ``direction_cosines`` (views x 3, or views x points x 3), ``velocity`` (views x frequencies, or
-    views x points x frequencies), and optionally ``std`` (as velocity), ``frequency`` and ``view``.
-    """
-    from scipy.io import loadmat
-
-    try:
-        found = loadmat(path)
-    except NotImplementedError:
-        raise UserError(f"{path}: is a MATLAB 7.3 file; save it with the option -v7") from None
-    except Exception:  # whatever the reader stumbles over in a file that is none, or is damaged
-        raise UserError(f"{path}: is not a readable MATLAB file") from None
-    for name in REQUIRED:
-        if name not in found:
-            raise UserError(
-                f"{path}: the array {name} is missing; needed are {', '.join(REQUIRED)}"
-            )
-    values = {k: v for k, v in found.items() if not k.startswith("__")}
-    if "frequency" in values:
-        values["frequency"] = values["frequency"].ravel()
-    for name in {"view", "point"} & set(values):
-        values[name] = [str(np.squeeze(v)).strip() for v in values[name].ravel()]
-    return _from_arrays(values, path, unit)
-
-
-def _ordered(array: xr.DataArray, path: Path) -> np.ndarray:
-    """Values with the dimensions in the order (view, point, axis or frequency)."""
-    order = [d for d in ("view", "point", "axis", "frequency") if d in array.dims]
-    if len(order) != array.ndim or "view" not in order:
-        raise UserError(
-            f"{path}: {array.name} has the dimensions {', '.join(map(str, array.dims))}; "
-            "known are view, point, axis, frequency"
-        )
-    return array.transpose(*order).values
-
-
-def _from_arrays(values: Mapping[str, Any], path: Path, unit: VelocityUnit) -> LineOfSight:
+def from_arrays(values: Mapping[str, Any], path: Path, unit: VelocityUnit) -> LineOfSight:
     """Give missing point and frequency dimensions length one and check the shapes."""
     cosines = _numbers(values, "direction_cosines", path)
     velocity = _numbers(values, "velocity", path)

@@ -10,6 +10,7 @@ import pandas as pd
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import read_text
+from sldvexp.line_of_sight.layout import OWN, Layout
 from sldvexp.line_of_sight.table import LineOfSight
 from sldvexp.units import VelocityUnit
 
@@ -22,7 +23,7 @@ LEAST = {
 }
 
 
-def read(path: Path, unit: VelocityUnit) -> LineOfSight:
+def read(path: Path, unit: VelocityUnit, layout: Layout = OWN) -> LineOfSight:
     """Read ``view,dx,dy,dz,frequency,real,imag`` with optional ``point`` and ``std``.
 
     Parameters
@@ -30,6 +31,8 @@ def read(path: Path, unit: VelocityUnit) -> LineOfSight:
     path : Path
     unit : VelocityUnit
         Of the columns ``real``, ``imag`` and ``std``.
+    layout : Layout
+        Its mapping renames columns.
 
     Returns
     -------
@@ -41,7 +44,7 @@ def read(path: Path, unit: VelocityUnit) -> LineOfSight:
     UserError
         If the file is no such table: columns, numbers, missing or repeated combinations.
     """
-    table = _table(path)
+    table = _table(path, layout)
     key = [c for c in ("view", "point", "frequency") if c in table]
     doubled = table[table.duplicated(key)]
     if len(doubled):
@@ -94,7 +97,7 @@ def read(path: Path, unit: VelocityUnit) -> LineOfSight:
     )
 
 
-def _table(path: Path) -> pd.DataFrame:
+def _table(path: Path, layout: Layout) -> pd.DataFrame:
     """The checked columns, numbers as numbers, with the file's line numbers as index."""
     text = read_text(path)
     lines = [i for i, line in enumerate(text.splitlines(), 1) if line.split("#")[0].strip()]
@@ -109,6 +112,8 @@ def _table(path: Path) -> pd.DataFrame:
     if not isinstance(table.index, pd.RangeIndex):  # pandas takes what is too much for labels
         raise _uneven(text, lines, path)
     table.index = pd.Index(lines[1 : 1 + len(table)])
+    layout.require(table.columns, path)
+    table = table.rename(columns=dict(layout.mapping))
     _check_columns(table, path)
     for column in table.columns:
         if column in ("view", "point"):

@@ -7,19 +7,28 @@ from pathlib import Path
 
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
-from sldvexp.line_of_sight import arrays, csv
+from sldvexp.line_of_sight import csv, matlab, netcdf
+from sldvexp.line_of_sight.layout import OWN, Layout
 from sldvexp.line_of_sight.table import LineOfSight
 from sldvexp.units import VelocityUnit
 
-READERS: dict[str, Callable[[Path, VelocityUnit], LineOfSight]] = {
+READERS: dict[str, Callable[[Path, VelocityUnit, Layout], LineOfSight]] = {
     ".csv": csv.read,
-    ".nc": arrays.read_netcdf,
-    ".mat": arrays.read_matlab,
+    ".nc": netcdf.read_netcdf,
+    ".mat": matlab.read_matlab,
 }
 
 
-def read(path: Path, unit: VelocityUnit) -> LineOfSight:
+def read(path: Path, unit: VelocityUnit, layout: Layout = OWN) -> LineOfSight:
     """Read a file of velocities.
+
+    Parameters
+    ----------
+    path : Path
+    unit : VelocityUnit
+        Of the file's velocities.
+    layout : Layout
+        How the file differs from the program's own.
 
     Raises
     ------
@@ -29,4 +38,4 @@ def read(path: Path, unit: VelocityUnit) -> LineOfSight:
     require_file(path)
     if path.suffix.lower() not in READERS:
         raise UserError(f"{path}: the ending must be one of {', '.join(READERS)}")
-    return READERS[path.suffix.lower()](path, unit)
+    return READERS[path.suffix.lower()](path, unit, layout)

@@ -26,6 +26,7 @@ class Mesh(Volume):
     ----------
     path : str
         ``.stl``, ``.obj``, ``.ply``, ``.vtk``, ``.vtu``, ``.msh``, ``.inp``, ``.bdf`` and others.
+        Universal files (``.uff``, ``.unv``) need no meshio.
     flip : bool
         Whether the normals point to the other side of the triangles.
     """

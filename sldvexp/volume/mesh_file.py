@@ -14,6 +14,7 @@ from sldvexp.errors import UserError
 from sldvexp.files import require_file
 from sldvexp.volume.prisms import Array, IntArray
 from sldvexp.volume.surface import Surface
+from sldvexp.volume.universal_mesh import SUFFIXES, read_universal
 
 #: Corners of meshio's surface cells; nodes beyond them are inside of edges and faces.
 TRIANGLES = ("triangle", "triangle6", "triangle7")
@@ -39,6 +40,8 @@ def read_mesh(path: Path, unit: float, flip: bool) -> Surface:
     UserError
         If meshio is not installed or cannot read the file, or there are no surface cells.
     """
+    if path.suffix.lower() in SUFFIXES:
+        return _of_universal_file(path, unit, flip)
     mesh = _read(path)
     position = np.asarray(mesh.points, float) * unit
     if position.shape[1] == 2:
@@ -53,6 +56,18 @@ def read_mesh(path: Path, unit: float, flip: bool) -> Surface:
     if flip:
         triangles = triangles[:, ::-1]
     return _without_others(Surface(position, triangles, None, str(path)), mesh)
+
+
+def _of_universal_file(path: Path, unit: float, flip: bool) -> Surface:
+    """The surface of a universal file, without nodes that no surface element names."""
+    position, corners, quadrilaterals, label = read_universal(path, unit)
+    triangles = np.concatenate([corners, _halves(position, quadrilaterals)])
+    if not len(triangles):
+        raise UserError(f"{path}: has neither triangles nor quadrilaterals (data set 2412)")
+    used, renumbered = np.unique(triangles, return_inverse=True)
+    triangles = renumbered.reshape(-1, 3)
+    triangles = triangles[:, ::-1] if flip else triangles
+    return Surface(position[used], triangles, None, str(path), label[used])
 
 
 def _read(path: Path) -> Any:

@@ -337,3 +337,36 @@ def test_tangent_along_a_normal_is_refused():
 def test_factors_of_a_list_of_parameters_are_not_invented():
     with pytest.raises(AssertionError):
         SampleRule(np.array([[1.0, 0, 0, 0]])).triangle_shape()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            ["volume.radius=0.3", "volume.depth=[-0.4, 0.0]"],
+            "volume: the prisms on the triangle of the nodes 7, 14 and 8 at (-0.102869, -0.115, ",
+        ),
+        (["volume.thickness=0"], "volume.thickness must be a positive number, not 0"),
+    ],
+)
+def test_the_user_of_the_command_sees_the_sentence(sldvexp, change, message):
+    done = sldvexp("~experiment", "volume=grid", *change)
+    assert done.status == 1
+    assert message in done.err
+    assert "Traceback" not in done.err
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("0,0,0 1,0,0 0,1,0 1,0,0", "stand in one place, (1, 0, 0) m; every node must stand there"),
+        ("0,0,0 1,0,0 2,0,0 3,0,0", "all 4 points lie on one line; a surface needs some beside it"),
+    ],
+)
+def test_digitised_points_are_refused_by_the_command(sldvexp, tmp_path, rows, message):
+    path = tmp_path / "points.csv"
+    path.write_text("\n".join(["x_m,y_m,z_m", *rows.split()]))
+    done = sldvexp("~experiment", "volume=points", f"volume.path={path}")
+    assert done.status == 1
+    assert f"volume: {path}: " in done.err.replace("\n", " ").replace("  ", " ")
+    assert message in done.err.replace("\n", " ")

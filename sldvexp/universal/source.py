@@ -1,0 +1,95 @@
+"""The bytes of a file, read piece by piece, so that a large one costs no more than its headers."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+from sldvexp.errors import UserError
+from sldvexp.files import require_file
+
+#: Bytes that are searched at a time.
+CHUNK = 1 << 20
+#: Bytes that are read at least, for what comes next.
+AHEAD = 1 << 13
+
+
+@dataclass(eq=False)
+class Source:
+    """An open file with one window into it.
+
+    Parameters
+    ----------
+    path : Path
+    file : binary file
+    size : int, bytes
+    """
+
+    path: Path
+    file: BinaryIO
+    size: int
+    _start: int = field(default=0, repr=False)
+    _window: bytes = field(default=b"", repr=False)
+
+    def read(self, start: int, stop: int) -> bytes:
+        """The bytes from `start` to `stop`, fewer at the end of the file; nothing is kept."""
+        stop = min(stop, self.size)
+        if start >= self._start and stop <= self._start + len(self._window):
+            return self._window[start - self._start : stop - self._start]
+        return self._at(start, stop - start) if stop > start else b""
+
+    def peek(self, start: int, count: int) -> bytes:
+        """As `read`, for small pieces one after the other."""
+        if not self._start <= start <= start + count <= self._start + len(self._window):
+            self._look_at(start, max(count, AHEAD))
+        return self.read(start, start + count)
+
+    def find(self, wanted: bytes, start: int) -> int:
+        """Where `wanted` first begins at or after `start`; -1 if nowhere."""
+        while start < self.size:
+            if not self._start <= start < self._start + len(self._window) - len(wanted) + 1:
+                self._look_at(start, CHUNK)
+            found = self._window.find(wanted, start - self._start)
+            if found >= 0:
+                return self._start + found
+            if self._start + len(self._window) >= self.size:
+                return -1
+            start = self._start + len(self._window) - len(wanted) + 1
+        return -1
+
+    def line(self, byte: int) -> int:
+        """Number of the line, from 1, that a byte is in."""
+        starts = range(0, byte, CHUNK)
+        return 1 + sum(self._at(s, min(CHUNK, byte - s)).count(b"\n") for s in starts)
+
+    def _look_at(self, start: int, count: int) -> None:
+        self._start, self._window = start, self._at(start, count)
+
+    def _at(self, start: int, count: int) -> bytes:
+        try:
+            self.file.seek(start)
+            return self.file.read(max(count, 0))
+        except OSError as error:
+            raise UserError(f"{self.path}: cannot be read: {error.strerror or error}") from None
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Source]:
+    """Open a file for reading.
+
+    Raises
+    ------
+    UserError
+        If it is missing, a folder, or cannot be read.
+    """
+    require_file(path)
+    try:
+        file = path.open("rb", buffering=0)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror or error}") from None
+    with file:
+        yield Source(path, file, os.fstat(file.fileno()).st_size)

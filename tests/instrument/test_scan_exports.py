@@ -1,0 +1,231 @@
+"""Tables that scanning vibrometers export are read by their structure, in any language."""
+
+from __future__ import annotations
+
+import contextlib
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sldvexp.errors import ConfigError, UserError
+from sldvexp.instrument import pointwise
+from sldvexp.instrument.pointwise import PointView
+from sldvexp.instrument.scan_export import ScanExport
+
+POINTS = np.array([[0, 0, 0], [0.3, 0, 0], [0.3, 0.2, 0.01], [0, 0.2, 0]])
+VALUES = 1e-3 * np.array([1 + 2j, -3 + 0.5j, 0.25 - 4j, -5 - 6j])
+PLAIN = {
+    "positive": pointwise.Positive.towards,
+    "phase": pointwise.Phase.exp_plus,
+    "amplitude": pointwise.Amplitude.peak,
+}
+
+
+def rows(*columns, mark=".", delimiter="\t"):
+    lines = [delimiter.join(f"{v:.9g}" for v in row) for row in zip(*columns, strict=True)]
+    return "\n".join(lines).replace(".", mark) + "\n"
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read_(text, encoding="utf-8", **more):
+        views = {}
+        for name, origin in (("a", [0.0, 0.0, 1.5]), ("b", [1.0, 0.0, 1.0])):
+            path = tmp_path / f"{name}.txt"
+            path.write_bytes(text.encode(encoding))
+            views[name] = PointView(path=str(path), origin=origin)
+        return ScanExport(views=views, **{**PLAIN, **more}).read()
+
+    return read_
+
+
+def right(group, values=VALUES[:, None], position=POINTS, frequency=(197.0,)):
+    np.testing.assert_allclose(group["velocity"].sel(view="a"), values, rtol=1e-8)
+    np.testing.assert_allclose(group["position"], position, atol=1e-12)
+    np.testing.assert_allclose(group["frequency"], frequency)
+    assert list(group["point"].values) == [str(i) for i in range(1, len(position) + 1)]
+
+
+INDEX = np.arange(1, 5)
+XYZ = POINTS.T
+PARTS = (VALUES.real, VALUES.imag)
+
+TABLES = {
+    "english": (
+        "Source\tC:\\scan.svd\nFrequency:\t197 Hz\n\n"
+        "Index\tX [m]\tY [m]\tZ [m]\tReal [m/s]\tImag [m/s]\n" + rows(INDEX, *XYZ, *PARTS)
+    ),
+    "german, decimal commas, units in a line of their own": (
+        "Quelle;C:\\Prüfling.svd\nFrequenz: 0,197 kHz\n"
+        "Punkt;X;Y;Z;Realteil;Imaginärteil\n;mm;mm;mm;mm/s;mm/s\n"
+        + rows(INDEX, *(1e3 * XYZ), *(1e3 * v for v in PARTS), mark=",", delimiter=";")
+    ),
+    "magnitude and phase, blanks": (
+        "freq = 197Hz\n Nr   x(m)  y(m)  z(m)  |v|(m/s)  arg(deg)\n"
+        + rows(INDEX, *XYZ, np.abs(VALUES), np.degrees(np.angle(VALUES)), delimiter="  ")
+    ),
+    "no numbers of points, commas between, quotes, end of line": (
+        '"197 Hz"\n"X [m]","Y [m]","Z [m]","速度 [µm/s]","速度 [µm/s]",\n'
+        + rows(*XYZ, *(1e6 * v for v in PARTS), delimiter=",").replace("\n", ",\n")
+    ),
+    "displacement": (
+        "197 Hz\nX [mm]\tY [mm]\tZ [mm]\tRe [nm]\tIm [nm]\n"
+        + rows(
+            *(1e3 * XYZ),
+            (VALUES / (2j * np.pi * 197)).real * 1e9,
+            (VALUES / (2j * np.pi * 197)).imag * 1e9,
+        )
+    ),
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_structures(read, name):
+    right(read(TABLES[name]))
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-8-sig", "utf-16"])
+def test_encodings(read, encoding):
+    right(read(TABLES["german, decimal commas, units in a line of their own"], encoding))
+
+
+def test_real_values(read):
+    text = "197 Hz\nX [m]\tY [m]\tZ [m]\tV [m/s]\n" + rows(*XYZ, VALUES.real)
+    right(read(text), VALUES.real[:, None])
+
+
+def test_several_frequencies_in_rows(read):
+    order = np.random.default_rng(1).permutation(8)
+    columns = [np.tile(INDEX, 2), *np.tile(XYZ, 2), np.repeat([100.0, 200.0], 4)]
+    columns += [np.tile(p, 2) * np.repeat([1, 2], 4) for p in PARTS]
+    head = "n\tx [m]\ty [m]\tz [m]\tf [Hz]\tre [m/s]\tim [m/s]\n"
+    both = VALUES[:, None] * [1, 2]
+    text = head + rows(*(c[order] for c in columns))
+    right(read(text), both, frequency=[100, 200])
+    right(read(text, frequency=[200.0]), both[:, 1:], frequency=[200])
+    with pytest.raises(UserError, match="is not at 150 Hz; the nearest is"):
+        read(text, frequency=[150.0])
+    with pytest.raises(UserError, match=r"line 2: there is no row for point \d at \d00 Hz"):
+        read(head + rows(*(c[order][1:] for c in columns)))
+    with pytest.raises(UserError, match=r"line 10: point 1 at 100 Hz is given twice"):
+        read(text + rows(*(c[:1] for c in columns)))
+
+
+def test_response_functions_need_the_reference(read):
+    text = TABLES["english"].replace("[m/s]", "[m/s/N]")
+    with pytest.raises(UserError, match=r"say it with instrument\.reference"):
+        read(text)
+    group = read(text, reference=2.0, amplitude=None)
+    right(group, 2 * VALUES[:, None])
+    assert group.attrs["import_reference"] == "2 /N"
+    assert group.attrs["import_columns"] == "x 2, y 3, z 4, index 1, real 5, imag 6"
+
+
+def test_status(read):
+    head = "197 Hz\nNr\tX [m]\tY [m]\tZ [m]\tRe [m/s]\tIm [m/s]\tStatus\n"
+    text = head + rows(INDEX, *XYZ, *PARTS, [3, 3, 0, 3])
+    with pytest.raises(UserError, match=r"values 0, 3, of which .*instrument.good_status=\[3\]"):
+        read(text)
+    group = read(text, good_status=[3], incomplete=True)
+    assert list(group["point"].values) == ["1", "2", "4"]
+    np.testing.assert_allclose(group["velocity"].sel(view="a")[:, 0], VALUES[[0, 1, 3]])
+    with pytest.raises(UserError, match="has not measured node 3"):
+        read(text, good_status=[3])
+
+
+def test_named_columns(read):
+    text = "197 Hz\na\tb\tc\td\te\tf\n" + rows(INDEX, *XYZ, *PARTS)
+    with pytest.raises(UserError, match="line 3: there are no three columns of coordinates"):
+        read(text)
+    columns = {"index": 1, "x": 2, "y": 3, "z": 4, "real": 5, "imag": 6}
+    units = {"length_unit": pointwise.LengthUnit.m, "unit": pointwise.MotionUnit.m}
+    right(read(text, columns=columns, quantity=pointwise.Quantity.velocity, **units))
+    with pytest.raises(UserError, match=r"columns\.imag is 7, but there are 6"):
+        read(text, columns=columns | {"imag": 7}, **units)
+
+
+def test_phases_signs_and_amplitudes(read):
+    more = {"phase": pointwise.Phase.exp_minus, "positive": pointwise.Positive.away}
+    group = read(TABLES["english"], amplitude=pointwise.Amplitude.rms, **more)
+    right(group, -(2**0.5) * VALUES.conj()[:, None])
+
+
+@pytest.mark.parametrize("setting", ["positive", "phase", "amplitude"])
+def test_what_nobody_says_is_asked_for(read, setting):
+    with pytest.raises(UserError, match=f"say it with instrument.{setting}"):
+        read(TABLES["english"], **{setting: None})
+
+
+REFUSED = {
+    "no table": ("hello\nworld\n", "has no table of numbers"),
+    "empty": ("", "has no table of numbers"),
+    "no text": ("\0\1\2", "is not a text file"),
+    "decibels": (TABLES["english"].replace("[m/s]", "[dB]"), "column 5 is in dB; export linear"),
+    "three values": (
+        "197 Hz\nX [m]\tY [m]\tZ [m]\tA [m/s]\tB [m/s]\tC [m/s]\n" + rows(*XYZ, *PARTS, *PARTS[:1]),
+        "line 3: the columns of velocities are 4 (A [m/s]), 5 (B [m/s]), 6 (C [m/s])",
+    ),
+    "no frequency": (TABLES["english"].replace("197 Hz", "high"), "does not state one frequency"),
+    "two frequencies": (
+        TABLES["english"].replace("197 Hz", "197 Hz of 0 to 1.6 kHz"),
+        "states 197, 1600 Hz",
+    ),
+    "mixed marks": (TABLES["english"].replace("0.3\t", "0,3\t", 1), "points and commas are mixed"),
+    "twice": (
+        TABLES["english"].replace("\n4\t", "\n3\t"),
+        "line 8: point 3 at 197 Hz is given twice",
+    ),
+    "zeros": (
+        TABLES["english"].replace("-0.003\t0.0005", "0\t0"),
+        "line 6: all values of this point are zero",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_tables_that_are_refused(read, name):
+    text, said = REFUSED[name]
+    with pytest.raises(UserError) as error:
+        read(text)
+    assert said in str(error.value), str(error.value)
+
+
+def test_settings_that_cannot_be():
+    view = {"a": PointView(path="x", origin=[0.0, 0.0, 1.0])}
+    for wrong in (
+        {"directions": pointwise.Directions.dof},
+        {"columns": {"u": 1}},
+        {"columns": {"x": 0}},
+        {"views": {"a": PointView(path="x", dof="+Z", origin=[0.0, 0.0, 1.0])}},
+    ):
+        with pytest.raises(ConfigError):
+            ScanExport(**{"views": view, **wrong})
+
+
+SPICE = ["\t", ";", ",", "\n", "9e99", "-1", "[Hz]", "[m]", "nan", "\0", "²"]
+
+
+@settings(max_examples=150, deadline=None, derandomize=True, database=None)
+@given(
+    st.sampled_from(sorted(TABLES)),
+    st.lists(
+        st.tuples(
+            st.floats(0, 1),
+            st.integers(0, 30),
+            st.sampled_from(SPICE) | st.text(max_size=4),
+        ),
+        max_size=5,
+    ),
+)
+def test_mutated_tables(tmp_path_factory, name, edits):
+    text = TABLES[name]
+    for place, length, new in edits:
+        at = int(place * len(text))
+        text = text[:at] + new + text[at + length :]
+    path = tmp_path_factory.mktemp("fuzz") / "a.txt"
+    path.write_bytes(text.encode("utf-8", "surrogatepass"))
+    view = {"a": PointView(path=str(path), direction=[0.0, 0.0, 1.0])}
+    with contextlib.suppress(UserError):
+        ScanExport(views=view, **PLAIN).read()
