@@ -1,0 +1,104 @@
+"""VTK's XML files: an unstructured grid of prisms (VTU), and a collection of them (PVD)."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.export.results import Mesh
+
+WEDGE = 13
+TYPES = {"f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
+
+
+def vtu(
+    mesh: Mesh,
+    arrays: Mapping[str, NDArray],
+    components: Mapping[str, Sequence[str]],
+    time: float | None,
+    comment: str,
+) -> str:
+    """The text of a VTU file.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    arrays : mapping of str to ndarray, shape (node,) or (node, component)
+        At the nodes.
+    components : mapping of str to sequence of str
+        Names of the components of an array, for those where they are not x, y, z.
+    time : float, optional
+        What the file is an instant of.
+    comment : str
+    """
+    prisms = mesh.prisms  # VTK finds their volumes positive, although its manual turns them over
+    instant = [] if time is None else [_array("TimeValue", np.array([time]), tuples=True)]
+    lines = [
+        *_head("UnstructuredGrid", comment),
+        "<UnstructuredGrid>",
+        *(["<FieldData>", *instant, "</FieldData>"] if instant else []),
+        f'<Piece NumberOfPoints="{len(mesh.position)}" NumberOfCells="{len(prisms)}">',
+        "<PointData>",
+        *(_array(name, values, components.get(name, ())) for name, values in arrays.items()),
+        "</PointData>",
+        "<Points>",
+        _array("Points", mesh.position),
+        "</Points>",
+        "<Cells>",
+        _array("connectivity", prisms.ravel()),
+        _array("offsets", 6 * np.arange(1, len(prisms) + 1)),
+        _array("types", np.full(len(prisms), WEDGE, np.uint8)),
+        "</Cells>",
+        "</Piece>",
+        "</UnstructuredGrid>",
+        "</VTKFile>",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def pvd(files: Mapping[float, Path], comment: str) -> str:
+    """The text of a PVD file: other files by their time, named relative to it."""
+    lines = [
+        *_head("Collection", comment),
+        "<Collection>",
+        *(
+            f'<DataSet timestep="{time!r}" part="0" file={quoteattr(file.as_posix())}/>'
+            for time, file in files.items()
+        ),
+        "</Collection>",
+        "</VTKFile>",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _head(kind: str, comment: str) -> Iterator[str]:
+    yield '<?xml version="1.0"?>'
+    yield f"<!-- {escape(comment).replace('--', '- -')} -->"
+    yield (
+        f'<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt64" '
+        'compressor="vtkZLibDataCompressor">'
+    )
+
+
+def _array(
+    name: str, values: NDArray, components: Sequence[str] = (), *, tuples: bool = False
+) -> str:
+    """One array, compressed as a single block."""
+    data = np.ascontiguousarray(values).astype(values.dtype.newbyteorder("<"))
+    packed = zlib.compress(data.tobytes())
+    header = np.array([1, data.nbytes, 0, len(packed)], "<u8")
+    width = f' NumberOfComponents="{data.shape[1]}"' if data.ndim == 2 else ""
+    named = "".join(f" ComponentName{i}={quoteattr(c)}" for i, c in enumerate(components))
+    count = f' NumberOfTuples="{len(data)}"' if tuples else ""
+    text = base64.b64encode(header.tobytes()) + base64.b64encode(packed)
+    kind = TYPES[data.dtype.str[1:]]
+    return (
+        f'<DataArray type="{kind}" Name={quoteattr(name)}{width}{named}{count} '
+        f'format="binary">{text.decode()}</DataArray>'
+    )
