@@ -72,8 +72,12 @@ def evaluate(
 def lookup(of: str, tree: Mapping[str, xr.Dataset]) -> tuple[list[str], np.ndarray]:
     """The labels and numbers that an expression such as ``pose/origin[axis=x]`` stands for.
 
-    Dimensions of length one are dropped.
+    Between bars, ``|image/front/velocity|``, it stands for their magnitudes. Dimensions of length
+    one are dropped.
     """
+    if size := re.fullmatch(r"\s*\|(.*)\|\s*", of):
+        labels, numbers = lookup(size[1], tree)
+        return labels, np.abs(numbers)
     match = _OF.fullmatch(of.strip())
     if match is None:
         raise UserError(f"{of!r} is not of the form group/variable[dim=label] or group@attribute")
@@ -136,7 +140,7 @@ def _compare(name: str, expectation: Expectation, tree: Mapping[str, xr.Dataset]
                 published = _numbers(value, of)
                 _require_shape(of, "published has", published, computed)
             elif np.iscomplexobj(computed):
-                raise UserError(f"{of}: is complex, and has no bound; give what is published")
+                raise UserError(f"{of}: is complex, and has no bound; |{of}| has one")
             else:
                 published = np.asarray(value)
             correct = np.array(np.nan)

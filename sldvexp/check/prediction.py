@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,9 +65,8 @@ def _left_out(
 ) -> tuple[Array, float, float]:
     """Error at each depth, size and noise of one view."""
     e, view = run.experiment, looks.views[k]
-    others = replace(looks, views=[v for i, v in enumerate(looks.views) if i != k])
-    field = estimate_field(others, e.reconstruction, e.solver, bounds=False)
-    look = looks.at(np.arange(len(looks.prisms.triangles)))
+    look = looks.at(np.arange(len(looks.prisms.triangles)))  # remembered for the others
+    field = estimate_field(looks.without(k), e.reconstruction, e.solver, bounds=False)
     seen = look.seen[k]
     basis = shape_matrix(looks.prisms, looks.rule)
     nodal = field.velocity.reshape(len(field.velocity), -1)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
+from sldvexp.field.flagged import NOTABLE, why
 from sldvexp.field.seen import BEHIND, FACING_AWAY, FLAGGED, OFF_BOARD, OUTSIDE, Seen
 from sldvexp.field.view import View
 from sldvexp.laser.two_mirror import MIRRORS
@@ -20,7 +21,6 @@ Array = NDArray[np.float64]
 REMEDIES = {
     OUTSIDE: "is the volume placed in the world of the poses, and was this view's image scanned "
     "where the structure is?",
-    FLAGGED: "scan the view again where the structure is",
     FACING_AWAY: "do the surface's normals point to the side that is measured?",
     BEHIND: "is the pose right, and the volume placed in the world of the poses?",
     OFF_BOARD: "is the pose right, and the volume placed in the world of the poses?",
@@ -100,8 +100,18 @@ def require_coverage(coverage: Sequence[Coverage]) -> None:
     reason = max(worst.lost, key=lambda why: worst.lost[why])
     raise UserError(
         f"{which}; view {worst.view.name}: {worst.lost[reason]} of {worst.samples} samples are "
-        f"{reason}, {worst.where()}; {REMEDIES[reason]}"
+        f"{reason}, {worst.where()}; "
+        + (why(worst.view) if reason == FLAGGED else REMEDIES[reason])
     )
+
+
+def flagged(coverage: Sequence[Coverage]) -> str:
+    """Say which views lose many samples to flagged pixels, and why; empty if none does."""
+    some = [c for c in coverage if c.lost[FLAGGED] > NOTABLE * c.samples]
+    if not some:
+        return ""
+    views = ", ".join(f"{c.lost[FLAGGED]} of {c.samples} in view {c.view.name}" for c in some)
+    return f"samples are at flagged pixels, {views}: {why(*(c.view for c in some))}"
 
 
 def _ranges(low: Array, high: Array) -> str:

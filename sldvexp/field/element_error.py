@@ -73,17 +73,30 @@ def _rows_to_one(matrix: csr_array) -> csr_array:
     return csr_array(diags_array(1 / np.where(sums == 0, 1.0, sums)) @ matrix)
 
 
-def told(error: NDArray[np.complex128], confidence: NDArray[np.float64]) -> list[str]:
-    """A sentence if the elements' error is no longer small against the bounds.
+def mean_squares(
+    error: NDArray[np.complex128], confidence: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Of the elements' error and of the bounds, shape (2, component), m2/s2.
 
     Parameters
     ----------
     error : ndarray of complex, shape (node, component, frequency), m/s
     confidence : ndarray, shape (node, component, frequency), m/s
     """
-    size = np.sqrt(np.nanmean(np.abs(error) ** 2, axis=(0, 2)))
-    bound = np.sqrt(np.nanmean(confidence**2, axis=(0, 2)))
-    worst = int(np.argmax(size / bound))
+    return np.stack([_mean_square(np.abs(error)), _mean_square(confidence)])
+
+
+def _mean_square(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of what is determined, shape (component,); NaN where nothing is."""
+    count = np.isfinite(values).sum(axis=(0, 2))
+    total = np.nansum(values**2, axis=(0, 2))
+    return np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
+
+
+def told(squares: NDArray[np.float64]) -> list[str]:
+    """A sentence if the elements' error, see `mean_squares`, is not small against the bounds."""
+    size, bound = np.sqrt(squares)
+    worst = int(np.nanargmax(size / bound))
     if not size[worst] > WORTH_TELLING * bound[worst]:
         return []
     return [

@@ -85,6 +85,16 @@ def normal_equations(parts: Parts, data: list[Array]) -> Equations:
     return Equations(system, right, ranked, rows, samples, tuple(coverage))
 
 
+def right_sides(parts: Parts, data: list[Array]) -> Array:
+    """Right-hand sides b alone, as `Equations.right`, of further columns."""
+    prisms = parts.looks.prisms
+    shape = (prisms.layers, prisms.surface_nodes, parts.model.parameters, data[0].shape[1])
+    right = np.zeros(shape)
+    for part in parts.disjoint():
+        right[:, part.patch.nodes] += _right_side(part, data)
+    return right
+
+
 def _right_side(part: Part, data: list[Array]) -> Array:
     """``sum_s B_s^T (x) T_s v_s``, shape (layer, patch_node, parameter, column)."""
     total = sum(r @ velocity for r, velocity in zip(part.influences, data, strict=True))
@@ -93,8 +103,13 @@ def _right_side(part: Part, data: list[Array]) -> Array:
 
 def pixel_data(views: Sequence[View]) -> list[Array]:
     """Velocities of each view as real numbers, shape (pixel, column); 0 where flagged."""
-    each = [np.where(v.usable[:, None], v.velocity, 0.0) for v in views]
-    return [np.ascontiguousarray(v).view(float) for v in each]
+    return [real_columns(v.velocity, v.usable) for v in views]
+
+
+def real_columns(velocity: NDArray[np.complexfloating], usable: NDArray[np.bool_]) -> Array:
+    """Complex (pixel, frequency) as real (pixel, column); 0 where not usable."""
+    columns = np.where(usable[:, None], velocity, 0.0).astype(complex, order="C", copy=False)
+    return columns.view(float)
 
 
 def _ranked(at: Samples, parameters: int) -> Array:

@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.field.conditioning import condition_numbers
 from sldvexp.field.equations import normal_equations, pixel_data
-from sldvexp.field.flags import described, flags
+from sldvexp.field.fit import Fit
+from sldvexp.field.flags import flags
+from sldvexp.field.held import prepared
+from sldvexp.field.intrinsic_effect import PoseErrors
 from sldvexp.field.looks import Looks
 from sldvexp.field.model import FieldModel
 from sldvexp.field.outcome import Outcome
 from sldvexp.field.parts import Parts
 from sldvexp.field.pose_effect import pose_covariance
-from sldvexp.field.result import LOCAL, WORLD, FieldResult
-from sldvexp.field.second_way import residuals_only, with_bounds
+from sldvexp.field.result import FieldResult
+from sldvexp.field.second_way import (
+    pose_effect,
+    residuals_only,
+    variance_factors,
+)
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.system import solution
+from sldvexp.field.view import View
 from sldvexp.reconstruction.base import Reconstruction
 
 Array = NDArray[np.float64]
+
+NO_COVARIANCE = "the poses have no covariance: bounds are those of the velocities' noise"
 
 
 def estimate_field(
@@ -31,6 +44,7 @@ def estimate_field(
     local: bool = False,
     bounds: bool = True,
     covariance: Array | None = None,
+    errors: PoseErrors | None = None,
 ) -> FieldResult:
     """Reconstruct the velocity field (Section 5.3.6).
 
@@ -51,6 +65,8 @@ def estimate_field(
         Compute standard errors and condition numbers, which takes a while longer.
     covariance : ndarray, shape (6 views, 6 views), optional
         Of all poses together; without it those of the views, each by itself.
+    errors : PoseErrors, optional
+        Instead of `covariance`, where intrinsics may have been adjusted with the poses.
 
     Returns
     -------
@@ -62,33 +78,39 @@ def estimate_field(
         If there are too few views or rows for the method, a view sees nothing, or nothing is
         determined anywhere.
     """
-    _check_views(looks)
-    poses = pose_covariance(looks.views, covariance)
-    model = FieldModel.of(method, looks, local)
-    parts, data = Parts(looks, model), pixel_data(looks.views)
-    equations = normal_equations(parts, data)
-    system = equations.system
-    found = flags(equations)
-    messages = described(found, looks.prisms.position, LOCAL if local else WORLD)
-    if not found.observable.any():
-        raise UserError(
-            f"field: nothing is determined anywhere by the rows {model.rows}; "
-            + "; ".join(messages)
-        )
-    solve = solver.prepare(system)
-    theta = solution(equations.right, system, solve)
+    check_views(looks)
+    poses = pose_covariance(looks.views, covariance if errors is None else errors.covariance)
+    fit = Fit.of(looks, method, solver, local, pixel_data(looks.views))
+    model, messages = fit.parts.model, fit.messages
     if not bounds:
-        second = residuals_only(parts, theta, data)
-        return Outcome(looks, model, equations, found, theta, second, solver).result(messages)
-    determined = found.determined.reshape(*system.active.shape, -1)
-    second = with_bounds(parts, system, solve, theta, data, determined, poses)
+        second = residuals_only(fit.parts, fit.theta, fit.data)
+        return Outcome.of(fit, second, solver).result(messages)
+    factor = variance_factors(looks.views, model.pixel_std)
+    effect = pose_effect(model, fit.theta, fit.data, factor, poses)
+    second = fit.with_bounds(factor, effect)
+    if errors is not None and len(errors.pose) and second.pose is not None:
+        added = errors.variance(looks.views, solved_with(looks, model, solver))
+        second = replace(second, pose=second.pose + added)
     if poses is None:
-        messages.append("the poses have no covariance: bounds are those of the velocities' noise")
-    outcome = Outcome(looks, model, equations, found, theta, second, solver)
-    return outcome.result(messages, condition_numbers(system, solve))
+        messages.append(NO_COVARIANCE)
+    condition = condition_numbers(fit.equations.system, fit.solve)
+    return Outcome.of(fit, second, solver).result(messages, condition)
 
 
-def _check_views(looks: Looks) -> None:
+def solved_with(looks: Looks, model: FieldModel, solver: Solver) -> Callable[[list[View]], Array]:
+    """From views to the solution, (layer, surface_node, parameter, column); all else the same."""
+
+    def solved(views: list[View]) -> Array:
+        parts = Parts(looks.seen_by(views), model)
+        equations = normal_equations(parts, pixel_data(views))
+        equations, solve = prepared(solver, equations, flags(equations))
+        return solution(equations.right, equations.system, solve)
+
+    return solved
+
+
+def check_views(looks: Looks) -> None:
+    """Complain if there are no views, or two of them are the same."""
     if not looks.views:
         raise UserError("field: there are no views")
     for i, a in enumerate(looks.views):
@@ -98,3 +120,13 @@ def _check_views(looks: Looks) -> None:
                     f"views {b.name} and {a.name} have the same pose: they see the same component "
                     "of the velocity; leave one out, or move the instrument"
                 )
+            if a.velocity.any() and _same_image(a, b):
+                raise UserError(
+                    f"views {b.name} and {a.name} have the same image, pixel by pixel, from "
+                    "different places; give each view its own"
+                )
+
+
+def _same_image(a: View, b: View) -> bool:
+    """Whether one image is a copy of the other: noise is never the same twice."""
+    return np.array_equal(a.dac, b.dac) and np.array_equal(a.velocity, b.velocity, equal_nan=True)

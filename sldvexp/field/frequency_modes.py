@@ -39,10 +39,14 @@ class FrequencyModes:
         noise : ndarray, shape (column,)
             Expected sum of squares of each column's noise.
         """
-        columns = data[0].shape[1]
+        return cls.of_gram(np.sum([d.T @ d for d in data], axis=0), noise)
+
+    @classmethod
+    def of_gram(cls, gram: Array, noise: Array) -> FrequencyModes:
+        """Those of data with these products of columns, shape (column, column)."""
+        columns = len(gram)
         if columns <= FEW:
             return cls(np.eye(columns))
-        gram = sum(d.T @ d for d in data)
         _, vectors = np.linalg.eigh(gram)
         vectors = vectors[:, ::-1]
         carried = np.cumsum(vectors**2 * np.einsum("ij,ik,kj->j", vectors, gram, vectors), axis=1)
@@ -52,6 +56,10 @@ class FrequencyModes:
         )
         modes = int(np.argmax(enough)) + 1 if enough.any() else columns
         return cls(np.ascontiguousarray(vectors[:, :modes].T))
+
+    def of_part(self, columns: slice) -> FrequencyModes:
+        """The same modes of some columns only."""
+        return FrequencyModes(self.combination[:, columns])
 
     def of_columns(self, values: Array) -> Array:
         """The modes' values of (..., column)."""

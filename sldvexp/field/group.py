@@ -100,14 +100,18 @@ def _variables(
     }
 
 
+def pooled(sse: np.ndarray, samples: int) -> dict[str, float]:
+    """Sum of squares and residuals of all equations and frequencies together."""
+    return {"sse": float(sse.sum()), "residual_std": float(np.sqrt(sse.mean() / samples))}
+
+
 def _attributes(result: FieldResult, method: Reconstruction) -> dict[str, Any]:
     """Headline numbers, pooled over equations and frequencies, and what stands behind them."""
     equations = len(result.sse)
     found: dict[str, Any] = {
         "dof": result.unknowns,
         "samples": result.samples,
-        "sse": float(result.sse.sum()),
-        "residual_std": float(np.sqrt(result.sse.mean() / result.samples)),
+        **pooled(result.sse, result.samples),
         "cond": result.cond,
         "rcond": result.rcond,
         "bounds_error": result.bounds_error,

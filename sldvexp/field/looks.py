@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sldvexp.field.flagged import require_usable
 from sldvexp.field.occlusion import Occlusion
 from sldvexp.field.seen import GRAZING, Seen, look
 from sldvexp.field.threads import side_by_side
@@ -20,6 +23,9 @@ from sldvexp.volume.samples import SampleRule, sample_frames, sample_positions
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+
+#: Samples of a volume up to which what the views see of them is remembered.
+REMEMBERED = 200_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +66,7 @@ class Looks:
     ----------
     views : sequence of View
     laser : TwoMirror
+        As configured; see `View.laser`.
     prisms : Prisms
     rule : SampleRule
     interpolation : Interpolation
@@ -69,6 +76,9 @@ class Looks:
         Only the side that the normals point to is measured; otherwise both.
     clearance : float, m, optional
         With it, what the surface itself hides is left out; see `Occlusion`.
+
+    A look at the whole of a volume that is not large is remembered, so that several methods, and
+    fields without one view, do not look again.
     """
 
     views: Sequence[View]
@@ -81,10 +91,16 @@ class Looks:
     clearance: float | None = None
     _interpolators: list[Interpolator] = field(init=False, repr=False)
     _occlusions: list[Occlusion | None] = field(init=False, repr=False)
+    _whole: Look | None = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
+        require_usable(self.views)
         self._interpolators = [self.interpolation.prepare(v) for v in self.views]
         self._occlusions = [self._occlusion(v) for v in self.views]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process needs; it remembers its own look."""
+        return {**self.__dict__, "_whole": None}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -93,6 +109,37 @@ class Looks:
 
     def at(self, triangles: Indices) -> Look:
         """Look at the samples of some triangles' prisms, in all gaps."""
+        if self._whole is not None and np.array_equal(triangles, self._whole.triangles):
+            return self._whole
+        found = self._look(triangles)
+        if self._is_whole(triangles):
+            self._whole = found
+        return found
+
+    def without(self, k: int) -> Self:
+        """The looks of all other views, with all that is prepared and remembered of them."""
+        others = [i for i in range(len(self.views)) if i != k]
+        left = copy(self)
+        left.views = [self.views[i] for i in others]
+        left._interpolators = [self._interpolators[i] for i in others]
+        left._occlusions = [self._occlusions[i] for i in others]
+        if self._whole is not None:
+            left._whole = replace(self._whole, seen=tuple(self._whole.seen[i] for i in others))
+        return left
+
+    def seen_by(self, views: Sequence[View]) -> Self:
+        """The looks of the same images from poses that are other ones."""
+        moved = copy(self)
+        moved.views, moved._whole = views, None
+        moved._occlusions = [moved._occlusion(v) for v in views]
+        return moved
+
+    def _is_whole(self, triangles: Indices) -> bool:
+        count = len(self.prisms.triangles)
+        few = self.prisms.gaps * count * self.rule.points <= REMEMBERED
+        return few and np.array_equal(triangles, np.arange(count))
+
+    def _look(self, triangles: Indices) -> Look:
         position = sample_positions(self.prisms, self.rule, triangles).reshape(-1, 3)
         frame = sample_frames(self.prisms, self.rule, triangles).reshape(-1, 3, 3)
 
@@ -115,4 +162,5 @@ class Looks:
             return None
         middle = np.abs(self.prisms.depth).argmin()
         surface = self.prisms.position.reshape(self.prisms.layers, -1, 3)[middle]
-        return Occlusion.prepare(view, self.laser, surface, self.prisms.triangles, self.clearance)
+        laser = view.laser(self.laser)
+        return Occlusion.prepare(view, laser, surface, self.prisms.triangles, self.clearance)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.field.equations import Equations
+from sldvexp.field.fit import Fit
 from sldvexp.field.flags import Flags
 from sldvexp.field.looks import Looks
 from sldvexp.field.model import FieldModel
@@ -47,6 +48,12 @@ class Outcome:
     theta: Array
     second: Second
     solver: Solver
+
+    @classmethod
+    def of(cls, fit: Fit, second: Second, solver: Solver) -> Outcome:
+        """That of a fit."""
+        parts, equations = fit.parts, fit.equations
+        return cls(parts.looks, parts.model, equations, fit.flags, fit.theta, second, solver)
 
     def result(
         self, messages: list[str], condition: tuple[float, float] = (np.nan, np.nan)

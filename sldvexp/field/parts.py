@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,6 +100,10 @@ class Parts:
 
     looks: Looks
     model: FieldModel
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Another process looks at the samples itself: that is faster than to send them."""
+        return {"looks": self.looks, "model": self.model}
 
     @cached_property
     def graph(self) -> Graph:

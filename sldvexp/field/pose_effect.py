@@ -87,8 +87,10 @@ class PoseEffect:
         v = part.velocities(data)
         u = part.field(self.theta) if at.inverse is None else at.estimator @ v
         balance = at.pointwise.weight @ (v - at.pointwise.design @ u)
-        found = np.empty((*shape, views, POSE * data[0].shape[1]))
+        found = np.zeros((*shape, views, POSE * data[0].shape[1]))
         for k, (view, seen) in enumerate(zip(part.looks.views, look.seen, strict=True)):
+            if not at.pointwise.weight[:, k].any():  # the rows leave this view out
+                continue
             by_dac, turn = seen.pose_derivative(view, part.looks.laser, look.position)
             if part.model.local:
                 turn = look.frame @ turn

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from sldvexp.field.element_error import element_error, told
+from sldvexp.field.element_error import element_error, mean_squares, told
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.group import field_group
+from sldvexp.field.intrinsic_effect import PoseErrors
 from sldvexp.field.looks import Looks
 from sldvexp.field.view import views_of
-from sldvexp.pose.joint import cross_covariance
 from sldvexp.volume.base import Coordinates
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def looks_of(tree: Mapping[str, xr.Dataset], laser: TwoMirror, volume: Volume) -
     thickness = float(np.ptp(prisms.depth))
     grazing = np.radians(sight.grazing)
     return Looks(
-        views_of(tree),
+        views_of(tree, laser),
         laser,
         prisms,
         volume.rule(),
@@ -63,12 +63,12 @@ def reconstruct(
 ) -> xr.Dataset:
     """The group ``field`` of a run by one method; see `sldvexp.field.estimate.estimate_field`."""
     local = volume.coordinates is Coordinates.local
-    poses = cross_covariance(tree["pose"], looks.names).reshape(2 * [6 * len(looks.names)])
-    known = poses if np.isfinite(poses).all() else None
-    result = estimate_field(looks, method, solver, local=local, covariance=known)
+    errors = PoseErrors.of(tree["pose"], looks.names)
+    result = estimate_field(looks, method, solver, local=local, errors=errors)
     image = tree[f"image/{looks.names[0]}"]
     frequency = image["frequency"].values if "frequency" in image.coords else None
     error = element_error(looks.prisms, looks.rule, result.velocity)
     if result.confidence is not None:
-        result = replace(result, messages=(*result.messages, *told(error, result.confidence)))
+        coarse = told(mean_squares(error, result.confidence))
+        result = replace(result, messages=(*result.messages, *coarse))
     return field_group(result, looks.prisms, method, frequency, error)

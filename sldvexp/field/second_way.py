@@ -12,6 +12,7 @@ from sldvexp.field.bounds import Bounds
 from sldvexp.field.frequency_modes import FrequencyModes
 from sldvexp.field.inverse_rows import SMALL, WholeInverse
 from sldvexp.field.local_rows import rings_of
+from sldvexp.field.mode_effect import kept_columns
 from sldvexp.field.model import FieldModel
 from sldvexp.field.near_inverse import NearInverse, NearRows
 from sldvexp.field.parts import Parts
@@ -69,7 +70,8 @@ def with_bounds(
     theta: Array,
     data: list[Array],
     determined: NDArray[np.bool_],
-    covariance: Array | None,
+    factor: Array,
+    pose: PoseEffect | None,
 ) -> Second:
     """Go through the samples and compute bounds as well.
 
@@ -81,14 +83,14 @@ def with_bounds(
     theta : ndarray, shape (layer, surface_node, parameter, column)
     data : list of ndarray, shape (pixel, column)
     determined : ndarray of bool, shape (layer, surface_node, parameter)
-    covariance : ndarray, shape (6 views, 6 views), optional
-        Of the poses; None if it is not known.
+    factor : ndarray, shape (view, frequency)
+        Each frequency's variance over the mean of all.
+    pose : PoseEffect, optional
+        None if the poses have no covariance.
     """
     looks, model = parts.looks, parts.model
     left = Residuals.empty(model, len(data), theta.shape[-1])
-    found = Bounds.empty(looks, model, theta.shape[-1])
-    factor = variance_factors(looks.views, model.pixel_std)
-    pose = _pose_effect(model, theta, data, factor, covariance)
+    found = Bounds.empty(looks, model, kept_columns(pose))
     small = system.nodes * system.block <= SMALL
     rings = rings_of(looks.rule)
     whole = WholeInverse.of(system, model.parameters) if small else NearInverse.of(system, rings)
@@ -102,8 +104,8 @@ def with_bounds(
         if pose is not None and right is not None:
             found.pose[:, part.region.own] = pose.variance(rows.times(right))
         if isinstance(rows, NearRows) and len(errors) < VERIFIED_PARTS:
-            near = found.noise.sum(axis=3)[..., None] + found.pose
-            check = Verification(part, pose, right, near, determined)
+            noise = found.noise.sum(axis=3)
+            check = Verification(part, pose, right, noise, found.pose, determined)
             errors.append(check.largest_error(rows, system, solve))
     variance = None if pose is None else found.pose
     expected = 2 * found.expected @ factor
@@ -128,13 +130,14 @@ def variance_factors(views: Sequence[View], pixel_std: tuple[Array, ...]) -> Arr
     return np.array(factors)
 
 
-def _pose_effect(
+def pose_effect(
     model: FieldModel,
     theta: Array,
     data: list[Array],
     factor: Array,
     covariance: Array | None,
 ) -> PoseEffect | None:
+    """What the poses' covariance does to the velocities; None if it is not known."""
     if covariance is None:
         return None
     total = np.array([np.sum(std**2) for std in model.pixel_std])

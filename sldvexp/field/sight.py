@@ -42,9 +42,11 @@ def sight(view: View, laser: TwoMirror, points: Array) -> Sight:
     ----------
     view : View
     laser : TwoMirror
+        As configured; see `View.laser`.
     points : ndarray, shape (point, 3), m
         In the world.
     """
+    laser = view.laser(laser)
     in_laser = to_laser(view, points)
     angles = project(in_laser, laser.mirror_offset)
     low, high = reach(laser)
@@ -73,6 +75,7 @@ def pose_derivative(view: View, laser: TwoMirror, points: Array, dac: Array) -> 
     ``w x P - R t``. With the beam's direction d in the laser frame, ``D = -R' d`` changes by
     ``R' (w x d) - R' dd/dP (w x P - R t)``.
     """
+    laser = view.laser(laser)
     known = np.asarray(np.isfinite(dac).all(axis=1))[:, None, None]
     steps = np.where(known[:, 0], dac, 0.0)
     in_laser = to_laser(view, points)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sldvexp.field.mode_effect import column_variances
 from sldvexp.field.near_inverse import NearRows
 from sldvexp.field.parts import Part
 from sldvexp.field.pose_effect import PoseEffect
@@ -29,15 +30,18 @@ class Verification:
     pose : PoseEffect, optional
     right : ndarray, optional
         Its right-hand sides.
-    near : ndarray, shape (layer, surface_node, parameter, column)
-        Variances.
+    noise : ndarray, shape (layer, surface_node, parameter)
+        Variances from the noise.
+    kept : ndarray, shape (layer, surface_node, parameter, ...)
+        Those from the poses, as `pose` gives them.
     determined : ndarray of bool, shape (layer, surface_node, parameter)
     """
 
     part: Part
     pose: PoseEffect | None
     right: Array | None
-    near: Array
+    noise: Array
+    kept: Array
     determined: NDArray[np.bool_]
 
     def largest_error(self, rows: NearRows, system: System, solve: Solve) -> float:
@@ -50,24 +54,29 @@ class Verification:
         columns = solve(unit.reshape(*unit.shape[:3], -1)).reshape(unit.shape)
         inverse = columns[:, self.part.patch.nodes]
         if block == 1:
-            inverse = inverse * np.eye(self.near.shape[2])[:, None]
+            inverse = inverse * np.eye(self.noise.shape[2])[:, None]
         worst = 0.0
         for i, (x, n) in enumerate(zip(layer, node, strict=True)):
             exact = self._variance(inverse[:, :, :, i])
             known = self.determined[x, n] & np.all(exact > 0, axis=1)
-            ratio = np.sqrt(self.near[x, n, known] / exact[known])
+            near = self.noise[x, n, known, None] + self._of_pose(self.kept[x, n, known])
+            ratio = np.sqrt(near / exact[known])
             worst = max(worst, float(np.abs(ratio - 1).max(initial=0.0)))
         return worst
 
     def _variance(self, inverse: Array) -> Array:
         """Of a node, from its row of the inverse (layer, patch_node, parameter, parameter)."""
         row = inverse.reshape(-1, inverse.shape[-1]).T
-        total = np.zeros((len(row), self.near.shape[3]))
+        total = np.zeros((len(row), 1))
         for r, std in zip(self.part.influences, self.part.model.pixel_std, strict=True):
             total += ((r.T @ row.T) ** 2).T @ std[:, None] ** 2
-        if self.pose is not None and self.right is not None:
-            total += self.pose.variance(row @ self.right.reshape(row.shape[1], -1))
-        return total
+        if self.pose is None or self.right is None:
+            return total
+        return total + self._of_pose(self.pose.variance(row @ self.right.reshape(len(row.T), -1)))
+
+    def _of_pose(self, kept: Array) -> Array:
+        """Variances of the data's columns, shape (..., column)."""
+        return kept if self.pose is None else column_variances(self.pose, kept)
 
     def _chosen(self, rows: NearRows) -> tuple[Indices, Indices]:
         """Some nodes spread over the part, and one with the oddest information."""

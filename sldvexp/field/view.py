@@ -10,7 +10,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError, nearest
+from sldvexp.field.adjusted import adjusted
+from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.base import EXTRINSICS
+from sldvexp.pose.intrinsics import nominal_intrinsics, places
 
 Array = NDArray[np.float64]
 
@@ -44,6 +47,8 @@ class View:
         Not zero where the pixel is not to be trusted; its velocity may then be NaN.
     shape : pair of int, optional
         Rows and columns of a rectangular image, whose pixels go row by row.
+    intrinsics : ndarray, shape (5,), optional
+        Values of `INTRINSICS` that the pose was solved with, where they are not those configured.
 
     Raises
     ------
@@ -61,6 +66,7 @@ class View:
     std: Array
     flags: NDArray[np.integer] | NDArray[np.bool_]
     shape: tuple[int, int] | None = None
+    intrinsics: Array | None = None
 
     def __post_init__(self) -> None:
         self._check_pose()
@@ -71,6 +77,12 @@ class View:
     def usable(self) -> NDArray[np.bool_]:
         """Which pixels have no flag, shape (pixel,)."""
         return np.asarray(self.flags == 0)
+
+    def laser(self, configured: TwoMirror) -> TwoMirror:
+        """The laser that the view's pose belongs to."""
+        if self.intrinsics is None:
+            return configured
+        return adjusted(configured, self.intrinsics, f"view {self.name}")
 
     def _check_pose(self) -> None:
         where = f"view {self.name}"
@@ -124,13 +136,15 @@ class View:
             )
 
 
-def views_of(tree: Mapping[str, xr.Dataset]) -> list[View]:
+def views_of(tree: Mapping[str, xr.Dataset], laser: TwoMirror) -> list[View]:
     """The views of a run, from its groups ``pose`` and ``image/<view>``.
 
     Parameters
     ----------
     tree : mapping of str to xarray.Dataset
         Group path to its dataset.
+    laser : TwoMirror
+        As configured.
 
     Returns
     -------
@@ -140,8 +154,7 @@ def views_of(tree: Mapping[str, xr.Dataset]) -> list[View]:
     Raises
     ------
     UserError
-        If there is no image, an image has no pose, units or frequencies differ between views, or
-        a pose was solved together with the mirrors' parameters.
+        If there is no image, an image has no pose, or units or frequencies differ between views.
     """
     images = {k.split("/", 1)[1]: v for k, v in tree.items() if k.startswith("image/")}
     if not images:
@@ -152,13 +165,18 @@ def views_of(tree: Mapping[str, xr.Dataset]) -> list[View]:
     names = [str(v) for v in pose["view"].values]
     for name in images:
         if name not in names:
-            raise UserError(f"view {name}: has an image but no pose; {nearest(name, names)}")
-    _require_same(images)
-    _require_nominal(pose)
-    return [_view(name, pose.sel(view=name), images[name]) for name in names if name in images]
+            raise UserError(
+                f"view {name}: has an image but no pose; {nearest(name, names)}; "
+                "find the pose of that view too, or leave its image out"
+            )
+    require_same(images)
+    nominal = nominal_intrinsics(laser.mirror_offset)
+    return [
+        _view(name, pose.sel(view=name), images[name], nominal) for name in names if name in images
+    ]
 
 
-def _view(name: str, pose: xr.Dataset, image: xr.Dataset) -> View:
+def _view(name: str, pose: xr.Dataset, image: xr.Dataset, nominal: Array) -> View:
     """One view from its pose and its image."""
     covariance = pose["covariance"].sel(parameter=list(EXTRINSICS), parameter2=list(EXTRINSICS))
     velocity = image["velocity"].values.astype(complex)
@@ -170,14 +188,24 @@ def _view(name: str, pose: xr.Dataset, image: xr.Dataset) -> View:
         covariance.values if np.isfinite(covariance.values).all() else None,
         image["dac"].values.astype(float),
         velocity.reshape(len(velocity), -1),
-        image["velocity_std"].values,
+        image["velocity_std"].values.astype(float),
         image["flags"].values,
         None if shape is None else (int(shape[0]), int(shape[1])),
+        _intrinsics(pose, nominal),
     )
 
 
-def _require_same(images: Mapping[str, xr.Dataset]) -> None:
-    """All images in m/s and at the same frequencies."""
+def _intrinsics(pose: xr.Dataset, nominal: Array) -> Array | None:
+    """Values of `INTRINSICS` if some were adjusted with a view's pose."""
+    if "adjusted" not in pose.coords:
+        return None
+    found = nominal.copy()
+    found[places(map(str, pose["adjusted"].values))] = pose["intrinsic"].values
+    return found
+
+
+def require_same(images: Mapping[str, xr.Dataset]) -> None:
+    """Complain unless all images, by their views, are in m/s and at the same frequencies."""
     first, reference = next(iter(images)), None
     for name, image in images.items():
         unit = image["velocity"].attrs.get("units")
@@ -204,13 +232,3 @@ def _in_short(frequency: Array) -> str:
         return "none stated"
     some = ", ".join(f"{f:.9g}" for f in frequency[:3])
     return f"{some}{', ...' if len(frequency) > 3 else ''} Hz, {len(frequency)} in all"
-
-
-def _require_nominal(pose: xr.Dataset) -> None:
-    """Poses that belong to the mirrors as configured."""
-    if "adjusted" in pose.coords:
-        names = ", ".join(map(str, pose["adjusted"].values))
-        raise UserError(
-            f"field: the poses were solved together with {names}, so that they do not belong to "
-            "the laser as configured; put these values into laser and solve without pose.adjust"
-        )

@@ -37,7 +37,10 @@ KINDS: dict[str, Callable[[Any, Standpoint], dict[str, xr.Dataset]]] = {
 
 
 def scan_views(
-    experiment: Any, journal: Path, operator: Operator | None = None
+    experiment: Any,
+    journal: Path,
+    operator: Operator | None = None,
+    keep: Callable[[str, xr.Dataset], xr.Dataset] | None = None,
 ) -> dict[str, xr.Dataset]:
     """Scan everything that the configuration says, view by view.
 
@@ -48,6 +51,8 @@ def scan_views(
     journal : Path
         Folder for finished scan lines; what it has is not scanned again.
     operator : Operator, optional
+    keep : callable
+        What becomes of a group, by its name, before the next view: it may go to a file.
 
     Returns
     -------
@@ -67,7 +72,8 @@ def scan_views(
         with Camera(arrive, e.signal, Journal(journal / view)) as camera:
             at = Standpoint(view, camera, e.laser, e.target, operator)
             for part in e.scan.parts(view):
-                found |= KINDS[part.kind](part, at)
+                groups = KINDS[part.kind](part, at)
+                found |= {name: keep(name, g) if keep else g for name, g in groups.items()}
     return joined(found)
 
 

@@ -24,6 +24,16 @@ PREFERRED = (
     "point.velocity_std",
     "pose.s",
 )
+#: Of fields, the columns of Table 5.7, and how many of its units are 1 in SI.
+FIELD_COLUMNS = {
+    "unknowns": ("field.dof", 1),
+    "rows": ("field.samples", 1),
+    "residual std, mm/s": ("field.residual_std", 1000),
+    "SSE": ("field.sse", 1),
+    "cond": ("field.cond", 1),
+    "std in plane, mm/s": ("field.std_in_plane", 1000),
+    "out of plane, mm/s": ("field.std_out_of_plane", 1000),
+}
 #: Of every run, besides its results.
 ABOUT = ("state", "reason", "seconds")
 
@@ -56,6 +66,7 @@ def rows(table: xr.Dataset, keys: Sequence[str], by: str) -> list[dict[str, Any]
         row: dict[str, Any] = {k: cell[k].item() for k in keys}
         row |= {name: cell[name].item() for name in ABOUT}
         row[by] = headlines.number(cell[by]) if by else float("nan")
+        row |= {n: headlines.number(cell[n]) for n, _ in FIELD_COLUMNS.values() if n in cell}
         found.append(row)
     return sorted(found, key=lambda row: (np.isnan(row[by]), row[by]))
 
@@ -72,15 +83,22 @@ def terminal_table(ranking: Sequence[dict[str, Any]], keys: Sequence[str], by: s
     """The ranking for the terminal; failed runs come last, with their reasons."""
     title = f"{len(ranking)} runs by {by}, the smallest first" if by else f"{len(ranking)} runs"
     shown = Table(title=title, title_justify="left")
-    for column in ("", *keys, by or "result", "seconds", "state"):
+    numbers = {t: c for t, c in FIELD_COLUMNS.items() if any(c[0] in row for row in ranking)}
+    if by not in dict(numbers.values()):
+        numbers = {by or "result": (by, 1)} | numbers
+    for column in ("", *keys, *numbers, "seconds", "state"):
         shown.add_column(column, overflow="fold")
     for place, row in enumerate(ranking, 1):
-        value = row[by] if by else float("nan")
         state = f"{row['state']}: {row['reason']}" if row["reason"] else row["state"]
-        cells = [str(place) if np.isfinite(value) else "", *(str(row[k]) for k in keys)]
-        cells += [number(value, 4) if np.isfinite(value) else "", number(row["seconds"], 3), state]
+        cells = [str(place) if np.isfinite(row[by]) else "", *(str(row[k]) for k in keys)]
+        cells += [_shown(units * row[name]) for name, units in numbers.values()]
+        cells += [number(row["seconds"], 3), state]
         shown.add_row(*map(escape, cells))
     return shown
+
+
+def _shown(value: float) -> str:
+    return number(value, 4) if np.isfinite(value) else ""
 
 
 def write_csv(table: xr.Dataset, keys: Sequence[str], path: Path) -> None:

@@ -16,6 +16,8 @@ SLOW = {
     "dissertation/plate_2",
     "dissertation/pose_methods",
     "dissertation/repeatability",
+    "dissertation/table_5_7_1",
+    "dissertation/table_5_7_2",
     "plate",
     "plate_frf",
 }

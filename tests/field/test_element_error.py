@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
-from sldvexp.field.element_error import element_error, told
+from sldvexp.field.element_error import element_error, mean_squares, told
 from sldvexp.volume.grid import Grid
 from sldvexp.volume.samples import sample_positions, shape_matrix
 
@@ -43,6 +43,6 @@ def test_it_is_nothing_for_what_the_elements_can_follow():
 
 def test_only_what_bounds_do_not_contain_is_told():
     error = np.full((5, 3, 1), 0.1 + 0j)
-    assert told(error, np.full((5, 3, 1), 1.0)) == []
-    (sentence,) = told(error, np.full((5, 3, 1), 0.1))
+    assert told(mean_squares(error, np.full((5, 3, 1), 1.0))) == []
+    (sentence,) = told(mean_squares(error, np.full((5, 3, 1), 0.1)))
     assert "they add about 0.1 m/s" in sentence

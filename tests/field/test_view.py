@@ -13,6 +13,7 @@ from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.field.view import View, views_of
 from sldvexp.geometry.rotation import rotation_from_vector
+from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.base import pose_group
 
 ROTATION = rotation_from_vector([0.3, 0.1, 0.2])
@@ -86,7 +87,7 @@ def run(names: tuple[str, ...] = ("a", "b")) -> dict[str, xr.Dataset]:
 
 
 def test_views_of_a_run() -> None:
-    b, a = views_of(run())
+    b, a = views_of(run(), TwoMirror())
     assert (b.name, a.name) == ("b", "a")
     np.testing.assert_allclose(b.rotation, ROTATION)
     np.testing.assert_allclose(a.origin, [4, 5, 6])
@@ -96,14 +97,14 @@ def test_views_of_a_run() -> None:
     np.testing.assert_array_equal(b.velocity, np.ones((6, 2)))
     np.testing.assert_array_equal(b.dac, view().dac)
     assert not a.velocity.any()
-    assert [v.name for v in views_of(run(("a",)))] == ["a"]
+    assert [v.name for v in views_of(run(("a",)), TwoMirror())] == ["a"]
 
 
 def test_scattered_image_of_one_frequency() -> None:
     tree = run(("a",))
     one = tree["image/a"].isel(frequency=0, drop=True)
     del one.attrs["shape"]
-    (a,) = views_of(tree | {"image/a": one})
+    (a,) = views_of(tree | {"image/a": one}, TwoMirror())
     assert a.shape is None
     assert a.velocity.shape == (6, 1)
     assert a.std.shape == (6,)
@@ -127,14 +128,10 @@ def _in_mm(tree: dict[str, xr.Dataset]) -> dict[str, xr.Dataset]:
         ),
         (lambda t: t | {"image/b": image([200.0])}, r"view b: its frequencies \(200 Hz, 1 in all"),
         (_in_mm, "view b: its velocities are in mm/s; they must be in m/s"),
-        (
-            lambda t: t | {"pose": t["pose"].assign_coords(adjusted=["mirror_offset"])},
-            "the poses were solved together with mirror_offset",
-        ),
     ],
 )
 def test_runs_without_views(
     change: Callable[[dict[str, xr.Dataset]], dict[str, xr.Dataset]], message: str
 ) -> None:
     with pytest.raises(UserError, match=message):
-        views_of(change(run()))
+        views_of(change(run()), TwoMirror())

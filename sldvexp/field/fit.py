@@ -1,0 +1,91 @@
+"""A field that is solved, before its residuals and bounds are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.errors import UserError
+from sldvexp.field.coverage import flagged
+from sldvexp.field.equations import Equations, normal_equations
+from sldvexp.field.flags import Flags, described, flags
+from sldvexp.field.held import prepared
+from sldvexp.field.looks import Looks
+from sldvexp.field.model import FieldModel
+from sldvexp.field.parts import Parts
+from sldvexp.field.pose_effect import PoseEffect
+from sldvexp.field.result import LOCAL, WORLD
+from sldvexp.field.second_way import Second, with_bounds
+from sldvexp.field.solvers.base import Solver
+from sldvexp.field.system import Solve, solution
+from sldvexp.reconstruction.base import Reconstruction
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The least-squares fit of a field to columns of velocities.
+
+    Attributes
+    ----------
+    parts : Parts
+    data : list of ndarray, shape (pixel, column), m/s
+        Of each view.
+    equations : Equations
+    flags : Flags
+    solve : callable
+    theta : ndarray, shape (layer, surface_node, parameter, column)
+    """
+
+    parts: Parts
+    data: list[Array]
+    equations: Equations
+    flags: Flags
+    solve: Solve
+    theta: Array
+
+    @classmethod
+    def of(
+        cls, looks: Looks, method: Reconstruction, solver: Solver, local: bool, data: list[Array]
+    ) -> Fit:
+        """Set up the equations and solve them.
+
+        Raises
+        ------
+        UserError
+            See `sldvexp.field.estimate.estimate_field`.
+        """
+        parts = Parts(looks, FieldModel.of(method, looks, local))
+        equations = normal_equations(parts, data)
+        found = flags(equations)
+        if not found.observable.any():
+            raise UserError(
+                f"field: nothing is determined anywhere by the rows {parts.model.rows}; "
+                + "; ".join(_messages(parts, equations, found))
+            )
+        equations, solve = prepared(solver, equations, found)
+        theta = solution(equations.right, equations.system, solve)
+        return cls(parts, data, equations, found, solve, theta)
+
+    @property
+    def messages(self) -> list[str]:
+        """About nodes where not all is determined."""
+        return _messages(self.parts, self.equations, self.flags)
+
+    def with_bounds(self, factor: Array, pose: PoseEffect | None) -> Second:
+        """Residuals and bounds; see `sldvexp.field.second_way.with_bounds`."""
+        system = self.equations.system
+        determined = self.flags.determined.reshape(*system.active.shape, -1)
+        return with_bounds(
+            self.parts, system, self.solve, self.theta, self.data, determined, factor, pose
+        )
+
+
+def _messages(parts: Parts, equations: Equations, found: Flags) -> list[str]:
+    axes = LOCAL if parts.model.local else WORLD
+    told = described(found, parts.looks.prisms.position, axes)
+    lost = flagged(equations.coverage)
+    return [*told, lost] if told and lost else told

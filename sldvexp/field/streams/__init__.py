@@ -1,0 +1,1 @@
+"""Ways to go through more velocities than fit into memory."""
