@@ -8,6 +8,7 @@ import sys
 import warnings
 from argparse import Namespace
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import hydra
@@ -136,14 +137,19 @@ class Command:
         with Sweep(options) as sweep:
             sys.argv[1:] = sweep.arguments(self.arguments)
             self.sweep = sweep
+            if sweep.batched:  # Hydra composes a batch only when it is the next
+                for job in sweep.plan.jobs:
+                    Origins(self.arguments, [*job]).compose()
             try:
-                start(self._job)()
+                with sweep.watched():
+                    start(self._job)()
             except BaseException:
                 if sweep.begun:  # what there is may be looked at
                     sweep.finish("")
                 raise
             first = Origins(self.arguments, [*sweep.plan.jobs[0]]).compose()
-            states = sweep.finish(first.sweep.rank)
+            report = OmegaConf.to_object(first.report) if first.report else None
+            states = sweep.finish(first.sweep.rank, report)  # type: ignore[arg-type]
         worst = FAILED if states - {"done", "missed"} else MISSED if "missed" in states else DONE
         self.status = self.status or worst
 
@@ -212,6 +218,10 @@ class Command:
         finally:
             if self.sweep:
                 self.sweep.tell(job.runtime.output_dir, computed)
+            elif job.mode is RunMode.MULTIRUN:  # this is another process than the sweep's
+                from sldvexp.sweep.watch import leave_sign
+
+                leave_sign(Path(job.runtime.output_dir), computed)
 
     def _options(self) -> Namespace:
         """The options, all of which are Hydra's; a wrong one is a user's mistake like others."""

@@ -27,12 +27,15 @@ SINGLE_GROUPS = (
     "volume",
     "reconstruction",
     "solver",
+    "stream",
+    "report",
 )
 NAMED_GROUPS = {
     "compare_scan": "scan",
     "compare_pose": "pose",
     "compare": "reconstruction",
     "check": "check",
+    "export": "export",
 }
 
 
@@ -124,7 +127,7 @@ class Experiment:
     ----------
     seed : int
         Seed of the run's one random generator.
-    target, laser, scene, scan, instrument, signal, pose, volume, reconstruction, solver : plugin
+    target, laser, scene, scan, instrument, signal, pose, volume, reconstruction, solver, stream : plugin
         A stage without a plugin is left out.
     compare_scan : dict of str to scan
         Further scans with the same instrument, for the pose methods of the same names.
@@ -134,8 +137,12 @@ class Experiment:
         Further reconstructions of the same measurements, ``{plugin: relative, rows: all}``.
     check : dict of str to check
         What is examined after the estimates, ``{plugin: pose_repeats, repeats: 1000}``.
+    export : dict of str to export
+        Files of the velocities for other programs, ``{plugin: vtu}``; the name is that of the file.
     expect : dict of str to Expectation
         What the run must reproduce.
+    report : plugin
+        The page that the run leaves for people.
     """
 
     seed: int = 0
@@ -149,11 +156,14 @@ class Experiment:
     volume: Any = None
     reconstruction: Any = None
     solver: Any = None
+    stream: Any = None
     compare_scan: dict[str, Any] = field(default_factory=dict)
     compare_pose: dict[str, Any] = field(default_factory=dict)
     compare: dict[str, Any] = field(default_factory=dict)
     check: dict[str, Any] = field(default_factory=dict)
+    export: dict[str, Any] = field(default_factory=dict)
     expect: dict[str, Any] = field(default_factory=dict)
+    report: Any = None
     sweep: Sweep = field(default_factory=Sweep)
 
 

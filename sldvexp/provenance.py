@@ -20,6 +20,8 @@ from sldvexp.config import plugin_names
 from sldvexp.errors import UserError
 from sldvexp.paths import locate
 
+#: Settings that change no number.
+NO_NUMBERS = ("report", "sweep")
 PACKAGES = ("sldvexp", "numpy", "scipy", "xarray", "netCDF4", "hydra-core", "omegaconf")
 
 
@@ -42,18 +44,23 @@ def attributes(config: DictConfig, inputs: Iterable[str], start: datetime) -> di
         "config_sha256": hashlib.sha256(resolved.encode()).hexdigest(),
         "plugins": json.dumps(plugin_names(config)),
         "inputs_sha256": json.dumps({path: sha256(locate(path)) for path in sorted(set(inputs))}),
-        "packages": json.dumps(versions()),
-        "git_commit": git_commit(),
+        **about_program(),
         "seed": config.seed,
         "start_time": start.isoformat(),
         "end_time": datetime.now(UTC).isoformat(),
     }
 
 
+def about_program() -> dict[str, str]:
+    """Which program it was, as attributes."""
+    return {"packages": json.dumps(versions()), "git_commit": git_commit()}
+
+
 def identity(config: DictConfig) -> str:
     """Digest of all that decides a run's numbers, but for the content of the files it reads."""
-    wanted = OmegaConf.masked_copy(config, [str(k) for k in config if k != "sweep"])
-    text = OmegaConf.to_yaml(wanted, resolve=True) + json.dumps(versions(), sort_keys=True)
+    settings: Any = OmegaConf.to_container(config, resolve=True, enum_to_str=True)
+    wanted = {key: value for key, value in settings.items() if key not in NO_NUMBERS}
+    text = repr(wanted) + json.dumps(versions(), sort_keys=True)  # ten times as fast as YAML
     return hashlib.sha256(text.encode()).hexdigest()
 
 

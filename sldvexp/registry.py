@@ -44,8 +44,11 @@ BUILT_IN: dict[str, dict[str, str]] = {
     },
     "instrument": {
         "file": "sldvexp.instrument.file",
+        "images": "sldvexp.instrument.images",
         "replay": "sldvexp.instrument.replay",
+        "scan_export": "sldvexp.instrument.scan_export",
         "simulated": "sldvexp.virtual_lab.simulated",
+        "uff": "sldvexp.instrument.uff",
         "visa": "sldvexp.instrument.visa",
     },
     "signal": {"sine_fit": "sldvexp.signal.sine_fit"},
@@ -73,6 +76,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "direct": "sldvexp.field.solvers.direct",
         "iterative": "sldvexp.field.solvers.iterative",
     },
+    "stream": {"dask": "sldvexp.field.streams.dask"},
     "check": {
         "bitangents": "sldvexp.check.bitangents",
         "cross_ratio": "sldvexp.check.cross_ratio",
@@ -87,6 +91,17 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "repeatability": "sldvexp.check.repeatability",
         "surface_depth": "sldvexp.check.surface_depth",
         "truth": "sldvexp.check.truth",
+    },
+    "export": {
+        "csv": "sldvexp.export.csv",
+        "mat": "sldvexp.export.mat",
+        "uff": "sldvexp.export.uff",
+        "ugrid": "sldvexp.export.ugrid",
+        "vtu": "sldvexp.export.vtu",
+    },
+    "report": {
+        "html": "sldvexp.report.html.plugin",
+        "none": "sldvexp.report.none",
     },
 }
 

@@ -15,9 +15,11 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from sldvexp import config, dataset, provenance
 from sldvexp.errors import UserError
+from sldvexp.export.base import export_all
 from sldvexp.files import whole_or_nothing
 from sldvexp.instrument.recording import JOURNAL
 from sldvexp.paths import locate
+from sldvexp.report.base import REPORT_FILE, attempt
 from sldvexp.report.pose_text import pose_text
 from sldvexp.report.table import closing_table
 from sldvexp.session.interruption import how_to_go_on
@@ -26,7 +28,7 @@ from sldvexp.steps import STEPS, Run, Step
 
 log = logging.getLogger(__name__)
 
-RUN_FILE = "run.nc"
+RUN_FILE = dataset.RUN_FILE
 POSE_FILE = "pose.txt"
 
 
@@ -91,12 +93,16 @@ def run(
     if run.reused:
         attributes["reused_steps"] = ", ".join(run.reused)
     texts = {POSE_FILE: pose_text(run.tree["pose"])} if "pose" in run.tree else {}
-    dataset.save(run.tree, attributes, path)
+    dataset.save(run.kept, attributes, path)
     for name, text in texts.items():
         with whole_or_nothing(path.with_name(name)) as beside:
             beside.write_text(text)
+    report = experiment.report
+    wanted = report is not None and (share is None or report.each_run)
+    pages = attempt(lambda: report.of_run(path), path) if wanted else []
+    exported = export_all(experiment.export, run.tree, attributes, path)
     if not quiet:
-        closing_table(run.tree, [path, *(path.with_name(n) for n in texts)])
+        closing_table(run.kept, [path, *(path.with_name(n) for n in texts), *exported, *pages])
     return "check" not in run.tree or bool(run.tree["check"]["passed"].all())
 
 
@@ -124,7 +130,7 @@ def _paused(bar: Progress) -> Iterator[None]:
 def _clear(cfg: DictConfig, folder: Path) -> None:
     """Results of an earlier run must not lie beside this one's log, unless this run reads them."""
     read = list(_texts(OmegaConf.to_container(cfg)))
-    for file in (folder / RUN_FILE, folder / POSE_FILE):
+    for file in (folder / RUN_FILE, folder / POSE_FILE, folder / REPORT_FILE):
         named = (text for text in read if text.endswith(file.name))
         if file.resolve() in (locate(text).resolve() for text in named):
             continue

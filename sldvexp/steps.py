@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from itertools import chain
+from functools import cached_property
+from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +43,8 @@ class Run:
         Files read so far, as the configuration names them.
     reused : list of str
         Steps that were done by another run of the same sweep.
+    elsewhere : set of str
+        Groups that stay in the file they are streamed from, one of `inputs`.
     """
 
     experiment: config.Experiment
@@ -48,6 +54,29 @@ class Run:
     tree: dict[str, xr.Dataset] = field(default_factory=dict)
     inputs: list[str] = field(default_factory=list)
     reused: list[str] = field(default_factory=list)
+    elsewhere: set[str] = field(default_factory=set)
+
+    @property
+    def kept(self) -> dict[str, xr.Dataset]:
+        """The groups that the run's file gets."""
+        return {name: group for name, group in self.tree.items() if name not in self.elsewhere}
+
+    def keep(self, name: str, group: xr.Dataset) -> xr.Dataset:
+        """A scanned group; with a stream an image goes to a file, before the next view comes."""
+        if self.experiment.stream is None or not name.startswith("image/"):
+            return group
+        from sldvexp.instrument.image_file import spilled
+
+        path = self.blocks / f"{name.replace('/', '_')}.nc"
+        return spilled(group, path, self.experiment.stream.chunks)
+
+    @cached_property
+    def blocks(self) -> Path:
+        """Folder of what is streamed, as long as the run is used."""
+        folder = self.folder / f".blocks.{os.getpid()}"
+        folder.mkdir(parents=True, exist_ok=True)
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        return folder
 
 
 def _target(run: Run) -> None:
@@ -76,7 +105,7 @@ def _scan(run: Run) -> None:
         with stopping_once():
             for prefix, scan in scans.items():
                 journal = run.folder / JOURNAL / prefix
-                found = scan_views(replace(e, scan=scan), journal, run.operator)
+                found = scan_views(replace(e, scan=scan), journal, run.operator, run.keep)
                 run.tree |= {f"{prefix}{name}": group for name, group in found.items()}
     except (InstrumentError, NobodyThereError) as error:
         raise UserError(f"{error}; {how_to_go_on(run.folder)}") from error
@@ -99,6 +128,16 @@ def _pose(run: Run) -> None:
         run.tree[f"compare_pose/{name}"] = found["pose"]
 
 
+def _images(run: Run) -> None:
+    """Velocity images that were made before."""
+    e = run.experiment
+    run.inputs += e.instrument.inputs()
+    found = e.instrument.images(e.stream.chunks if e.stream else None)
+    run.tree |= found
+    if e.stream:
+        run.elsewhere |= set(found)
+
+
 def _volume(run: Run) -> None:
     """Surfaces around the real one, and where between them velocities are sampled."""
     run.inputs += run.experiment.volume.inputs()
@@ -110,8 +149,16 @@ def _volume(run: Run) -> None:
 
 def _line_of_sight(run: Run) -> None:
     """Velocities along the lines of sight."""
-    run.inputs += run.experiment.instrument.inputs()
-    run.tree["line_of_sight"] = run.experiment.instrument.read()
+    e = run.experiment
+    run.inputs += e.instrument.inputs()
+    run.tree["line_of_sight"] = e.instrument.read(run.tree, e.laser)
+
+
+def _images_of_points(run: Run) -> None:
+    """Velocities of points that were measured one by one, as the images that a field needs."""
+    e = run.experiment
+    run.inputs += e.instrument.inputs()
+    run.tree |= e.instrument.images_of_points(run.tree, e.laser)
 
 
 def _point(run: Run) -> None:
@@ -133,8 +180,34 @@ def _field(run: Run) -> None:
     e = run.experiment
     if e.laser is None or e.solver is None:
         raise UserError("field: needs a laser and a solver, for example solver=iterative")
+    if e.stream is not None:
+        _streamed_field(run)
+        return
     looks = looks_of(run.tree, e.laser, e.volume)
     _reconstruct(run, "field", lambda m: reconstruct(run.tree, looks, e.volume, m, e.solver))
+
+
+def _streamed_field(run: Run) -> None:
+    """The same, with some frequencies in memory at a time."""
+    from sldvexp.field.compressed import compress
+    from sldvexp.field.run import looks_of
+    from sldvexp.field.streamed import stream_field
+    from sldvexp.instrument.image_file import in_chunks
+
+    e = run.experiment
+    chunks = e.stream.chunks
+    images = {k: in_chunks(v, chunks) for k, v in run.tree.items() if k.startswith("image/")}
+    tree = run.tree | images
+    with e.stream.at_work() as work:
+        small = compress(tree, work)
+        looks = looks_of(tree | small.images, e.laser, e.volume)
+        folders = (run.blocks / f"field{k}" for k in count())
+
+        def streamed(method: Reconstruction) -> xr.Dataset:
+            args = (tree, small, looks, e.volume, method, e.solver, work, next(folders))
+            return stream_field(*args)
+
+        _reconstruct(run, "field", streamed)
 
 
 def _reconstruct(run: Run, group: str, work: Callable[[Reconstruction], xr.Dataset]) -> None:
@@ -180,6 +253,11 @@ def _reconstructs(e: config.Experiment) -> bool:
     return bool(e.reconstruction or e.compare)
 
 
+def _has_pixels(e: config.Experiment) -> bool:
+    """Whether points of files become pixels of images, because there is a volume."""
+    return e.volume is not None and hasattr(e.instrument, "images_of_points")
+
+
 def _has_truth(e: config.Experiment) -> bool:
     """Whether the images are those of a plate in the virtual lab."""
     return bool(e.volume and e.reconstruction and e.scan and hasattr(e.scene, "plate"))
@@ -215,23 +293,31 @@ class Step:
 
 
 TARGET, SCAN, POSE, VOLUME = "calibration object", "scan", "pose", "volume"
+IMAGES, PIXELS = "velocity images", "images of points"
 MEASURING = ("seed", "target", "laser", "scene", "scan", "compare_scan", "instrument", "signal")
 POSING = ("target", "laser", "pose", "compare_pose")
-SOLVING = ("laser", "volume", "reconstruction", "compare", "solver")
+SOLVING = ("laser", "volume", "reconstruction", "compare", "solver", "stream")
 
 STEPS: tuple[Step, ...] = (
     Step(TARGET, lambda e: e.target is not None, _target),
+    # Before anything is measured: an unsound volume should not cost a morning's scan.
+    Step(VOLUME, lambda e: e.volume is not None, _volume, ("volume",)),
     Step(SCAN, lambda e: bool(e.scan or e.compare_scan), _scan, MEASURING, (TARGET,)),
     Step(POSE, lambda e: bool(e.pose or e.compare_pose), _pose, POSING, (TARGET, SCAN)),
-    Step(VOLUME, lambda e: e.volume is not None, _volume, ("volume",)),
-    Step("line-of-sight velocities", lambda e: hasattr(e.instrument, "read"), _line_of_sight),
+    Step(IMAGES, lambda e: hasattr(e.instrument, "images"), _images),
+    Step(
+        "line-of-sight velocities",
+        lambda e: hasattr(e.instrument, "read") and not _has_pixels(e),
+        _line_of_sight,
+    ),
+    Step(PIXELS, lambda e: _has_pixels(e), _images_of_points, ("laser", "instrument"), (POSE,)),
     Step("velocity at points", lambda e: _reconstructs(e) and e.volume is None, _point),
     Step(
         "velocity field",
         lambda e: _reconstructs(e) and e.volume is not None,
         _field,
         SOLVING,
-        (SCAN, POSE, VOLUME),
+        (SCAN, POSE, VOLUME, IMAGES, PIXELS),
     ),
     Step("truth of the virtual lab", lambda e: _reconstructs(e) and _has_truth(e), _truth),
     Step("checks", lambda e: bool(e.check), _checks),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,10 @@ import pytest
 import xarray as xr
 
 from sldvexp import app, commands, dataset
+from sldvexp.report.html.plugin import Html
+
+#: What makes the pages of runs and sweeps.
+PAGES = {name: getattr(Html, name) for name in ("of_run", "of_sweep")}
 
 
 @dataclass
@@ -27,6 +31,22 @@ class Done:
         """The run's dataset, in memory."""
         with dataset.load(self.folder / "run.nc") as tree:
             return tree.load()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _no_pages() -> Iterator[None]:
+    """Hundreds of small runs need no page each; tests about pages ask for the fixture `pages`."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in PAGES:
+            patch.setattr(Html, name, lambda *_: None)
+        yield
+
+
+@pytest.fixture
+def pages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let runs leave their pages."""
+    for name, make in PAGES.items():
+        monkeypatch.setattr(Html, name, make)
 
 
 @pytest.fixture

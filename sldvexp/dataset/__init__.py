@@ -16,6 +16,9 @@ from sldvexp.dataset.variable import Variable
 from sldvexp.errors import UserError
 from sldvexp.files import whole_or_nothing
 
+#: What a run's dataset is called, in the run's folder.
+RUN_FILE = "run.nc"
+
 #: Coordinates that mean the same in every group.
 AXES: dict[str, tuple[str, ...]] = {
     "axis": ("x", "y", "z"),

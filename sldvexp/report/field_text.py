@@ -29,7 +29,7 @@ def field_tables(tree: Mapping[str, xr.Dataset]) -> Iterator[Table]:
     yield _methods(fields)
     yield _components(fields)
     if "examined/truth" in tree:
-        yield _truth(tree["examined/truth"])
+        yield truth_table(tree["examined/truth"])
 
 
 def _methods(fields: Mapping[str, xr.Dataset]) -> Table:
@@ -64,7 +64,7 @@ def _components(fields: Mapping[str, xr.Dataset]) -> Table:
     return table
 
 
-def _truth(truth: xr.Dataset) -> Table:
+def truth_table(truth: xr.Dataset) -> Table:
     """The field against the virtual lab's truth."""
     columns = ("component", "Hz", "relative error", "r.m.s. error, mm/s", "bound, mm/s", "covered")
     table = Table(*columns, title="On the true surface", title_justify="left")

@@ -34,14 +34,19 @@ def _view_text(view: str, image: xr.Dataset) -> str:
     grid = " x ".join(map(str, np.atleast_1d(image.attrs.get("shape", []))))
     name = f"Image of the view {view}" + (f" ({grid})" if grid else "")
     good = image.isel(pixel=image["flags"].values == 0)
-    largest = np.abs(good["velocity"].values).max(axis=0)
-    std = np.median(good["velocity_std"].values, axis=0)
+    largest = abs(good["velocity"]).max("pixel").values
     hertz = image["frequency"].values
     shown = np.sort(np.argsort(-largest, kind="stable")[:MOST_FREQUENCIES])
     found = "; ".join(
         f"{hertz[i]:g} Hz: at most {1000 * largest[i]:.4g} mm/s, "
-        f"median std {1000 * std[i]:.2g} mm/s"
+        f"median std {1000 * _std(good, i):.2g} mm/s"
         for i in shown
     )
     rest = f"; {len(hertz) - len(shown)} more frequencies" if len(shown) < len(hertz) else ""
     return f"{name}: {image.attrs['summary']}; {found}{rest}"
+
+
+def _std(image: xr.Dataset, frequency: int) -> float:
+    """The median standard error at a frequency; pixels may have one for all."""
+    at = image["velocity_std"].isel(frequency=frequency, missing_dims="ignore")
+    return float(np.median(at.values))

@@ -34,22 +34,22 @@ def closing_table(tree: Mapping[str, xr.Dataset], files: Sequence[Path]) -> None
     console = Console()
     if not console.is_terminal:
         console = Console(width=max(console.width, NARROWEST))
-    estimates = Table(
+    table = Table(
         "estimated", "value ± bound", "unit", "note", title="Estimates", title_justify="left"
     )
-    for row in _estimates(tree):
-        estimates.add_row(*map(escape, row))
-    if estimates.row_count:
-        console.print(estimates)
+    for row in estimates(tree):
+        table.add_row(*map(escape, row))
+    if table.row_count:
+        console.print(table)
     if images := image_text(tree):
         console.print(escape(images), highlight=False)
     for group in tree.values():
         if "s_mean" in group:
             console.print(pose_methods(group))
-    for table in field_tables(tree):
-        console.print(table)
+    for fields in field_tables(tree):
+        console.print(fields)
     if "check" in tree:
-        console.print(_published(tree["check"]))
+        console.print(published(tree["check"]))
     notes = [n for g in tree.values() for n in str(g.attrs.get("notes", "")).splitlines()]
     for note in dict.fromkeys(notes):
         console.print(f"[yellow]note:[/] {escape(note)}", highlight=False)
@@ -57,7 +57,7 @@ def closing_table(tree: Mapping[str, xr.Dataset], files: Sequence[Path]) -> None
         console.print(str(file), soft_wrap=True, highlight=False)
 
 
-def _estimates(tree: Mapping[str, xr.Dataset]) -> Iterator[tuple[str, str, str, str]]:
+def estimates(tree: Mapping[str, xr.Dataset]) -> Iterator[tuple[str, str, str, str]]:
     """Rows of all groups that hold estimates."""
     for name, group in tree.items():
         if name == "pose":
@@ -135,7 +135,7 @@ def _merit(point: xr.Dataset, at: Mapping[str, Any]) -> str:
     return f"efficiency {number(value('efficiency'), 2)}, rcond {number(value('rcond'), 3)}"
 
 
-def _published(check: xr.Dataset) -> Table:
+def published(check: xr.Dataset) -> Table:
     """Published numbers beside this run's."""
     correct = bool(np.isfinite(np.asarray(check["correct"])).any())
     passed = int(check["passed"].sum())

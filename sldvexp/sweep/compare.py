@@ -10,6 +10,7 @@ from typing import Any
 from sldvexp import dataset
 from sldvexp.config import NAMED_GROUPS, SINGLE_GROUPS
 from sldvexp.errors import UserError
+from sldvexp.report.html.plugin import Html
 from sldvexp.runner import RUN_FILE
 from sldvexp.sweep import recorded
 from sldvexp.sweep.collect import collect
@@ -18,7 +19,7 @@ from sldvexp.sweep.summary import write_summary
 
 RANK = "sweep.rank="
 #: Settings that change no number.
-IDLE = ("sweep",)
+IDLE = ("export", "report", "sweep")
 
 
 def run(words: list[str], config_dir: str | None) -> int:
@@ -39,7 +40,7 @@ def run(words: list[str], config_dir: str | None) -> int:
     where = Path(f"outputs/{datetime.now():%Y-%m-%d/%H-%M-%S.%f}")
     where.mkdir(parents=True)
     table.attrs["runs"] = [str(folder.resolve()) for folder in folders]
-    write_summary(table, keys, where, ranks[-1] if ranks else "")
+    write_summary(table, keys, where, ranks[-1] if ranks else "", Html())
     return 0
 
 
@@ -102,7 +103,7 @@ def _recorded(folder: Path) -> Recorded:
 
 def _flat(run: Recorded) -> dict[str, str]:
     """Dotted keys with their values as text; a group's own key has its plugin."""
-    found = {group: run.plugins.get(group, "null") for group in SINGLE_GROUPS}
+    found = {g: run.plugins.get(g, "null") for g in SINGLE_GROUPS if g not in IDLE}
     for key, value in run.values.items():
         if key not in IDLE:
             _flatten(key, value, found)

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
+from sldvexp.errors import UserError
+from sldvexp.files import whole_or_nothing
+
+#: In a sweep's folder: which sweep it belongs to.
+OWNER = ".sweep.json"
 #: Longest name of a run's folder that is made of its settings alone.
 MOST_LETTERS = 100
 DIGEST = 8
@@ -71,8 +78,41 @@ class Plan:
         """
         first = next((f for f in self.fixed if f.startswith("experiment=")), "experiment=plate")
         about = [first.partition("=")[2], *(k.rpartition(".")[2] for k in self.names)]
-        apart = (sorted(self.keys), sorted(self.fixed), others)
-        return _named("_".join(about), repr(apart), always=True)
+        return _named("_".join(about), repr(self._apart(others)), always=True)
+
+    def claim(self, folder: Path, *others: str) -> None:
+        """Note that a folder belongs to this sweep, whose values of the keys may grow.
+
+        Parameters
+        ----------
+        folder : Path
+            Of the sweep; it exists.
+        *others : str
+            As for `sweep_name`.
+
+        Raises
+        ------
+        UserError
+            If it belongs to a sweep over other keys or with other settings.
+        """
+        path, ours = folder / OWNER, json.loads(json.dumps(self._apart(others)))
+        try:
+            found = json.loads(path.read_text())
+        except (OSError, ValueError):  # nobody's, or nobody can tell
+            with whole_or_nothing(path) as beside:
+                beside.write_text(json.dumps(ours))
+            return
+        if found != ours:
+            keys, fixed, *_ = found
+            of = ", ".join(keys) + (f" with {' '.join(fixed)}" if fixed else "")
+            raise UserError(
+                f"{folder}: belongs to another sweep, over {of}; choose another folder with "
+                "hydra.sweep.dir=..."
+            )
+
+    def _apart(self, others: Sequence[str]) -> tuple[list[str], list[str], tuple[str, ...]]:
+        """What sets this sweep apart from others."""
+        return sorted(self.keys), sorted(self.fixed), tuple(others)
 
 
 def folder_name(overrides: Sequence[str]) -> str:
@@ -95,8 +135,8 @@ def _value(overrides: Sequence[str], key: str) -> str:
 
 
 def _matters(override: str) -> bool:
-    """Whether an override changes what a run gives; those of the sweep itself do not."""
-    return not override.lstrip("+~").startswith("sweep.")
+    """Whether an override changes what a run gives; those of the sweep and its page do not."""
+    return not override.lstrip("+~").startswith(("sweep.", "report.", "report="))
 
 
 def _named(text: str, digested: str, always: bool = False) -> str:

@@ -10,14 +10,17 @@ from rich.console import Console
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
+from sldvexp.report.base import Report, attempt
 from sldvexp.report.table import NARROWEST
 from sldvexp.sweep import ranking
 
 SWEEP_FILE, TABLE_FILE = "sweep.nc", "sweep.csv"
 
 
-def write_summary(table: xr.Dataset, keys: Sequence[str], folder: Path, rank: str) -> None:
-    """Write both files and print the ranking.
+def write_summary(
+    table: xr.Dataset, keys: Sequence[str], folder: Path, rank: str, report: Report | None
+) -> None:
+    """Write both files and the page about them, and print the ranking.
 
     Parameters
     ----------
@@ -28,6 +31,8 @@ def write_summary(table: xr.Dataset, keys: Sequence[str], folder: Path, rank: st
     folder : Path
     rank : str
         Headline to rank by; empty chooses one.
+    report : Report or None
+        Makes the page.
 
     Raises
     ------
@@ -45,8 +50,10 @@ def write_summary(table: xr.Dataset, keys: Sequence[str], folder: Path, rank: st
     console = Console()
     if not console.is_terminal:
         console = Console(width=max(console.width, NARROWEST))
-    console.print(ranking.terminal_table(ranking.rows(table, keys, by), keys, by))
-    for name in (SWEEP_FILE, TABLE_FILE):
-        console.print(str(folder / name), soft_wrap=True, highlight=False)
+    rows, path = ranking.rows(table, keys, by), folder / SWEEP_FILE
+    pages = attempt(lambda: report.of_sweep(path, rows), path) if report else []
+    console.print(ranking.terminal_table(rows, keys, by))
+    for file in (path, folder / TABLE_FILE, *pages):
+        console.print(str(file), soft_wrap=True, highlight=False)
     if mistake:
         raise mistake

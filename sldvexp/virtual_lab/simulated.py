@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 class Simulated(ScanningPlugin):
     """A scene's virtual lab, without a socket."""
 
+    real = False
+
     def open(
         self,
         scene: Any,

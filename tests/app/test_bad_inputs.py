@@ -405,7 +405,7 @@ VELOCITIES = [
     on_file(
         "m.mat",
         b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(384) + b"\x89HDF\r\n\x1a\n",
-        "m.mat: is a MATLAB 7.3 file; save it with the option -v7",
+        "m.mat: is not a readable MATLAB 7.3 file",
     ),
     on_views(
         "m.csv: the column dz is missing; needed are view, dx, dy, dz, real",

@@ -1,0 +1,92 @@
+"""The shared part of all reports: pages that are made of datasets alone, after these are safe."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sldvexp.errors import UserError
+
+log = logging.getLogger(__name__)
+
+#: Name of the page in the folder of a run or sweep.
+REPORT_FILE = "report.html"
+
+
+@dataclass
+class Report(ABC):
+    """A page about a run, and one about a sweep.
+
+    Parameters
+    ----------
+    each_run : bool
+        Whether each run of a sweep gets a page of its own; the sweep always has one.
+    """
+
+    each_run: bool = False
+
+    @abstractmethod
+    def of_run(self, path: Path) -> Path | None:
+        """Make the page of a run.
+
+        Parameters
+        ----------
+        path : Path
+            Its dataset, ``run.nc``; the page is put beside it.
+
+        Returns
+        -------
+        Path or None
+            Of the page, if there is one.
+        """
+
+    @abstractmethod
+    def of_sweep(self, path: Path, ranking: Sequence[Mapping[str, Any]]) -> Path | None:
+        """Make the page of a sweep.
+
+        Parameters
+        ----------
+        path : Path
+            Its dataset, ``sweep.nc``; the page is put beside it.
+        ranking : sequence of mapping
+            Every run's settings, state and headline, the best first.
+
+        Returns
+        -------
+        Path or None
+            Of the page, if there is one.
+        """
+
+
+def attempt(make: Callable[[], Path | None], dataset: Path) -> list[Path]:
+    """Make a page; what goes wrong is told in a sentence, for the dataset is safe already.
+
+    Parameters
+    ----------
+    make : callable
+        Makes the page, if there is to be one, and tells where it lies.
+    dataset : Path
+        What the page is about.
+
+    Returns
+    -------
+    list of Path
+        The page, or nothing.
+    """
+    try:
+        page = make()
+    except Exception as error:  # whatever it is, it must not cost the run
+        told = str(error) if isinstance(error, UserError) else f"{type(error).__name__}: {error}"
+        log.info("the report failed", exc_info=True)
+        print(
+            f"sldvexp: report: was not made ({' '.join(told.split())}); the results are whole in "
+            f"{dataset}, and sldvexp report {dataset} tries again",
+            file=sys.stderr,
+        )
+        return []
+    return [page] if page else []

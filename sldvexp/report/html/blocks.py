@@ -1,0 +1,176 @@
+"""What a section of a page consists of; `page.html` has a macro for each kind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+if TYPE_CHECKING:
+    from rich.table import Table as TerminalTable
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph.
+
+    Parameters
+    ----------
+    text : str
+    tone : str
+        ``plain``, ``good``, ``warning`` or ``small``.
+    """
+
+    kind: ClassVar[str] = "text"
+    text: str
+    tone: str = "plain"
+
+
+@dataclass(frozen=True)
+class Listing:
+    """Several short sentences.
+
+    Parameters
+    ----------
+    items : sequence of str
+    tone : str
+        As of `Text`.
+    """
+
+    kind: ClassVar[str] = "listing"
+    items: Sequence[str]
+    tone: str = "plain"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells.
+
+    Parameters
+    ----------
+    columns : sequence of str
+    rows : sequence of sequence of str
+    caption : str
+    wide : sequence of int
+        Columns whose text may be broken into lines.
+    """
+
+    kind: ClassVar[str] = "table"
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    caption: str = ""
+    wide: Sequence[int] = ()
+
+    @classmethod
+    def of(cls, shown: TerminalTable, wide: Sequence[int] = ()) -> Table:
+        """The same as a table that the terminal shows."""
+        from rich.text import Text as Marked
+
+        columns = [[Marked.from_markup(str(c)).plain for c in of.cells] for of in shown.columns]
+        headers = [Marked.from_markup(str(of.header)).plain for of in shown.columns]
+        rows = list(zip(*columns, strict=True))
+        return cls(headers, rows, str(shown.title or ""), wide)
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Names with what they stand for.
+
+    Parameters
+    ----------
+    pairs : sequence of tuple of str
+    """
+
+    kind: ClassVar[str] = "facts"
+    pairs: Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture, in the page itself.
+
+    Parameters
+    ----------
+    source : str
+        A ``data:`` address.
+    caption : str
+    only_print : bool
+        Whether it stands in for what moves on a screen.
+    """
+
+    kind: ClassVar[str] = "figure"
+    source: str
+    caption: str
+    only_print: bool = False
+
+
+@dataclass(frozen=True)
+class Shape:
+    """The deflection shape that turns and moves, see `sldvexp.report.html.shape`.
+
+    Parameters
+    ----------
+    data : dict
+        What its script draws.
+    """
+
+    kind: ClassVar[str] = "shape"
+    data: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Code:
+    """Text as it is typed.
+
+    Parameters
+    ----------
+    text : str
+    """
+
+    kind: ClassVar[str] = "code"
+    text: str
+
+
+@dataclass(frozen=True)
+class More:
+    """What is only shown when asked for.
+
+    Parameters
+    ----------
+    summary : str
+    blocks : sequence of block
+    """
+
+    kind: ClassVar[str] = "more"
+    summary: str
+    blocks: Sequence[Any]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a page with a heading.
+
+    Parameters
+    ----------
+    title : str
+    blocks : sequence of block
+    """
+
+    title: str
+    blocks: Sequence[Any] = field(default_factory=tuple)
+
+    @property
+    def anchor(self) -> str:
+        """What a link to it is called."""
+        return self.title.lower().replace(" ", "-")
+
+
+def having(*blocks: Any) -> list[Any]:
+    """Those blocks that there are, in order; lists of blocks are joined."""
+    found: list[Any] = []
+    for block in blocks:
+        if isinstance(block, Iterable):
+            found += having(*block)
+        elif block is not None:
+            found.append(block)
+    return found

@@ -1,0 +1,80 @@
+"""Checks against the truth of a virtual lab or a publication, and what else was examined."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from sldvexp.report.field_text import truth_table
+from sldvexp.report.html.blocks import More, Section, Table, Text
+from sldvexp.report.html.subject import Subject
+from sldvexp.report.numbers import number
+from sldvexp.report.table import published
+
+#: Numbers of one check that a page shows; the dataset has all.
+MOST_NUMBERS = 200
+
+
+def section(run: Subject) -> Section | None:
+    """Expectations met and missed, then every check's findings."""
+    examined = run.below("examined")
+    if "check" not in run.groups and not examined:
+        return None
+    blocks: list[Any] = []
+    if "check" in run.groups:
+        check = run.groups["check"]
+        met, of = int(check["passed"].sum()), check.sizes["quantity"]
+        told = (
+            f"{met} of {of} expectations are met."
+            if met < of
+            else f"All {of} expectations are met."
+        )
+        blocks.append(Text(told, "good" if met == of else "warning"))
+        blocks.append(replace(Table.of(published(check)), caption=""))
+    blocks += [Table.of(truth_table(g)) for g in examined.values() if "rms_bound" in g]
+    tables = [
+        Table(["what", "where", "value", "unit"], list(_numbers(g)), name)
+        for name, g in examined.items()
+    ]
+    if tables:
+        blocks.append(More("What the checks found, number by number", tables))
+    return Section("Checks", blocks)
+
+
+def _numbers(group: xr.Dataset) -> Iterator[list[str]]:
+    """A check's numbers by name, the long ones cut."""
+    left = MOST_NUMBERS
+    for variable in group.data_vars.values():
+        told = str(variable.attrs.get("long_name", variable.name))
+        for index in np.ndindex(*variable.shape):
+            if not left:
+                yield ["more", "in the dataset", "", ""]
+                return
+            left -= 1
+            at = zip(variable.dims, index, strict=True)
+            where = ", ".join(
+                f"{d} {_label(variable[d].values[i])}" if d in variable.coords else f"{d} {i}"
+                for d, i in at
+            )
+            yield [
+                told,
+                where,
+                _value(variable.values[index]),
+                str(variable.attrs.get("units", "")),
+            ]
+
+
+def _label(label: object) -> str:
+    return f"{label:.4g}" if isinstance(label, float | np.floating) else str(label)
+
+
+def _value(value: Any) -> str:
+    return (
+        number(complex(value))
+        if isinstance(value, complex | float | int | np.number)
+        else str(value)
+    )

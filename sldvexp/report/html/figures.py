@@ -1,0 +1,84 @@
+"""Pictures of a dataset in a page: as SVG, or as PNG where that would be too long."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+from sldvexp.report.html.blocks import Figure, Text
+from sldvexp.report.html.subject import Subject
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawn
+
+#: Which figures stand in which part of a page, with what they show. A page is made in seconds, so
+#: that it has only those without which its tables are hard to read; `sldvexp.plot` has more.
+PARTS: dict[str, dict[str, str]] = {
+    "pose": {
+        "pose_residuals": "Residuals of the pose: observed minus predicted mirror readings.",
+        "repeatability": "Image points of repeated scans.",
+    },
+    "image": {"images": "Velocity along the line of sight, view by view."},
+    "shape": {"surface": "The velocity drawn as a deflection, at the moment of its largest value."},
+    "field": {
+        "point": "Velocity at the point, with bounds.",
+        "field": "The field with its bounds on the layer next to the given surface.",
+        "spectrum": "Velocity at the node of the largest motion, by frequency, with bounds.",
+        "residuals": "Residuals by view.",
+    },
+}
+SWEEP_CAPTION = "The runs by what was varied."
+MOST_BYTES = 1_500_000
+#: Settings of the style that a figure does not keep, and that decide its bytes.
+OF_FILES = ("svg.hashsalt", "svg.fonttype")
+#: Dots per inch of a PNG.
+FINE = 150
+
+
+def figures(run: Subject, part: str) -> Iterator[Figure | Text]:
+    """The figures of one part of the page that a run can show."""
+    known = run.drawable
+    for name, caption in PARTS[part].items():
+        if name in known:
+            yield _figure(name, known[name], caption, only_print=part == "shape")
+
+
+def sweep_figures(table: Any) -> Iterator[Figure | Text]:
+    """The figure of a sweep, if it can be drawn."""
+    from sldvexp.plot import figures_of
+
+    for name, draw in figures_of(table).items():
+        if name == "sweep":
+            yield _figure(name, draw, SWEEP_CAPTION)
+
+
+def _figure(
+    name: str, draw: Callable[[], Drawn], caption: str, only_print: bool = False
+) -> Figure | Text:
+    """A figure for the page, or why there is none; the rest of the page is made all the same."""
+    try:
+        return Figure(_address(draw()), caption, only_print)
+    except Exception as error:
+        told = " ".join(str(error).split())
+        return Text(f"The figure {name} could not be drawn: {told}", "small")
+
+
+def _address(drawn: Drawn) -> str:
+    """A picture as a ``data:`` address, the same from the same data."""
+    import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    from sldvexp.plot.style import SETTINGS
+
+    content, kind = io.BytesIO(), "svg+xml"
+    settings: dict[Any, Any] = {name: SETTINGS[name] for name in OF_FILES}
+    with matplotlib.rc_context(settings):
+        # As savefig does, which would draw twice to arrange the axes.
+        metadata = {"Date": None, "Creator": None}
+        FigureCanvasSVG(drawn).print_svg(content, metadata=metadata)
+        if content.tell() > MOST_BYTES:
+            content, kind = io.BytesIO(), "png"
+            drawn.savefig(content, format="png", dpi=FINE, metadata={"Software": None})
+    return f"data:image/{kind};base64,{base64.b64encode(content.getvalue()).decode()}"

@@ -1,0 +1,45 @@
+"""The velocity of the structure, with bounds: the shape that moves, the tables, the figures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sldvexp.report.field_text import field_tables
+from sldvexp.report.html.blocks import Section, Shape, Table, Text, having
+from sldvexp.report.html.figures import figures
+from sldvexp.report.html.shape import shape_of
+from sldvexp.report.html.subject import Subject
+from sldvexp.report.table import estimates
+
+
+def section(run: Subject) -> Section | None:
+    """The field, or the velocity of points."""
+    fields = run.fields
+    points = [list(row) for row in estimates(run.groups) if not row[0].startswith("pose ")]
+    if not fields and not points:
+        return None
+    own = {name: group for name, group in run.groups.items() if not name.startswith("examined/")}
+    blocks = having(_shape(run), [Table.of(table) for table in field_tables(own)])
+    if points:
+        table = Table(["of", "velocity ± bound", "unit", "note"], points, "At points", (3,))
+        blocks.append(table)
+    if coverage := "; ".join(str(f.attrs.get("coverage", "")) for f in list(fields.values())[:1]):
+        blocks.append(Text(f"Coverage: {'; '.join(coverage.splitlines())}.", "small"))
+    title = "Velocity field" if fields else "Velocity"
+    return Section(title, having(blocks, figures(run, "field")))
+
+
+def _shape(run: Subject) -> list[Any]:
+    """The shape that turns and moves, or why there is none."""
+    fields = run.fields
+    if not fields or "volume" not in run.groups:
+        return []
+    data = shape_of(next(iter(fields.values())), run.groups["volume"])
+    if data is None:
+        told = "The surface has too many nodes for a page; other programs can turn it."
+        return [Text(told, "small")]
+    note = "The layer next to the given surface is drawn. Black crosses: not determined."
+    if data["left_out"]:
+        shown = len(data["frequencies"])
+        note += f" Of {shown + data['left_out']} frequencies the {shown} strongest are here."
+    return having(Shape(data), Text(note, "small"), figures(run, "shape"))

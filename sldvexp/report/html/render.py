@@ -1,0 +1,92 @@
+"""Sections to one self-contained page."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Iterator, Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from sldvexp.files import whole_or_nothing
+from sldvexp.report.html.blocks import More, Section, Shape
+
+
+def write(path: Path, title: str, subtitle: str, sections: Sequence[Section]) -> Path:
+    """Write a page, whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    title, subtitle : str
+    sections : sequence of Section
+
+    Returns
+    -------
+    Path
+        `path`.
+    """
+    page = render(title, subtitle, sections)
+    with whole_or_nothing(path) as beside:
+        beside.write_text(page, encoding="utf-8")
+    return path
+
+
+def render(title: str, subtitle: str, sections: Sequence[Section]) -> str:
+    """The text of a page. All that comes from a run is escaped.
+
+    Parameters
+    ----------
+    title, subtitle : str
+    sections : sequence of Section
+    """
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["number_like"] = number_like
+    moves = any(isinstance(block, Shape) for block in _flat(sections))
+    return environment.from_string(_own("page.html")).render(
+        title=title,
+        subtitle=subtitle,
+        sections=sections,
+        style=Markup(_own("page.css")),
+        script=Markup(_own("shape.js")) if moves else "",
+        plotly=Markup(_plotly()) if moves else "",
+        as_json=lambda data: Markup(_json(data)),
+    )
+
+
+def number_like(cell: str) -> bool:
+    """Whether a cell of a table is a number, with or without a bound or a unit."""
+    return bool(cell) and (cell[0].isdigit() or (cell[0] in "-−+." and cell[1:2].isdigit()))
+
+
+def _json(data: Any) -> str:
+    """Data for a script: no text in it can end the script."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _own(name: str) -> str:
+    """A file of this folder."""
+    return (files(__package__) / name).read_text(encoding="utf-8")
+
+
+@functools.cache
+def _plotly() -> str:
+    """The drawing library's script, as its package has it."""
+    from plotly.offline import get_plotlyjs
+
+    return str(get_plotlyjs()).replace("</script", "<\\/script")
+
+
+def _flat(sections: Sequence[Section]) -> Iterator[Any]:
+    for section in sections:
+        for block in section.blocks:
+            yield block
+            if isinstance(block, More):
+                yield from block.blocks

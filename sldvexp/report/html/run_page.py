@@ -1,0 +1,83 @@
+"""The page of a run: its sections in the order in which one reads them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+from sldvexp.report.html import checked, found, imaged, measured, posed, provenance, render, warned
+from sldvexp.report.html.blocks import Section
+from sldvexp.report.html.subject import Subject, opened
+
+#: Each makes a section of what a run has, or none; another part of the page is a line here.
+SECTIONS: tuple[Callable[[Subject], Section | None], ...] = (
+    warned.section,
+    measured.section,
+    posed.section,
+    imaged.section,
+    found.section,
+    checked.section,
+    provenance.section,
+)
+
+
+def write(path: Path, page: Path) -> Path:
+    """Make the page of a run from its dataset alone.
+
+    Parameters
+    ----------
+    path : Path
+        ``run.nc``.
+    page : Path
+        Where to.
+
+    Returns
+    -------
+    Path
+        `page`.
+
+    Raises
+    ------
+    UserError
+        If the file is not a run's.
+    """
+    with opened(path) as run:
+        sections = [s for make in SECTIONS if (s := make(run))]
+        return render.write(page, _title(run), _subtitle(run), sections)
+
+
+def _title(run: Subject) -> str:
+    """What came out, in a line."""
+    views = max((g.sizes.get("view", 0) for g in run.groups.values()), default=0)
+    views = views or len(run.below("image"))
+    seen = f" from {views} views" if views > 1 else " from one view" if views else ""
+    for field in run.fields.values():
+        return f"Velocity field of {field.sizes['node']} nodes{seen}{_frequencies(field)}"
+    point = run.groups.get("point")
+    if point is not None:
+        count = point.sizes.get("point", 1)
+        of = f"of {count} points" if count > 1 else "of a point"
+        return f"Velocity {of}{seen}{_frequencies(point)}"
+    if run.below("image"):
+        return f"Velocity images{seen}"
+    return f"Pose of the instrument{seen}" if "pose" in run.groups else "Run of sldvexp"
+
+
+def _frequencies(group: object) -> str:
+    hertz = getattr(group, "coords", {}).get("frequency")
+    if hertz is None:
+        return ""
+    return f" at {hertz.values[0]:g} Hz" if hertz.size == 1 else f" at {hertz.size} frequencies"
+
+
+def _subtitle(run: Subject) -> str:
+    """When, how long, and by what."""
+    day, _, time = str(run.attributes.get("start_time", "")).partition("T")
+    took = provenance.duration(run.attributes)
+    packages = provenance.table(run.attributes, "packages")
+    parts = [f"{day} {time[:8]} UTC", f"sldvexp {packages.get('sldvexp', '')}"]
+    if math.isfinite(took):
+        parts.insert(1, f"took {took:.3g} s")
+    parts.append(f"seed {run.attributes.get('seed', '')}")
+    return " · ".join(parts)

@@ -1,0 +1,123 @@
+"""The deflection shape that turns and moves: what its script draws, as small as can be."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+#: Frequencies are left out beyond so many bytes, the strongest are kept.
+MOST_BYTES = 1_200_000
+#: A surface of more nodes is nothing for a browser.
+MOST_NODES = 40_000
+BYTES_A_NUMBER = 4 * 4 / 3
+#: Real part, imaginary part and bound of each component.
+PARTS = 3
+
+
+def shape_of(field: xr.Dataset, volume: xr.Dataset) -> dict[str, Any] | None:
+    """One layer of a field for the page's script.
+
+    Parameters
+    ----------
+    field, volume : xarray.Dataset
+        The groups.
+
+    Returns
+    -------
+    dict or None
+        Positions (``length_unit``) and triangles; for each of ``frequencies`` and ``components``
+        real part, imaginary part and bound (``velocity_unit``) at every node; the components'
+        directions and the surface's normal at every node. Arrays are
+        base64 of little-endian float32 and int32. None if the surface has too many nodes to be
+        drawn.
+    """
+    nodes, triangles, depth = surface_layer(volume)
+    if len(nodes) > MOST_NODES or not len(triangles):
+        return None
+    position = field["position"].values[nodes]
+    dims = ["frequency"] if "frequency" in field.dims else []
+    whole = field[["velocity", "confidence"]].isel(node=nodes).transpose(*dims, "component", "node")
+    velocity, bound = whole["velocity"].values, whole["confidence"].values
+    hertz: list[float | None] = [None]
+    if dims:
+        chosen = _strongest(velocity)
+        velocity, bound = velocity[chosen], bound[chosen]
+        hertz = [float(f) for f in field["frequency"].values[chosen]]
+    length, length_unit = _scale(np.ptp(position, axis=0).max(), "m")
+    speed, speed_unit = _scale(np.nanmax(np.abs(velocity), initial=0.0), "m/s")
+    components = [str(c) for c in field["component"].values]
+    return {
+        "components": components,
+        "frequencies": hertz,
+        "left_out": int(field.sizes.get("frequency", 1) - len(hertz)),
+        "depth": float(depth),
+        "length_unit": length_unit,
+        "velocity_unit": speed_unit,
+        "level": f"{float(field.attrs.get('confidence_level', 0.95)):.0%}",
+        "position": _floats(length * position),
+        "triangles": _integers(triangles),
+        "normal": _floats(_directions(["n"], volume, len(nodes))),
+        "directions": _floats(_directions(components, volume, len(nodes))),
+        "real": _floats(speed * velocity.real),
+        "imaginary": _floats(speed * velocity.imag),
+        "bound": _floats(speed * bound),
+    }
+
+
+def surface_layer(volume: xr.Dataset) -> tuple[NDArray, NDArray, float]:
+    """The layer next to the given surface.
+
+    Returns
+    -------
+    nodes : (n,) array
+        Of the volume.
+    triangles : (m, 3) array
+        Indices into `nodes`.
+    depth : float
+        m.
+    """
+    layer = int(np.argmin(np.abs(volume["depth"].values)))
+    node_layer, prisms = volume["node_layer"].values, volume["element"].values
+    nodes = np.flatnonzero(node_layer == layer)
+    lower, upper = prisms[:, :3], prisms[:, 3:]
+    triangles = lower[node_layer[lower[:, 0]] == layer]
+    if not len(triangles):
+        triangles = upper[node_layer[upper[:, 0]] == layer]
+    return nodes, np.searchsorted(nodes, triangles), float(volume["depth"].values[layer])
+
+
+def _strongest(velocity: NDArray) -> NDArray:
+    """Indices of the frequencies of the largest velocities, as many as there is room for."""
+    count = int(MOST_BYTES / (PARTS * BYTES_A_NUMBER * velocity[0].size))
+    size = np.nanmax(np.abs(velocity), axis=(1, 2), initial=0.0)
+    return np.sort(np.argsort(-size, kind="stable")[: max(1, count)])
+
+
+def _directions(components: list[str], volume: xr.Dataset, count: int) -> NDArray:
+    """Unit vectors (component, node, axis) of components, in the world's or the surface's axes."""
+    axes = list(volume["axis"].values)
+    if set(components) <= set(axes):
+        unit = np.eye(3)[[axes.index(c) for c in components]]
+        return np.broadcast_to(unit[:, None], (len(components), count, 3))
+    frame = volume["frame"].sel(local_axis=components)
+    return frame.transpose("local_axis", "surface_node", "axis").values
+
+
+def _scale(largest: float, unit: str) -> tuple[float, str]:
+    """Factor and unit that make a size easy to read."""
+    for factor, prefix in ((1.0, ""), (1e3, "m"), (1e6, "µ")):
+        if largest * factor >= 1:
+            return factor, prefix + unit
+    return 1e9, f"n{unit}"
+
+
+def _floats(values: NDArray) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode()
+
+
+def _integers(values: NDArray) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, "<i4").tobytes()).decode()

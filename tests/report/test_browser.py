@@ -1,0 +1,194 @@
+"""The page in a real browser: quiet, offline, and its shape moves and obeys its controls."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+
+import numpy as np
+import pytest
+
+from sldvexp.report.html import figures, run_page
+
+webdriver = pytest.importorskip("selenium.webdriver")
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+BROWSER = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+DRIVER = shutil.which("chromedriver")
+pytestmark = [
+    pytest.mark.skipif(not (BROWSER and DRIVER), reason="needs chromium and chromedriver"),
+    pytest.mark.xdist_group("browser"),
+]
+OPTIONS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-dev-shm-usage",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--force-prefers-reduced-motion",  # the shape begins to move when it is told to
+)
+PHONE, DESKTOP = (390, 844), (1280, 900)
+PATIENCE = 60
+
+
+@pytest.fixture(scope="module")
+def browser():
+    options = webdriver.ChromeOptions()
+    options.binary_location = BROWSER
+    for option in OPTIONS:
+        options.add_argument(option)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+    yield driver
+    driver.quit()
+
+
+class Opened:
+    """A page in the browser, at a size."""
+
+    def __init__(self, driver, path, size):
+        self.driver = driver
+        # Of the page itself, not of a window that headless browsers keep wider than a phone.
+        metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
+        driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+        driver.get(path.as_uri())
+        self.wait(lambda: self.js("return document.getElementById('shape-plot').dataset.ready"))
+
+    def wait(self, condition):
+        end = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < end, "the page takes too long"
+            time.sleep(0.1)
+
+    def js(self, code, *arguments):
+        return self.driver.execute_script(code, *arguments)
+
+    def set(self, name, value):
+        self.js(
+            "const e = document.getElementById('shape-' + arguments[0]); e.value = arguments[1];"
+            "e.dispatchEvent(new Event('input'))",
+            name,
+            value,
+        )
+
+    def trace(self, number, key):
+        """What a part of the drawing is made of."""
+        part = "document.getElementById('shape-plot').data[arguments[0]][arguments[1]]"
+        return np.array(self.js(f"return Array.from({part})", number, key), float)
+
+    @property
+    def deflection(self):
+        return self.trace(0, "z")
+
+    @property
+    def colours(self):
+        return self.trace(0, "intensity")
+
+    def text(self, name):
+        return self.js("return document.getElementById('shape-' + arguments[0]).textContent", name)
+
+
+@pytest.fixture(scope="module")
+def open_at(browser, write_run, tmp_path_factory):
+    """Open the page of a run with a small field, without pictures."""
+
+    def opened(size, **groups):
+        path = write_run(tmp_path_factory.mktemp("run"), **groups)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(figures, "PARTS", {part: {} for part in figures.PARTS})
+            page = run_page.write(path, path.with_name("report.html"))
+        return Opened(browser, page, size)
+
+    return opened
+
+
+@pytest.fixture(scope="module")
+def shown(open_at):
+    """One page for several tests: loading it takes longest."""
+    return open_at(DESKTOP)
+
+
+def test_page_is_quiet_and_fetches_nothing(shown, browser):
+    nothing_is_wider_than_the_window(shown)
+    said = [e for e in browser.get_log("browser") if e["level"] == "SEVERE"]
+    assert said == []
+    events = [json.loads(e["message"])["message"] for e in browser.get_log("performance")]
+    fetched = [e["params"]["request"]["url"] for e in events if e["method"].endswith("BeSent")]
+    own = ("data:", "blob:")
+    outside = [
+        url for url in fetched if not url.startswith(own) and not url.endswith("report.html")
+    ]
+    assert (len(fetched) > 0, outside) == (True, [])
+
+
+def test_shape_moves_when_it_is_played_and_stands_when_it_is_paused(shown, browser):
+    plot = browser.find_element("id", "shape-plot")
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", plot)
+    still, picture = shown.deflection, plot.screenshot_as_png
+    button = browser.find_element("id", "shape-play")
+    assert button.text == "▶ Play"
+    button.click()
+    shown.wait(lambda: not np.allclose(shown.deflection, still))
+    assert button.text == "❚❚ Pause"
+    button.click()
+    stopped = shown.deflection
+    time.sleep(0.3)
+    np.testing.assert_array_equal(shown.deflection, stopped)
+    shown.set("phase", 100)
+    shown.wait(lambda: plot.screenshot_as_png != picture)
+
+
+def test_controls_choose_component_frequency_phase_colour_bounds_and_size(
+    shown, small_volume, small_field
+):
+    shown.set("phase", 0)
+    around = small_volume()
+    nodes = np.flatnonzero(around["node_layer"].values == 1)
+    field = small_field(around).isel(node=nodes)
+    velocity, bound = 1e3 * field["velocity"].values, 1e3 * field["confidence"].values
+    height = 1e3 * around["position"].values[nodes, 2]
+    whole = np.linalg.norm(velocity[:, :, 0].real, axis=1)
+    np.testing.assert_allclose(shown.colours, whole, rtol=1e-5)
+    for component, hertz in ((0, 0), (2, 1)):
+        shown.set("component", component)
+        shown.set("frequency", hertz)
+        for degrees in (0, 90):
+            shown.set("phase", degrees)
+            turned = velocity[:, component, hertz] * np.exp(1j * np.radians(degrees))
+            np.testing.assert_allclose(shown.colours, turned.real, rtol=1e-4, atol=1e-3)
+            drawn = shown.deflection - height
+            factor = drawn @ turned.real / (turned.real @ turned.real)
+            np.testing.assert_allclose(drawn, factor * turned.real, rtol=1e-3, atol=1e-3)
+    shown.set("colour", "amplitude")
+    np.testing.assert_allclose(shown.colours, np.abs(velocity[:, 2, 1]), rtol=1e-5)
+    shown.set("colour", "bound")
+    np.testing.assert_allclose(shown.colours, bound[:, 2, 1], rtol=1e-5)
+    shown.set("shell", 10)
+    above, below = shown.trace(2, "z"), shown.trace(3, "z")
+    np.testing.assert_allclose((above - below) / 2, factor * 10 * bound[:, 2, 1], rtol=1e-2)
+    assert shown.js("return document.getElementById('shape-plot').data[2].visible") is True
+    shown.set("size", 0)
+    np.testing.assert_allclose(shown.deflection, height, atol=1e-4)
+    assert "bound of V_z" in shown.text("told")
+
+
+def test_undetermined_nodes_are_marked_on_a_phone_too(open_at, small_volume, small_field):
+    around = small_volume()
+    field = small_field(around)
+    node = np.flatnonzero(around["node_layer"].values == 1)[3]
+    field["velocity"].values[node, 0, :] = np.nan
+    shown = open_at(PHONE, field=field)
+    assert len(shown.trace(4, "x")) == 1
+    shown.set("component", 1)
+    assert len(shown.trace(4, "x")) == 0
+    nothing_is_wider_than_the_window(shown)
+
+
+def nothing_is_wider_than_the_window(shown):
+    assert shown.js("return document.documentElement.scrollWidth - innerWidth") <= 0
+    wide = shown.js(
+        "return [...document.querySelectorAll('main *')].filter(e => !e.closest('.scroll, details,"
+        " #shape-plot') && e.getBoundingClientRect().right > innerWidth + 1).map(e => e.outerHTML)"
+    )
+    assert wide == []

@@ -1,0 +1,187 @@
+"""A page is one file, in order, and nothing in a run's file can become a part of it."""
+
+from __future__ import annotations
+
+import json
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from sldvexp import dataset
+from sldvexp.errors import UserError
+from sldvexp.report.base import attempt
+from sldvexp.report.html import figures, render, run_page
+from sldvexp.report.html.blocks import having
+from sldvexp.report.html.render import number_like
+
+
+class Page(HTMLParser):
+    """What a browser would see: tags with their attributes, and the text outside of scripts."""
+
+    def __init__(self, text: str):
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.words: list[str] = []
+        self._inside = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        self._inside = tag
+
+    def handle_endtag(self, tag):
+        self._inside = ""
+
+    def handle_data(self, data):
+        if self._inside not in ("script", "style"):
+            self.words.append(data)
+
+    def count(self, tag: str) -> int:
+        return sum(name == tag for name, _ in self.tags)
+
+    @property
+    def sections(self) -> list[str]:
+        return [str(a["id"]) for tag, a in self.tags if tag == "section"]
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.words).split())
+
+
+def made(path) -> Page:
+    page = path.with_name("report.html")
+    assert run_page.write(path, page) == page
+    return Page(page.read_text())
+
+
+def test_page_is_in_order_and_ends_with_the_command(run_file, no_figures):
+    check = dataset.group(
+        "check",
+        {"quantity": ["field@sse"]},
+        published=[1.0],
+        computed=[2.0],
+        correct=[np.nan],
+        tolerance=[0.1],
+        relation=["="],
+        passed=[False],
+        source=["Table 5.7"],
+    )
+    page = made(run_file(check=check))
+    assert page.sections == [
+        "warnings",
+        "what-was-measured-and-how",
+        "velocity-field",
+        "checks",
+        "provenance",
+    ]
+    assert page.text.endswith("sldvexp rerun run.nc")
+    warned = page.text.partition("What was measured and how ")[0]
+    assert "not as expected: field@sse is 2, and should be = 1 (Table 5.7)" in page.text
+    assert page.text.index("not as expected") < page.text.index("mind ") < len(page.text) / 2
+    assert warned
+    assert "Velocity field of 60 nodes from 2 views at 2 frequencies" in page.text
+    assert "2026-01-02 03:04:05 UTC · took 2 s · sldvexp 0.1.0 · seed 3" in page.text
+    assert "had been changed since its last commit" in page.text
+
+
+def test_nothing_is_fetched_and_the_library_is_there_once(run_file, no_figures):
+    path = run_file()
+    page = made(path)
+    for tag, attributes in page.tags:
+        for name in ("src", "href", "data", "action", "srcset", "poster"):
+            address = attributes.get(name) or "#"
+            assert address.startswith(("#", "data:")), (tag, address)
+    assert page.count("script") == 3  # data, library, what draws it
+    text = path.with_name("report.html").read_text()
+    assert "default-src 'none'" in text
+    assert "url(" not in text.partition("<style>")[2].partition("</style>")[0]
+    assert len(text) < 6e6
+
+
+def test_hostile_names_are_only_text(run_file, hostile, no_figures):
+    path = run_file()
+    page = made(path)
+    assert page.count("img") == 0
+    assert page.count("script") == 3
+    assert hostile in page.text  # as it was, 7 times 7 not worked out
+    assert "<img src=x" not in path.with_name("report.html").read_text()
+
+
+def test_data_cannot_end_its_script(hostile):
+    text = render._json({hostile: [hostile, 1.5]})
+    assert json.loads(text) == {hostile: [hostile, 1.5]}
+    assert not set("<>&") & set(text)
+
+
+def test_page_without_a_field_has_no_script(tmp_path, run_file, no_figures):
+    whole = dataset.load(run_file()).load()
+    path = tmp_path / "other" / "run.nc"
+    path.parent.mkdir()
+    dataset.save({"volume": whole["volume"].to_dataset()}, whole.attrs, path)
+    page = made(path)
+    assert page.count("script") == 0
+    assert page.sections == ["warnings", "what-was-measured-and-how", "provenance"]
+    assert path.with_name("report.html").stat().st_size < 50_000
+
+
+def test_figures_are_in_the_page_and_one_that_fails_is_told(run_file, monkeypatch):
+    page = made(run_file())
+    pictures = [a["src"] for tag, a in page.tags if tag == "img"]
+    assert len(pictures) >= 2
+    assert all(p.startswith("data:image/") and len(p) > 1000 for p in pictures)
+
+    def fail(*_):
+        raise ZeroDivisionError("nothing to divide")
+
+    monkeypatch.setattr(figures, "_address", fail)
+    page = made(run_file())
+    assert "The figure field could not be drawn: nothing to divide" in page.text
+    assert page.count("img") == 0
+
+
+def test_long_figure_becomes_pixels(run_file, monkeypatch):
+    monkeypatch.setattr(figures, "MOST_BYTES", 10)
+    few = {part: {} for part in figures.PARTS} | {"field": {"residuals": "by view"}}
+    monkeypatch.setattr(figures, "PARTS", few)
+    page = made(run_file())
+    pictures = [a["src"] for tag, a in page.tags if tag == "img"]
+    assert pictures
+    assert all(p.startswith("data:image/png;base64,iVBOR") for p in pictures)
+
+
+def test_file_that_is_no_runs_is_refused(tmp_path):
+    path = tmp_path / "run.nc"
+    with pytest.raises(UserError, match="there is no such file"):
+        run_page.write(path, tmp_path / "report.html")
+    dataset.save({}, {"config": "[1, 2]", "plugins": "{}"}, path)
+    with pytest.raises(UserError, match=r"run.nc: config: must be a table"):
+        run_page.write(path, tmp_path / "report.html")
+    dataset.save({}, {"config": "{}"}, path)
+    with pytest.raises(UserError, match="has no attribute plugins"):
+        run_page.write(path, tmp_path / "report.html")
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_failing_page_costs_a_sentence_only(tmp_path, capsys):
+    def fail():
+        raise KeyError("velocity")
+
+    assert attempt(fail, tmp_path / "run.nc") == []
+    said = capsys.readouterr().err
+    assert said.startswith("sldvexp: report: was not made (KeyError: 'velocity'); the results are ")
+    assert said.count("\n") == 1
+    assert attempt(lambda: None, tmp_path / "run.nc") == []
+    assert attempt(lambda: tmp_path, tmp_path / "run.nc") == [tmp_path]
+
+
+@pytest.mark.parametrize(
+    ("cell", "number"),
+    [("1.5 ± 0.2", True), ("-3", True), ("96%", True), ("-", False), ("x", False), ("", False)],
+)
+def test_cells_of_numbers_are_known(cell, number):
+    assert number_like(cell) is number
+
+
+def test_blocks_that_are_missing_are_left_out():
+    assert having(None, [1, [None, 2]], 3) == [1, 2, 3]

@@ -1,0 +1,134 @@
+"""Runs and sweeps leave a page, which can be made anew, and which never costs a result."""
+
+from __future__ import annotations
+
+import json
+
+import netCDF4
+import pytest
+
+POINT = "experiment=point"
+SWEEP = ("-m", POINT, "reconstruction=absolute,relative", "hydra.sweep.dir=sweep")
+
+
+def test_run_leaves_a_page_that_can_be_made_anew(sldvexp, pages):
+    done = sldvexp(POINT)
+    page = done.folder / "report.html"
+    assert done.status == 0
+    assert done.out.splitlines()[-1].endswith("report.html")
+    first = page.read_bytes()
+    for given in (done.folder, done.folder / "run.nc"):
+        page.unlink()
+        again = sldvexp("report", str(given))
+        assert (again.status, again.err, again.out) == (0, "", f"{page}\n")
+        assert page.read_bytes() == first
+    assert first.count(b"<section") == 5
+    assert b"data:image/svg+xml" in first
+    text = first.decode()
+    assert text.index("Warnings</h2>") < text.index("Velocity</h2>") < text.index("Checks</h2>")
+    assert text.rpartition("<pre")[2].partition(">")[2].startswith("sldvexp rerun run.nc</pre>")
+
+
+@pytest.mark.parametrize("off", ["~report", "report=none"])
+def test_page_can_be_left_out_and_a_stale_one_goes(sldvexp, pages, tmp_path, off):
+    where = "hydra.run.dir=here"
+    stale = tmp_path / "here/report.html"
+    stale.parent.mkdir()
+    stale.write_text("of another run")
+    done = sldvexp(POINT, off, where)
+    assert (done.status, done.err) == (0, "")
+    assert (tmp_path / "here/run.nc").is_file()
+    assert not stale.exists()
+
+
+def test_failing_page_does_not_lose_the_run(sldvexp, pages, monkeypatch):
+    def fail(*_):
+        raise MemoryError("no room")
+
+    monkeypatch.setattr("sldvexp.report.html.run_page.write", fail)
+    done = sldvexp(POINT)
+    assert done.status == 0
+    assert done.err.startswith("sldvexp: report: was not made (MemoryError: no room); the results")
+    assert done.err.count("\n") == 1
+    assert "point" in done.tree
+    assert not (done.folder / "report.html").exists()
+
+
+def test_sweep_leaves_one_page_and_its_runs_none(sldvexp, pages, tmp_path):
+    done = sldvexp(*SWEEP)
+    page = tmp_path / "sweep/report.html"
+    assert done.out.splitlines()[-1] == "sweep/report.html"
+    assert [p.name for p in tmp_path.rglob("report.html")] == ["report.html"]
+    first = page.read_bytes()
+    assert b"Runs by point.velocity_std, the smallest first" in first
+    command = f"sldvexp {' '.join(SWEEP)}"
+    assert first.decode().rpartition("<pre")[2].partition(">")[2].startswith(f"{command}</pre>")
+    page.unlink()
+    assert sldvexp("report", str(tmp_path / "sweep")).status == 0
+    assert page.read_bytes() == first
+
+
+def test_each_run_of_a_sweep_may_have_a_page(sldvexp, pages, no_figures, tmp_path):
+    sldvexp(*SWEEP)
+    sldvexp(*SWEEP, "report.each_run=true")
+    assert len(list(tmp_path.rglob("report.html"))) == 1  # no run was done again for its page
+    sldvexp(*SWEEP, "report.each_run=true", "sweep.retry=all")
+    assert len(list(tmp_path.rglob("report.html"))) == 3
+
+
+def test_failed_runs_come_first_in_a_sweeps_page(sldvexp, pages, no_figures, tmp_path):
+    sldvexp("-m", POINT, "reconstruction.rows='1,2,3','1,2,<b>'", "hydra.sweep.dir=sweep")
+    text = (tmp_path / "sweep/report.html").read_text()
+    warned = text.partition("<h2>Warnings</h2>")[2].partition("</section>")[0]
+    assert "failed: " in warned
+    assert "1,2,&lt;b&gt;" in warned
+    assert "<b>" not in text
+
+
+def test_compared_runs_have_a_page_that_names_them(sldvexp, pages, no_figures, tmp_path):
+    folders = [str(sldvexp(POINT, f"seed={seed}").folder) for seed in (1, 2)]
+    done = sldvexp("compare", *folders)
+    [page] = (tmp_path / "outputs").rglob("report.html")
+    assert f"sldvexp compare {' '.join(folders)}" in page.read_text()
+    assert done.out.rstrip().endswith("report.html")
+
+
+@pytest.mark.long
+def test_page_of_the_default_run_is_small(sldvexp, pages):
+    done = sldvexp()
+    page = (done.folder / "report.html").read_text()
+    assert len(page.encode()) <= 8e6
+    assert "could not be drawn" not in page
+    assert page.count("<figure") == 5
+    assert "All 4 expectations are met" in page
+
+
+@pytest.mark.parametrize(
+    ("words", "answer"),
+    [
+        ((), "command line: report takes one run.nc, or the folder of a run or of a sweep"),
+        (("a", "b"), "command line: report takes one run.nc"),
+        (("nowhere",), "nowhere: no such file; give a run.nc"),
+        ((".",), ".: neither run.nc nor sweep.nc is there; give a run.nc"),
+    ],
+)
+def test_misuse_gets_one_sentence(sldvexp, words, answer):
+    done = sldvexp("report", *words)
+    assert (done.status, done.out) == (1, "")
+    assert done.err.startswith(f"sldvexp: {answer}")
+    assert done.err.count("\n") == 1
+
+
+def test_damaged_files_get_one_sentence(sldvexp, pages, no_figures, tmp_path):
+    for name in ("run.nc", "sweep.nc"):
+        folder = tmp_path / name.partition(".")[0]
+        folder.mkdir()
+        (folder / name).write_bytes(b"nothing of the kind")
+        done = sldvexp("report", str(folder))
+        assert (done.status, done.err.count("\n")) == (1, 1)
+        assert done.err.startswith(f"sldvexp: {folder / name}: is not a")
+    done = sldvexp(POINT)
+    with netCDF4.Dataset(done.folder / "run.nc", "a") as file:
+        file.plugins = json.dumps(["laser"])
+    again = sldvexp("report", str(done.folder))
+    assert again.err.endswith("plugins: must be a table\n")

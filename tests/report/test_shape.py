@@ -1,0 +1,87 @@
+"""The deflection shape's data is the field, layer, frame and all."""
+
+from __future__ import annotations
+
+import base64
+
+import numpy as np
+import pytest
+
+from sldvexp.report.html import shape
+
+COMPONENTS = {"world": ["x", "y", "z"], "local": ["t1", "t2", "n"]}
+
+
+def floats(text: str) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(text), "<f4")
+
+
+@pytest.mark.parametrize("coordinates", COMPONENTS)
+def test_shape_is_the_field_on_the_given_surface(coordinates, small_volume, small_field):
+    around = small_volume(coordinates, radius=0.4)
+    of = small_field(around, coordinates)
+    data = shape.shape_of(of, around)
+    nodes = np.flatnonzero(around["node_layer"].values == 1)
+    assert data["components"] == COMPONENTS[coordinates]
+    assert (data["length_unit"], data["velocity_unit"]) == ("mm", "mm/s")
+    expected = 1e3 * of["velocity"].values[nodes].transpose(2, 1, 0)
+    np.testing.assert_allclose(floats(data["real"]), expected.real.ravel(), rtol=1e-6)
+    np.testing.assert_allclose(floats(data["imaginary"]), expected.imag.ravel(), rtol=1e-6)
+    bound = 1e3 * of["confidence"].values[nodes].transpose(2, 1, 0)
+    np.testing.assert_allclose(floats(data["bound"]), bound.ravel(), rtol=1e-6)
+    position = floats(data["position"]).reshape(-1, 3)
+    np.testing.assert_allclose(position, 1e3 * around["position"].values[nodes], atol=1e-4)
+    directions = floats(data["directions"]).reshape(3, -1, 3)
+    axes = around["frame"].values.transpose(1, 0, 2)
+    wanted = axes if coordinates == "local" else np.eye(3)[:, None] + 0 * axes
+    np.testing.assert_allclose(directions, wanted, atol=1e-6)
+    np.testing.assert_allclose(floats(data["normal"]).reshape(-1, 3), axes[2], atol=1e-6)
+
+
+def test_triangles_cover_the_surface_once(small_volume, small_field):
+    around = small_volume()
+    data = shape.shape_of(small_field(around), around)
+    corner = np.frombuffer(base64.b64decode(data["triangles"]), "<i4").reshape(-1, 3)
+    place = floats(data["position"]).reshape(-1, 3)[corner]
+    area = np.linalg.norm(np.cross(place[:, 1] - place[:, 0], place[:, 2] - place[:, 0]), axis=1)
+    assert area.sum() / 2 == pytest.approx(200 * 150, rel=1e-5)
+
+
+def test_outermost_layer_has_its_triangles_too(small_volume):
+    around = small_volume()
+    around["depth"].values[:] = [0.02, 0.01, 0.0]  # the given surface is the uppermost layer
+    nodes, triangles, depth = shape.surface_layer(around)
+    assert depth == 0.0
+    assert set(nodes) == set(np.flatnonzero(around["node_layer"].values == 2))
+    assert len(triangles) == 2 * 4 * 3
+    assert triangles.max() == len(nodes) - 1
+
+
+def test_strongest_frequencies_are_kept_when_there_is_no_room_for_all(
+    monkeypatch, small_volume, small_field
+):
+    around = small_volume()
+    monkeypatch.setattr(shape, "MOST_BYTES", 1)
+    data = shape.shape_of(small_field(around), around)
+    assert (data["frequencies"], data["left_out"]) == ([197.0], 1)
+
+
+def test_what_views_do_not_determine_stays_unknown(small_volume, small_field):
+    around = small_volume()
+    of = small_field(around)
+    node = np.flatnonzero(around["node_layer"].values == 1)[4]
+    of["velocity"].values[node, 1, :] = np.nan
+    real = floats(shape.shape_of(of, around)["real"]).reshape(2, 3, -1)
+    assert np.argwhere(np.isnan(real)).tolist() == [[0, 1, 4], [1, 1, 4]]
+
+
+def test_field_without_frequencies_has_one_nameless_entry(small_volume, small_field):
+    around = small_volume()
+    of = small_field(around, hertz=(50.0,)).isel(frequency=0, drop=True)
+    assert shape.shape_of(of, around)["frequencies"] == [None]
+
+
+def test_surface_of_too_many_nodes_is_not_drawn(monkeypatch, small_volume, small_field):
+    around = small_volume()
+    monkeypatch.setattr(shape, "MOST_NODES", 19)
+    assert shape.shape_of(small_field(around), around) is None
