@@ -21,59 +21,23 @@ from sldvexp.field.estimate import estimate_field
 from sldvexp.field.looks import Looks
 from sldvexp.field.result import FieldResult
 from sldvexp.field.solvers.iterative import Iterative
-from sldvexp.field.view import View
-from sldvexp.laser.model import project
-from sldvexp.laser.two_mirror import Mirror, TwoMirror
 from sldvexp.reconstruction.absolute import Absolute
 from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.reconstruction.contravariant import Contravariant
-from sldvexp.volume.grid import Grid
 from sldvexp.volume.samples import shape_matrix
 
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 SHAPE = (48, 48) if FULL_SIZE else (9, 8)
-LASER = TwoMirror(mirror_offset=0.045, up_down=Mirror(25), left_right=Mirror(25))
-STANDS = [[0.0, -0.5, 1.6], [0.6, 0.5, 1.5], [0.3, 0.3, 1.6], [-0.5, 0.4, 1.5], [0.6, -0.2, 1.5]]
-SIDE, PIXELS, STD = 0.4, 60, 1e-3
+PIXELS = 60
 #: How many times faster than the twenty lines, which give no bounds; measured 10, 4 and 15.
 CONTRAVARIANT_WITH_BOUNDS, ABSOLUTE_WITH_BOUNDS, ABSOLUTE = 6.0, 2.0, 10.0
 #: Of four times the nodes.
 GROWTH = 5.0
 
 
-def view(name: str, origin: np.ndarray, rng: np.random.Generator) -> View:
-    """A lattice of pixels over the plate, a wave as their velocity, a pose known to 0.1 mm."""
-    z = -origin / np.linalg.norm(origin)
-    x = np.cross([0.0, 1.0, 0.0], z)
-    x /= np.linalg.norm(x)
-    rotation = np.stack([x, np.cross(z, x), z])
-    corner = 1.1 * SIDE / 2 * np.array([[i, j, 0] for i in (-1, 1) for j in (-1, 1)])
-    corner = corner[:, None] + np.array([[0, 0, -0.02], [0, 0, 0.02]])
-    dac = LASER.dac_from_angle(
-        project((corner.reshape(-1, 3) - origin) @ rotation.T, LASER.mirror_offset)
-    )
-    axes = np.linspace(dac.min(axis=0), dac.max(axis=0), PIXELS).T
-    lattice = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    noise = STD * (rng.normal(size=len(lattice)) + 1j * rng.normal(size=len(lattice)))
-    wave = np.exp(1j * lattice @ [1e-3, 2e-3]) + noise
-    covariance = np.diag([1e-4] * 3 + [1e-4] * 3) ** 2
-    std, flags = np.full(len(lattice), STD), np.zeros(len(lattice), int)
-    return View(
-        name, rotation, origin, covariance, lattice, wave[:, None], std, flags, (PIXELS, PIXELS)
-    )
-
-
-def looks_at(shape: tuple[int, int]) -> Looks:
-    """Five views of a square plate, three by two samples in each prism of seven layers."""
-    rng = np.random.default_rng(11)
-    views = [view(str(k + 1), np.array(stand), rng) for k, stand in enumerate(STANDS)]
-    volume = Grid(size=[SIDE, SIDE], shape=list(shape), layers=7, thickness=0.024)
-    return Looks(views, LASER, volume.prisms(), volume.rule())
-
-
 @pytest.fixture(scope="module")
-def looks() -> Looks:
-    return looks_at(SHAPE)
+def looks(make_looks: Callable[..., Looks]) -> Looks:
+    return make_looks(SHAPE, PIXELS)
 
 
 def twenty_lines(looks: Looks) -> np.ndarray:
@@ -127,10 +91,10 @@ def test_faster_than_the_twenty_lines(looks: Looks) -> None:
 
 
 @pytest.mark.skipif(not FULL_SIZE, reason="takes two minutes; set SLDVEXP_BENCHMARK=1")
-def test_four_times_the_nodes() -> None:
+def test_four_times_the_nodes(make_looks: Callable[..., Looks]) -> None:
     times = []
     for side in (24, 48, 96):
-        looks = looks_at((side, side))
+        looks = make_looks((side, side), PIXELS)
         times.append(seconds(partial(field, looks, Contravariant(), bounds=True)))
     print("growth", [round(b / a, 2) for a, b in pairwise(times)])
     assert max(b / a for a, b in pairwise(times)) < GROWTH

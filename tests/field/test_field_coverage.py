@@ -150,7 +150,7 @@ def coverage(sessions: int, quality: tuple[float, float]) -> tuple[np.ndarray, n
 
 
 def test_bounds_hold_in_some_sessions() -> None:
-    sessions = 10
+    sessions = 5
     held, without = coverage(sessions, FAIR)
     off = 3.5 * FAIR_STD / np.sqrt(sessions)
     np.testing.assert_allclose(held.mean(axis=0), 0.95, atol=off)

@@ -56,7 +56,7 @@ def nodal_values(nodes: int, model: Model, seed: int = 1) -> np.ndarray:
 
 @pytest.mark.parametrize("local", [False, True])
 @pytest.mark.parametrize(("name", "rows", "model", "fewest"), METHODS)
-@pytest.mark.parametrize("count", [3, 5, 12])
+@pytest.mark.parametrize("count", [3, 5, pytest.param(12, marks=pytest.mark.long)])
 def test_a_field_of_the_element_space(
     make_plate: Make, make_every_sample: Make, six_points: SampleRule,
     name: str, rows: str, model: Model, fewest: int, count: int, local: bool,

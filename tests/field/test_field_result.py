@@ -81,6 +81,7 @@ def volume_of_section_5_4(tmp_path: Any) -> Points:
     return Points(path=str(path), samples=Samples(parameters=parameters))
 
 
+@pytest.mark.long
 def test_structural_numbers(volume_of_section_5_4: Points, make_every_sample: Make) -> None:
     """Unknowns, rows and the order of condition numbers of Table 5.7."""
     prisms, rule = volume_of_section_5_4.prisms(), volume_of_section_5_4.rule()

@@ -169,7 +169,11 @@ def assert_same(a: xr.Dataset, b: xr.Dataset, tolerance: float, attributes: bool
     ("each", "method"),
     [
         (True, ["reconstruction=contravariant"]),
-        (False, ["reconstruction=absolute", "reconstruction.model=full"]),
+        pytest.param(
+            False,
+            ["reconstruction=absolute", "reconstruction.model=full"],
+            marks=pytest.mark.long,
+        ),
     ],
     ids=["contravariant", "full"],
 )

@@ -118,9 +118,8 @@ def assert_clean_stop(process, folder, signals):
     assert not (folder / "run.nc").exists()
 
 
-@pytest.mark.parametrize(
-    ("lines", "signals"), [pytest.param(20, 4), pytest.param(120, 1, marks=pytest.mark.long)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize(("lines", "signals"), [(20, 4), (120, 1)])
 def test_ctrl_c_keeps_what_was_scanned(start, tmp_path, whole, lines, signals):
     folder = tmp_path / "run"
     process = start(*MINE)
@@ -250,7 +249,8 @@ def test_the_operator_is_asked_once_a_view(terminal, tmp_path, whole):
     assert_same(images(tmp_path / "run"), whole)
 
 
-@pytest.mark.parametrize("status", [1, pytest.param(130, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("status", [1, 130])
 def test_a_question_without_an_answer_is_a_clean_stop(terminal, tmp_path, whole, status):
     folder = tmp_path / "run"
     terminal.session()

@@ -71,7 +71,10 @@ def test_only_new_values_are_done(sweep):
     assert sweep("sweep.retry=missing", seeds="seed=1,-2,3,4")[1] == {"4"}
 
 
-@pytest.mark.parametrize("damage", ["no record", "torn record", "no run", "cut off"])
+LONG = (pytest.param(damage, marks=pytest.mark.long) for damage in ("no record", "cut off"))
+
+
+@pytest.mark.parametrize("damage", ["torn record", "no run", *LONG])
 def test_what_is_missing_is_done_again(damage, sweep, tmp_path):
     sweep(seeds="seed=1,3")
     run = run_of(tmp_path, 3)

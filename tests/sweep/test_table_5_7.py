@@ -38,6 +38,7 @@ def lines(out: str) -> list[list[str]]:
     return [[cell.strip() for cell in row] for row in split if row[0].strip()]
 
 
+@pytest.mark.long
 def test_all_methods_of_the_table(sldvexp, tmp_path):
     done = sldvexp(
         *("-m", "experiment=dissertation/table_5_7_2", EVERY, *SMALL, "~expect.volume", WHERE)

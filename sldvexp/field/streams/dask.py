@@ -82,7 +82,7 @@ class Dask:
             yield Work(at_once=1)
             return
         _require("distributed")
-        from distributed import Client, KilledWorker, LocalCluster
+        from distributed import Client, KilledWorker, LocalCluster, default_client
 
         with ExitStack() as opened:
             try:
@@ -94,6 +94,8 @@ class Dask:
                 client = opened.enter_context(Client(where, timeout="10s"))
             except (OSError, ValueError) as error:
                 told = (str(error) or type(error).__name__).splitlines()[0]
+                with suppress(ValueError):  # there is none; else later runs would be given it
+                    default_client().close()
                 raise UserError(f"stream: there is no scheduler to be used: {told}") from None
             try:
                 yield Work(at_once=max(1, sum(client.nthreads().values())))
