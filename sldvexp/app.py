@@ -30,6 +30,11 @@ FULL_ERROR = "HYDRA_FULL_ERROR"
 
 USUAL_WARNING = warnings.formatwarning
 
+# Before numpy comes: matrices are many and small, which several threads of BLAS only slow down, and
+# the bits of a result should not depend on how many processors a machine has.
+for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(_threads, "1")
+
 
 def main() -> None:
     """Compose the configuration, run it, and turn a user's mistake into one sentence.
@@ -137,9 +142,10 @@ class Command:
         with Sweep(options) as sweep:
             sys.argv[1:] = sweep.arguments(self.arguments)
             self.sweep = sweep
-            if sweep.batched:  # Hydra composes a batch only when it is the next
-                for job in sweep.plan.jobs:
-                    Origins(self.arguments, [*job]).compose()
+            # A mistake starts nothing; Hydra composes a batch only when it is the next.
+            jobs = sweep.plan.jobs if sweep.batched else sweep.plan.jobs[:1]
+            first, *_ = [Origins(self.arguments, [*job]).compose() for job in jobs]
+            sweep.claim()
             try:
                 with sweep.watched():
                     start(self._job)()
@@ -147,7 +153,6 @@ class Command:
                 if sweep.begun:  # what there is may be looked at
                     sweep.finish("")
                 raise
-            first = Origins(self.arguments, [*sweep.plan.jobs[0]]).compose()
             report = OmegaConf.to_object(first.report) if first.report else None
             states = sweep.finish(first.sweep.rank, report)  # type: ignore[arg-type]
         worst = FAILED if states - {"done", "missed"} else MISSED if "missed" in states else DONE

@@ -127,7 +127,8 @@ class Experiment:
     ----------
     seed : int
         Seed of the run's one random generator.
-    target, laser, scene, scan, instrument, signal, pose, volume, reconstruction, solver, stream : plugin
+    target, laser, scene, scan, instrument, signal : plugin
+    pose, volume, reconstruction, solver, stream : plugin
         A stage without a plugin is left out.
     compare_scan : dict of str to scan
         Further scans with the same instrument, for the pose methods of the same names.

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from sldvexp.errors import UserError
+
+#: A disk that does not take so many bytes is full.
+LITTLE = 2**20
+FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def require_file(path: Path) -> None:
@@ -52,15 +57,30 @@ def whole_or_nothing(path: Path) -> Iterator[Path]:
     Raises
     ------
     UserError
-        If the folder is missing or not writable.
+        If the folder is missing or not writable, or the disk is full.
     """
     beside = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
         beside.touch()
         yield beside
         os.replace(beside, path)
-    except OSError as error:
-        raise UserError(f"{path}: cannot be written: {error.strerror or error}") from None
+    except (OSError, RuntimeError) as error:
+        full = _full(beside)  # which HDF5 does not tell: it says "Permission denied" or "HDF error"
+        if not full and isinstance(error, RuntimeError):
+            raise
+        told = full or getattr(error, "strerror", None) or error
+        raise UserError(f"{path}: cannot be written: {told}") from None
     finally:
         with suppress(OSError):
             beside.unlink(missing_ok=True)
+
+
+def _full(path: Path) -> str:
+    """What the system says if the disk of a file, of which nothing is kept, is full."""
+    try:
+        with path.open("ab") as file:
+            file.write(bytes(LITTLE))
+    except OSError as error:
+        if error.errno in FULL:
+            return error.strerror or str(error)
+    return ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime
-from math import prod
+from math import nan, prod
 from pathlib import Path
 from typing import Any
 
@@ -72,7 +72,8 @@ def _record(folder: Path) -> record.Record:
         met = "check" not in tree.children or bool(tree["check"].to_dataset()["passed"].all())
         begun, ended = (datetime.fromisoformat(tree.attrs[f"{k}_time"]) for k in ("start", "end"))
     state = record.State.done if met else record.State.missed
-    return record.Record(state, seconds=(ended - begun).total_seconds())
+    took = (ended - begun).total_seconds()  # by the calendar's clock, which may be set back
+    return record.Record(state, seconds=took if took >= 0 else nan)
 
 
 def _why(found: record.Record) -> str:

@@ -55,7 +55,8 @@ class Sweep:
         given = [o.partition("=") for o in options.overrides]
         chosen = [value for key, _, value in given if key == "hydra.sweep.dir"]
         own = str(Path(options.config_dir).resolve()) if options.config_dir else ""
-        default = SWEEPS / self.plan.sweep_name(own, options.config_name or "")
+        self._others = own, options.config_name or ""
+        default = SWEEPS / self.plan.sweep_name(*self._others)
         self.folder = Path(chosen[-1].strip("'\"")) if chosen else default
         self._added = [] if chosen else [f"hydra.sweep.dir='{self.folder}'"]
         if any(key == "hydra.sweep.subdir" for key, _, _ in given):
@@ -104,6 +105,10 @@ class Sweep:
         if self._made and not any(p.is_dir() for p in self.folder.iterdir()):
             shutil.rmtree(self.folder, ignore_errors=True)  # refused before a run began
         self._held.close()
+
+    def claim(self) -> None:
+        """Make the folder this sweep's own; see `Plan.claim`."""
+        self.plan.claim(self.folder, *self._others)
 
     @property
     def begun(self) -> bool:

@@ -38,7 +38,10 @@ def test_groups_settings_and_commands_are_offered_first(offered):
     ("line", "endings"),
     [
         ("sldvexp reconstr", "uction uction."),
-        ("sldvexp reconstruction=", "absolute absolute_full combined contravariant relative samplewise"),
+        (
+            "sldvexp reconstruction=",
+            "absolute absolute_full combined contravariant relative samplewise",
+        ),
         ("sldvexp reconstruction=co", "mbined ntravariant"),
         ("sldvexp -m pose=edge,bit", "angent"),
         ("sldvexp experiment=dissertation/point_", "conventions measured simulated"),

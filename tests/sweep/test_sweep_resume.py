@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
-import signal
-import subprocess
-import sys
-import time
 
-import numpy as np
 import pytest
 import xarray as xr
 
-from sldvexp import dataset, provenance
+from sldvexp import provenance
 from sldvexp.config import Retry
 from sldvexp.paths import conf_dir
 from sldvexp.sweep import job, record
@@ -165,75 +159,3 @@ def test_interrupted_sweep_leaves_what_it_has(sldvexp, tmp_path, monkeypatch):
     with xr.open_dataset(tmp_path / "swept/sweep.nc", engine="netcdf4") as table:
         assert table["state"].values.tolist() == ["done", "running", "waiting"]
         assert table["reason"].values.tolist() == ["", "the run was cut off", "not begun"]
-
-
-# Killed sweeps are processes of their own, in which nothing can be tidied up.
-
-
-def start(folder, *settings):
-    call = [sys.executable, "-m", "sldvexp.app", "-m", *TINY, *settings, WHERE]
-    return subprocess.Popen(
-        call, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True
-    )
-
-
-def finish(folder, *settings):
-    process = start(folder, *settings)
-    _, said = process.communicate()
-    assert process.returncode == 0, said.decode()
-
-
-def without_times(folder):
-    with xr.open_dataset(folder / "swept/sweep.nc", engine="netcdf4") as table:
-        return table.load().drop_vars("seconds")
-
-
-def finished(folder):
-    """Runs that are done, each with the bytes of its dataset, which are whole."""
-    found = {}
-    for path in (folder / "swept").glob("*/run.nc"):
-        with dataset.load(path) as tree:  # under its final name a file is never torn
-            assert "target" in tree.children
-        if record.read(path.parent).state is State.done:
-            found[path] = (path.stat().st_ino, path.read_bytes())
-    return found
-
-
-def killed_and_resumed(tmp_path, settings, moments):
-    whole, cut = tmp_path / "whole", tmp_path / "cut"
-    whole.mkdir()
-    cut.mkdir()
-    began = time.monotonic()
-    finish(whole, *settings)
-    lasted = time.monotonic() - began
-    kept = {}
-    for moment in moments:
-        process = start(cut, *settings)
-        time.sleep(float(moment) * lasted)
-        os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
-        now = finished(cut)
-        assert kept.items() <= now.items()
-        kept = now
-    finish(cut, *settings)
-    assert kept.items() <= finished(cut).items()
-    xr.testing.assert_identical(without_times(cut), without_times(whole))
-    assert not list((cut / "swept").glob("sweep.nc?*"))
-    return kept
-
-
-@pytest.mark.long
-def test_killed_sweep_goes_on_to_the_same_end(tmp_path):
-    moments = np.random.default_rng(5).uniform(0.5, 0.95, 2)
-    killed_and_resumed(tmp_path, ["seed=1,2,3,4,5,6"], moments)
-
-
-# Validating all configurations takes the first third of such a sweep.
-@pytest.mark.long
-@pytest.mark.parametrize(
-    ("launcher", "seeds"), [("basic", "seed=range(1,25)"), ("joblib", "seed=range(1,7)")]
-)
-def test_sweep_killed_ten_times_goes_on_to_the_same_end(launcher, seeds, tmp_path):
-    settings = [seeds, "laser.mirror_offset=0,0.01,0.02,0.03", f"hydra/launcher={launcher}"]
-    moments = np.random.default_rng(7).uniform(0.3, 0.7, 10)
-    assert killed_and_resumed(tmp_path, settings, moments)  # some were done before the last kill
