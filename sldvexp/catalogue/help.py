@@ -12,22 +12,33 @@ INTRODUCTION = """\
 sldvexp finds where a scanning laser Doppler vibrometer stood and what moved, with bounds.
 
 usage: sldvexp [group=choice | key=value ...] [options]
+       sldvexp [--config-dir lab] command ...
 
   sldvexp                                          the default experiment
   sldvexp experiment=pose pose.path=mine.reg       one of the experiments, on your data
   sldvexp experiment=pose --cfg job                what would be run
   sldvexp -m experiment=pose laser.mirror_offset=0,0.02    one run for each value
   sldvexp --config-dir lab experiment=mine         with experiments and choices of your own
-  sldvexp check plate lab                          whether experiments, or all of a folder, work
-  sldvexp list [group]                             plugins and experiments, one line each
-  sldvexp show pose=edge                           what can be set, and what it means
+  sldvexp ~experiment instrument=file ...          from nothing: each choice is yours
+  sldvexp resume=<run>                             a session that was cut off, to its end
   sldvexp --hydra-help                             all options
+
+Commands; <run> is the folder of a run, or its run.nc:
+  list [group]                 plugins and experiments, one line each
+  show pose=edge               what can be set of a choice, and what it means
+  check plate lab              whether experiments, or all of a folder, work as they expect
+  report <run or sweep>        its page, report.html, anew
+  plot <run or sweep> [names]  figures as PNG and SVG
+  export <run> vtu uff         its velocities for other programs
+  compare <runs or sweeps>     one table and dataset of runs that exist
+  rerun <run>                  the run once more; what is not bit-identical, and why
 """
 
 NAMED = """\
-compare and check hold plugins by name, for example
+compare, check and export hold plugins by name, for example
   compare: {differences: {plugin: relative}}    further reconstructions of the same data
-  check: {repeats: {plugin: pose_repeats}}      what is examined after the estimates"""
+  check: {repeats: {plugin: pose_repeats}}      what is examined after the estimates
+  export: {paraview: {plugin: vtu}}             files for other programs, paraview.pvd"""
 
 
 def text(folders: list[Path]) -> str:
@@ -57,5 +68,5 @@ def _choices(group: str, folders: list[Path]) -> Iterator[str]:
 
 
 def _by_name(group: str, name: str) -> bool:
-    """Whether a plugin without a file can be chosen: checks, and those of other packages."""
-    return group == "check" or not registry.is_built_in(registry.get(group, name))
+    """Whether a plugin without a file can be chosen: by name, or of another package."""
+    return group in ("check", "export") or not registry.is_built_in(registry.get(group, name))
