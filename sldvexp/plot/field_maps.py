@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sldvexp.plot import style
+from sldvexp.plot import sheet, style
 from sldvexp.plot.layer import Layer, layer_of, missing_field
 from sldvexp.plot.needed import require
 from sldvexp.plot.shown import Shown, Source, shown
@@ -54,14 +54,15 @@ def field(
     layer = layer_of(run, "field", frequency, depth, name)
     rows = len(layer.components)
     wide, high = (np.ptp(layer.position[:, i]) for i in layer.plane)
-    height = 0.9 + rows * (0.55 + 2.3 * min(max(high / wide, 0.35), 1.4))
+    ratio = min(max(high / wide, 0.35), 1.4)
     title = style.joined(f"Velocity {layer.where}", layer.frequency)
-    made = style.figure(10.5, height, title)
-    axes = made.subplots(rows, 3, sharex=True, sharey=True, squeeze=False)
+    shared = {"sharex": True, "sharey": True}
+    made, axes = sheet.sheet(rows, 3, 10.5, ratio, title, sheet.SCALE_BESIDE, **shared)
     for row, component in zip(axes, layer.components, strict=True):
         _size(row[0], layer, component)
-        _phase(row[1], layer, component)
+        phases = _phase(row[1], layer, component)
         _bound(row[2], layer, component)
+    sheet.in_turns(sheet.scale_beside(axes[:, 1], phases, "phase, rad"))
     for one in axes.ravel():
         layer.label(one)
         one.label_outer()
@@ -98,10 +99,10 @@ def _map(
     mapped = axes.tripcolor(
         mesh, shown_values, shading="gouraud", cmap=style.SIZE_MAP, vmin=low, rasterized=True
     )
-    style.bar(axes, mapped, unit)
+    sheet.scale_beside(axes, mapped, unit)
 
 
-def _phase(axes: Axes, layer: Layer, component: str) -> None:
+def _phase(axes: Axes, layer: Layer, component: str) -> Any:
     """Phases of triangles, where they are larger than their bound."""
     from matplotlib.tri import Triangulation
 
@@ -121,5 +122,5 @@ def _phase(axes: Axes, layer: Layer, component: str) -> None:
         vmax=np.pi,
         rasterized=True,
     )
-    style.phase_bar(axes, mapped)
     axes.set_title(f"{component}: phase (hatched: below its bound)")
+    return mapped

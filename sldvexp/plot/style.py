@@ -95,11 +95,17 @@ def figure(width: float, height: float, title: str = "") -> Figure:
 
 @functools.cache
 def _picture() -> type[Figure]:
-    """A figure that a notebook can show without pyplot."""
+    """A figure that a notebook can show without pyplot, and that keeps its style."""
+    import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     class Picture(Figure):
+        def draw(self, renderer: Any) -> None:
+            # what is arranged as it is drawn, such as ticks, is of this style too
+            with matplotlib.rc_context(SETTINGS):
+                super().draw(renderer)
+
         def _repr_png_(self) -> bytes:
             image = io.BytesIO()
             FigureCanvasAgg(self).print_png(image)
@@ -147,20 +153,6 @@ def prefixed(values: ArrayLike, unit: str) -> tuple[float, str]:
     third = min(max(math.floor(math.log10(largest) / 3 + 1e-9), -4), 2)
     prefix = {-4: "p", -3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M"}[third]
     return 10.0 ** (-3 * third), prefix + unit
-
-
-def bar(axes: Axes | NDArray[Any], mapped: Any, label: str) -> Any:
-    """The scale of a coloured map beside it, or below several of the same scale."""
-    every = np.ravel(np.array(axes, object))
-    where = {"location": "bottom", "aspect": 25} if len(every) > 1 else {"location": "right"}
-    scale = every[0].figure.colorbar(mapped, ax=axes, label=label, pad=0.02, **where)
-    scale.outline.set_linewidth(0.5)
-    return scale
-
-
-def phase_bar(axes: Axes | NDArray[Any], mapped: Any) -> None:
-    """The scale of a map of phases."""
-    bar(axes, mapped, "phase, rad").set_ticks([-np.pi, 0.0, np.pi], labels=["−π", "0", "π"])
 
 
 def hatched(axes: Axes) -> None:

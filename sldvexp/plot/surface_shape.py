@@ -1,7 +1,8 @@
-"""The velocity of a layer as a surface in space (Figure 5.14)."""
+"""The velocity of a layer, or of many points, as a surface in space (Figure 5.14)."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,14 +10,18 @@ from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.plot import style
-from sldvexp.plot.layer import AXES, layer_of, missing_field
+from sldvexp.plot.layer import AXES, fields, layer_of
 from sldvexp.plot.needed import require
+from sldvexp.plot.points_shape import NO_SHAPE, missing_points, points_surface
 from sldvexp.plot.shown import Shown, Source, shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-missing = missing_field
+
+def missing(run: Shown) -> str:
+    """Why no surface can be shown; empty if one can."""
+    return "" if fields(run) or not missing_points(run) else NO_SHAPE
 
 
 @style.styled
@@ -28,6 +33,9 @@ def surface(
     component: str | None = None,
 ) -> Figure:
     """One component of the velocity over the layer, at the moment when it is largest.
+
+    Without a field, many points whose positions are known are drawn where their velocity, as a
+    deflection, brings them; triangles and lines join them.
 
     Parameters
     ----------
@@ -49,16 +57,18 @@ def surface(
     Raises
     ------
     UserError
-        If the run has no field, or not this component.
+        If the run has no field and no points, or not this component, depth or field.
     """
     run = shown(source)
     require("surface", missing(run))
+    if not fields(run):
+        _only(component, run.groups["point"]["component"].values)
+        if depth is not None or name is not None:
+            raise UserError("plot: surface: points have no depth and no name, only a field has")
+        return points_surface(run, frequency, component)
     layer = layer_of(run, "surface", frequency, depth, name)
     known = layer.components
-    if component is not None and component not in known:
-        raise UserError(
-            f"plot: surface: there is no component {component}, only {', '.join(known)}"
-        )
+    _only(component, known)
     if component is None:
         size = np.nansum(np.abs(layer.group["velocity"].values) ** 2, axis=0)
         component = known[int(size.argmax())]
@@ -93,6 +103,13 @@ def surface(
     scale: Any = made.colorbar(mapped, ax=axes, label=unit, shrink=0.6, pad=0.08)
     scale.outline.set_linewidth(0.5)
     return made
+
+
+def _only(component: str | None, known: Iterable[str]) -> None:
+    if component is not None and component not in known:
+        raise UserError(
+            f"plot: surface: there is no component {component}, only {', '.join(known)}"
+        )
 
 
 def at_largest(velocity: NDArray[np.complex128]) -> tuple[str, NDArray[np.float64]]:

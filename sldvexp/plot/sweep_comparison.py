@@ -20,6 +20,12 @@ NO_RESULT = "no run of the sweep has a result that can be compared"
 
 #: Of every run, besides its results.
 ABOUT = ("state", "reason", "seconds")
+#: Round a run that did not meet what was expected of it.
+RING: dict[str, Any] = {
+    **{"linestyle": "none", "marker": "o", "markersize": 10.0},
+    **{"markerfacecolor": "none", "markeredgecolor": "#000000"},
+}
+MISSED = "missed an expectation"
 #: More curves in a panel than this cannot be told apart, nor more panels be read.
 MOST = 12
 
@@ -72,19 +78,25 @@ def sweep(source: Source | Shown, quantity: str | None = None) -> Figure:
         raise UserError(f"plot: sweep: there is no result {quantity}; {nearest(quantity, results)}")
     keys = [str(d) for d in table["state"].dims]
     panels = _panels(table, quantity, keys)
-    failed = int((table["state"] != "done").sum())
+    empty = int(_empty(table[quantity], keys).sum())
     title = f"{quantity} of {table['state'].size} runs"
-    title += f" ({failed} without a result)" if failed else ""
+    title += f" ({empty} without a result)" if empty else ""
     made = style.figure(8.0, 1.5 + 2.3 * len(panels), title)
     axes = made.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]
     for axis, panel in zip(axes, panels, strict=True):
-        _curves(axis, panel, keys)
+        _curves(axis, panel, keys, table["state"] == "missed")
         axis.set_title(panel.title)
         axis.set_ylabel(panel.label)
     axes[-1].set_xlabel(keys[0])
-    if len(keys) > 1:
+    if axes[0].get_legend_handles_labels()[1]:
         style.legend_below(made, axes[0], title=", ".join(keys[1:]), columns=3)
     return made
+
+
+def _empty(result: xr.DataArray, keys: list[str]) -> xr.DataArray:
+    """Runs that have no number of a result."""
+    known = xr.apply_ufunc(np.isfinite, result)
+    return ~known.any([d for d in known.dims if d not in keys])
 
 
 def _results(table: xr.Dataset) -> list[str]:
@@ -125,8 +137,8 @@ def _panels(table: xr.Dataset, quantity: str, keys: list[str]) -> list[Panel]:
     return panels
 
 
-def _curves(axes: Any, panel: Panel, keys: list[str]) -> None:
-    """A curve for each combination of the other keys."""
+def _curves(axes: Any, panel: Panel, keys: list[str], missed: xr.DataArray) -> None:
+    """A curve for each combination of the other keys; runs that missed something have a ring."""
     values, (along, *others) = panel.values, keys
     ticks = values[along].values if along in values.coords else np.arange(values.sizes[along])
     numbers = np.issubdtype(ticks.dtype, np.number) and len(ticks) > 1
@@ -140,7 +152,11 @@ def _curves(axes: Any, panel: Panel, keys: list[str]) -> None:
         error = None if panel.error is None else panel.error.isel(where).values
         look |= {} if numbers else {"linestyle": "none"}
         label = ", ".join(str(values[d].values[i]) for d, i in where.items())
-        axes.errorbar(place + shift, values.isel(where).values, error, label=label, **look)
+        own = values.isel(where).values
+        axes.errorbar(place + shift, own, error, label=label, **look)
+        ringed = missed.isel(where).values & np.isfinite(own)
+        if ringed.any():
+            axes.plot((place + shift)[ringed], own[ringed], label=MISSED, **RING)
     if not numbers:
         axes.set_xticks(place, [str(t) for t in ticks])
         axes.margins(x=0.15)

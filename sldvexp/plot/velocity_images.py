@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from sldvexp.plot import style
+from sldvexp.plot import sheet, style
 from sldvexp.plot.needed import require
 from sldvexp.plot.shown import Shown, Source, at_frequency, one_of, shown
 
@@ -117,19 +117,22 @@ def _rows(groups: dict[str, xr.Dataset], velocities: dict[str, Complex], title: 
     tall = np.clip(np.ptp(dac[:, 0]) / max(np.ptp(dac[:, 1]), 1), 0.4, 1.6)
     if any(not _good(group).all() for group in groups.values()):
         title += " (×: flagged pixel)"
-    made = style.figure(12.0, 0.8 + len(groups) * (0.5 + 2.0 * tall), title)
-    axes = made.subplots(len(groups), len(PARTS), squeeze=False)
+    shared: dict[str, Any] = {"sharex": "row", "sharey": "row"}
+    size = (len(groups), len(PARTS), 12.0, 0.8 * tall)
+    made, axes = sheet.sheet(*size, title, below=sheet.SCALE_BELOW, **shared)
     largest = max(np.abs(v[_good(groups[k])]).max(initial=0.0) for k, v in velocities.items())
     factor, unit = style.prefixed(largest, "m/s")
     for column, part in zip(axes.T, PARTS, strict=True):
         for axis, (name, group) in zip(column, groups.items(), strict=True):
             mapped = _part(axis, group, factor * velocities[name], part, factor * largest or 1.0)
             axis.set_title(f"{name}: {part}")
+            axis.xaxis.set_major_locator(style.ticks(4))
+            axis.yaxis.set_major_locator(style.ticks(4))
         column[-1].set_xlabel("left-right, DAC steps")
-        if part == "phase":
-            style.phase_bar(column, mapped)
-        else:
-            style.bar(column, mapped, unit)
+        is_phase = part == "phase"
+        scale = sheet.scale_below(column, mapped, "phase, rad" if is_phase else unit)
+        if is_phase:
+            sheet.in_turns(scale)
     for axis in axes[:, 0]:
         axis.set_ylabel("up-down, DAC steps")
     return made

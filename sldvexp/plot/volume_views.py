@@ -75,9 +75,9 @@ def volume(source: Source | Shown) -> Figure:
             axis.plot(pixel[:, 1], pixel[:, 0], ".", label="pixel", **look)
         look = {"color": style.COLOURS[1], "markersize": 1.0, "rasterized": True}
         axis.plot(left_right[middle], up_down[middle], ".", label="node of the surface", **look)
-        for ends in rim:
-            look = {"color": style.COLOURS[3], "linewidth": 0.8}
-            axis.plot(left_right[ends], up_down[ends], label="edge of the volume", **look)
+        look = {"color": style.COLOURS[3], "linewidth": 0.8}
+        edges = _apart(np.stack([left_right, up_down], axis=1)[rim])
+        axis.plot(*edges.T, label="edge of the volume", **look)
         axis.set_title(f"view {name}")
         axis.set_aspect("equal", adjustable="datalim")
     for axis in axes.ravel()[len(names) :]:
@@ -112,8 +112,8 @@ def _scene(axes: Axes3D, run: Shown, names: list[str]) -> None:
     pose, group = run.groups["pose"], run.groups["volume"]
     position = group["position"].values
     middle = position.mean(axis=0)
-    for edge in position[outline(group)]:
-        axes.plot(*edge.T, color=style.COLOURS[1], linewidth=0.6, label="volume")
+    edges = _apart(position[outline(group)])
+    axes.plot(*edges.T, color=style.COLOURS[1], linewidth=0.6, label="volume")
     if run.has("target", "position"):
         points = run.groups["target"]["position"].values
         axes.plot(*points.T, "x", color=style.COLOURS[3], markersize=4, label="object's points")
@@ -136,6 +136,12 @@ def _scene(axes: Axes3D, run: Shown, names: list[str]) -> None:
     # the height of most worlds is y; looked at from beside the instruments
     axes.view_init(elev=20, azim=-60, vertical_axis="y")
     style.legend_below(axes.figure, axes, columns=2)
+
+
+def _apart(edges: Array) -> Array:
+    """Edges, shape (edge, 2, axis), as one line that is broken between them, shape (n, axis)."""
+    gap = np.full((len(edges), 1, edges.shape[2]), np.nan)
+    return np.concatenate([edges, gap], axis=1).reshape(-1, edges.shape[2])
 
 
 def outline(group: xr.Dataset) -> NDArray[np.intp]:

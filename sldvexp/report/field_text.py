@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 import xarray as xr
 from rich.markup import escape
 from rich.table import Table
 
+from sldvexp.report.image_text import MOST_FREQUENCIES
 from sldvexp.report.numbers import number
 
 
@@ -29,7 +30,7 @@ def field_tables(tree: Mapping[str, xr.Dataset]) -> Iterator[Table]:
     yield _methods(fields)
     yield _components(fields)
     if "examined/truth" in tree:
-        yield truth_table(tree["examined/truth"])
+        yield truth_table(tree["examined/truth"], strongest(next(iter(fields.values()))))
 
 
 def _methods(fields: Mapping[str, xr.Dataset]) -> Table:
@@ -46,14 +47,14 @@ def _methods(fields: Mapping[str, xr.Dataset]) -> Table:
 
 
 def _components(fields: Mapping[str, xr.Dataset]) -> Table:
-    """Size of every component with its bounds, at each frequency."""
+    """Size of every component with its bounds, at the strongest frequencies."""
     columns = ("component", "Hz", "largest", "r.m.s.", "std: noise", "poses", "bound", "elements")
-    table = Table("field", *columns, title="Velocity, mm/s", title_justify="left")
+    title = f"Velocity, mm/s{_some(fields.values())}"
+    table = Table("field", *columns, title=title, title_justify="left")
     for name, field in fields.items():
         for component in field["component"].values:
-            for i, hertz in enumerate(_frequencies(field)):
-                one = field.sel(component=component)
-                one = one.isel(frequency=i) if "frequency" in field.dims else one
+            for hertz in strongest(field):
+                one = _at(field.sel(component=component), hertz)
                 size = np.abs(one["velocity"].values)
                 cells = [name, str(component), "" if np.isnan(hertz) else f"{hertz:g}"]
                 cells += [_mm(np.nanmax(size)), _mm(_rms(size))]
@@ -64,14 +65,14 @@ def _components(fields: Mapping[str, xr.Dataset]) -> Table:
     return table
 
 
-def truth_table(truth: xr.Dataset) -> Table:
-    """The field against the virtual lab's truth."""
+def truth_table(truth: xr.Dataset, frequencies: Sequence[float]) -> Table:
+    """The field against the virtual lab's truth at some frequencies."""
     columns = ("component", "Hz", "relative error", "r.m.s. error, mm/s", "bound, mm/s", "covered")
-    table = Table(*columns, title="On the true surface", title_justify="left")
+    title = f"On the true surface{_some([truth])}"
+    table = Table(*columns, title=title, title_justify="left")
     for component in truth["component"].values:
-        for i, hertz in enumerate(_frequencies(truth)):
-            one = truth.sel(component=component)
-            one = one.isel(frequency=i) if "frequency" in truth.dims else one
+        for hertz in frequencies:
+            one = _at(truth.sel(component=component), hertz)
             cells = [str(component), "" if np.isnan(hertz) else f"{hertz:g}"]
             cells += [f"{float(one['relative_error']):.2%}", _mm(float(one["rms_error"]))]
             cells += [_mm(float(one["rms_bound"])), f"{float(one['covered']):.0%}"]
@@ -79,10 +80,26 @@ def truth_table(truth: xr.Dataset) -> Table:
     return table
 
 
-def _frequencies(group: xr.Dataset) -> np.ndarray:
-    """The first frequencies of a group, or NaN if it has none."""
-    some = 4
-    return group["frequency"].values[:some] if "frequency" in group.coords else np.array([np.nan])
+def strongest(field: xr.Dataset) -> list[float]:
+    """The frequencies of the largest velocities in their order, or NaN if there are none."""
+    if "frequency" not in field.coords:
+        return [np.nan]
+    hertz = np.atleast_1d(field["frequency"].values)
+    others = [d for d in field["velocity"].dims if d != "frequency"]
+    size = np.atleast_1d((abs(field["velocity"]) ** 2).sum(others).values)
+    return [float(hertz[i]) for i in np.sort(np.argsort(-size, kind="stable")[:MOST_FREQUENCIES])]
+
+
+def _at(group: xr.Dataset, hertz: float) -> xr.Dataset:
+    """A group at one of its frequencies, if it has any."""
+    return group.sel(frequency=hertz) if "frequency" in group.dims else group
+
+
+def _some(groups: Iterable[xr.Dataset]) -> str:
+    """That a table does not tell of all frequencies, if so."""
+    count = max(g.sizes.get("frequency", 1) for g in groups)
+    few = count > MOST_FREQUENCIES
+    return f", the {MOST_FREQUENCIES} strongest of {count} frequencies" if few else ""
 
 
 def _rms(values: np.ndarray) -> float:

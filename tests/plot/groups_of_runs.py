@@ -26,6 +26,31 @@ def point(seed: int, frequencies: int = 2) -> xr.Dataset:
     )
 
 
+def points() -> xr.Dataset:
+    """Velocities of five points at two frequencies, in m/s."""
+    rng = np.random.default_rng(5)
+    shape = (5, 3, 2)
+    velocity = 0.01 * (rng.normal(size=shape) + 1j * rng.normal(size=shape))
+    names = ["1", "2", "7", "9", "12"]
+    return dataset.group(
+        "point",
+        {"point": names, "frequency": HERTZ},
+        velocity=velocity,
+        confidence=1e-4 * rng.uniform(1.0, 2.0, shape),
+    )
+
+
+def joined() -> xr.Dataset:
+    """Where these points are: a square of two triangles, a fifth point, and lines."""
+    return dataset.group(
+        "line_of_sight",
+        {"point": ["1", "2", "7", "9", "12"]},
+        position=np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [2.0, 1, 1]]) / 10,
+        triangle=np.array([[0, 1, 2], [1, 3, 2]]),
+        line=np.array([[0, 1], [1, 3], [3, 4]]),
+    )
+
+
 def repeats(dac: np.ndarray, count: int = 4) -> dict[str, xr.Dataset]:
     """A view's image points, shape (point, 2), that scatter by 0.1 DAC steps."""
     rng = np.random.default_rng(3)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 
+import matplotlib
 import numpy as np
 import pytest
 
@@ -14,7 +15,7 @@ from sldvexp.image.conics import fit_circle
 from sldvexp.image.pinhole import pinhole_edges
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.plot import FIGURES, figures_of
-from sldvexp.plot.style import prefixed
+from sldvexp.plot.style import SETTINGS, prefixed
 from sldvexp.session.circles import edges_of
 
 SHOWN = (
@@ -49,13 +50,18 @@ def test_groups_without_a_folder_have_no_scan_lines(tree, run_file):
 
 @pytest.mark.parametrize("name", SHOWN)
 def test_labels_are_inside_and_apart(figures, name):
-    figure = figures[name]
+    with matplotlib.rc_context(SETTINGS):  # as it is saved
+        labels_are_inside_and_apart(figures[name])
+
+
+def labels_are_inside_and_apart(figure):
     box = figure.get_tightbbox()
     width, height = figure.get_size_inches()
     assert min(box.x0, box.y0) >= -0.01
     assert max(box.x1 - width, box.y1 - height) <= 0.01
     panels = [a.get_tightbbox() for a in figure.axes]
     panels += [legend.get_window_extent() for legend in figure.legends]
+    panels += [figure._suptitle.get_window_extent()]
     for one, other in itertools.combinations(panels, 2):
         shared = one.intersection(one, other)
         assert shared is None or shared.width < 2 or shared.height < 2
@@ -100,6 +106,17 @@ def test_images_are_of_the_pixels(figures, tree):
             values = take(group["velocity"].values) * (1.0 if take is np.angle else 1000.0)
             np.testing.assert_allclose(drawn[good], values[good], rtol=1e-12)
             assert np.ma.getmaskarray(drawn)[~good].all()
+
+
+@pytest.mark.parametrize("far", [(-1510.0, 10.0), (-32000.0, 32000.0)])
+def test_labels_of_images_are_apart_wherever_the_pixels_are(tree, far):
+    group = tree["image/1"].to_dataset().isel(frequency=0, drop=True).copy(deep=True)
+    for steps in group["dac"].values.T:
+        steps[:] = np.interp(steps, (steps.min(), steps.max()), far)
+    figure = sldvexp.plot.images({"image/1": group})
+    with matplotlib.rc_context(SETTINGS):
+        figure.draw_without_rendering()
+        labels_are_inside_and_apart(figure)
 
 
 def test_phase_correction_has_both_stages(figures, tree):

@@ -93,6 +93,54 @@ def test_a_sweep_compares_its_runs():
         sldvexp.plot.sweep(table, "point.sse")
 
 
+def test_a_missed_run_has_a_result_and_a_ring():
+    table = groups.sweep()
+    table["state"][0, 1] = "missed"
+    figure = sldvexp.plot.sweep(table)
+    assert "of 6 runs (1 without a result)" in figure.get_suptitle()
+    for axes, component in zip(figure.axes, "xyz", strict=True):
+        rings = [line for line in axes.lines if line.get_label() == "missed an expectation"]
+        own = table["point.velocity"].sel(seed=2, component=component).values[0]
+        assert [r.get_ydata().tolist() for r in rings] == [[pytest.approx(1000 * abs(own))]]
+    assert "missed an expectation" in [t.get_text() for t in figure.legends[0].get_texts()]
+    table["state"][1, 2] = "missed"  # it left a dataset, but not this number
+    assert "(1 without a result)" in sldvexp.plot.sweep(table).get_suptitle()
+
+
+def test_points_are_a_surface_where_their_velocity_brings_them():
+    tree = {"point": groups.points(), "line_of_sight": groups.joined()}
+    figure = sldvexp.plot.surface(tree, component="z", frequency=450.0)
+    axes, scale = figure.axes
+    faces, resting, moved, dots = axes.collections
+    velocity = groups.points()["velocity"].values[:, :, 1]
+    largest = velocity[np.abs(velocity[:, 2]).argmax(), 2]
+    now = 1000 * (velocity * np.conj(largest) / abs(largest)).real
+    np.testing.assert_allclose(dots.get_array(), now[:, 2])
+    np.testing.assert_allclose(faces.get_array(), now[[[0, 1, 2], [1, 3, 2]], 2].mean(axis=1))
+    rest = 1000 * groups.joined()["position"].values
+    away = np.array(dots._offsets3d).T - rest
+    factor = (away * now).sum() / (now**2).sum()
+    np.testing.assert_allclose(away, factor * now, atol=1e-9)
+    np.testing.assert_allclose(resting._segments3d, rest[[[0, 1], [1, 3], [3, 4]]])
+    np.testing.assert_allclose(moved._segments3d, (rest + away)[[[0, 1], [1, 3], [3, 4]]])
+    assert scale.get_ylabel() == "velocity along z, mm/s"
+    assert axes.get_xlabel() == "x, mm"
+    with pytest.raises(UserError, match="no component n, only x, y, z"):
+        sldvexp.plot.surface(tree, component="n")
+    with pytest.raises(UserError, match="points have no depth"):
+        sldvexp.plot.surface(tree, depth=0.0)
+
+
+def test_points_without_triangles_and_undetermined_ones_are_drawn_too():
+    group = groups.points()
+    group["velocity"].values[4] = np.nan
+    tree = {"point": group, "line_of_sight": groups.joined().drop_vars(["triangle", "line"])}
+    (axes, _) = sldvexp.plot.surface(tree).axes
+    counts = [len(c._offsets3d[0]) for c in axes.collections if hasattr(c, "_offsets3d")]
+    assert counts == [4, 1]
+    assert [t.get_text() for t in axes.get_legend().get_texts()] == ["not determined"]
+
+
 def test_a_run_is_no_sweep(tree):
     with pytest.raises(UserError, match="this is no sweep"):
         sldvexp.plot.sweep(tree)

@@ -88,6 +88,25 @@ def small_field() -> Callable[..., xr.Dataset]:
     return field
 
 
+@pytest.fixture(scope="session")
+def small_points() -> tuple[xr.Dataset, xr.Dataset]:
+    """Velocities of five points at two frequencies, and what joins them."""
+    rng = np.random.default_rng(5)
+    names = {"point": ["1", "2", "7", "9", "12"]}
+    velocity = 0.01 * (rng.normal(size=(5, 3, 2)) + 1j * rng.normal(size=(5, 3, 2)))
+    bound = rng.uniform(1e-4, 2e-4, (5, 3, 2))
+    hertz = {"frequency": [120.0, 450.0]}
+    lines_of_sight = dataset.group(
+        "line_of_sight",
+        names,
+        position=np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [2.0, 1, 1]]) / 10,
+        triangle=np.array([[0, 1, 2], [1, 3, 2]]),
+        line=np.array([[0, 1], [1, 3], [3, 4]]),
+    )
+    points = {"velocity": velocity, "confidence": bound, "velocity_std": bound / 2}
+    return dataset.group("point", names | hertz, **points), lines_of_sight
+
+
 @pytest.fixture
 def run_file(tmp_path: Path, write_run: Callable[..., Path]) -> Callable[..., Path]:
     """Write a run's file with a field, and more groups if they are given."""

@@ -9,6 +9,7 @@ import time
 import numpy as np
 import pytest
 
+from sldvexp import dataset
 from sldvexp.report.html import figures, run_page
 
 webdriver = pytest.importorskip("selenium.webdriver")
@@ -111,8 +112,7 @@ def shown(open_at):
 
 def test_page_is_quiet_and_fetches_nothing(shown, browser):
     nothing_is_wider_than_the_window(shown)
-    said = [e for e in browser.get_log("browser") if e["level"] == "SEVERE"]
-    assert said == []
+    assert said_by_the_page(browser) == []
     events = [json.loads(e["message"])["message"] for e in browser.get_log("performance")]
     fetched = [e["params"]["request"]["url"] for e in events if e["method"].endswith("BeSent")]
     own = ("data:", "blob:")
@@ -183,6 +183,38 @@ def test_undetermined_nodes_are_marked_on_a_phone_too(open_at, small_volume, sma
     shown.set("component", 1)
     assert len(shown.trace(4, "x")) == 0
     nothing_is_wider_than_the_window(shown)
+
+
+def test_points_that_no_triangle_joins_are_coloured_and_move(browser, small_points, tmp_path):
+    point, lines_of_sight = small_points
+    groups = {"point": point, "line_of_sight": lines_of_sight.drop_vars("triangle")}
+    dataset.save(groups, {"config": "{}", "plugins": "{}"}, tmp_path / "run.nc")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figures, "PARTS", {part: {} for part in figures.PARTS})
+        page = run_page.write(tmp_path / "run.nc", tmp_path / "report.html")
+    browser.get_log("browser")
+    shown = Opened(browser, page, PHONE)
+    rest = 1e3 * lines_of_sight["position"].values[:, 2]
+    shown.set("frequency", 1)
+    shown.set("phase", 90)
+    velocity = 1e3 * point["velocity"].values[:, :, 1] * 1j
+    away = shown.trace(6, "z") - rest
+    factor = away @ velocity[:, 2].real / (velocity[:, 2].real @ velocity[:, 2].real)
+    assert factor > 0
+    np.testing.assert_allclose(away, factor * velocity[:, 2].real, rtol=1e-3, atol=1e-3)
+    data = "document.getElementById('shape-plot').data[6]"
+    colours = np.array(shown.js(f"return Array.from({data}.marker.color)"))
+    np.testing.assert_allclose(colours, np.linalg.norm(velocity.real, axis=1), rtol=1e-4)
+    assert shown.js(f"return {data}.marker.showscale") is True
+    assert len(shown.trace(1, "x")) == 2 * 3 * 3  # both sides of three lines, and gaps
+    assert said_by_the_page(browser) == []
+    nothing_is_wider_than_the_window(shown)
+
+
+def said_by_the_page(browser):
+    """Errors, and warnings that come from the page's own scripts."""
+    said = browser.get_log("browser")
+    return [e for e in said if e["level"] == "SEVERE" or "report.html" in e["message"]]
 
 
 def nothing_is_wider_than_the_window(shown):

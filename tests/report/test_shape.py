@@ -7,8 +7,10 @@ import base64
 import numpy as np
 import pytest
 
+from sldvexp.plot.points_shape import normals
 from sldvexp.report.html import shape
 
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 1.0]])
 COMPONENTS = {"world": ["x", "y", "z"], "local": ["t1", "t2", "n"]}
 
 
@@ -73,6 +75,41 @@ def test_what_views_do_not_determine_stays_unknown(small_volume, small_field):
     of["velocity"].values[node, 1, :] = np.nan
     real = floats(shape.shape_of(of, around)["real"]).reshape(2, 3, -1)
     assert np.argwhere(np.isnan(real)).tolist() == [[0, 1, 4], [1, 1, 4]]
+
+
+def test_the_strongest_frequency_is_shown_first(small_volume, small_field):
+    around = small_volume()
+    of = small_field(around)
+    assert shape.shape_of(of, around)["strongest"] == 0
+    of["velocity"].values[:, :, 1] *= 10
+    assert shape.shape_of(of, around)["strongest"] == 1
+
+
+def test_shape_of_points_is_their_velocities_and_what_joins_them(small_points):
+    data = shape.shape_of_points(*small_points)
+    point, lines_of_sight = small_points
+    expected = 1e3 * point["velocity"].values.transpose(2, 1, 0)
+    np.testing.assert_allclose(floats(data["real"]), expected.real.ravel(), rtol=1e-6)
+    np.testing.assert_allclose(floats(data["imaginary"]), expected.imag.ravel(), rtol=1e-6)
+    np.testing.assert_allclose(floats(data["position"]), 100.0 * SQUARE.ravel(), atol=1e-4)
+    for name in ("triangle", "line"):
+        whole = np.frombuffer(base64.b64decode(data[f"{name}s"]), "<i4")
+        assert whole.tolist() == lines_of_sight[name].values.ravel().tolist()
+    assert data["names"] == ["1", "2", "7", "9", "12"]
+    directions = floats(data["directions"]).reshape(3, 5, 3)
+    np.testing.assert_array_equal(directions, np.eye(3)[:, None] + np.zeros((1, 5, 1)))
+    normal = floats(data["normal"]).reshape(5, 3)
+    np.testing.assert_allclose(normal[:4], np.tile([0, 0, 1], (4, 1)), atol=1e-7)
+    np.testing.assert_allclose(np.linalg.norm(normal[4]), 1.0, rtol=1e-6)
+
+
+def test_points_that_nothing_joins_have_the_normal_of_their_plane(small_points):
+    place = SQUARE[:4] @ np.array([[1, 0, 0], [0, 0, 1], [0, 1, 0.0]])
+    found = normals(place, np.empty((0, 3), np.int64))
+    np.testing.assert_allclose(found, np.tile([0, 1, 0], (4, 1)), atol=1e-12)
+    point, lines_of_sight = small_points
+    data = shape.shape_of_points(point, lines_of_sight.drop_vars(["triangle", "line"]))
+    assert (data["triangles"], data["lines"]) == ("", "")
 
 
 def test_field_without_frequencies_has_one_nameless_entry(small_volume, small_field):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import xarray as xr
 
 from sldvexp import dataset
+from sldvexp.report.field_text import field_tables
 from sldvexp.report.table import _point_rows
 
 
@@ -26,3 +28,23 @@ def test_rows_tell_of_their_own_point_and_frequency():
     assert notes["point, point b, frequency 10: V_x"] == "efficiency 0.3, rcond 0.25"
     assert notes["point, point b, frequency 20: V_x"] == "efficiency 0.2, rcond 0.25"
     assert notes["point, point b, frequency 20: V_z"] == "not determined by these views"
+
+
+def test_fields_of_many_frequencies_are_told_of_where_they_are_strongest(small_volume, small_field):
+    hertz = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
+    field = small_field(small_volume(), hertz=hertz)
+    field["velocity"].values[:] *= np.array([9, 1, 8, 2, 7, 6])
+    field["velocity"].values[3] = np.nan
+    truth = xr.Dataset(
+        {
+            name: (("component", "frequency"), np.tile(np.array(hertz) / 1e3, (3, 1)))
+            for name in ("relative_error", "rms_error", "rms_bound", "covered")
+        },
+        coords={"component": ["x", "y", "z"], "frequency": list(hertz)},
+    )
+    _, components, compared = field_tables({"field": field, "examined/truth": truth})
+    for table in (components, compared):
+        told = {str(c.header): list(c.cells) for c in table.columns}
+        assert told["Hz"] == ["10", "30", "50", "60"] * 3
+        assert str(table.title).endswith(", the 4 strongest of 6 frequencies")
+    assert list(compared.columns[3].cells)[:4] == ["10", "30", "50", "60"]

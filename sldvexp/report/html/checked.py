@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from sldvexp.report.field_text import truth_table
+from sldvexp.report.field_text import strongest, truth_table
 from sldvexp.report.html.blocks import More, Section, Table, Text
 from sldvexp.report.html.subject import Subject
 from sldvexp.report.numbers import number
@@ -35,7 +35,9 @@ def section(run: Subject) -> Section | None:
         )
         blocks.append(Text(told, "good" if met == of else "warning"))
         blocks.append(replace(Table.of(published(check)), caption=""))
-    blocks += [Table.of(truth_table(g)) for g in examined.values() if "rms_bound" in g]
+    for field in list(run.fields.values())[:1]:
+        own = [g for g in examined.values() if "rms_bound" in g]
+        blocks += [Table.of(truth_table(g, strongest(field))) for g in own]
     tables = [
         Table(["what", "where", "value", "unit"], list(_numbers(g)), name)
         for name, g in examined.items()

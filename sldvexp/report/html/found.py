@@ -7,7 +7,7 @@ from typing import Any
 from sldvexp.report.field_text import field_tables
 from sldvexp.report.html.blocks import Section, Shape, Table, Text, having
 from sldvexp.report.html.figures import figures
-from sldvexp.report.html.shape import shape_of
+from sldvexp.report.html.shape import shape_of, shape_of_points
 from sldvexp.report.html.subject import Subject
 from sldvexp.report.table import estimates
 
@@ -32,13 +32,18 @@ def section(run: Subject) -> Section | None:
 def _shape(run: Subject) -> list[Any]:
     """The shape that turns and moves, or why there is none."""
     fields = run.fields
-    if not fields or "volume" not in run.groups:
+    if fields and "volume" in run.groups:
+        data = shape_of(next(iter(fields.values())), run.groups["volume"])
+        note = "The layer next to the given surface is drawn."
+    elif "surface" in run.drawable:
+        data = shape_of_points(run.groups["point"], run.groups["line_of_sight"])
+        note = "Points are joined as their file says."
+    else:
         return []
-    data = shape_of(next(iter(fields.values())), run.groups["volume"])
     if data is None:
         told = "The surface has too many nodes for a page; other programs can turn it."
         return [Text(told, "small")]
-    note = "The layer next to the given surface is drawn. Black crosses: not determined."
+    note += " Black crosses: not determined."
     if data["left_out"]:
         shown = len(data["frequencies"])
         note += f" Of {shown + data['left_out']} frequencies the {shown} strongest are here."

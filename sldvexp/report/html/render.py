@@ -55,7 +55,7 @@ def render(title: str, subtitle: str, sections: Sequence[Section]) -> str:
         sections=sections,
         style=Markup(_own("page.css")),
         script=Markup(_own("shape.js")) if moves else "",
-        plotly=Markup(_plotly()) if moves else "",
+        plotly=Markup(_own("canvas.js") + _plotly()) if moves else "",
         as_json=lambda data: Markup(_json(data)),
     )
 

@@ -13,6 +13,7 @@
   const real = new Float32Array(bytes(data.real));
   const imaginary = new Float32Array(bytes(data.imaginary));
   const bound = new Float32Array(bytes(data.bound));
+  const joined = new Int32Array(bytes(data.lines || ""));
   const nodes = position.length / 3;
   const components = data.components.length;
 
@@ -21,9 +22,9 @@
   const DRAWN_SHARE = 0.08;         // largest deflection, as a share of the surface's diagonal
   const MOST_LINES = 3000;
   const LIFTED = 0.0015;            // lines above and below the surface, as a share of its diagonal
-  const SURFACE = 0, LINES = 1, SHELLS = [2, 3], UNDETERMINED = 4, REST = 5;
+  const SURFACE = 0, LINES = 1, SHELLS = [2, 3], UNDETERMINED = 4, REST = 5, DOTS = 6;
 
-  const state = { component: -1, frequency: 0, colour: "now", shell: 0, size: 1, phase: 0 };
+  const state = { component: -1, frequency: data.strongest, colour: "now", shell: 0, size: 1, phase: 0 };
   let playing = false, visible = true;
 
   // The field at one node ------------------------------------------------------------------------
@@ -61,10 +62,12 @@
       });
     }
     const all = [...found.values()];
-    const pairs = (keep) => all.filter(keep).map((side) => side.pair);
-    return [pairs((s) => s.faces === 1), pairs((s) => s.faces > 1 && !s.diagonal)];
+    const those = (keep) => all.filter(keep).map((side) => side.pair);
+    return [those((s) => s.faces === 1), those((s) => s.faces > 1 && !s.diagonal)];
   })();
-  const lines = rim.length + inner.length <= MOST_LINES ? [...rim, ...inner] : rim;
+  const pairs = Array.from({ length: joined.length / 2 }, (_, p) => [joined[2 * p], joined[2 * p + 1]]);
+  const lines = [...rim, ...(rim.length + inner.length <= MOST_LINES ? inner : []), ...pairs];
+  const dotted = Boolean(data.names);  // points are seen, whatever joins them
 
   const polyline = (pairs, places, lifts) => {
     const found = [[], [], []];
@@ -129,16 +132,21 @@
     const shells = SHELLS.map((_, k) => state.shell ? deflected(factor, (k ? -1 : 1) * state.shell) : still);
     const unknown = undetermined();
     const marks = places.map((along) => unknown.map((n) => along[n]));
+    const [untouched, seen] = [new Array(DOTS - 1).fill(undefined), dotted ? places : [[], [], []]];
     Plotly.update(plot, {
-      x: [places[0], paths[0], shells[0][0], shells[1][0], marks[0]],
-      y: [places[1], paths[1], shells[0][1], shells[1][1], marks[1]],
-      z: [places[2], paths[2], shells[0][2], shells[1][2], marks[2]],
-      visible: [true, true, state.shell > 0, state.shell > 0, unknown.length > 0],
+      x: [places[0], paths[0], shells[0][0], shells[1][0], marks[0], seen[0]],
+      y: [places[1], paths[1], shells[0][1], shells[1][1], marks[1], seen[1]],
+      z: [places[2], paths[2], shells[0][2], shells[1][2], marks[2], seen[2]],
+      visible: [true, true, state.shell > 0, state.shell > 0, unknown.length > 0, dotted],
+      "marker.color": [...untouched, colour.intensity],
+      "marker.cmin": [...untouched, colour.cmin],
+      "marker.cmax": [...untouched, colour.cmax],
+      "marker.colorbar.title.text": [...untouched, colour.title],
       intensity: [colour.intensity, null, null, null, null],
       cmin: [colour.cmin, null, null, null, null],
       cmax: [colour.cmax, null, null, null, null],
       "colorbar.title.text": [colour.title, null, null, null, null],
-    }, {}, [SURFACE, LINES, ...SHELLS, UNDETERMINED]);
+    }, {}, [SURFACE, LINES, ...SHELLS, UNDETERMINED, DOTS]);
     tell();
   };
 
@@ -193,7 +201,8 @@
   const mesh = { type: "mesh3d", x: still[0], y: still[1], z: still[2], i: faces[0], j: faces[1], k: faces[2] };
   const light = { ambient: 0.85, diffuse: 0.35, specular: 0.05, fresnel: 0.05, roughness: 0.9 };
   const shell = { ...mesh, color: "#444", opacity: 0.3, hoverinfo: "skip", visible: false };
-  const resting = polyline(rim, still, [0]);
+  const resting = polyline([...rim, ...pairs], still, [0]);
+  const told = data.names || [];
   const traces = [
     { ...mesh, intensity: new Array(nodes).fill(0), colorscale: "Cividis", lighting: light, colorbar: bar(),
       hovertemplate: "%{x:.3g}, %{y:.3g}, %{z:.3g} " + data.length_unit + "<br>%{intensity:.3g} " + data.velocity_unit + "<extra></extra>" },
@@ -203,6 +212,10 @@
       hovertemplate: "not determined by these views<extra></extra>", visible: false },
     { type: "scatter3d", mode: "lines", x: resting[0], y: resting[1], z: resting[2],
       line: { color: "#777", width: 2 }, hoverinfo: "skip" },
+    { type: "scatter3d", mode: "markers", x: [], y: [], z: [], text: told, visible: dotted,
+      marker: { size: 5, color: [], colorscale: "Cividis", line: { color: "#111", width: 1 },
+        showscale: dotted && !triangles.length, colorbar: bar() },
+      hovertemplate: "point %{text}<br>%{marker.color:.3g} " + data.velocity_unit + "<extra></extra>" },
   ];
 
   // Controls -------------------------------------------------------------------------------------
@@ -219,6 +232,7 @@
   options(control("component"), [...many, ...data.components.map((c, k) => [k, "V_" + c])]);
   if (!many.length) state.component = 0;
   options(control("frequency"), data.frequencies.map((f, k) => [k, f === null ? "" : f + " Hz"]));
+  control("frequency").value = state.frequency;
   for (const key of ["component", "frequency", "shell", "size"]) {
     control(key).addEventListener("input", (event) => { state[key] = Number(event.target.value); draw(); });
   }

@@ -9,6 +9,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sldvexp.plot.points_shape import joined_points, normals
+
 #: Frequencies are left out beyond so many bytes, the strongest are kept.
 MOST_BYTES = 1_200_000
 #: A surface of more nodes is nothing for a browser.
@@ -35,33 +37,79 @@ def shape_of(field: xr.Dataset, volume: xr.Dataset) -> dict[str, Any] | None:
         base64 of little-endian float32 and int32. None if the surface has too many nodes to be
         drawn.
     """
-    nodes, triangles, depth = surface_layer(volume)
+    nodes, triangles, _ = surface_layer(volume)
     if len(nodes) > MOST_NODES or not len(triangles):
         return None
-    position = field["position"].values[nodes]
-    dims = ["frequency"] if "frequency" in field.dims else []
-    whole = field[["velocity", "confidence"]].isel(node=nodes).transpose(*dims, "component", "node")
+    components = [str(c) for c in field["component"].values]
+    count = len(nodes)
+    return _drawn(
+        field.isel(node=nodes).rename(node="point"),
+        field["position"].values[nodes],
+        triangles=triangles,
+        normal=_directions(["n"], volume, count),
+        directions=_directions(components, volume, count),
+    )
+
+
+def shape_of_points(point: xr.Dataset, line_of_sight: xr.Dataset) -> dict[str, Any] | None:
+    """Velocities of points, and the triangles and lines between them, for the page's script.
+
+    Parameters
+    ----------
+    point, line_of_sight : xarray.Dataset
+        The groups.
+
+    Returns
+    -------
+    dict or None
+        As of `shape_of`, with ``lines`` and the points' ``names``. None if there are too many
+        points to be drawn.
+    """
+    position, triangles, lines = joined_points(line_of_sight)
+    if len(position) > MOST_NODES:
+        return None
+    count = point.sizes["component"]
+    data = _drawn(
+        point,
+        position,
+        triangles=triangles,
+        normal=normals(position, triangles)[None],
+        directions=np.broadcast_to(np.eye(3)[:count, None], (count, len(position), 3)),
+    )
+    names = [str(name) for name in line_of_sight["point"].values]
+    return data | {"lines": _integers(lines), "names": names}
+
+
+def _drawn(
+    group: xr.Dataset,
+    position: NDArray,
+    triangles: NDArray,
+    normal: NDArray,
+    directions: NDArray,
+) -> dict[str, Any]:
+    """Velocities of points with their bounds, and how they are drawn."""
+    dims = ["frequency"] if "frequency" in group.dims else []
+    whole = group[["velocity", "confidence"]].transpose(*dims, "component", "point")
     velocity, bound = whole["velocity"].values, whole["confidence"].values
     hertz: list[float | None] = [None]
     if dims:
         chosen = _strongest(velocity)
         velocity, bound = velocity[chosen], bound[chosen]
-        hertz = [float(f) for f in field["frequency"].values[chosen]]
+        hertz = [float(f) for f in group["frequency"].values[chosen]]
     length, length_unit = _scale(np.ptp(position, axis=0).max(), "m")
     speed, speed_unit = _scale(np.nanmax(np.abs(velocity), initial=0.0), "m/s")
-    components = [str(c) for c in field["component"].values]
     return {
-        "components": components,
+        "components": [str(c) for c in group["component"].values],
         "frequencies": hertz,
-        "left_out": int(field.sizes.get("frequency", 1) - len(hertz)),
-        "depth": float(depth),
+        "strongest": int(np.argmax(_sizes(velocity))) if dims else 0,
+        "left_out": int(group.sizes.get("frequency", 1) - len(hertz)),
         "length_unit": length_unit,
         "velocity_unit": speed_unit,
-        "level": f"{float(field.attrs.get('confidence_level', 0.95)):.0%}",
+        "level": f"{float(group.attrs.get('confidence_level', 0.95)):.0%}",
         "position": _floats(length * position),
         "triangles": _integers(triangles),
-        "normal": _floats(_directions(["n"], volume, len(nodes))),
-        "directions": _floats(_directions(components, volume, len(nodes))),
+        "normal": _floats(normal),
+        "directions": _floats(directions),
         "real": _floats(speed * velocity.real),
         "imaginary": _floats(speed * velocity.imag),
         "bound": _floats(speed * bound),
@@ -93,8 +141,13 @@ def surface_layer(volume: xr.Dataset) -> tuple[NDArray, NDArray, float]:
 def _strongest(velocity: NDArray) -> NDArray:
     """Indices of the frequencies of the largest velocities, as many as there is room for."""
     count = int(MOST_BYTES / (PARTS * BYTES_A_NUMBER * velocity[0].size))
-    size = np.nanmax(np.abs(velocity), axis=(1, 2), initial=0.0)
-    return np.sort(np.argsort(-size, kind="stable")[: max(1, count)])
+    return np.sort(np.argsort(-_sizes(velocity), kind="stable")[: max(1, count)])
+
+
+def _sizes(velocity: NDArray) -> NDArray:
+    """The largest velocity at each frequency."""
+    largest: NDArray = np.nanmax(np.abs(velocity), axis=(1, 2), initial=0.0)
+    return largest
 
 
 def _directions(components: list[str], volume: xr.Dataset, count: int) -> NDArray:
