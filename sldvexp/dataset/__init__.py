@@ -92,9 +92,22 @@ def save(tree: Mapping[str, xr.Dataset], attributes: Mapping[str, Any], path: Pa
     path : Path
     """
     root = xr.Dataset(attrs={**CONVENTIONS, **attributes})
-    whole = xr.DataTree.from_dict({"/": root, **{f"/{k}": v for k, v in tree.items()}})
+    groups = {f"/{k}": _double(v) for k, v in tree.items()}
+    whole = xr.DataTree.from_dict({"/": root, **groups})
     with whole_or_nothing(path) as beside:
         whole.to_netcdf(beside, engine="netcdf4", auto_complex=True)
+
+
+def _double(group: xr.Dataset) -> xr.Dataset:
+    """The group with complex numbers in double precision.
+
+    Beside one of double precision netCDF4 1.7.5 writes a complex variable of single precision wrong
+    (its type is taken for the other), mostly without an error.
+    """
+    single = [name for name, v in group.data_vars.items() if v.dtype == np.complex64]
+    if not single:
+        return group
+    return group.assign({n: group[n].astype(np.complex128).drop_encoding() for n in single})
 
 
 def load(path: Path) -> xr.DataTree:
