@@ -7,6 +7,7 @@ where there is no such file.
 
 from __future__ import annotations
 
+import copy
 import functools
 import importlib
 import sys
@@ -172,6 +173,12 @@ def register(group: str, name: str) -> Callable[[P], P]:
 
 def schema_of(cls: type) -> DictConfig:
     """The schema of a dataclass, in which entries can be added to tables of names without a +."""
+    return copy.deepcopy(_schema(cls))
+
+
+@functools.cache
+def _schema(cls: type) -> DictConfig:
+    """It takes several times as long to make as to copy, and a sweep needs many."""
     schema: DictConfig = OmegaConf.structured(cls)
     for key in schema:
         child = schema._get_node(key)

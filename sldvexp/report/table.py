@@ -78,7 +78,7 @@ def _pose_rows(view: str, pose: xr.Dataset) -> Iterator[tuple[str, str, str, str
     columns = (
         ("euler", "angle_index", "rad"),
         ("origin", "axis", "m"),
-        ("intrinsic", "adjusted", ""),
+        ("intrinsic", "adjusted", None),
     )
     for variable, dim, unit in columns:
         if variable not in pose:
@@ -87,10 +87,15 @@ def _pose_rows(view: str, pose: xr.Dataset) -> Iterator[tuple[str, str, str, str
             value = float(pose[variable].sel({dim: label}))
             bounds = pose.get(f"{variable}_confidence")
             bound = float(bounds.sel({dim: label})) if bounds is not None else np.nan
-            yield f"pose {view}: {label}", with_bound(value, bound), unit, ""
+            yield f"pose {view}: {label}", with_bound(value, bound), unit or _unit(label), ""
     if "s" in pose:
         note = f"SSE {number(float(pose['sse']))} deg²" if "sse" in pose else ""
         yield f"pose {view}: s", number(float(pose["s"])), "DAC steps", note
+
+
+def _unit(intrinsic: str) -> str:
+    """A gain is relative to the calibration."""
+    return {"mirror": "m", "zero": "rad"}.get(str(intrinsic).partition("_")[0], "")
 
 
 def _point_rows(name: str, point: xr.Dataset) -> Iterator[tuple[str, str, str, str]]:

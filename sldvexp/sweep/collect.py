@@ -47,7 +47,7 @@ def collect(
     """
     records = [_record(folder) for folder in folders]
     results = {
-        i: headlines(_opened(folder / RUN_FILE))
+        i: _headlines(folder / RUN_FILE)
         for i, (folder, r) in enumerate(zip(folders, records, strict=True))
         if r.state.finished and (folder / RUN_FILE).is_file()
     }
@@ -81,11 +81,10 @@ def _why(found: record.Record) -> str:
     return why.get(found.state, "")
 
 
-def _opened(path: Path) -> xr.DataTree:
-    tree = dataset.load(path)
-    loaded = tree.load()
-    tree.close()
-    return loaded
+def _headlines(path: Path) -> dict[str, xr.DataArray]:
+    """Those of a run, without reading its images and samples."""
+    with dataset.load(path) as tree:
+        return {name: array.load() for name, array in headlines(tree).items()}
 
 
 def _stack(name: str, results: Mapping[int, dict[str, xr.DataArray]], count: int) -> xr.DataArray:

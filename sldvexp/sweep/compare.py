@@ -47,6 +47,8 @@ def run(words: list[str], config_dir: str | None) -> int:
 def runs_in(paths: Sequence[Path]) -> list[Path]:
     """The folders of runs: each path is one, or a run's file, or the folder of a sweep.
 
+    Of runs that failed it is told that they are left out.
+
     Raises
     ------
     UserError
@@ -60,7 +62,9 @@ def runs_in(paths: Sequence[Path]) -> list[Path]:
             here = [path]
         else:
             here = sorted(file.parent for file in path.glob(f"*/{RUN_FILE}"))
-        if not here:
+        if not here and (path / ".hydra").is_dir():
+            print(f"{path}: left out, its run left no {RUN_FILE}")
+        elif not here:
             raise UserError(f"{path}: has no {RUN_FILE}; give folders of finished runs, or sweeps")
         found |= dict.fromkeys(here)
     return list(found)

@@ -76,8 +76,11 @@ class Plan:
         *others : str
             What else sets this sweep apart, such as a folder of the user's configuration.
         """
-        first = next((f for f in self.fixed if f.startswith("experiment=")), "experiment=plate")
-        about = [first.partition("=")[2], *(k.rpartition(".")[2] for k in self.names)]
+        chosen = [
+            f.partition("=") for f in self.fixed if f.startswith(("experiment=", "~experiment"))
+        ]
+        first = next((value if key == "experiment" else "" for key, _, value in chosen), "plate")
+        about = [*filter(None, [first]), *(k.rpartition(".")[2] for k in self.names)]
         return _named("_".join(about), repr(self._apart(others)), always=True)
 
     def claim(self, folder: Path, *others: str) -> None:

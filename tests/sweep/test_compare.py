@@ -43,6 +43,16 @@ def test_same_run_twice_is_told_apart_by_nothing(sldvexp):
     assert compared(sldvexp("compare", *folders))["state"].dims == ("run",)
 
 
+def test_failed_runs_are_left_out(sldvexp):
+    good = [sldvexp("experiment=point", f"seed={seed}").folder for seed in (1, 2)]
+    failed = sldvexp("experiment=point", "reconstruction.rows=nonsense")
+    assert failed.status == 1
+    assert (failed.folder / ".hydra").is_dir()
+    done = sldvexp("compare", *map(str, good), str(failed.folder))
+    assert f"{failed.folder}: left out" in done.out
+    assert compared(done)["seed"].values.tolist() == [1, 2]
+
+
 @pytest.mark.parametrize("words", [[], ["nowhere"], ["."]])
 def test_folder_without_a_run(words, sldvexp):
     done = sldvexp("compare", *words)
