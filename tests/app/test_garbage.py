@@ -26,7 +26,7 @@ words = st.builds("{}{}={}".format, st.sampled_from(["", "", "", "+", "++", "~"]
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 @settings(
-    max_examples=100,
+    max_examples=50,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],

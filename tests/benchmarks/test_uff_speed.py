@@ -31,7 +31,7 @@ MOST_MEMORY = 300 << 20
 
 #: Run in a process of its own, whose memory is that of reading alone.
 INDEX_AND_ONE = """
-import json, resource, sys, time
+import json, sys, time
 from pathlib import Path
 from sldvexp.universal.reader import universal_file
 

@@ -195,6 +195,7 @@ def test_the_same_as_in_memory(
     assert sorted(p.name for p in streamed.folder.iterdir() if p.name.startswith(".b")) == []
 
 
+@pytest.mark.long
 def test_replayed_session(sldvexp: Callable[..., Any]) -> None:
     """Raw samples view by view, images in files in between: the same run as in memory."""
     called = [

@@ -68,6 +68,7 @@ def test_sweep_leaves_one_page_and_its_runs_none(sldvexp, pages, tmp_path):
     assert page.read_bytes() == first
 
 
+@pytest.mark.long
 def test_each_run_of_a_sweep_may_have_a_page(sldvexp, pages, no_figures, tmp_path):
     sldvexp(*SWEEP)
     sldvexp(*SWEEP, "report.each_run=true")

@@ -147,6 +147,7 @@ def killed_and_resumed(tmp_path, settings, runs, kills, seed):
     return counts
 
 
+@pytest.mark.long
 def test_killed_sweep_goes_on_to_the_same_end(tmp_path):
     settings = ("laser.mirror_offset=0,0.01", "seed=1,2,3")
     counts = killed_and_resumed(tmp_path, settings, runs=6, kills=1, seed=5)

@@ -60,6 +60,7 @@ def test_only_what_failed_is_done_again(sweep):
     assert sweep("sweep.retry=all")[1] == {"1", "-2", "3"}
 
 
+@pytest.mark.long
 def test_only_new_values_are_done(sweep):
     sweep()
     assert sweep("sweep.retry=failed", seeds="seed=1,3,4")[1] == set()
