@@ -17,7 +17,7 @@ from hydra.errors import MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from sldvexp import commands, config, config_source, registry  # noqa: F401 (config: the root schema registers itself)
+from sldvexp import commands, composing, config, config_source, registry  # noqa: F401 (config: the root schema registers itself)
 from sldvexp.errors import UserError
 from sldvexp.paths import conf_dir
 
@@ -112,13 +112,14 @@ class Command:
                 return self._complete()
             if commands.named(options):
                 return self._command(options)
-            try:
-                self._compose_and_run(options)
-            except MissingConfigException:
-                # Perhaps a choice of an installed package, which only now are looked for.
-                if not registry.load_installed():
-                    raise
-                self._compose_and_run(options)
+            with composing.remembering():
+                try:
+                    self._compose_and_run(options)
+                except MissingConfigException:
+                    # Perhaps a choice of an installed package, which only now are looked for.
+                    if not registry.load_installed():
+                        raise
+                    self._compose_and_run(options)
         except BrokenPipeError:  # who reads it, as head does, has seen enough
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         except Exception as error:
