@@ -56,13 +56,15 @@ def agreement(run: Examined, parts: int) -> Agreement:
         raise UserError(
             f"views can only disagree if there are at least 4, but there are {len(looks.views)}"
         )
-    count = len(looks.prisms.triangles)
-    blocks = np.array_split(np.arange(count), min(parts, count))
+    parts = min(parts, len(looks.triangles))
+    blocks = np.array_split(looks.triangles, parts)
+    part = np.repeat(np.arange(parts), [len(block) for block in blocks])
     depth, place = np.unique(np.round(sampled_depth(looks), 12), return_inverse=True)
-    misfit, freedom = np.zeros((2, len(blocks), len(depth)))
-    for part, triangles in enumerate(blocks):
+    misfit, freedom = np.zeros((2, parts, len(depth)))
+    for triangles in [looks.triangles] if looks.small else blocks:
+        where = part[triangles], place[:, None]
         for total, values in zip((misfit, freedom), _misfit(looks, triangles), strict=True):
-            np.add.at(total[part], place, values)
+            np.add.at(total, where, values)
     return Agreement(depth, misfit, freedom)
 
 
@@ -82,7 +84,10 @@ def sampled_depth(looks: Looks) -> Array:
 
 
 def _misfit(looks: Looks, triangles: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Misfit and degrees of freedom at each gap's sample points, of some triangles."""
+    """Misfit and degrees of freedom of triangles at each gap's sample points.
+
+    Both of shape (point, triangle).
+    """
     look = looks.at(triangles)
     shape = (looks.prisms.gaps, len(triangles), looks.rule.points)
     valid: NDArray[np.bool_] = np.all(look.valid, axis=1).reshape(shape)
@@ -97,8 +102,9 @@ def _misfit(looks: Looks, triangles: NDArray[np.intp]) -> tuple[Array, Array]:
     left = data - design @ (np.linalg.pinv(design) @ data)
     squares[everywhere] = np.sum(np.abs(left) ** 2, axis=(1, 2))
     each = 2 * (len(looks.views) - 3) * velocity.shape[2]
-    by_point = squares.reshape(shape).sum(axis=1).ravel()
-    return by_point, each * everywhere.reshape(shape).sum(axis=1).ravel().astype(float)
+    each_sample = squares, each * everywhere.astype(float)
+    by_point = [np.moveaxis(v.reshape(shape), 1, 2).reshape(-1, shape[1]) for v in each_sample]
+    return by_point[0], by_point[1]
 
 
 def best_depth(found: Agreement) -> tuple[float, float]:

@@ -65,7 +65,7 @@ def _left_out(
 ) -> tuple[Array, float, float]:
     """Error at each depth, size and noise of one view."""
     e, view = run.experiment, looks.views[k]
-    look = looks.at(np.arange(len(looks.prisms.triangles)))  # remembered for the others
+    look = looks.at(looks.triangles)  # remembered for the others
     field = estimate_field(looks.without(k), e.reconstruction, e.solver, bounds=False)
     seen = look.seen[k]
     basis = shape_matrix(looks.prisms, looks.rule)

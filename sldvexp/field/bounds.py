@@ -17,9 +17,9 @@ from sldvexp.field.inverse_rows import InverseRows
 from sldvexp.field.looks import Looks
 from sldvexp.field.model import FieldModel
 from sldvexp.field.parts import Part
-from sldvexp.field.threads import side_by_side
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 
 @dataclass(eq=False)
@@ -28,8 +28,10 @@ class Bounds:
 
     Attributes
     ----------
-    noise : ndarray, shape (layer, surface_node, parameter, view)
-        From the noise of each view's pixels.
+    group : ndarray of int, shape (view,)
+        Views whose noise changes alike with the frequency.
+    noise : ndarray, shape (layer, surface_node, parameter, group)
+        From the noise of the pixels of each group of views.
     pose : ndarray, shape (layer, surface_node, parameter, column)
         From the poses.
     expected : ndarray, shape (equation, view)
@@ -38,21 +40,22 @@ class Bounds:
         Variances at the samples around a node, summed: the least possible, and the method's.
     """
 
+    group: Indices
     noise: Array
     pose: Array
     expected: Array
     pointwise: Array
 
     @classmethod
-    def empty(cls, looks: Looks, model: FieldModel, columns: int) -> Bounds:
+    def empty(cls, looks: Looks, model: FieldModel, group: Indices, columns: int) -> Bounds:
         """Zeros."""
         shape = (looks.prisms.layers, looks.prisms.surface_nodes, model.parameters)
         equations = model.parameters if model.contravariant else 1
-        views = len(looks.views)
         return cls(
-            np.zeros((*shape, views)),
+            group,
+            np.zeros((*shape, group.max() + 1)),
             np.zeros((*shape, columns)),
-            np.zeros((equations, views)),
+            np.zeros((equations, len(group))),
             np.zeros((2, *shape[:2], 3)),
         )
 
@@ -64,18 +67,24 @@ class Bounds:
 
     def add_noise(self, part: Part, rows: InverseRows) -> None:
         """Noise of the part's own nodes, and of the residuals of the samples it owns."""
-        at, own = part.at, part.region.own
+        own = part.region.own
         variances = [std**2 for std in part.model.pixel_std]
-        found = side_by_side(
-            lambda k: rows.variances(part.influences[k], variances[k]), range(len(variances))
-        )
-        for k, (variance, (nodal, fitted)) in enumerate(zip(variances, found, strict=True)):
-            self.noise[..., k][:, own] = nodal
-            of_samples = (part.look.seen[k].weights.power(2) @ variance) * part.owned
-            if part.model.contravariant:
-                self.expected[:, k] += of_samples @ at.estimator[:, :, k] ** 2 - fitted
-            else:
-                self.expected[0, k] += of_samples @ at.pointwise.weight[:, k, k] - fitted.sum()
+        for group in range(self.noise.shape[3]):
+            views = [k for k, of in enumerate(self.group) if of == group]
+            nodal, fitted = rows.variances(
+                [part.influences[k] for k in views], [variances[k] for k in views]
+            )
+            self.noise[..., group][:, own] = nodal
+            for k, of_fit in zip(views, fitted, strict=True):
+                self._expect(part, k, part.look.seen[k].weights.power(2) @ variances[k], of_fit)
+
+    def _expect(self, part: Part, k: int, variance: Array, fitted: Array) -> None:
+        """Squared residuals of a view's samples: their variance without that of the fit."""
+        at, of_samples = part.at, variance * part.owned
+        if part.model.contravariant:
+            self.expected[:, k] += of_samples @ at.estimator[:, :, k] ** 2 - fitted
+        else:
+            self.expected[0, k] += of_samples @ at.pointwise.weight[:, k, k] - fitted.sum()
 
     def add_efficiency(self, part: Part) -> None:
         """Variances of the samples around the part's own nodes."""

@@ -10,8 +10,6 @@ from sldvexp.field.system import Solve, System
 
 Array = NDArray[np.float64]
 
-#: Unknowns up to which the matrix is looked at as a whole.
-SMALL = 2000
 #: Relative accuracy of the extreme eigenvalues of larger ones.
 ACCURACY = 1e-3
 #: Steps of Hager's estimate of a norm; it rarely needs more than three.
@@ -31,11 +29,11 @@ def condition_numbers(system: System, solve: Solve) -> tuple[float, float]:
     """
     shape = (system.layers, system.graph.nodes, system.block, -1)
     size = system.nodes * system.block
-    if size <= SMALL:
-        return _of_dense(system.times(np.eye(size).reshape(shape)).reshape(size, size))
+    if system.small:
+        return _of_dense(system.dense, system.inverse)
     if system.exact:
         inverse = KroneckerInverse.of(system).surface.solve
-        line = _of_dense(system.line)
+        line = _of_dense(system.line, np.linalg.inv(system.line).astype(float))
         surface = _of_operators(lambda x: system.surface @ x, inverse, system.surface.shape[0])
         return line[0] * surface[0], line[1] * surface[1]
 
@@ -48,9 +46,10 @@ def condition_numbers(system: System, solve: Solve) -> tuple[float, float]:
     return _of_operators(times, inverse_times, size)
 
 
-def _of_dense(matrix: Array) -> tuple[float, float]:
+def _of_dense(matrix: Array, inverse: Array) -> tuple[float, float]:
     value = np.linalg.eigvalsh(matrix)
-    return float(value[-1] / value[0]), float(1 / np.linalg.cond(matrix, 1))
+    norms = np.linalg.norm(matrix, 1) * np.linalg.norm(inverse, 1)
+    return float(value[-1] / value[0]), float(1 / norms)
 
 
 def _of_operators(times: Solve, inverse: Solve, size: int) -> tuple[float, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +15,6 @@ from sldvexp.field.system import System
 
 Array = NDArray[np.float64]
 
-#: Unknowns up to which the inverse is computed as a whole.
-SMALL = 2000
-
 
 class InverseRows(ABC):
     """Rows of ``M^-1`` for a region's own nodes, over the nodes of its patch."""
@@ -26,21 +24,23 @@ class InverseRows(ABC):
         """``M^-1 x``, from (layer, patch_node, parameter, column) to (layer, own, ...)."""
 
     @abstractmethod
-    def variances(self, influence: bsr_array, variance: Array) -> tuple[Array, Array]:
-        """Diagonals of ``K S K^T`` and of ``K S R^T``, with ``K = M^-1 R``.
+    def variances(
+        self, influences: Sequence[bsr_array], variances: Sequence[Array]
+    ) -> tuple[Array, Array]:
+        """Diagonals of ``sum_k K_k S_k K_k^T`` and of every ``K_k S_k R_k^T``, with ``K = M^-1 R``.
 
         Parameters
         ----------
-        influence : bsr_array, shape (patch node * parameter, pixel)
-            The matrix R of one view.
-        variance : ndarray, shape (pixel,)
-            The diagonal matrix S.
+        influences : sequence of bsr_array, shape (patch node * parameter, pixel)
+            The matrix R_k of each view.
+        variances : sequence of ndarray, shape (pixel,)
+            The diagonal matrices S_k.
 
         Returns
         -------
         nodal : ndarray, shape (layer, own, parameter)
-        fitted : ndarray, shape (parameter,)
-            The second diagonal, summed over the own nodes.
+        fitted : ndarray, shape (view, parameter)
+            The second diagonals, summed over the own nodes.
         """
 
 
@@ -61,7 +61,7 @@ class WholeInverse(InverseRows):
     @classmethod
     def of(cls, system: System, parameters: int) -> WholeInverse:
         """That of a system."""
-        return cls(np.linalg.inv(system.matrix().toarray()), system.layers, parameters)
+        return cls(system.inverse, system.layers, parameters)
 
     def of_part(self, part: Part) -> WholeInverse:
         """The same: a small field is one part."""
@@ -71,14 +71,20 @@ class WholeInverse(InverseRows):
         """See `InverseRows`."""
         return (self.inverse @ x.reshape(len(self.inverse), -1)).reshape(x.shape)
 
-    def variances(self, influence: bsr_array, variance: Array) -> tuple[Array, Array]:
+    def variances(
+        self, influences: Sequence[bsr_array], variances: Sequence[Array]
+    ) -> tuple[Array, Array]:
         """See `InverseRows`."""
-        rows, p = influence.tocsr(), self.parameters
-        apart = p if len(self.inverse) < rows.shape[0] else 1  # components that do not couple
-        nodal, fitted = np.empty(rows.shape[0]), np.empty(rows.shape[0])
+        matrices, p = [r.tocsr() for r in influences], self.parameters
+        size = matrices[0].shape[0]
+        apart = p if len(self.inverse) < size else 1  # components that do not couple
+        nodal, fitted = np.empty(size), np.empty((len(matrices), size))
         for first in range(apart):
-            r = rows[first::apart]
-            across = self.inverse @ (r * variance @ r.T).toarray()
+            rows = [matrix[first::apart] for matrix in matrices]
+            noise = [r * s @ r.T for r, s in zip(rows, variances, strict=True)]
+            for k, each in enumerate(noise):
+                fitted[k, first::apart] = each.multiply(self.inverse).sum(axis=1)
+            across = self.inverse @ sum(noise[1:], noise[0]).toarray()
             nodal[first::apart] = np.einsum("ij,ij->i", across, self.inverse)
-            fitted[first::apart] = np.diagonal(across)
-        return nodal.reshape(self.layers, -1, p), fitted.reshape(-1, p).sum(axis=0)
+        by_parameter = fitted.reshape(len(matrices), -1, p).sum(axis=1)
+        return nodal.reshape(self.layers, -1, p), by_parameter

@@ -107,12 +107,22 @@ class Looks:
         """The views' names."""
         return tuple(v.name for v in self.views)
 
+    @property
+    def triangles(self) -> Indices:
+        """All of them."""
+        return np.arange(len(self.prisms.triangles))
+
+    @property
+    def small(self) -> bool:
+        """Whether a look at all of it is remembered."""
+        return self.prisms.gaps * len(self.prisms.triangles) * self.rule.points <= REMEMBERED
+
     def at(self, triangles: Indices) -> Look:
         """Look at the samples of some triangles' prisms, in all gaps."""
         if self._whole is not None and np.array_equal(triangles, self._whole.triangles):
             return self._whole
         found = self._look(triangles)
-        if self._is_whole(triangles):
+        if self.small and np.array_equal(triangles, self.triangles):
             self._whole = found
         return found
 
@@ -133,11 +143,6 @@ class Looks:
         moved.views, moved._whole = views, None
         moved._occlusions = [moved._occlusion(v) for v in views]
         return moved
-
-    def _is_whole(self, triangles: Indices) -> bool:
-        count = len(self.prisms.triangles)
-        few = self.prisms.gaps * count * self.rule.points <= REMEMBERED
-        return few and np.array_equal(triangles, np.arange(count))
 
     def _look(self, triangles: Indices) -> Look:
         position = sample_positions(self.prisms, self.rule, triangles).reshape(-1, 3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from sldvexp.field.kronecker import KroneckerInverse
 from sldvexp.field.local_rows import surface_rows, volume_rows
 from sldvexp.field.parts import Part
 from sldvexp.field.system import System
+from sldvexp.field.threads import side_by_side
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -117,8 +119,16 @@ class NearRows(InverseRows):
         found[:, self.odd] = exact.reshape(layers, len(self.odd), parameters, columns)
         return found
 
-    def variances(self, influence: bsr_array, variance: Array) -> tuple[Array, Array]:
+    def variances(
+        self, influences: Sequence[bsr_array], variances: Sequence[Array]
+    ) -> tuple[Array, Array]:
         """See `InverseRows`."""
+        pairs = list(zip(influences, variances, strict=True))
+        nodal, fitted = zip(*side_by_side(lambda pair: self._of_view(*pair), pairs), strict=True)
+        return np.sum(nodal, axis=0), np.stack(fitted)
+
+    def _of_view(self, influence: bsr_array, variance: Array) -> tuple[Array, Array]:
+        """Both diagonals of one view."""
         layers, p = len(self.line), influence.blocksize[0]
         nodes = influence.shape[0] // p // layers
         along = kronecker_identity(self.line, nodes, p) @ influence

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import pickle
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +25,10 @@ if TYPE_CHECKING:
     from sldvexp.laser.two_mirror import TwoMirror
     from sldvexp.reconstruction.base import Reconstruction
     from sldvexp.volume.base import Volume
+    from sldvexp.volume.prisms import Prisms
+
+#: Images of more bytes are not kept for another look at them.
+REMEMBERED = 2**26
 
 
 def looks_of(tree: Mapping[str, xr.Dataset], laser: TwoMirror, volume: Volume) -> Looks:
@@ -39,7 +46,39 @@ def looks_of(tree: Mapping[str, xr.Dataset], laser: TwoMirror, volume: Volume) -
     UserError
         If an image has no pose, or the volume is unsound.
     """
-    prisms, sight = volume.prisms(), volume.sight
+    prisms = volume.prisms()
+    needed = {k: g for k, g in tree.items() if k == "pose" or k.startswith("image/")}
+    if sum(group.nbytes for group in needed.values()) > REMEMBERED:
+        return _looks(needed, laser, volume, prisms)
+    digest = hashlib.sha256(repr((laser, volume)).encode())
+    for array in (prisms.position, prisms.triangles, prisms.depth):
+        digest.update(array.tobytes())
+    for name in sorted(needed):
+        digest.update(pickle.dumps((name, needed[name].to_dict(data="array"))))
+    return _remembered(Content(digest.digest(), needed, laser, volume, prisms))
+
+
+@dataclass(frozen=True)
+class Content:
+    """What looks are made of, known by its digest."""
+
+    digest: bytes
+    tree: Mapping[str, xr.Dataset] = field(compare=False)
+    laser: TwoMirror = field(compare=False)
+    volume: Volume = field(compare=False)
+    prisms: Prisms = field(compare=False)
+
+
+@lru_cache(maxsize=2)
+def _remembered(of: Content) -> Looks:
+    """Looks for the checks of a run, and for the next runs of a sweep over methods."""
+    return _looks(of.tree, of.laser, of.volume, of.prisms)
+
+
+def _looks(
+    tree: Mapping[str, xr.Dataset], laser: TwoMirror, volume: Volume, prisms: Prisms
+) -> Looks:
+    sight = volume.sight
     thickness = float(np.ptp(prisms.depth))
     grazing = np.radians(sight.grazing)
     return Looks(

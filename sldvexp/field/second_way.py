@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sldvexp.field.bounds import Bounds
 from sldvexp.field.frequency_modes import FrequencyModes
-from sldvexp.field.inverse_rows import SMALL, WholeInverse
+from sldvexp.field.inverse_rows import WholeInverse
 from sldvexp.field.local_rows import rings_of
 from sldvexp.field.mode_effect import kept_columns
 from sldvexp.field.model import FieldModel
@@ -90,8 +90,9 @@ def with_bounds(
     """
     looks, model = parts.looks, parts.model
     left = Residuals.empty(model, len(data), theta.shape[-1])
-    found = Bounds.empty(looks, model, kept_columns(pose))
-    small = system.nodes * system.block <= SMALL
+    factors, group = np.unique(factor, axis=0, return_inverse=True)
+    found = Bounds.empty(looks, model, group.ravel(), kept_columns(pose))
+    small = system.small
     rings = rings_of(looks.rule)
     whole = WholeInverse.of(system, model.parameters) if small else NearInverse.of(system, rings)
     errors: list[float] = [0.0] if small else []
@@ -109,7 +110,7 @@ def with_bounds(
             errors.append(check.largest_error(rows, system, solve))
     variance = None if pose is None else found.pose
     expected = 2 * found.expected @ factor
-    return Second(left, found.noise @ factor, variance, expected, max(errors), found.efficiency)
+    return Second(left, found.noise @ factors, variance, expected, max(errors), found.efficiency)
 
 
 def variance_factors(views: Sequence[View], pixel_std: tuple[Array, ...]) -> Array:
@@ -121,7 +122,7 @@ def variance_factors(views: Sequence[View], pixel_std: tuple[Array, ...]) -> Arr
     factors = []
     for view, std in zip(views, pixel_std, strict=True):
         frequencies = view.velocity.shape[1]
-        if view.std.ndim == 1:
+        if view.std.ndim == 1 or frequencies == 1:
             factors.append(np.ones(frequencies))
             continue
         mean = np.mean(view.std[view.usable] ** 2, axis=0)

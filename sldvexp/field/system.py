@@ -28,6 +28,8 @@ Solve = Callable[[Array], Array]
 
 #: Pairs of layers of a gap: lower with itself, lower with upper, upper with itself.
 PAIRS = ((0, 0), (0, 1), (1, 1))
+#: Unknowns up to which a system's matrix and its inverse are looked at as a whole.
+SMALL = 2000
 #: How firmly a node with too few samples is held, over the mean information of a node.
 HOLD = 1e-9
 
@@ -220,6 +222,22 @@ class System:
                 sums[layer, other] = added if known is None else known + added
         upper = [(i, j, self._over_surface(blocks)) for (i, j), blocks in sums.items()]
         return upper + [(j, i, matrix) for i, j, matrix in upper if i != j]
+
+    @property
+    def small(self) -> bool:
+        """Whether `dense` and `inverse` are cheap."""
+        return self.nodes * self.block <= SMALL
+
+    @cached_property
+    def dense(self) -> Array:
+        """M itself, of a small system."""
+        matrix: Array = self.matrix().toarray()
+        return matrix
+
+    @cached_property
+    def inverse(self) -> Array:
+        """Its inverse."""
+        return np.linalg.inv(self.dense).astype(float)
 
     def matrix(self) -> csr_array:
         """M itself, unknowns node by node, layer by layer."""

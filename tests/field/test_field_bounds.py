@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import sldvexp.field.parts as field_parts
-import sldvexp.field.second_way as second_way
+import sldvexp.field.system as field_system
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.looks import Looks
 from sldvexp.field.result import FieldResult
@@ -154,7 +154,7 @@ def test_large_fields(
         views[2] = replace(views[2], flags=(np.hypot(*(views[2].dac.T - 200)) < 250).astype(int))
     looks = Looks(views, laser, prisms, six_points)
     exact = estimate(looks, method)
-    monkeypatch.setattr(second_way, "SMALL", 0)
+    monkeypatch.setattr(field_system, "SMALL", 0)
     monkeypatch.setattr(field_parts, "SAMPLES_IN_ALL", at_once)
     monkeypatch.setattr(field_parts, "SAMPLES_AT_ONCE", 1000)
     near = estimate(looks, method)

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sldvexp.field.conditioning as conditioning
+import sldvexp.field.system as field_system
 from sldvexp.errors import UserError
 from sldvexp.field.elements import Graph, Patch
 from sldvexp.field.kronecker import KroneckerInverse
@@ -124,7 +125,7 @@ def test_condition_numbers(
     weight = np.ones(samples) if exact else np.random.default_rng(4).uniform(1, 2, samples)
     system = assembled(prisms, six_points, weight[:, None, None])
     dense = system.matrix().toarray()
-    monkeypatch.setattr(conditioning, "SMALL", size)
+    monkeypatch.setattr(field_system, "SMALL", size)
     solve = lambda x: np.linalg.solve(dense, x.reshape(len(dense), -1)).reshape(x.shape)  # noqa: E731
     cond, rcond = conditioning.condition_numbers(system, solve)
     np.testing.assert_allclose(cond, np.linalg.cond(dense), rtol=2e-3)

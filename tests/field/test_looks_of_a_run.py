@@ -1,0 +1,96 @@
+"""Looks at the same session are made once, and those at another are made anew."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import sldvexp.field.looks as field_looks
+import sldvexp.field.run as field_run
+from sldvexp import dataset
+from sldvexp.check.agreement import agreement
+from sldvexp.check.base import Examined
+from sldvexp.config import Experiment
+from sldvexp.field.run import looks_of
+from sldvexp.field.view import View
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.pose.base import pose_group
+from sldvexp.volume.grid import Grid
+
+Make = Callable[..., list[View]]
+VOLUME = Grid(size=[0.3, 0.3], shape=[4, 4], layers=3, thickness=0.02)
+
+
+@pytest.fixture
+def views(make_views: Make) -> list[View]:
+    return make_views(4, pixels=20, covariance=1e-8 * np.eye(6))
+
+
+def session(views: list[View]) -> dict[str, xr.Dataset]:
+    """Poses, and images of noise."""
+    rng = np.random.default_rng(5)
+    poses = [(v.name, v.rotation, v.origin, v.covariance) for v in views]
+    tree = {"pose": pose_group(*map(list, zip(*poses, strict=True)), [np.inf] * 4, 0.95)}
+    for view in views:
+        size = (len(view.dac), 1)
+        tree[f"image/{view.name}"] = dataset.group(
+            "image",
+            {"pixel": np.arange(size[0]), "frequency": [200.0]},
+            velocity=rng.normal(size=(*size, 2)) @ [1e-3, 1e-3j],
+            velocity_std=np.full(size, 1e-3),
+            dac=view.dac,
+            flags=view.flags.astype(np.uint8),
+        ).assign_attrs(shape=list(view.shape or ()))
+    return tree
+
+
+def test_the_same_session_is_looked_at_once(views: list[View], laser: TwoMirror) -> None:
+    first = looks_of(session(views), laser, VOLUME)
+    assert looks_of(session(views), laser, VOLUME) is first
+
+
+@pytest.mark.parametrize("what", ["image", "pose", "laser", "volume"])
+def test_another_session_is_looked_at_anew(views: list[View], laser: TwoMirror, what: str) -> None:
+    tree, volume = session(views), VOLUME
+    first = looks_of(tree, laser, VOLUME)
+    if what == "image":
+        tree["image/2"] = tree["image/2"].copy(deep=True)
+        tree["image/2"]["velocity"][3] *= 1 + 1e-9
+    elif what == "pose":
+        tree["pose"] = tree["pose"].copy(deep=True)
+        tree["pose"]["origin"][1] += 1e-9
+    elif what == "laser":
+        laser = replace(laser, mirror_offset=laser.mirror_offset + 1e-9)
+    else:
+        volume = replace(VOLUME, thickness=0.03)
+    assert looks_of(tree, laser, volume) is not first
+
+
+def test_large_images_are_not_kept(
+    views: list[View], laser: TwoMirror, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(field_run, "REMEMBERED", 0)
+    tree = session(views)
+    assert looks_of(tree, laser, VOLUME) is not looks_of(tree, laser, VOLUME)
+
+
+def test_agreement_is_the_same_part_by_part(
+    views: list[View], laser: TwoMirror, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    examined: list[Any] = []
+    for most in (field_looks.REMEMBERED, 0):
+        monkeypatch.setattr(field_looks, "REMEMBERED", most)
+        run = Examined(
+            session(views), np.random.default_rng(), Experiment(laser=laser, volume=VOLUME)
+        )
+        examined.append(agreement(run, 4))
+    whole, parts = examined
+    assert whole.freedom.shape[0] == 4
+    assert whole.freedom.min() > 0
+    np.testing.assert_array_equal(whole.freedom, parts.freedom)
+    np.testing.assert_allclose(whole.misfit, parts.misfit, rtol=1e-12)
