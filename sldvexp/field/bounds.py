@@ -34,8 +34,8 @@ class Bounds:
         From the noise of the pixels of each group of views.
     pose : ndarray, shape (layer, surface_node, parameter, column)
         From the poses.
-    expected : ndarray, shape (equation, view)
-        Sum of squared residuals of one real part that each view's noise lets expect.
+    expected : ndarray, shape (equation, group)
+        Sum of squared residuals of one real part that the noise lets expect.
     pointwise : ndarray, shape (2, layer, surface_node, 3)
         Variances at the samples around a node, summed: the least possible, and the method's.
     """
@@ -55,7 +55,7 @@ class Bounds:
             group,
             np.zeros((*shape, group.max() + 1)),
             np.zeros((*shape, columns)),
-            np.zeros((equations, len(group))),
+            np.zeros((equations, group.max() + 1)),
             np.zeros((2, *shape[:2], 3)),
         )
 
@@ -75,16 +75,9 @@ class Bounds:
                 [part.influences[k] for k in views], [variances[k] for k in views]
             )
             self.noise[..., group][:, own] = nodal
-            for k, of_fit in zip(views, fitted, strict=True):
-                self._expect(part, k, part.look.seen[k].weights.power(2) @ variances[k], of_fit)
-
-    def _expect(self, part: Part, k: int, variance: Array, fitted: Array) -> None:
-        """Squared residuals of a view's samples: their variance without that of the fit."""
-        at, of_samples = part.at, variance * part.owned
-        if part.model.contravariant:
-            self.expected[:, k] += of_samples @ at.estimator[:, :, k] ** 2 - fitted
-        else:
-            self.expected[0, k] += of_samples @ at.pointwise.weight[:, k, k] - fitted.sum()
+            self.expected[:, group] -= fitted if part.model.contravariant else fitted.sum()
+            for k in views:
+                self.expected[:, group] += _of_samples(part, k, variances[k])
 
     def add_efficiency(self, part: Part) -> None:
         """Variances of the samples around the part's own nodes."""
@@ -92,6 +85,15 @@ class Bounds:
         here = np.searchsorted(part.patch.nodes, part.region.own)
         self.pointwise[0][:, part.region.own] = sums[:, here, :3]
         self.pointwise[1][:, part.region.own] = sums[:, here, 3:]
+
+
+def _of_samples(part: Part, k: int, variance: Array) -> Array:
+    """Variances of a view's samples that the part owns, in every equation, summed."""
+    of_samples = (part.look.seen[k].weights.power(2) @ variance) * part.owned
+    if part.model.contravariant:
+        found: Array = of_samples @ part.at.estimator[:, :, k] ** 2
+        return found
+    return np.array([of_samples @ part.at.pointwise.weight[:, k, k]])
 
 
 def sample_variances(part: Part) -> tuple[Array, Array]:

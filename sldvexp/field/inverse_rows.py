@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array
+from scipy.sparse import bsr_array, hstack
 
 from sldvexp.field.parts import Part
 from sldvexp.field.system import System
@@ -27,7 +27,7 @@ class InverseRows(ABC):
     def variances(
         self, influences: Sequence[bsr_array], variances: Sequence[Array]
     ) -> tuple[Array, Array]:
-        """Diagonals of ``sum_k K_k S_k K_k^T`` and of every ``K_k S_k R_k^T``, with ``K = M^-1 R``.
+        """Diagonals of ``sum_k K_k S_k K_k^T`` and ``sum_k K_k S_k R_k^T``, with ``K = M^-1 R``.
 
         Parameters
         ----------
@@ -39,8 +39,8 @@ class InverseRows(ABC):
         Returns
         -------
         nodal : ndarray, shape (layer, own, parameter)
-        fitted : ndarray, shape (view, parameter)
-            The second diagonals, summed over the own nodes.
+        fitted : ndarray, shape (parameter,)
+            The second diagonal, summed over the own nodes.
         """
 
 
@@ -75,16 +75,13 @@ class WholeInverse(InverseRows):
         self, influences: Sequence[bsr_array], variances: Sequence[Array]
     ) -> tuple[Array, Array]:
         """See `InverseRows`."""
-        matrices, p = [r.tocsr() for r in influences], self.parameters
-        size = matrices[0].shape[0]
-        apart = p if len(self.inverse) < size else 1  # components that do not couple
-        nodal, fitted = np.empty(size), np.empty((len(matrices), size))
+        rows, p = hstack(influences, format="csr"), self.parameters
+        rows = rows * np.sqrt(np.concatenate(variances))
+        apart = p if len(self.inverse) < rows.shape[0] else 1  # components that do not couple
+        nodal, fitted = np.empty(rows.shape[0]), np.empty(rows.shape[0])
         for first in range(apart):
-            rows = [matrix[first::apart] for matrix in matrices]
-            noise = [r * s @ r.T for r, s in zip(rows, variances, strict=True)]
-            for k, each in enumerate(noise):
-                fitted[k, first::apart] = each.multiply(self.inverse).sum(axis=1)
-            across = self.inverse @ sum(noise[1:], noise[0]).toarray()
+            r = rows[first::apart]
+            across = self.inverse @ (r @ r.T).toarray()
             nodal[first::apart] = np.einsum("ij,ij->i", across, self.inverse)
-        by_parameter = fitted.reshape(len(matrices), -1, p).sum(axis=1)
-        return nodal.reshape(self.layers, -1, p), by_parameter
+            fitted[first::apart] = np.diagonal(across)
+        return nodal.reshape(self.layers, -1, p), fitted.reshape(-1, p).sum(axis=0)

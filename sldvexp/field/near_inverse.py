@@ -125,7 +125,7 @@ class NearRows(InverseRows):
         """See `InverseRows`."""
         pairs = list(zip(influences, variances, strict=True))
         nodal, fitted = zip(*side_by_side(lambda pair: self._of_view(*pair), pairs), strict=True)
-        return np.sum(nodal, axis=0), np.stack(fitted)
+        return np.sum(nodal, axis=0), np.sum(fitted, axis=0)
 
     def _of_view(self, influence: bsr_array, variance: Array) -> tuple[Array, Array]:
         """Both diagonals of one view."""

@@ -109,7 +109,7 @@ def with_bounds(
             check = Verification(part, pose, right, noise, found.pose, determined)
             errors.append(check.largest_error(rows, system, solve))
     variance = None if pose is None else found.pose
-    expected = 2 * found.expected @ factor
+    expected = 2 * found.expected @ factors
     return Second(left, found.noise @ factors, variance, expected, max(errors), found.efficiency)
 
 

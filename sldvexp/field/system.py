@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrf, dpotri
 from scipy.sparse import bsr_array, csr_array
 
 from sldvexp.field.elements import Graph, Patch
@@ -237,7 +238,11 @@ class System:
     @cached_property
     def inverse(self) -> Array:
         """Its inverse."""
-        return np.linalg.inv(self.dense).astype(float)
+        factor, failed = dpotrf(self.dense, lower=True)
+        if failed:
+            return np.linalg.inv(self.dense).astype(float)
+        inverse: Array = dpotri(factor, lower=True, overwrite_c=True)[0]
+        return np.tril(inverse) + np.tril(inverse, -1).T
 
     def matrix(self) -> csr_array:
         """M itself, unknowns node by node, layer by layer."""
