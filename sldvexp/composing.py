@@ -7,8 +7,9 @@ files are composed depends only on what is chosen from groups; values that are s
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from copy import deepcopy
 from typing import Any
 
 from hydra._internal import hydra as program
@@ -22,19 +23,28 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 
 
+def _copies(value: Any) -> Callable[[], Any]:
+    """What gives a new copy at every call, thrice as fast as a deep copy where that is possible."""
+    try:
+        content = pickle.dumps(value)
+    except (pickle.PicklingError, TypeError, AttributeError):
+        return lambda: deepcopy(value)  # of a class that Hydra's search for plugins has made anew
+    return lambda: pickle.loads(content)
+
+
 class RememberingRepository(ConfigRepository):
     """Hydra's files and schemas, of which every one is read once; each reader gets its own copy."""
 
     def __init__(self, config_search_path: ConfigSearchPath):
         super().__init__(config_search_path)
-        self._known: dict[str, bytes] = {}
+        self._known: dict[str, Callable[[], Any]] = {}
 
     def load_config(self, config_path: str) -> ConfigResult | None:
         """See `ConfigRepository`."""
         key = repr((config_path, [(s.provider, s.path) for s in self.sources]))
         if key not in self._known:
-            self._known[key] = pickle.dumps(super().load_config(config_path))
-        found: ConfigResult | None = pickle.loads(self._known[key])
+            self._known[key] = _copies(super().load_config(config_path))
+        found: ConfigResult | None = self._known[key]()
         return found
 
     def __deepcopy__(self, memo: dict[int, Any]) -> RememberingRepository:
@@ -54,7 +64,7 @@ class RememberingLoader(ConfigLoaderImpl):
     def __init__(self, config_search_path: ConfigSearchPath):
         super().__init__(config_search_path)
         self.repository = RememberingRepository(config_search_path)
-        self._known: dict[tuple[str | None, tuple[str, ...]], bytes] = {}
+        self._known: dict[tuple[str | None, tuple[str, ...]], Callable[[], Any]] = {}
 
     def _load_configuration_impl(
         self,
@@ -103,8 +113,8 @@ class RememberingLoader(ConfigLoaderImpl):
         key = config_name, choosing
         if key not in self._known:
             composed = super()._load_configuration_impl(config_name, [*choosing], RunMode.RUN)
-            self._known[key] = pickle.dumps(composed)
-        config: DictConfig = pickle.loads(self._known[key])  # thrice as fast as a deep copy
+            self._known[key] = _copies(composed)
+        config: DictConfig = self._known[key]()
         return config
 
     def __getstate__(self) -> dict[str, Any]:

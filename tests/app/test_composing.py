@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import dataclass
 
 import pytest
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
@@ -11,7 +12,7 @@ from hydra.types import RunMode
 from omegaconf import Container, OmegaConf
 
 from sldvexp import config, config_source  # noqa: F401 (the root schema registers itself)
-from sldvexp.composing import RememberingLoader
+from sldvexp.composing import RememberingLoader, _copies
 from sldvexp.paths import conf_dir
 
 OVERRIDES = {
@@ -95,3 +96,16 @@ def test_files_are_read_once_for_the_same_choices(loaders, monkeypatch):
     for overrides in (["seed=1"], ["seed=2"], ["solver=direct"], ["solver=direct", "seed=4"]):
         quick.load_configuration("config", overrides, RunMode.RUN)
     assert len(read) == 2
+
+
+def test_schemas_that_cannot_be_pickled():
+    """Hydra's search for plugins may import a module once more, which makes its classes others."""
+
+    @dataclass
+    class Local:
+        seed: int = 4
+
+    copies = _copies(OmegaConf.structured(Local))
+    first, second = copies(), copies()
+    first.seed = 5
+    assert second.seed == 4
