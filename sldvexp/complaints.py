@@ -14,6 +14,7 @@ from sldvexp import registry
 from sldvexp.conf_files import displayed, wrong
 from sldvexp.config import NAMED_GROUPS, SINGLE_GROUPS
 from sldvexp.errors import ConfigError, UserError, nearest
+from sldvexp.files import FULL
 from sldvexp.origins import COMMAND_LINE, Origins
 from sldvexp.wording import refusal
 
@@ -120,6 +121,11 @@ def of_composition(error: Exception, origins: Origins) -> str:
     for reason in (error, cause):
         if isinstance(reason, OSError) and reason.filename is not None:
             return f"{reason.filename}: cannot be made or written: {reason.strerror or reason}"
+        if isinstance(reason, OSError) and reason.errno in FULL:
+            return (
+                f"results cannot be written: {reason.strerror}; hydra.run.dir=... chooses another "
+                "folder for them, with -m hydra.sweep.dir=..."
+            )
     if isinstance(error, RecursionError):
         return "a configuration file includes itself in its defaults, perhaps by way of others"
     if not isinstance(error, HydraException):
@@ -133,6 +139,23 @@ def _joined(where: str, message: str) -> str:
     """A message that goes on from the name of its setting, or that stands by itself."""
     goes_on = re.match(r"(must|is|are|has|cannot|needs|refers|says)\b", message)
     return f"{where} {message}" if goes_on else f"{where}: {message}"
+
+
+def _misfit(told: str, key: str, origins: Origins) -> str | None:
+    """A file's setting for its own choice, where the command line chose another; else None."""
+    where = told.partition(f": {key} is not a known setting")[0]
+    if where in (told, COMMAND_LINE):
+        return None
+    for choice in origins.choices:
+        chosen = f"{choice.key_or_group}={choice.value()}"
+        own = where.endswith(f"{chosen.replace('=', '/')}.yaml")
+        if key.startswith(f"{choice.package or choice.key_or_group}.") and not own:
+            return (
+                f"{COMMAND_LINE}: {chosen} does not go with {where}, which sets {key} for a choice "
+                f"of its own; begin with '~experiment' {chosen} instead and add what else is "
+                "needed, or choose it in a copy of that file"
+            )
+    return None
 
 
 def _missing_choice(path: str, origins: Origins) -> str:
@@ -164,7 +187,8 @@ def _refused(text: str, cause: OmegaConfBaseException, origins: Origins) -> str:
             return f"{shown}: must begin with the line '# @package _global_', as experiments do"
         chosen = any(choice.package == key for choice in origins.choices)
         source = COMMAND_LINE if chosen else shown
-        return " ".join(filter(None, [source and f"{source}:", key, refusal(cause)]))
+        told = " ".join(filter(None, [source and f"{source}:", key, refusal(cause)]))
+        return _misfit(told, key, origins) or told
     argument = re.match(r"Error merging override [+~]*([^=]*)=?(.*)", text)
     name, value = argument.groups() if argument else (key, "")
     entry = key.split(".")[-1]

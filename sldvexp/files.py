@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import platform
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -59,7 +60,8 @@ def whole_or_nothing(path: Path) -> Iterator[Path]:
     UserError
         If the folder is missing or not writable, or the disk is full.
     """
-    beside = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    here = f"{os.getpid()}-{platform.node()}"  # other machines may write to the same folder
+    beside = path.with_name(f".{path.stem}.{here}{path.suffix}")
     try:
         beside.touch()
         yield beside

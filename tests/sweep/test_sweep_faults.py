@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from contextlib import suppress
@@ -59,6 +60,21 @@ def sentences(done):
     lines = done.err.splitlines()
     assert all(line.startswith("sldvexp: ") for line in lines), done.err
     return lines
+
+
+@pytest.mark.parametrize("left", [0, 4096, 20000], ids="{} bytes left".format)
+def test_sweep_that_begins_on_a_full_disk(sldvexp, disk, left):
+    space = disk.folder.parent / "space"
+    fill(space)
+    os.truncate(space, space.stat().st_size - left)
+    done = sldvexp(*SWEEP, "seed=1,2", f"hydra.sweep.dir={disk.folder}")
+    assert done.status == 1
+    said = sentences(done)
+    assert said
+    assert all("No space left on device" in line for line in said), said
+    assert not any("[Errno" in line or "command line" in line for line in said), said
+    space.unlink()
+    assert sldvexp(*SWEEP, "seed=1,2", f"hydra.sweep.dir={disk.folder}").status == 0
 
 
 def test_disk_that_is_full(sldvexp, disk):
