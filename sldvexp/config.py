@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
@@ -12,7 +13,8 @@ from omegaconf import MISSING, DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sldvexp import registry
-from sldvexp.errors import Checks, ConfigError, Problem, UserError, nearest
+from sldvexp.errors import ConfigError, Problem, UserError, nearest
+from sldvexp.expectation import Expectation
 from sldvexp.wording import NO_CODE, names_code, refusal
 
 #: Groups whose value in the root is one plugin; those of `NAMED_GROUPS` hold several, by name.
@@ -38,49 +40,8 @@ NAMED_GROUPS = {
     "export": "export",
 }
 
-
-@dataclass
-class Expectation:
-    """Numbers that a run must reproduce, or bounds that it must keep, from one source.
-
-    Every mapping goes from what is compared, ``group/variable``, ``group/variable[dim=label, ...]``
-    or ``group@attribute`` of the run's dataset, to the value.
-
-    Parameters
-    ----------
-    source : str
-        Table, figure or section.
-    tolerance : float
-        Largest accepted absolute difference, of real and imaginary part each.
-    published : dict of str to number, text of a complex number, or nested lists of them
-        Compared element by element.
-    at_most, at_least : dict of str to float
-        Bounds.
-    correct : dict of str to str
-        Where the dataset has the same quantity by the correct formula, when what is compared
-        follows the convention of the print.
-    """
-
-    source: str = ""
-    tolerance: float = 0.0
-    published: dict[str, Any] = field(default_factory=dict)
-    at_most: dict[str, float] = field(default_factory=dict)
-    at_least: dict[str, float] = field(default_factory=dict)
-    correct: dict[str, str] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        checks = Checks()
-        checks.non_negative("tolerance", self.tolerance)
-        compared = [*self.published, *self.at_most, *self.at_least]
-        checks.require(bool(compared), "", "says nothing: give published, at_most or at_least")
-        for name in ("at_most", "at_least"):
-            for of, bound in getattr(self, name).items():
-                number = isinstance(bound, int | float) and bound == bound
-                checks.require(number, f"{name}.{of}", f"must be a number, not {bound}")
-        for of in self.correct:
-            message = f"is compared with nothing; {nearest(of, compared)}"
-            checks.require(of in compared, f"correct.{of}", message)
-        checks.done()
+#: Parents of groups that entries of a named group make.
+ENTRIES_OF = {"examined": "check", "compare": "compare", "compare_pose": "compare_pose"}
 
 
 class Retry(Enum):
@@ -213,12 +174,29 @@ def build(config: DictConfig) -> Experiment:
     expect = {
         str(name): _object(node, f"expect.{name}", problems) for name, node in config.expect.items()
     }
+    problems += _expected_of_nothing(expect, values)
     if config.seed < 0:
         problems.append(Problem("seed", f"must be zero or a positive integer, not {config.seed}"))
     if problems:
         raise ConfigError(problems)
     sweep = _object(config.sweep, "sweep", problems)
     return Experiment(seed=config.seed, expect=expect, sweep=sweep, **values)
+
+
+def _expected_of_nothing(
+    expect: dict[str, Expectation | None], values: dict[str, Any]
+) -> Iterator[Problem]:
+    """Expectations of what no entry of the configuration makes, told before the work begins."""
+    for name, expectation in expect.items():
+        for of in expectation.compared if expectation else ():
+            parent, _, rest = of.strip(" |").partition("/")
+            key, entry = ENTRIES_OF.get(parent, ""), re.split(r"[/@]", rest)[0]
+            if key and entry not in values[key]:
+                message = (
+                    f"names {of}, but {key} has no entry {entry}; {nearest(entry, values[key])}; "
+                    f"~expect.{name} leaves it out"
+                )
+                yield Problem(f"expect.{name}", message)
 
 
 def plugin_names(config: DictConfig) -> dict[str, str]:

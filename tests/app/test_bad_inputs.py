@@ -206,6 +206,12 @@ KEYS = [
         "max_iterations? Valid: …",
         pose_mine="defaults: [schema/registration@_here_, _self_]\nmax_iteration: 3\n",
     ),
+    Bad(
+        "experiment=point instrument=uff instrument.path=a.uff",
+        "command line: instrument=uff does not go with conf/experiment/point.yaml, which sets "
+        "instrument.path for a choice of its own; begin with '~experiment' instrument=uff instead "
+        "and add what else is needed, or choose it in a copy of that file",
+    ),
     in_folder(
         "~experiment pose=mine",
         "pose/mine.yaml: pose has settings but no plugin; choose one with …",
@@ -507,6 +513,10 @@ EXPECTATIONS = [
     on_pose(
         "'expect.x={at_most: {pose/sse: 1}, tolerance: -1}'",
         "expect.x.tolerance must be zero or a positive number, not -1.0",
+    ),
+    on_pose(
+        "'expect.x={at_most: {examined/tru/error: 1}}'",
+        "expect.x: names examined/tru/error, but check has no entry tru; Valid: …; ~expect.x …",
     ),
     on_experiment(
         "expect: {q: {at_most: {pose/see: 1}}}\n",
