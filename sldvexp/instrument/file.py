@@ -61,7 +61,10 @@ class File:
 
         checks = Checks()
         for theirs, own in self.mapping.items():
-            checks.require(own in KNOWN, f"mapping.{theirs}", nearest(own, KNOWN))
+            turned = theirs in KNOWN and own not in KNOWN
+            message = f"the file's name comes first: write {{{own}: {theirs}}}"
+            message = message if turned else f"there is no {own} here; {nearest(own, KNOWN)}"
+            checks.require(own in KNOWN, f"mapping.{theirs}", message)
         known = set(self.order) <= set(ORDER) and len(set(self.order)) == len(self.order)
         message = f"must be each once of {', '.join(ORDER)}, with view among them"
         checks.require(not self.order or (known and "view" in self.order), "order", message)
@@ -100,6 +103,7 @@ class File:
         velocity = factor * (np.conj(velocity) if self.phase is Phase.exp_minus else velocity)
         group["velocity"] = group["velocity"].copy(data=velocity)
         if "velocity_std" in group:
-            group["velocity_std"] *= self.amplitude.value
+            std = group["velocity_std"]
+            group["velocity_std"] = std.copy(data=self.amplitude.value * std.values)
         said = {name: getattr(self, name).name for name in ("positive", "phase", "amplitude")}
         return group.assign_attrs({f"import_{name}": value for name, value in said.items()})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from omegaconf import MISSING
@@ -23,15 +24,15 @@ class Images:
     Parameters
     ----------
     path : str
-        A run's ``run.nc``, or a netCDF-4 file with the same groups ``image/<view>``: ``velocity``
-        (pixel, frequency) in m/s, ``velocity_std``, ``dac`` and ``flags``.
+        A run's folder or ``run.nc``, or a netCDF-4 file with the same groups ``image/<view>``:
+        ``velocity`` (pixel, frequency) in m/s, ``velocity_std``, ``dac`` and ``flags``.
     """
 
     path: str = MISSING
 
     def inputs(self) -> list[str]:
         """The file."""
-        return [self.path]
+        return [str(PurePath(self.path, "run.nc")) if locate(self.path).is_dir() else self.path]
 
     def images(self, chunks: Mapping[str, int] | None = None) -> dict[str, xr.Dataset]:
         """The groups ``image/<view>``.
@@ -48,4 +49,4 @@ class Images:
         """
         from sldvexp.instrument.image_file import read_images
 
-        return read_images(locate(self.path), chunks)
+        return read_images(locate(*self.inputs()), chunks)

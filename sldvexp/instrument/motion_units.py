@@ -32,6 +32,15 @@ class Motion(NamedTuple):
     rest: str
 
 
+def motion_in_product(text: str) -> Motion | None:
+    """The motion in a cross spectrum's unit, as ``(m/s)*N/Hz``; None unless one factor is one."""
+    bare = re.sub(r"\s*/\s*Hz[\s\])]*$", "", text.strip()).replace("**", "^")
+    factors = [factor.strip(" ()[]") for factor in re.split(r"[*·⋅×]", bare)]
+    found = {motion for factor in factors if (motion := motion_of(factor))}
+    others = [factor for factor in factors if not motion_of(factor)]
+    return found.pop() if len(found) == 1 and "/" not in "".join(others) else None
+
+
 def motion_of(text: str) -> Motion | None:
     """The motion that a unit is one of; None if it is none."""
     found = UNIT.match(text)

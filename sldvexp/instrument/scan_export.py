@@ -23,7 +23,8 @@ class ScanExport(Pointwise):
     """Text tables with a line a point: number, coordinates, velocity, perhaps a status.
 
     Columns are recognised by their units and places, not by their names, which are of any
-    language. What a file does not say, and a setting does not either, is asked for.
+    language. Of several frequencies each has a row, or columns with the frequency above. What a
+    file does not say, and a setting does not either, is asked for.
 
     Parameters
     ----------
@@ -31,7 +32,8 @@ class ScanExport(Pointwise):
         Values of the status column of points that are to be trusted.
     columns : dict of str to int
         Which column, counted from 1, is what, instead of recognising them: index, x, y, z,
-        frequency, status, real, imag, magnitude, phase.
+        frequency, status, real, imag, magnitude, phase. Where frequencies stand above columns,
+        those of values are of one of them, as real and imaginary part of H1 beside H2, or left out.
     """
 
     directions: Directions = Directions.view

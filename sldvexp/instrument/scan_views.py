@@ -11,6 +11,7 @@ from sldvexp.errors import UserError
 from sldvexp.instrument.measured import Array, Conventions, Measured, same_frequencies
 from sldvexp.instrument.motion_units import motion_of
 from sldvexp.instrument.pointwise import PointView, Quantity, Zeros
+from sldvexp.instrument.scan_columns import by_rows
 from sldvexp.instrument.scan_export import ScanExport
 from sldvexp.instrument.scan_table import ANGLES, Table, frequencies_in, read_table
 from sldvexp.paths import locate
@@ -35,8 +36,8 @@ def measured(settings: ScanExport) -> Iterator[Measured]:
 
 
 def _view(settings: ScanExport, name: str, view: PointView) -> Measured:
-    table = read_table(locate(view.path))
-    roles = table.roles(settings.columns)
+    table, columns = by_rows(read_table(locate(view.path)), settings.columns)
+    roles = table.roles(columns)
     for needed in ("x", "y", "z"):
         if needed not in roles:
             raise table.wrong(f"instrument.columns does not name {needed}")
@@ -101,7 +102,9 @@ def _whole(table: Table, column: int) -> NDArray[np.int64]:
     wrong = np.flatnonzero((values != np.round(values)) | (np.abs(values) > 1e15))
     if len(wrong):
         row = int(wrong[0])
-        raise table.wrong(f"column {column + 1} must be an integer, not {values[row]:g}", row)
+        raise table.wrong(
+            f"column {table.place[column]} must be an integer, not {values[row]:g}", row
+        )
     return values.astype(np.int64)
 
 
@@ -167,9 +170,10 @@ def _missing(
     status = _whole(table, roles["status"])
     if not settings.good_status and len(np.unique(status)) > 1:
         seen = ", ".join(map(str, np.unique(status)))
+        column = table.place[roles["status"]]
         raise UserError(
-            f"{table.path}: column {roles['status'] + 1} may be a status with the values {seen}, "
-            "of which nobody says which are good; say it with instrument.good_status, for example "
+            f"{table.path}: column {column} may be a status with the values {seen}, of which "
+            "nobody says which are good; say it with instrument.good_status, for example "
             f"instrument.good_status=[{status[0]}]"
         )
     bad = ~np.isin(status, settings.good_status or status)
@@ -219,7 +223,7 @@ def _conventions(settings: ScanExport, table: Table, roles: dict[str, int]) -> C
         raise _asked(table, "phase", "exp_plus", what)
     told |= {"positive": settings.positive.name, "phase": settings.phase.name}
     told["directions"] = settings.directions.name
-    told["columns"] = ", ".join(f"{role} {i + 1}" for role, i in roles.items())
+    told["columns"] = ", ".join(f"{role} {table.place[i]}" for role, i in roles.items())
     conjugate = settings.phase.value < 0
     return Conventions(quantity, factor * settings.positive.value, conjugate, told)
 

@@ -16,11 +16,43 @@ if TYPE_CHECKING:
 
 
 class Kind(Enum):
-    """Which functions are read; the value is their type in data set 58."""
+    """Which functions are read; the value is their type in data set 58, or the data set."""
 
     frf = 4
     spectrum = 12
     time = 1
+    cross = 3
+    nodal = 55
+
+
+class Estimator(Enum):
+    """How response functions are made of cross spectra.
+
+    Attributes
+    ----------
+    h1
+        ``G_xf / G_ff``, divided by the reference's auto spectrum: right with noise in responses.
+    h2
+        ``G_xx / G_fx``, of the response's auto spectrum: right with noise in the reference.
+    """
+
+    h1 = "h1"
+    h2 = "h2"
+
+
+class NodalAxes(Enum):
+    """What the directions of nodal values are.
+
+    Attributes
+    ----------
+    world
+        Those of the positions.
+    node
+        Those of each node's own coordinate system.
+    """
+
+    world = "world"
+    node = "node"
 
 
 @register("instrument", "uff")
@@ -36,11 +68,17 @@ class Uff(Pointwise):
         File with the nodes; empty for those in each view's own file.
     function : Kind, optional
         Needed if a file has more than one of frequency response functions, spectra, time records.
+        Cross spectra are read if there are no response functions, or as set. Nodal values (data
+        set 55) are read if there are no functions, or as set.
+    estimator : Estimator, optional
+        Of response functions from cross and auto spectra.
+    nodal_axes : NodalAxes, optional
+        Needed of nodal values with directions=dof if nodes have coordinate systems of their own.
     containing : str
         Text that the identifying lines of a function must have, as ``H1``.
     averages : int
         Of spectra behind each response function: with it, standard errors come from the file's
-        coherence functions. 0 if not known.
+        coherence functions, or from cross and both auto spectra. 0 if not known.
     time_reference : str
         Of time records: degree of freedom of the one whose phase is zero, as ``99+Z``, or
         ``trigger`` if all begin at one phase of the excitation.
@@ -48,6 +86,8 @@ class Uff(Pointwise):
 
     geometry: str = ""
     function: Kind | None = None
+    estimator: Estimator | None = None
+    nodal_axes: NodalAxes | None = None
     containing: str = ""
     averages: int = 0
     time_reference: str = ""

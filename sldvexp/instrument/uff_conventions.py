@@ -6,7 +6,7 @@ from typing import Any
 
 from sldvexp.errors import UserError
 from sldvexp.instrument.measured import Conventions
-from sldvexp.instrument.motion_units import motion_of
+from sldvexp.instrument.motion_units import motion_in_product, motion_of
 from sldvexp.instrument.pointwise import Amplitude, Directions, MotionUnit, Phase, Quantity
 from sldvexp.instrument.uff import Kind, Uff
 from sldvexp.universal.function import ACCELERATION, DISPLACEMENT, KINDS, VELOCITY, Function
@@ -47,7 +47,10 @@ def conventions(settings: Uff, file: UniversalFile, functions: list[Function]) -
     scale, said = _scale(settings, file, kind, functions[0])
     phase = Phase.exp_plus if kind is Kind.time else settings.phase
     if phase is None:
-        raise _asked(file, "phase", "exp_plus", "the sign of the phase (exp_plus or exp_minus)")
+        what = "the sign of the phase (exp_plus or exp_minus)"
+        if kind is Kind.cross:
+            what += "; a cross spectrum of the response and the conjugate reference is exp_plus"
+        raise _asked(file, "phase", "exp_plus", what)
     sign = 1
     if settings.directions is not Directions.dof:
         if settings.positive is None:
@@ -59,6 +62,8 @@ def conventions(settings: Uff, file: UniversalFile, functions: list[Function]) -
         "function": KINDS[kind.value],
         "directions": settings.directions.name,
     }
+    if kind is Kind.cross and settings.estimator is not None:
+        told["estimator"] = settings.estimator.name
     return Conventions(quantity, unit * scale * sign, phase is Phase.exp_minus, told)
 
 
@@ -68,8 +73,8 @@ def _scale(
     """What peak amplitudes are made by: the reference, or the scale of spectra."""
     if kind is Kind.time:
         return 1.0, {"amplitude": "peak, of the sines of time records"}
-    if kind is Kind.spectrum:
-        amplitude, by = _amplitude(settings, file)
+    if kind in (Kind.spectrum, Kind.nodal):
+        amplitude, by = _amplitude(settings, file, kind)
         return amplitude.value, {"amplitude": f"{amplitude.name}, {by}"}
     if settings.reference is None:
         what = (
@@ -93,7 +98,8 @@ def length_unit(settings: Uff, file: UniversalFile) -> tuple[float, str]:
 def _meaning(settings: Uff, file: UniversalFile, f: Function) -> tuple[Quantity, float, str]:
     """Quantity and unit of a function's values: by the settings, its own words, data set 164."""
     by_number = BY_NUMBER.get(f.ordinate.kind)
-    motion = motion_of(f.ordinate.unit)
+    cross = f.kind == Kind.cross.value
+    motion = (motion_in_product if cross else motion_of)(f.ordinate.unit)
     quantity = settings.quantity or by_number or (motion.quantity if motion else None)
     if quantity is None:
         what = "whether its values are a displacement, a velocity or an acceleration"
@@ -126,10 +132,12 @@ def _check_agree(file: UniversalFile, f: Function, label: float, stated: float) 
         )
 
 
-def _amplitude(settings: Uff, file: UniversalFile) -> tuple[Amplitude, str]:
-    """Scale of the amplitudes of a spectrum."""
+def _amplitude(settings: Uff, file: UniversalFile, kind: Kind) -> tuple[Amplitude, str]:
+    """Scale of the amplitudes of a spectrum, or of nodal values, of which 1858 says nothing."""
     if settings.amplitude is not None:
         return settings.amplitude, "as set"
+    if kind is Kind.nodal:
+        raise _asked(file, "amplitude", "peak", "whether nodal amplitudes are peak or rms")
     if file.amplitude is not None and file.amplitude[0] == HALF_PEAK:
         entry = file.amplitude[1]
         raise entry.wrong(

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.instrument.measured import Array, Measured, close, same_frequencies
-from sldvexp.instrument.pointwise import PointView, Quantity, Zeros
-from sldvexp.instrument.uff import Kind, Uff
+from sldvexp.instrument.pointwise import Directions, PointView, Quantity, Zeros
+from sldvexp.instrument.uff import Kind, NodalAxes, Uff
 from sldvexp.instrument.uff_conventions import conventions, length_unit
+from sldvexp.instrument.uff_cross import coherence, estimated
 from sldvexp.instrument.uff_time import phasors, reference_of
 from sldvexp.paths import locate
 from sldvexp.universal.function import (
@@ -20,10 +22,13 @@ from sldvexp.universal.function import (
     DIRECTIONS,
     DISPLACEMENT,
     KINDS,
+    NODAL,
     VELOCITY,
     Function,
 )
+from sldvexp.universal.geometry import Geometry
 from sldvexp.universal.reader import UniversalFile, universal_file
+from sldvexp.universal.systems import CARTESIAN, WORLD
 
 COHERENCE = 6
 #: Quantities that are, or may be, a motion; others are of a reference.
@@ -68,13 +73,16 @@ def _view(
     else:
         frequency, lines = _lines(settings, file, functions[0], rules.quantity)
         values = _at_lines(file, functions, frequency, lines)
+        if functions[0].kind == Kind.cross.value:
+            values = estimated(settings, file, functions, values, frequency, lines)
         velocity = rules.velocity(values, frequency)
-        std = _std(settings, view, file, functions, velocity, lines)
+        std = _std(settings, view, file, functions, velocity, frequency, lines)
     missing = np.asarray(~values.any(axis=1))
     _check_zeros(settings, file, functions, missing)
     if settings.zeros is Zeros.measured:
         missing[:] = False
-    geometry = places.geometry
+    axes = {"nodal_axes": settings.nodal_axes.name} if settings.nodal_axes else {}
+    geometry = _turned(settings, file, functions[0], places.geometry)
     length, by = length_unit(settings, places) if geometry is not None else (np.nan, "")
     return Measured(
         name,
@@ -87,7 +95,7 @@ def _view(
         missing,
         geometry,
         length,
-        rules.told | ({"length_unit": f"{length:g} m, {by}"} if by else {}),
+        rules.told | axes | ({"length_unit": f"{length:g} m, {by}"} if by else {}),
     )
 
 
@@ -114,10 +122,12 @@ def _chosen(settings: Uff, view: PointView, file: UniversalFile) -> list[Functio
     kinds = {f.kind for f in wanted}
     if settings.function is not None:
         kinds &= {settings.function.value}
+    if Kind.frf.value in kinds:
+        kinds.discard(Kind.cross.value)  # it was made of these
     known = kinds & {k.value for k in Kind}
     if len(known) != 1:
         has = ", ".join(sorted(KINDS.get(k, f"type {k}") for k in {f.kind for f in file.functions}))
-        fix = "needed are frequency response functions, spectra or time records"
+        fix = "needed are frequency response functions, spectra, cross spectra or time records"
         fix = "choose with instrument.function" if known else fix
         raise UserError(
             f"{file.source.path}: has functions of the type {has or 'none'}"
@@ -131,6 +141,12 @@ def _chosen(settings: Uff, view: PointView, file: UniversalFile) -> list[Functio
         if abs(function.direction) > 3:
             raise file.wrong(function, f"is of a rotation ({function.dof}); leave it out with dof")
         if (other := by_node.setdefault(function.node, function)) is not function:
+            if function.entry is other.entry:
+                raise file.wrong(
+                    function,
+                    f"has values of node {function.node} in several directions ({other.dof}, "
+                    f"{function.dof}); choose one with dof of the view",
+                )
             raise file.wrong(
                 function,
                 f"and data set {other.entry.number} are both of node {function.node} "
@@ -147,9 +163,12 @@ def _chosen(settings: Uff, view: PointView, file: UniversalFile) -> list[Functio
 
 def _of_view(settings: Uff, view: PointView, file: UniversalFile) -> list[Function]:
     """The functions of the view's dof that have the wanted text."""
+    functions = file.functions
+    if settings.function is Kind.nodal or (settings.function is None and not functions):
+        functions = file.nodal_functions(settings.containing)
     return [
         f
-        for f in file.functions
+        for f in functions
         if (not view.dof or DIRECTIONS[f.direction] == view.dof)
         and (settings.containing in " ".join(f.text))
     ]
@@ -209,6 +228,7 @@ def _std(
     file: UniversalFile,
     functions: list[Function],
     velocity: NDArray[np.complex128],
+    frequency: Array,
     lines: NDArray[np.intp],
 ) -> Array | None:
     """Standard errors of real and imaginary part each: as set, or from the coherence g^2.
@@ -219,21 +239,50 @@ def _std(
         return np.full(velocity.shape, settings.std)
     if not settings.averages:
         return None
-    coherence = {
+    has_coherences = any(f.kind == COHERENCE for f in file.functions)
+    if functions[0].kind == Kind.cross.value and not has_coherences:
+        square = coherence(settings, file, functions, frequency, lines)
+        return _part(velocity, square, settings.averages)
+    of_node = {
         f.node: f
         for f in file.functions
         if f.kind == COHERENCE and (not view.dof or DIRECTIONS[f.direction] == view.dof)
     }
     square = np.empty(velocity.shape)
     for i, function in enumerate(functions):
-        if function.node not in coherence:
+        if function.node not in of_node:
             raise UserError(
                 f"{file.source.path}: has no coherence of node {function.node}, from which "
                 "instrument.averages makes standard errors; set instrument.std instead"
             )
-        _, values = file.values(of := coherence[function.node])
+        _, values = file.values(of := of_node[function.node])
         if len(values) <= lines.max() or not ((values > 0) & (values <= 1)).all():
             raise file.wrong(of, "must be a coherence above 0 and up to 1 at every frequency")
         square[i] = np.real(values[lines])
-    part = np.abs(velocity) * np.sqrt((1 - square) / (2 * settings.averages * square))
+    return _part(velocity, square, settings.averages)
+
+
+def _part(velocity: NDArray[np.complex128], square: Array, averages: int) -> Array:
+    part = np.abs(velocity) * np.sqrt((1 - square) / (2 * averages * square))
     return np.maximum(part, np.finfo(float).tiny)  # a coherence of 1 is no error of 0
+
+
+def _turned(
+    settings: Uff, file: UniversalFile, function: Function, geometry: Geometry | None
+) -> Geometry | None:
+    """The geometry with the coordinate systems that the directions of nodal values are of.
+
+    Data set 55 calls them global, but programs also write those of the nodes' own systems.
+    """
+    if function.kind != NODAL or settings.directions is not Directions.dof or geometry is None:
+        return geometry
+    own = any(s.kind != CARTESIAN or not np.allclose(s.axes, np.eye(3)) for s in geometry.system)
+    if own and settings.nodal_axes is None:
+        raise file.wrong(
+            function,
+            "its directions may be those of the world or of the nodes' own coordinate systems; say "
+            "which with instrument.nodal_axes=world or node",
+        )
+    if settings.nodal_axes is NodalAxes.world:
+        return replace(geometry, system=(WORLD,) * len(geometry.system))
+    return geometry

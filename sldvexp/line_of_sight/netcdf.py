@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.line_of_sight.arrays import REQUIRED, from_arrays
-from sldvexp.line_of_sight.layout import ORDER, OWN, Layout
+from sldvexp.line_of_sight.foreign import ordered, renamed
+from sldvexp.line_of_sight.layout import KNOWN, ORDER, OWN, Layout
 from sldvexp.line_of_sight.table import LineOfSight
 from sldvexp.units import VelocityUnit
 
@@ -22,11 +22,14 @@ def read_netcdf(path: Path, unit: VelocityUnit, layout: Layout = OWN) -> LineOfS
     These are at the root or in the layout's group, and may have other names of variables and
     dimensions. The file's own unit of velocity must agree with `unit`.
     """
-    data = _renamed(_group(path, layout), layout, path)
+    data, theirs = renamed(_group(path, layout), layout, path)
     for name in REQUIRED:
         if name not in data:
+            others = [str(n) for n in data.data_vars if n not in KNOWN]
+            there = f"; there are {', '.join(others)}, of which instrument.mapping may call one so"
             raise UserError(
                 f"{path}: the variable {name} is missing; needed are {', '.join(REQUIRED)}"
+                f"{there if others else ''}"
             )
     stated = _unit_name(str(data["velocity"].attrs.get("units", unit.name)))
     if stated != unit.name:
@@ -41,7 +44,7 @@ def read_netcdf(path: Path, unit: VelocityUnit, layout: Layout = OWN) -> LineOfS
         ("velocity_std", "std"),
     ):
         if name in data:
-            values[key] = _ordered(data[name], path)
+            values[key] = ordered(data, name, theirs, path)
     if ("point" in data["velocity"].dims) != ("point" in data["direction_cosines"].dims):
         raise UserError(f"{path}: velocity and direction_cosines must both have a dimension point")
     values |= {d: data[d].values for d in ORDER if d in data.variables}
@@ -61,34 +64,6 @@ def _group(path: Path, layout: Layout) -> xr.Dataset:
         raise UserError(f"{path}: is a damaged netCDF-4 file") from None
 
 
-def _renamed(data: xr.Dataset, layout: Layout, path: Path) -> xr.Dataset:
-    """Variables and dimensions with the program's names, complex velocities of their parts."""
-    if not layout.mapping:
-        return data
-    layout.require([*data.variables, *data.dims], path)
-    dims = {k: v for k, v in layout.mapping.items() if k in data.dims and k not in data.coords}
-    both = {k: v for k, v in layout.mapping.items() if k not in dims}
-    data = data.rename_dims(dims).rename(both)
-    data = data.set_coords([name for name in ORDER if name in data.variables])
-    if "velocity" not in data and "real" in data:
-        data["velocity"] = data["real"].astype(complex)
-        if "imag" in data:
-            data["velocity"] = data["real"] + 1j * data["imag"]
-        data["velocity"].attrs = data["real"].attrs
-    return data
-
-
 def _unit_name(text: str) -> str:
     """``m_per_s`` for ``m/s``, ``m s-1`` and ``m s^-1``."""
     return text.replace(" s-1", "/s").replace(" s^-1", "/s").replace("/", "_per_")
-
-
-def _ordered(array: xr.DataArray, path: Path) -> np.ndarray:
-    """Values with the dimensions in the order (view, point, axis or frequency)."""
-    order = [d for d in ("view", "point", "axis", "frequency") if d in array.dims]
-    if len(order) != array.ndim or "view" not in order:
-        raise UserError(
-            f"{path}: {array.name} has the dimensions {', '.join(map(str, array.dims))}; "
-            "known are view, point, axis, frequency"
-        )
-    return array.transpose(*order).values

@@ -126,7 +126,7 @@ def table(
         If there are more or fewer, or one is no number; it names the line and the column.
     """
     text = source.read(start, entry.end)
-    values = _between_blanks(text)
+    values = between_blanks(text)
     if values is None or len(values) != count:
         values = _in_columns(source, entry, start, text, widths)
     if len(values) != count:
@@ -136,7 +136,7 @@ def table(
     return values
 
 
-def _between_blanks(text: bytes) -> NDArray[np.float64] | None:
+def between_blanks(text: bytes) -> NDArray[np.float64] | None:
     """Numbers between blanks, fast; None if they are not all numbers."""
     if NO_NUMBERS.search(text):
         return None

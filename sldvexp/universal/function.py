@@ -12,7 +12,8 @@ from sldvexp.universal.fixed import columns, integers, number, table
 from sldvexp.universal.index import ASCII_LINES, Entry, shown
 from sldvexp.universal.source import Source
 
-#: Types of functions by their number in the file, as far as they are spoken of.
+#: Types of functions by their number in the file, as far as they are spoken of; and of those that
+#: values at nodes, one data set a frequency, are put together to.
 KINDS = {
     0: "general",
     1: "time response",
@@ -23,6 +24,7 @@ KINDS = {
     6: "coherence",
     9: "power spectral density",
     12: "spectrum",
+    (NODAL := 55): "nodal values (data set 55)",
 }
 #: Types of values: (complex, double).
 TYPES = {2: (False, False), 4: (False, True), 5: (True, False), 6: (True, True)}
@@ -208,7 +210,7 @@ def _binary_values(source: Source, function: Function) -> NDArray[np.float64]:
     y = f"{entry.binary.order}f{8 if function.double else 4}"
     numbers = 1 + function.complex
     x = [] if function.even else [("x", f"{entry.binary.order}f{size - numbers * int(y[-1])}")]
-    raw = source.read(entry.data, entry.data + size * function.size)
+    raw = source.read_binary(entry.data, entry.data + size * function.size)
     records = np.frombuffer(raw, np.dtype([*x, ("y", y, (numbers,))]))
     if function.even:
         return records["y"].astype(np.float64)

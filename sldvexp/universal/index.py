@@ -14,6 +14,9 @@ MARK_LINE = re.compile(rb"    -1[ \t]*(\r\n|\n|\r|\Z)")
 BLANK = re.compile(rb"[\s\0\x1a]*")
 IDENTIFIER = re.compile(rb"[ \t]*(\d{1,6})([ \t]|([bB])(?=[ \t]|\d|$)|$)")
 
+#: Formats of binary numbers by their number in the file.
+IEEE = 2
+OTHER_FORMATS = {1: "VAX floating-point", 3: "IBM floating-point"}
 #: Longest line that is looked at in search of its end; a line of a universal file has 80 columns.
 LONGEST_LINE = 4096
 #: Longest line of -1, with blanks to its end.
@@ -163,9 +166,13 @@ def _binary(source: Source, start: int, rest: bytes, entry: Entry) -> Binary:
     order, form, lines, count = (int(f) for f in fields[:4])
     if order not in (1, 2):
         raise entry.wrong(source, start, f"the byte order must be 1 or 2, not {order}")
-    if form != 2:
+    if form != IEEE:
+        whose = f"{OTHER_FORMATS.get(form, 'unknown')} numbers (format {form})"
         raise entry.wrong(
-            source, start, f"only floating-point format 2 (IEEE) is known, not {form}"
+            source,
+            start,
+            f"its values are {whose}, and only IEEE numbers (format {IEEE}) can be read; write the "
+            "file anew with these, or as text (data set 58 without b)",
         )
     if lines != ASCII_LINES:
         raise entry.wrong(source, start, f"the header must have {ASCII_LINES} lines, not {lines}")

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
 from numpy.typing import NDArray
 
-from sldvexp.universal.function import Function, read_header, read_values
+from sldvexp.universal.function import NODAL, Function, read_header, read_values
 from sldvexp.universal.geometry import Geometry, read_geometry
 from sldvexp.universal.index import Entry, index
+from sldvexp.universal.nodal import Shapes, read_nodal
 from sldvexp.universal.qualifiers import Units, read_amplitude, read_units
 from sldvexp.universal.source import Source, opened
 
@@ -30,11 +31,30 @@ class UniversalFile:
 
     source: Source
     entries: list[Entry]
+    _shapes: Shapes | None = field(default=None, repr=False)
 
     @cached_property
     def functions(self) -> list[Function]:
         """Headers of the data sets 58 and 58b."""
         return [read_header(self.source, e) for e in self.entries if e.kind == 58]
+
+    def nodal_functions(self, containing: str = "") -> list[Function]:
+        """The values of data sets 55 as functions of frequency; these are read as a whole.
+
+        Parameters
+        ----------
+        containing : str
+            Text that the data sets' identifying lines must have.
+
+        Raises
+        ------
+        UserError
+            See `sldvexp.universal.nodal.read_nodal` and `Shapes`.
+        """
+        entries = [e for e in self.entries if e.kind == NODAL]
+        sets = [n for e in entries if (n := read_nodal(self.source, e, containing)) is not None]
+        self._shapes = Shapes(self.source, sets) if sets else None
+        return self._shapes.functions if self._shapes else []
 
     @cached_property
     def geometry(self) -> Geometry | None:
@@ -53,6 +73,8 @@ class UniversalFile:
 
     def values(self, function: Function) -> tuple[NDArray, NDArray]:
         """Abscissa and ordinate of a function; see `sldvexp.universal.function.read_values`."""
+        if function.kind == NODAL and self._shapes is not None:
+            return self._shapes.of(function)
         return read_values(self.source, function)
 
     def wrong(self, function: Function, message: str) -> Exception:

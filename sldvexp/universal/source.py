@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -14,6 +15,8 @@ from sldvexp.files import require_file
 
 #: Bytes that are searched at a time.
 CHUNK = 1 << 20
+#: The beginning of a file whose lines end with CR alone, as on a Mac of old: its first two lines.
+CR_ALONE = re.compile(rb"[^\r\n]*\r(?![\r\n])[^\r\n]*\r(?!\n)")
 #: Bytes that are read at least, for what comes next.
 AHEAD = 1 << 13
 
@@ -27,11 +30,14 @@ class Source:
     path : Path
     file : binary file
     size : int, bytes
+    cr_alone : bool
+        Whether its lines end with CR alone; `read`, `peek` and `find` see LF in their place.
     """
 
     path: Path
     file: BinaryIO
     size: int
+    cr_alone: bool = False
     _start: int = field(default=0, repr=False)
     _window: bytes = field(default=b"", repr=False)
 
@@ -41,6 +47,11 @@ class Source:
         if start >= self._start and stop <= self._start + len(self._window):
             return self._window[start - self._start : stop - self._start]
         return self._at(start, stop - start) if stop > start else b""
+
+    def read_binary(self, start: int, stop: int) -> bytes:
+        """As `read`, but as they stand in the file, whatever its lines end with."""
+        stop = min(stop, self.size)
+        return self._raw(start, stop - start) if stop > start else b""
 
     def peek(self, start: int, count: int) -> bytes:
         """As `read`, for small pieces one after the other."""
@@ -70,6 +81,10 @@ class Source:
         self._start, self._window = start, self._at(start, count)
 
     def _at(self, start: int, count: int) -> bytes:
+        piece = self._raw(start, count)
+        return piece.replace(b"\r", b"\n") if self.cr_alone else piece
+
+    def _raw(self, start: int, count: int) -> bytes:
         try:
             self.file.seek(start)
             return self.file.read(max(count, 0))
@@ -92,4 +107,6 @@ def opened(path: Path) -> Iterator[Source]:
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror or error}") from None
     with file:
-        yield Source(path, file, os.fstat(file.fileno()).st_size)
+        source = Source(path, file, os.fstat(file.fileno()).st_size)
+        source.cr_alone = CR_ALONE.match(source.read(0, AHEAD)) is not None
+        yield source

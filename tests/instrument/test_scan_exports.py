@@ -113,6 +113,112 @@ def test_several_frequencies_in_rows(read):
         read(text + rows(*(c[:1] for c in columns)))
 
 
+F_EACH = 1e-3 * np.arange(1, 13).reshape(4, 3) * (1 + 0.5j)
+RE_IM = np.stack([F_EACH.real, F_EACH.imag], axis=2)
+NAMES = "Nr\tX [m]\tY [m]\tZ [m]"
+EACH = ("100 Hz", "0,2 kHz", "300 Hz")
+POLAR = np.stack([np.abs(F_EACH), np.degrees(np.angle(F_EACH))], axis=2)
+
+#: Heading, columns of values, and the values they stand for.
+WIDE = {
+    "real and imaginary parts side by side": (
+        NAMES + "".join(f"\tRe {f} [m/s]\tIm {f} [m/s]" for f in EACH),
+        RE_IM.reshape(4, 6),
+        F_EACH,
+    ),
+    "all real parts first, frequencies behind the unit": (
+        NAMES + "".join(f"\t{p} [m/s] @ {f}" for p in ("Re", "Im") for f in EACH),
+        RE_IM.transpose(0, 2, 1).reshape(4, 6),
+        F_EACH,
+    ),
+    "joined cells in a line above, magnitude and phase": (
+        "\t\t\t\t100 Hz\t\t200 Hz\t\t300 Hz\n" + NAMES + "\tA [m/s]\tφ [deg]" * 3,
+        POLAR.reshape(4, 6),
+        F_EACH,
+    ),
+    "bare numbers below their unit, between names and units": (
+        "Nr\tX\tY\tZ" + "\tV" * 3 + "\n" + "f [Hz]\t\t\t\t100\t200\t300\n\tm\tm\tm" + "\tm/s" * 3,
+        F_EACH.real,
+        F_EACH.real,
+    ),
+    "two real columns": (
+        NAMES + "\tV(100 Hz) [m/s]\tV(200 Hz) [m/s]",
+        F_EACH.real[:, :2],
+        F_EACH.real[:, :2],
+    ),
+    "band of the analysis above, which is of no column": (
+        "Band\t100 Hz\t300 Hz\n197 Hz\n" + NAMES + "\tRe [m/s]\tIm [m/s]",
+        RE_IM[:, 0],
+        F_EACH[:, :1],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WIDE)
+def test_columns_of_several_frequencies(read, name):
+    heading, columns, expected = WIDE[name]
+    text = heading + "\n" + rows(INDEX, *XYZ, *columns.T)
+    frequency = [100, 200, 300][: expected.shape[1]] if expected.shape[1] > 1 else [197]
+    more = {"frequency": [197.0]} if frequency == [197] else {}
+    right(read(text, **more), expected, frequency=frequency)
+
+
+def test_columns_of_frequencies_without_units(read):
+    text = "n\tx\ty\tz\t100 Hz\t200 Hz\n" + rows(INDEX, *XYZ, *F_EACH.real[:, :2].T)
+    more = {
+        "columns": {"index": 1, "x": 2, "y": 3, "z": 4},
+        "length_unit": pointwise.LengthUnit.m,
+        "quantity": pointwise.Quantity.velocity,
+    }
+    with pytest.raises(UserError, match=r"say it with instrument\.unit"):
+        read(text, **more)
+    group = read(text, **more, unit=pointwise.MotionUnit.m)
+    right(group, F_EACH.real[:, :2], frequency=[100, 200])
+    assert group.attrs["import_columns"].endswith("frequency heading, real 5 6")
+    right(read(text, **more, unit=pointwise.MotionUnit.m, frequency=[200.0]),
+          F_EACH.real[:, 1:2], frequency=[200])  # fmt: skip
+
+
+def test_columns_of_frequencies_that_are_refused(read):
+    numbers = rows(INDEX, *XYZ, *RE_IM.reshape(4, 6).T[:3])
+    heading = "\tRe 100 Hz [m/s]\tIm 100 Hz [m/s]\tRe 200 Hz [m/s]\n"
+    with pytest.raises(UserError, match=r"line 2: has the columns 5 .*, 6 .* but 7 "):
+        read(NAMES + heading + numbers)
+    text = WIDE["two real columns"][0].replace("V(200 Hz) [m", "V(200 Hz) [mm")
+    with pytest.raises(UserError, match=r"need the same columns in the same units"):
+        read(text + "\n" + rows(INDEX, *XYZ, *F_EACH.real[:, :2].T))
+    numbers = rows(INDEX, *XYZ, *RE_IM.reshape(4, 6).T)
+    heading = "\tA 100 Hz [m/s]\tB 100 Hz [m/s]\tC 100 Hz [m/s]" * 2
+    said = r"the columns of 100 Hz are 5 \(A 100 Hz \[m/s\]\), 6 .* say which, of one"
+    with pytest.raises(UserError, match=said):
+        read(NAMES + heading.replace("100", "200").replace("200", "100", 3) + "\n" + numbers)
+
+
+def test_one_of_several_functions_for_each_frequency(read):
+    heading = "".join(
+        f"\tH1 re {f} [m/s]\tH1 im {f} [m/s]\tH2 re {f} [m/s]\tH2 im {f} [m/s]\tCoh {f}"
+        for f in EACH
+    )
+    columns = np.concatenate([RE_IM, 2 * RE_IM, np.full((4, 3, 1), 0.875)], axis=2)
+    text = NAMES + heading + "\n" + rows(INDEX, *XYZ, *columns.reshape(4, 15).T)
+    with pytest.raises(UserError, match=r"the columns of 100 Hz are 5 .* 8 .* say which, of one"):
+        read(text)
+    named = {"index": 1, "x": 2, "y": 3, "z": 4}
+    units = {"length_unit": pointwise.LengthUnit.m}
+    of_h1 = named | {"real": 10, "imag": 11}  # of 200 Hz, which is as good as another
+    right(read(text, columns=of_h1, **units), F_EACH, frequency=[100, 200, 300])
+    of_h2 = named | {"real": 7, "imag": 8}
+    right(read(text, columns=of_h2, **units), 2 * F_EACH, frequency=[100, 200, 300])
+    with pytest.raises(UserError, match=r"names 5 .*, 11 .* of different frequencies"):
+        read(text, columns=named | {"real": 5, "imag": 11}, **units)
+
+
+def test_rows_of_frequencies_are_refused(read):
+    text = "f [Hz]\tP1 [m/s]\tP2 [m/s]\tP3 [m/s]\n" + rows([1, 2], [3, 4], [5, 6], [7, 8])
+    with pytest.raises(UserError, match="line 2: its rows are frequencies and its columns points"):
+        read(text)
+
+
 def test_response_functions_need_the_reference(read):
     text = TABLES["english"].replace("[m/s]", "[m/s/N]")
     with pytest.raises(UserError, match=r"say it with instrument\.reference"):
@@ -204,12 +310,13 @@ def test_settings_that_cannot_be():
             ScanExport(**{"views": view, **wrong})
 
 
+FUZZED = TABLES | {n: f"{h}\n" + rows(INDEX, *XYZ, *c.T) for n, (h, c, _) in WIDE.items()}
 SPICE = ["\t", ";", ",", "\n", "9e99", "-1", "[Hz]", "[m]", "nan", "\0", "²"]
 
 
 @settings(max_examples=150, deadline=None, derandomize=True, database=None)
 @given(
-    st.sampled_from(sorted(TABLES)),
+    st.sampled_from(sorted(FUZZED)),
     st.lists(
         st.tuples(
             st.floats(0, 1),
@@ -220,7 +327,7 @@ SPICE = ["\t", ";", ",", "\n", "9e99", "-1", "[Hz]", "[m]", "nan", "\0", "²"]
     ),
 )
 def test_mutated_tables(tmp_path_factory, name, edits):
-    text = TABLES[name]
+    text = FUZZED[name]
     for place, length, new in edits:
         at = int(place * len(text))
         text = text[:at] + new + text[at + length :]

@@ -84,6 +84,112 @@ def test_netcdf_of_others(truth, tmp_path, form):
     )
 
 
+WHOLE = MAPPING | {"vr": "real", "vi": "imag", "f": "frequency", "heads": "view"}
+CUBE = ("nf", "node", "head")
+EACH = np.ones((FREQUENCIES, POINTS, VIEWS))
+
+#: Changes of the mapping, variables in the file, and what is said of them.
+MISTAKES = {
+    "components not named": (
+        {"xyz": None},
+        {},
+        "D has the dimensions node (5), xyz (3), head (3); direction_cosines is over view, point, "
+        "axis; say instrument.mapping={xyz: axis}",
+    ),
+    "several not named": (
+        {"node": None, "xyz": None},
+        {},
+        "say which is which, as in instrument.mapping={node: point, xyz: axis}",
+    ),
+    "a dimension as a variable": (
+        {"head": "velocity", "heads": None},
+        {},
+        "calls head velocity, but it is a dimension, of length 3; a dimension is one of view, po",
+    ),
+    "a cube as a dimension": (
+        {"vr": "axis"},
+        {},
+        "calls vr axis, but it has the dimensions nf (2), node (5), head (3); axis must be a dime",
+    ),
+    "views and points exchanged": (
+        {"head": "point", "node": "view"},
+        {},
+        "calls heads view but its dimension head point; both must be one, as {heads: view, head: v",
+    ),
+    "two views": ({"node": "view"}, {}, "calls both "),
+    "imaginary part alone": ({"vr": None}, {}, "has imag but not real, which instrument.mapping"),
+    "whole and part": ({"vr": "velocity"}, {}, "has velocity and imag; instrument.mapping must"),
+    "parts over different views": (
+        {},
+        {"vi": (CUBE[:2], EACH[..., 0])},
+        "real has the dimensions frequency (2), point (5), view (3) but imag frequency (2), point",
+    ),
+    "parts in different units": (
+        {},
+        {"vi": (CUBE, EACH, {"units": "mm/s"})},
+        "real is in m s-1 but imag in mm/s",
+    ),
+    "a dimension too many": (
+        {},
+        {v: ((*CUBE, "again"), np.ones((*EACH.shape, 4))) for v in ("vr", "vi")},
+        "has the dimensions nf (2), node (5), head (3), again (4); velocity is over view, point, "
+        "frequency; leave again out of the file",
+    ),
+    "no views": (
+        {},
+        {v: (CUBE[:2], EACH[..., 0]) for v in ("vr", "vi")},
+        "velocity is over view, point, frequency, of which it lacks view",
+    ),
+    "four components": (
+        {},
+        {"D": (("node", "four", "head"), np.ones((POINTS, 4, VIEWS)))},
+        "direction_cosines has 4 components",
+    ),
+    "nothing of directions": (
+        {"D": None},
+        {},
+        "direction_cosines is missing; needed are direction_cosines, velocity; there are D, of",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_mistakes_of_a_mapping(truth, tmp_path, name):
+    changes, variables, said = MISTAKES[name]
+    mapping = {k: v for k, v in (WHOLE | changes).items() if v is not None}
+    if name == "four components":
+        mapping = {"four" if k == "xyz" else k: v for k, v in mapping.items()}
+    path = tmp_path / "other.nc"
+    foreign(truth, **variables).to_netcdf(path, engine="netcdf4")
+    refused(path, said, mapping=mapping)
+
+
+def test_dimensions_are_named_by_their_entries_too(truth, tmp_path):
+    path = tmp_path / "other.nc"
+    foreign(truth).to_netcdf(path, engine="netcdf4")
+    right(path, truth, mapping={k: v for k, v in WHOLE.items() if k not in ("nf", "head")})
+
+
+def test_components_by_their_names(truth, tmp_path):
+    path = tmp_path / "other.nc"
+    turned = truth[0].transpose(1, 2, 0)[:, [2, 0, 1]]
+    data = foreign(truth, D=(("node", "xyz", "head"), turned), xyz=["uz", "ux", "uy"])
+    data.to_netcdf(path, engine="netcdf4")
+    right(path, truth, mapping=WHOLE)
+    parts = {k: (("node", "head"), truth[0][..., i].T) for i, k in enumerate(("dx", "dy", "dz"))}
+    foreign(truth, **parts).drop_vars("D").to_netcdf(path, engine="netcdf4")
+    right(path, truth, mapping={k: v for k, v in WHOLE.items() if k not in ("D", "xyz")})
+
+
+def test_standard_errors_that_stay_the_same_over_dimensions(truth, tmp_path):
+    path = tmp_path / "other.nc"
+    std = np.array([1e-3, 2e-3, 5e-3])
+    foreign(truth, s=("head", std)).to_netcdf(path, engine="netcdf4")
+    group = right(path, truth, mapping=WHOLE | {"s": "std"}, amplitude=pointwise.Amplitude.peak)
+    for i, expected in enumerate(std):
+        np.testing.assert_array_equal(group["velocity_std"][i], np.full((5, 2), expected))
+
+
 def test_group_of_a_netcdf_file(truth, tmp_path):
     path = tmp_path / "other.nc"
     data = foreign(truth, v=(("nf", "node", "head"), truth[1].T))
@@ -167,6 +273,12 @@ def test_conventions_are_applied_and_recorded(tmp_path):
     np.testing.assert_allclose(group["velocity_std"], [2**0.5 * 0.5])
     assert (group.attrs["import_positive"], group.attrs["import_phase"]) == ("away", "exp_minus")
     assert group["velocity"].attrs["units"] == group["velocity_std"].attrs["units"] == "m/s"
+
+
+def test_a_mapping_the_wrong_way_round():
+    with pytest.raises(ConfigError) as error:
+        File(path="x.nc", mapping={"axis": "component"})
+    assert "the file's name comes first: write {component: axis}" in str(error.value)
 
 
 @pytest.mark.parametrize(

@@ -17,9 +17,6 @@ CONF = Path(__file__).parents[2] / "conf"
 FILE = CONF / "matrix" / "instruments.yaml"
 CELLS = {cell.name: cell for cell in read_matrix(FILE)}
 
-#: Instruments that are files of images or functions; their own tests have what goes with them.
-ELSEWHERE = {"images", "scan_export", "uff"}
-
 #: Left to the long tests: what differs from a quick one by its board or its way to samples alone.
 QUICK = {
     "instrument=simulated,pose=bitangent,laser=ometron",
@@ -32,6 +29,9 @@ QUICK = {
     "instrument=visa,pose=digitizer,laser=ometron",
     "instrument=file,pose=registration,laser=ometron",
     "instrument=file,pose=edge,laser=ometron_16bit",
+    "instrument=images,pose=given,laser=ometron",
+    "instrument=uff,pose=registration,laser=ometron",
+    "instrument=scan_export,pose=digitizer,laser=ometron",
 }
 MARKED = [
     pytest.param(name, marks=[pytest.mark.long] * (name not in QUICK), id=name) for name in CELLS
@@ -50,7 +50,7 @@ def test_every_cell_is_in_the_matrix():
 
     axes = yaml.safe_load(FILE.read_text())["axes"]
     assert set(BUILT_IN["pose"]) == set(axes["pose"])
-    assert set(BUILT_IN["instrument"]) - ELSEWHERE == set(axes["instrument"])
+    assert set(BUILT_IN["instrument"]) == set(axes["instrument"])
     assert {p.stem for p in (CONF / "laser").glob("*.yaml")} == set(axes["laser"])
     assert len(CELLS) == len(axes["pose"]) * len(axes["instrument"]) * len(axes["laser"])
     assert set(CELLS) >= QUICK

@@ -170,7 +170,15 @@ BROKEN = {
     ),
     "vax_numbers": (
         lambda m: line(m.raw, 2, b"     1     2", b"     1     1"),
-        "line 2: only floating-point",
+        "data set 1 (58b), line 2: its values are VAX floating-point numbers (format 1), and only",
+    ),
+    "ibm_numbers": (
+        lambda m: m.plate + line(m.raw, 2, b"     1     2", b"     1     3"),
+        "data set 2 (58b), line 13: its values are IBM floating-point numbers (format 3), and only",
+    ),
+    "cr_alone_and_no_number": (
+        lambda m: line(m.text, 14, b"E", b"X").replace(b"\n", b"\r"),
+        "data set 1 (58), line 14",
     ),
     "lines_of_header": (
         lambda m: line(m.raw, 2, b"          11", b"          12"),

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from sldvexp.errors import UserError
 from sldvexp.instrument import pointwise
 from sldvexp.instrument.pointwise import PointView
-from sldvexp.instrument.uff import Uff
+from sldvexp.instrument.uff import Estimator, Uff
+from sldvexp.units import LengthUnit
 from sldvexp.universal.reader import universal_file
 
 #: What the whole process may take, bytes.
@@ -41,6 +42,8 @@ SPICE = [
 def sound(uff):
     """Data sets that mutations start from."""
     systems = {5: (np.eye(3), [0, 0, 0])}
+    shape = ["ODS", "", "", "", "", *map(integers, ((1, 5, 2, 11, 5, 3), (2, 1, 1, 1)))]
+    shape += [f"{10.0:13.5E}", f"{1:10d}", "".join(f"{v:13.5E}" for v in range(6))]
     system_18 = f"{6:10d}{0:10d}{0:10d}{8:10d}{1:10d}"
     return [
         uff.units(),
@@ -56,6 +59,9 @@ def sound(uff):
         uff.function(8, VALUES.real, type_=4),
         uff.binary(7, VALUES),
         uff.binary(8, VALUES.real, type_=4, order=">", abscissa=UNEVEN),
+        uff.function(7, VALUES, kind=3),
+        uff.function(1, VALUES.real, kind=2),
+        uff.data_set(55, *shape),
     ]
 
 
@@ -66,6 +72,10 @@ def changes(draw):
     return place, length, draw(st.sampled_from(SPICE) | st.binary(max_size=12))
 
 
+def integers(numbers):
+    return "".join(f"{n:10d}" for n in numbers)
+
+
 def read_all(path):
     with universal_file(path) as file:
         assert all(e.end <= file.source.size for e in file.entries)
@@ -74,7 +84,12 @@ def read_all(path):
                 getattr(file, what)
             except UserError as error:
                 told(error)
-        for function in file.functions:
+        shapes = []
+        try:
+            shapes = file.nodal_functions()
+        except UserError as error:
+            told(error)
+        for function in file.functions + shapes:
             try:
                 x, y = file.values(function)
             except UserError as error:
@@ -90,6 +105,8 @@ def import_all(path):
     views = {"a": PointView(path=str(path), direction=[0.0, 0.0, 1.0])}
     settings_ = {"directions": pointwise.Directions.view, "positive": pointwise.Positive.towards}
     settings_ |= {"phase": pointwise.Phase.exp_plus, "reference": 1.0, "amplitude": None}
+    settings_ |= {"estimator": Estimator.h1, "unit": pointwise.MotionUnit.m}
+    settings_ |= {"length_unit": LengthUnit.m, "averages": 4}
     Uff(views=views, **settings_).read()
 
 

@@ -117,7 +117,7 @@ def test_headers_that_are_not_ascii(uff, opened):
         np.testing.assert_allclose(file.values(function)[1], REAL, rtol=1e-6)
 
 
-@pytest.mark.parametrize("end", [b"\r\n", b" \n", b"\n\n"])
+@pytest.mark.parametrize("end", [b"\r\n", b" \n", b"\n\n", b"\r"])
 def test_line_ends(uff, opened, end):
     content = uff.units() + uff.nodes(PLATE) + uff.function(7, REAL)
     if end == b"\n\n":
@@ -128,6 +128,18 @@ def test_line_ends(uff, opened, end):
         assert len(file.entries) == 3
         assert file.geometry.position.shape == (4, 3)
         np.testing.assert_allclose(file.values(file.functions[0])[1], REAL, rtol=1e-6)
+
+
+def test_lines_that_end_with_cr_alone_around_binary_values(uff, opened):
+    values = np.frombuffer(b"\r\n\n\r" * 6 + bytes(8), "<f8")
+    content = uff.binary(7, values, type_=4)
+    assert values.tobytes() in content
+    text = content.replace(values.tobytes(), b"*")
+    content = text.replace(b"\n", b"\r").replace(b"*", values.tobytes())
+    with opened(content * 2 + uff.nodes(PLATE).replace(b"\n", b"\r")) as file:
+        for function in file.functions:
+            np.testing.assert_array_equal(file.values(function)[1], values)
+        assert file.geometry.position.shape == (4, 3)
 
 
 def test_marks_of_eighty_columns(uff, read):
