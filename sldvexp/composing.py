@@ -6,6 +6,7 @@ files are composed depends only on what is chosen from groups; values that are s
 
 from __future__ import annotations
 
+import os
 import pickle
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -93,6 +94,7 @@ class RememberingLoader(ConfigLoaderImpl):
         task = [o for o in overrides if not o.is_hydra_override()]
         config.hydra.overrides.task = [o.input_line for o in task]
         config.hydra.overrides.hydra = [o.input_line for o in overrides if o.is_hydra_override()]
+        config.hydra.runtime.cwd = os.getcwd()
         shown = config.hydra.job.config.override_dirname
         config.hydra.job.override_dirname = get_overrides_dirname(
             task, shown.exclude_keys, shown.item_sep, shown.kv_sep

@@ -6,11 +6,15 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 import xarray as xr
+from hydra.core.config_search_path import ConfigSearchPath
 
 from sldvexp import app, commands, dataset
+from sldvexp.composing import RememberingLoader
+from sldvexp.paths import conf_dir
 from sldvexp.report.html.plugin import Html
 
 #: What makes the pages of runs and sweeps.
@@ -39,6 +43,26 @@ def _no_pages() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         for name in PAGES:
             patch.setattr(Html, name, lambda *_: None)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _remembered() -> Iterator[None]:
+    """Hundreds of calls compose the program's own files anew; here they share what they know.
+
+    Calls that add a folder of their own, or a package, share nothing.
+    """
+    shared: dict[str, dict[Any, Any]] = {"files": {}, "composed": {}}
+    begin = RememberingLoader.__init__
+
+    def with_memory(self: RememberingLoader, config_search_path: ConfigSearchPath) -> None:
+        begin(self, config_search_path)
+        folders = [s.path for s in self.repository.get_sources() if s.scheme() == "file"]
+        if folders == [str(conf_dir())]:
+            self.repository._known, self._known = shared["files"], shared["composed"]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(RememberingLoader, "__init__", with_memory)
         yield
 
 
