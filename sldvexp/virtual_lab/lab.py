@@ -106,7 +106,9 @@ class VirtualLab:
         a = self._acquisition = replace(a, amplitude=a.amplitude * self.scene.generator_gain)
         self._frequency = np.array(a.excitation, float) * (1.0 + self.scene.generator_error)
         scene = self.scene
-        self._electronics = Electronics(scene.vibrometer, scene.digitizer, a, self._frequency)
+        self._electronics = Electronics(
+            scene.noisy_vibrometer, scene.noisy_digitizer, a, self._frequency
+        )
 
     def home(self) -> None:
         """Mirrors to step 0 and the generator off."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from sldvexp.errors import Checks
@@ -167,6 +167,8 @@ class Scene(ABC):
     vibrometer : Vibrometer
     digitizer : Digitizer
     operator : Operator
+    noise : float
+        Factor of the vibrometer's noise, with light and without, and of the reference channel's.
     generator_error : float
         By which part the generator's frequencies are too high.
     generator_gain : float
@@ -185,6 +187,7 @@ class Scene(ABC):
     vibrometer: Vibrometer = field(default_factory=Vibrometer)
     digitizer: Digitizer = field(default_factory=Digitizer)
     operator: Operator = field(default_factory=Operator)
+    noise: float = 1.0
     generator_error: float = 0.0
     generator_gain: float = 1.0
     shutter_open: bool = True
@@ -206,10 +209,23 @@ class Scene(ABC):
         slow = math.isfinite(self.generator_error) and self.generator_error > -1
         message = f"must be a finite number above -1, not {self.generator_error}"
         checks.require(slow, "generator_error", message)
+        checks.non_negative("noise", self.noise)
         checks.non_negative("generator_gain", self.generator_gain)
         checks.finite("residual", self.residual)
         self.check(checks)
         checks.done()
+
+    @property
+    def noisy_vibrometer(self) -> Vibrometer:
+        """The vibrometer with the scene's factor of noise."""
+        v = self.vibrometer
+        return replace(v, noise=self.noise * v.noise, burst=self.noise * v.burst)
+
+    @property
+    def noisy_digitizer(self) -> Digitizer:
+        """The converter with the scene's factor of noise."""
+        d = self.digitizer
+        return replace(d, reference_noise=self.noise * d.reference_noise)
 
     def check(self, checks: Checks) -> None:  # noqa: B027 (a scene need not have more to check)
         """Note what is wrong with the fields that a scene adds."""

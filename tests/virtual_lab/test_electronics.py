@@ -39,6 +39,14 @@ def test_noise_level_is_half_a_percent_of_full_scale(quiet):
     assert abs(v[:, 0].mean()) < SIGMA * error_of_mean
 
 
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_scene_has_a_factor_of_all_noise(quiet, factor):
+    settings = (NOISE, "scene.digitizer.reference_noise=0.05")
+    once = resting(quiet("calibration", *settings))
+    more = resting(quiet("calibration", *settings, f"scene.noise={factor}"))
+    np.testing.assert_allclose(more.std(axis=(0, 2)), factor * once.std(axis=(0, 2)), rtol=1e-4)
+
+
 def test_noise_is_normal_white_and_independent(quiet):
     v = resting(quiet("calibration", NOISE, "scene.digitizer.reference_noise=0.05"))
     n = PIXELS * SAMPLES
