@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from sldvexp.image.lines import Reason, ScanLines, is_edge
 
@@ -76,6 +75,8 @@ def candidates(lines: ScanLines, edges_per_line: int, window: int) -> Candidates
     window : int
         Of the median filter along the line, pixels.
     """
+    from scipy.ndimage import median_filter  # slow to import, and figures do without
+
     filtered = median_filter(lines.filled(), size=(1, window), mode="mirror")
     along, even = _evenly(lines.along, filtered)
     gradient = np.gradient(even, axis=1) / lines.pitch[:, None]

@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from sldvexp.image.candidates import Candidates, candidates
 from sldvexp.image.lines import Edges, Reason, ScanLines, is_edge
@@ -113,6 +112,8 @@ def _fit(lines: ScanLines, found: Candidates, good: NDArray[np.intp]) -> Profile
     width = np.maximum(found.width[good], NARROWEST * pitch)
     start = np.stack([found.edge[good], np.log(width), before, after], axis=-1)
     values = lines.filled()
+    from scipy.ndimage import median_filter  # slow to import, and figures do without
+
     smooth = median_filter(values, size=(1, FINE_WINDOW), mode="mirror")
     return fit_profiles(lines.along[place], values[place], smooth[place], weight, start, pitch)
 

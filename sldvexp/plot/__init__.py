@@ -8,7 +8,7 @@ no window. What is missing for a figure is said in one sentence.
 """
 
 from sldvexp.plot.catalogue import FIGURES, figures_of
-from sldvexp.plot.circle_edges import conics, edges
+from sldvexp.plot.circle_edges import conic_residuals, conics, edges
 from sldvexp.plot.field_maps import field
 from sldvexp.plot.image_points import bitangents, pose_residuals, repeatability
 from sldvexp.plot.line_scans import scan_lines
@@ -24,6 +24,7 @@ from sldvexp.plot.volume_views import volume
 __all__ = [
     "FIGURES",
     "bitangents",
+    "conic_residuals",
     "conics",
     "edges",
     "field",

@@ -38,6 +38,7 @@ FIGURES: dict[str, Entry] = {
     "scan_lines": Entry(line_scans.scan_lines, line_scans.missing),
     "edges": Entry(circle_edges.edges, circle_edges.missing),
     "conics": Entry(circle_edges.conics, circle_edges.missing),
+    "conic_residuals": Entry(circle_edges.conic_residuals, circle_edges.missing),
     "bitangents": Entry(image_points.bitangents, image_points.missing),
     "pose_residuals": Entry(image_points.pose_residuals, image_points.missing_residuals),
     "repeatability": Entry(image_points.repeatability, image_points.missing_repeats),

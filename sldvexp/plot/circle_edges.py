@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.plot import style
+from sldvexp.plot import sheet, style
 from sldvexp.plot.needed import require
 from sldvexp.plot.recorded import plugin
 from sldvexp.plot.shown import Shown, Source, one_of, shown
@@ -27,6 +29,9 @@ NO_EDGES = (
 
 #: Views beside each other.
 COLUMNS = 3
+
+#: Degrees around a circle from its number to the next circle's.
+TURN_BESIDE = 450.0
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 181)
 
@@ -62,25 +67,41 @@ def edges(source: Source | Shown, view: str | None = None) -> Figure:
     if view is not None:
         view = one_of(view, views, "edges", "view")
         views = {view: views[view]}
-    columns = min(len(views), COLUMNS)
-    rows = -(-len(views) // columns)
-    made = style.figure(1.0 + 3.6 * columns, 0.9 + 3.4 * rows, "Edge points of the circles")
-    axes = made.subplots(rows, columns, squeeze=False)
+    ratio = ratio_of([group["dac"].values for group in views.values()])
+    made, axes = panels_of_views(len(views), ratio, "Edge points of the circles")
     for axis, (name, group) in zip(axes.ravel(), views.items(), strict=False):
         numbers = np.unique(group["circle"].values)
         for number, look in zip(numbers, style.looks(len(numbers)), strict=True):
             own = group["circle"].values == number
             up_down, left_right = group["dac"].values[own].T
-            look |= {"linestyle": "none", "markersize": 2.5, "fillstyle": "none"}
-            axis.plot(left_right, up_down, label=f"{number}: {own.sum()} edges", **look)
+            look |= {"linestyle": "none", "markersize": 2, "markeredgewidth": 0.5}
+            axis.plot(left_right, up_down, label=str(number), fillstyle="none", **look)
         error = float(np.median(group["dac_std"]))
-        axis.set_title(f"view {name}: standard error {error:.2g} steps (median)")
-        axis.set(xlabel="left-right, DAC steps", ylabel="up-down, DAC steps")
-        axis.set_aspect("equal")
-        axis.legend(loc="best", frameon=True, framealpha=0.9, title="circle")
-    for axis in axes.ravel()[len(views) :]:
-        axis.remove()
+        axis.set_title(f"view {name}: {len(group['circle'])} edges ± {error:.2g} steps (median)")
+        axis.set_aspect("equal", adjustable="datalim")
+    style.outer_labels(axes, len(views), "left-right, DAC steps", "up-down, DAC steps")
+    sheet.legend(made, *axes.ravel()[: len(views)], title="circle", markerscale=2)
     return made
+
+
+def ratio_of(dac: Sequence[Array]) -> float:
+    """How high a typical view's DAC steps, shape (n, 2), are over how wide, within limits."""
+    high, wide = np.array([np.ptp(steps, axis=0) for steps in dac]).T
+    return float(np.clip(np.median(high / np.maximum(wide, 1)), 0.5, 1.2))
+
+
+def panels_of_views(
+    number: int, ratio: float, title: str, **shared: Any
+) -> tuple[Figure, NDArray[Any]]:
+    """A sheet with a panel for each view, and room below for a legend with a title."""
+    columns = min(number, COLUMNS)
+    width = sheet.LEFT + (3.4 if number > 1 else 4.8) * columns
+    below = 1.5 * sheet.LEGEND_BELOW
+    size = (-(-number // columns), columns, width, ratio)
+    made, axes = sheet.sheet(*size, title, sheet.NUMBERS, below, right=0.15, **shared)
+    for axis in axes.ravel()[number:]:
+        axis.remove()
+    return made, axes
 
 
 @style.styled
@@ -126,6 +147,46 @@ def conics(source: Source | Shown, view: str | None = None) -> Figure:
     return made
 
 
+@style.styled
+def conic_residuals(source: Source | Shown) -> Figure:
+    """Distances of all edges from the ellipses through them, a panel for each view (Figure 4.24).
+
+    Beside a circle's number stand its edges in the order of their direction from its centre, from
+    -180 to 180 deg, as `conics` shows them of one view.
+
+    Parameters
+    ----------
+    source : DataTree or others
+        See `sldvexp.plot.shown.shown`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    UserError
+        If the run has no edges.
+    """
+    run = shown(source)
+    require("conic_residuals", missing(run))
+    views = run.below_with("edge", "dac", "circle")
+    shared = {"sharex": True, "sharey": True}
+    title = "Edges around every circle: distances from the ellipse"
+    made, axes = panels_of_views(len(views), 0.62, title, **shared)
+    for axis, name in zip(axes.ravel(), views, strict=False):
+        fits = fitted(run, name)
+        axis.axhline(0.0, color=style.COLOURS[-1], linewidth=0.8)
+        for number, (fit, turn, _, _) in fits.items():
+            _distances(axis, number + turn / TURN_BESIDE, fit, {"capsize": 0, "elinewidth": 0.6})
+        axis.set_xticks(list(fits))
+        square, dof = (sum(getattr(f[0], n) for f in fits.values()) for n in ("chi_square", "dof"))
+        axis.set_title(f"view {name}: χ² {square:.0f} of {dof} degrees of freedom")
+    style.outer_labels(axes, len(views), "circle", "distance, DAC steps")
+    sheet.legend(made, *axes.ravel()[: len(views)])
+    return made
+
+
 def fitted(run: Shown, view: str) -> dict[int, tuple[ConicFit, Array, Array, Array]]:
     """Of each circle its fit, the edges' turn around it, the edges and the curve, DAC steps."""
     from sldvexp.geometry.conic import boundary
@@ -146,6 +207,7 @@ def fitted(run: Shown, view: str) -> dict[int, tuple[ConicFit, Array, Array, Arr
     return found
 
 
+@functools.lru_cache(maxsize=1)
 def _laser(run: Shown) -> Any:
     """The run's laser; None if it does not tell."""
     known = '"laser"' in str(run.attributes.get("plugins", "")) and "config" in run.attributes
@@ -164,20 +226,23 @@ def _ellipse(axes: Axes, points: Array, curve: Array, fit: ConicFit) -> None:
     axes.legend(loc="center")
 
 
-def _residuals(axes: Axes, turn: Array, fit: ConicFit) -> None:
-    axes.axhline(0.0, color=style.COLOURS[-1], linewidth=0.8)
+def _distances(axes: Axes, place: Array, fit: ConicFit, look: dict[str, Any]) -> None:
+    """Distances of edges from their ellipse, with their standard errors."""
+    own_look: dict[str, Any] = {
+        "color": style.COLOURS[0],
+        "ecolor": style.COLOURS[-1],
+        "markersize": 3,
+    }
     for used, marker, name in ((True, "o", "edge"), (False, "x", "outlier")):
         own = fit.used == used
         if own.any():
-            axes.errorbar(
-                turn[own],
-                fit.residual[own],
-                fit.residual_std[own],
-                fmt=marker,
-                color=style.COLOURS[0],
-                ecolor=style.COLOURS[-1],
-                markersize=3,
-                label=name,
-            )
+            values = place[own], fit.residual[own], fit.residual_std[own]
+            label = f"{name} ± standard error"
+            axes.errorbar(*values, fmt=marker, label=label, **(own_look | look))
+
+
+def _residuals(axes: Axes, turn: Array, fit: ConicFit) -> None:
+    axes.axhline(0.0, color=style.COLOURS[-1], linewidth=0.8)
+    _distances(axes, turn, fit, {})
     axes.set_title(f"χ² {fit.chi_square:.0f} of {fit.dof} degrees of freedom")
     axes.set(xlabel="direction from the centre, deg", xticks=[-180, -90, 0, 90, 180])

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from sldvexp.plot import style
-from sldvexp.plot.circle_edges import COLUMNS, fitted
+from sldvexp.plot import sheet, style
+from sldvexp.plot.circle_edges import COLUMNS, fitted, panels_of_views, ratio_of
 from sldvexp.plot.needed import require
 from sldvexp.plot.shown import Shown, Source, one_of, shown
 
@@ -54,14 +54,14 @@ def missing_repeats(run: Shown) -> str:
 
 @style.styled
 def bitangents(source: Source | Shown, view: str | None = None) -> Figure:
-    """Bitangent points, their tangents and the ellipses that they touch, as the beam sees them.
+    """Bitangent points, their tangents and the ellipses that they touch, a panel for each view.
 
     Parameters
     ----------
     source : DataTree or others
         See `sldvexp.plot.shown.shown`.
     view : str, optional
-        Without it the first.
+        Only this one.
 
     Returns
     -------
@@ -74,11 +74,22 @@ def bitangents(source: Source | Shown, view: str | None = None) -> Figure:
     """
     run = shown(source)
     require("bitangents", missing(run))
-    views = run.groups["registration"]["view"].values.astype(str)
-    view = one_of(view, views, "bitangents", "view")
+    group = run.groups["registration"]
+    views = [str(v) for v in group["view"].values]
+    if view is not None:
+        views = [one_of(view, views, "bitangents", "view")]
+    ratio = ratio_of([group["dac"].sel(view=name).values for name in views])
+    made, axes = panels_of_views(len(views), ratio, "Bitangent points of the circles")
+    for axis, name in zip(axes.ravel(), views, strict=False):
+        _touching(axis, run, name)
+    style.outer_labels(axes, len(views), "left-right, DAC steps", "up-down, DAC steps")
+    sheet.legend(made, axes[0, 0])
+    return made
+
+
+def _touching(axes: Axes, run: Shown, view: str) -> None:
+    """The ellipses of one view, and the tangents from point to point."""
     points = run.groups["registration"].sel(view=view)
-    made = style.figure(7.2, 6.4, f"Bitangent points of view {view}")
-    axes = made.subplots()
     if f"edge/{view}" in run.groups:
         for _, _, _, curve in fitted(run, view).values():
             axes.plot(curve[:, 1], curve[:, 0], color=style.COLOURS[1], label="ellipse")
@@ -88,11 +99,9 @@ def bitangents(source: Source | Shown, view: str | None = None) -> Figure:
             axes.plot(ends[:, 1], ends[:, 0], "--", color=style.COLOURS[-1], label="bitangent")
     axes.plot(dac[:, 1], dac[:, 0], "o", color=style.COLOURS[3], label="bitangent point")
     _number(axes, dac, points["point"].values)
-    axes.set(xlabel="left-right, DAC steps", ylabel="up-down, DAC steps")
-    axes.set_aspect("equal")
+    axes.set_title(f"view {view}")
     axes.margins(0.12)
-    style.legend_below(made, axes)
-    return made
+    axes.set_aspect("equal", adjustable="datalim")
 
 
 def _number(axes: Axes, dac: np.ndarray, numbers: np.ndarray) -> None:

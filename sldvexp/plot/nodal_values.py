@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
-from sldvexp.plot import style
+from sldvexp.plot import sheet, style
 from sldvexp.plot.layer import AXES, Layer, layer_of, missing_field
 from sldvexp.plot.needed import require
 from sldvexp.plot.shown import Shown, Source, shown
@@ -70,15 +70,19 @@ def nodal(
             f"plot: nodal: there is no component {component}, only {', '.join(layer.components)}"
         )
     title = style.joined(f"Nodal velocities {layer.where}", layer.frequency, layer.bound_name)
-    made = style.figure(11.0, 0.9 + 2.3 * len(components), title)
-    axes = made.subplots(len(components), 2, squeeze=False, sharex=True)
+    room: dict[str, Any] = {
+        "beside": sheet.LEFT,
+        "below": sheet.LEGEND_BELOW if layer.truth else 0.0,
+    }
+    size = (len(components), 2, 11.0, 0.4)
+    made, axes = sheet.sheet(*size, title, **room, right=0.15, sharex=True)
     for row, one in zip(axes, components, strict=True):
         for axis, (part, take) in zip(row, PARTS.items(), strict=True):
             _values(axis, layer, own, place, one, part, take)
     for axis in axes[-1]:
         axis.set_xlabel(label)
     if layer.truth:
-        style.legend_below(made, axes[0, 0], axes[-1, 0])
+        sheet.legend(made, axes[0, 0], axes[-1, 0])
     return made
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from sldvexp.plot import style
+from sldvexp.plot import sheet, style
 from sldvexp.plot.layer import AXES
 from sldvexp.plot.shown import Shown, at_frequency
 
@@ -89,12 +89,9 @@ def points_surface(run: Shown, frequency: float | None, component: str | None) -
     place = 1e3 * (position + DRAWN_SHARE * diagonal / (size or 1.0) * np.nan_to_num(now))
     factor, unit = style.prefixed(now[:, index], "m/s")
     title = style.joined(f"Velocity of {len(place)} points", hertz, moment)
-    made = style.figure(8.0, 5.8, title)
-    axes: Any = made.add_subplot(projection="3d")
+    made, axes, scale = sheet.scene(title)
     dots = _draw(axes, 1e3 * position, place, triangles, lines, factor * now[:, index])
-    label = f"velocity along {known[index]}, {unit}"
-    scale: Any = made.colorbar(dots, ax=axes, label=label, shrink=0.6, pad=0.08)
-    scale.outline.set_linewidth(0.5)
+    scale(dots, f"velocity along {known[index]}, {unit}")
     return made
 
 

@@ -17,15 +17,20 @@ def settings(run: Shown, figure: str) -> dict[str, Any]:
     UserError
         If there is none, or it refers to something else: a run's file has values only.
     """
-    import yaml
-
     if "config" not in run.attributes:
         raise UserError(f"plot: {figure}: needs the run's configuration; give an opened run.nc")
     text = str(run.attributes["config"])
     if "${" in text:
         raise UserError(f"plot: {figure}: the run's configuration refers to something; it must not")
-    found: dict[str, Any] = yaml.safe_load(text)
+    found: dict[str, Any] = as_read(text)
     return found
+
+
+def as_read(text: str) -> Any:
+    """What a text in YAML says; no object of a class is made, and libyaml reads if it is there."""
+    import yaml
+
+    return yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
 
 
 def plugin(run: Shown, group: str, figure: str) -> Any:

@@ -44,6 +44,11 @@ def _points(run: Shown) -> dict[str, xr.Dataset]:
     return own | {k: g for k, g in others.items() if "node" not in g.dims}
 
 
+def _name(one: xr.Dataset, number: int) -> str:
+    """A point by its own name if it has one, else by its number."""
+    return f"point {one['point'].item() if 'point' in one.coords else number}"
+
+
 @style.styled
 def point(source: Source | Shown, number: int = 0) -> Figure:
     """Velocity of a point with its bounds, by component and method, or over many frequencies.
@@ -72,7 +77,7 @@ def point(source: Source | Shown, number: int = 0) -> Figure:
         count = next(iter(found.values())).sizes["point"]
         one_of(str(number), map(str, range(count)), "point", "point")
         found = {k: g.isel(point=number) for k, g in found.items()}
-        title = f"Velocity of point {number}"
+        title = f"Velocity of {_name(next(iter(found.values())), number)}"
     first = next(iter(found.values()))
     if first.sizes.get("frequency", 1) >= MANY:
         return _spectrum(first, title)

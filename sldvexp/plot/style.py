@@ -37,6 +37,7 @@ SETTINGS: Any = {
     "font.size": 9.0,
     "axes.titlesize": 9.0,
     "axes.labelsize": 9.0,
+    "axes.titley": 1.0,  # nothing above the axes has to be made room for, which takes long
     "axes.grid": True,
     "axes.axisbelow": True,
     "axes.spines.top": False,
@@ -182,19 +183,19 @@ def whole_numbers() -> Any:
 
 
 def legend_below(made: Any, *axes: Any, title: str = "", columns: int = 9, **look: Any) -> None:
-    """The legend of some panels below all of them, in which every name stands once."""
+    """The legend of some panels below all of them, in which every name stands once.
+
+    What has error bars or is a bar was measured, and stands before what it is compared with.
+    """
+    from matplotlib.container import Container
+
     once: dict[str, Any] = {}
     for one in axes:
         handles, labels = one.get_legend_handles_labels()
         once |= dict(zip(labels, handles, strict=True))
-    made.legend(
-        once.values(),
-        once.keys(),
-        loc="outside lower center",
-        ncols=min(len(once), columns),
-        title=title or None,
-        **look,
-    )
+    once = dict(sorted(once.items(), key=lambda named: not isinstance(named[1], Container)))
+    look = {"loc": "outside lower center", "ncols": min(len(once), columns)} | look
+    made.legend(once.values(), once.keys(), title=title or None, **look)
 
 
 def outer_labels(axes: NDArray[Any], used: int, x: str, y: str) -> None:

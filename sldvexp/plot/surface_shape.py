@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
-from sldvexp.plot import style
+from sldvexp.plot import sheet, style
 from sldvexp.plot.layer import AXES, fields, layer_of
 from sldvexp.plot.needed import require
 from sldvexp.plot.points_shape import NO_SHAPE, missing_points, points_surface
@@ -76,12 +76,8 @@ def surface(
     moment, values = at_largest(velocity)
     factor, unit = style.prefixed(values, "m/s")
     mesh, fine = layer.mesh(), np.isfinite(values)
-    made = style.figure(
-        8.0,
-        5.8,
-        style.joined(f"Velocity along {component} {layer.where}", layer.frequency, moment),
-    )
-    axes: Any = made.add_subplot(projection="3d")
+    title = style.joined(f"Velocity along {component} {layer.where}", layer.frequency, moment)
+    made, axes, scale = sheet.scene(title)
     limit = float(np.nanmax(np.abs(factor * values))) or 1.0
     mapped = axes.plot_trisurf(
         mesh.x,
@@ -99,9 +95,10 @@ def surface(
     first, second = (AXES[i] for i in layer.plane)
     axes.set(xlabel=f"{first}, mm", ylabel=f"{second}, mm", zlabel=f"velocity, {unit}")
     wide, deep = np.ptp(mesh.x), np.ptp(mesh.y)
-    axes.set_box_aspect((wide, deep, 0.5 * max(wide, deep)), zoom=0.85)
-    scale: Any = made.colorbar(mapped, ax=axes, label=unit, shrink=0.6, pad=0.08)
-    scale.outline.set_linewidth(0.5)
+    axes.set_box_aspect((wide, deep, 0.5 * max(wide, deep)), zoom=1.0)
+    bottom, top = axes.get_zlim()
+    axes.set_zlim(min(bottom, 0.0), max(top, 0.0))  # where nothing moves is in the picture
+    scale(mapped, unit)
     return made
 
 

@@ -125,7 +125,7 @@ def _panels(table: xr.Dataset, quantity: str, keys: list[str]) -> list[Panel]:
     if others:
         result = (result**2).mean(others) ** 0.5
         error, over = None, f"r.m.s. over {' and '.join(map(str, others))}"
-    label = f"{quantity}, {unit}"
+    label = quantity if unit == "1" else f"{quantity}, {unit}"
     if first is None:
         return [Panel("", label, factor * result, None if error is None else factor * error)]
     panels = []
@@ -157,6 +157,8 @@ def _curves(axes: Any, panel: Panel, keys: list[str], missed: xr.DataArray) -> N
         ringed = missed.isel(where).values & np.isfinite(own)
         if ringed.any():
             axes.plot((place + shift)[ringed], own[ringed], label=MISSED, **RING)
+    if ticks.dtype.kind in "iu" and len(ticks) > 1:
+        axes.xaxis.set_major_locator(style.whole_numbers())
     if not numbers:
         axes.set_xticks(place, [str(t) for t in ticks])
         axes.margins(x=0.15)

@@ -24,6 +24,9 @@ NO_IMAGE = (
 )
 NO_RAW = "the run's images have no uncorrected phasors (variable uncorrected)"
 
+#: Standard deviations that a velocity must have for its phase to say anything.
+CERTAIN = 3.0
+
 #: What is drawn of an image, column by column.
 PARTS = ("real part", "imaginary part", "magnitude", "phase")
 
@@ -42,7 +45,10 @@ def missing_raw(run: Shown) -> str:
 def images(
     source: Source | Shown, view: str | None = None, frequency: float | None = None
 ) -> Figure:
-    """Complex velocity of the pixels, a row for each view; flagged pixels are hatched.
+    """Complex velocity of the pixels, a row for each view.
+
+    Flagged pixels are hatched, and phases where the velocity is less than `CERTAIN` of its standard
+    deviations.
 
     Parameters
     ----------
@@ -115,8 +121,10 @@ def _rows(groups: dict[str, xr.Dataset], velocities: dict[str, Complex], title: 
     """A row of four maps for each image, with a common scale for each column."""
     dac = next(iter(groups.values()))["dac"].values
     tall = np.clip(np.ptp(dac[:, 0]) / max(np.ptp(dac[:, 1]), 1), 0.4, 1.6)
-    if any(not _good(group).all() for group in groups.values()):
-        title += " (×: flagged pixel)"
+    told = ["×: flagged pixel"] * any(not _good(group).all() for group in groups.values())
+    if all("velocity_std" in group for group in groups.values()):
+        told.append(f"phase hatched: below {CERTAIN:g} standard deviations")
+    title = f"{title} ({'; '.join(told)})" if told else title
     shared: dict[str, Any] = {"sharex": "row", "sharey": "row"}
     size = (len(groups), len(PARTS), 12.0, 0.8 * tall)
     made, axes = sheet.sheet(*size, title, below=sheet.SCALE_BELOW, **shared)
@@ -124,7 +132,7 @@ def _rows(groups: dict[str, xr.Dataset], velocities: dict[str, Complex], title: 
     factor, unit = style.prefixed(largest, "m/s")
     for column, part in zip(axes.T, PARTS, strict=True):
         for axis, (name, group) in zip(column, groups.items(), strict=True):
-            mapped = _part(axis, group, factor * velocities[name], part, factor * largest or 1.0)
+            mapped = _part(axis, group, velocities[name], part, factor, factor * largest or 1.0)
             axis.set_title(f"{name}: {part}")
             axis.xaxis.set_major_locator(style.ticks(4))
             axis.yaxis.set_major_locator(style.ticks(4))
@@ -145,35 +153,50 @@ def _good(group: xr.Dataset) -> NDArray[np.bool_]:
     return group["flags"].values == 0
 
 
-def _part(axes: Axes, group: xr.Dataset, velocity: Complex, part: str, limit: float) -> Any:
-    """One map of an image."""
+def _part(
+    axes: Axes, group: xr.Dataset, velocity: Complex, part: str, factor: float, limit: float
+) -> Any:
+    """One map of an image, in the unit that the factor makes."""
     style.hatched(axes)
     take: dict[str, Any] = {"real part": np.real, "imaginary part": np.imag, "magnitude": np.abs}
-    values = take.get(part, np.angle)(velocity)
+    values = take.get(part, np.angle)(factor * velocity)
+    good = _good(group)
+    if part == "phase" and "velocity_std" in group:
+        good = good & (np.abs(velocity) > CERTAIN * group["velocity_std"].values)
     low, high, colours = {
         "magnitude": (0.0, limit, style.SIZE_MAP),
         "phase": (-np.pi, np.pi, style.PHASE_MAP),
     }.get(part, (-limit, limit, style.SIGN_MAP))
     up_down, left_right = group["dac"].values[~_good(group)].T
     axes.plot(left_right, up_down, "x", color=style.COLOURS[3], markersize=3, label="flagged")
-    return _pixels(axes, group, values, {"vmin": low, "vmax": high, "cmap": colours})
+    return _pixels(axes, group, values, good, {"vmin": low, "vmax": high, "cmap": colours})
 
 
-def _pixels(axes: Axes, group: xr.Dataset, values: NDArray, look: dict[str, Any]) -> Any:
-    """Pixels as quadrilaterals around their DAC steps, or as dots if they are on no grid."""
+def _even(steps: NDArray) -> bool:
+    """Whether DAC steps are those of an even grid, but for their rounding, along every row."""
+    even = np.linspace(steps[0, 0], steps[0, -1], steps.shape[1])
+    return bool((np.abs(steps - even) <= 1.0).all())
+
+
+def _ends(steps: NDArray) -> tuple[float, float]:
+    """Where the first pixel of a line begins and the last one ends."""
+    half = 0.5 * (steps[-1] - steps[0]) / (len(steps) - 1)
+    return steps[0] - half, steps[-1] + half
+
+
+def _pixels(
+    axes: Axes, group: xr.Dataset, values: NDArray, good: NDArray[np.bool_], look: dict[str, Any]
+) -> Any:
+    """Good pixels as quadrilaterals around their DAC steps, or as dots if they are on no grid."""
     up_down, left_right = group["dac"].values.T
-    good = _good(group)
     shape = tuple(int(n) for n in np.atleast_1d(group.attrs.get("shape", ())))
     if len(shape) == 2 and shape[0] * shape[1] == len(values) and min(shape) > 1:
-        grid = np.where(good, values, np.nan).reshape(shape)
-        return axes.pcolormesh(
-            left_right.reshape(shape),
-            up_down.reshape(shape),
-            np.ma.masked_invalid(grid),
-            shading="nearest",
-            rasterized=True,
-            **look,
-        )
+        grid = np.ma.masked_invalid(np.where(good, values, np.nan).reshape(shape))
+        across, up = left_right.reshape(shape), up_down.reshape(shape)
+        if _even(across) and _even(up.T):
+            extent = *_ends(across[0]), *_ends(up[:, 0])
+            return axes.imshow(grid, extent=extent, aspect="auto", **sheet.AS_IT_IS, **look)
+        return axes.pcolormesh(across, up, grid, shading="nearest", rasterized=True, **look)
     axes.margins(0.05)
     axes.patch.set(hatch=None, facecolor="#eeeeee")
     return axes.scatter(

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from sldvexp.plot import style
+from sldvexp.plot import sheet, style
 from sldvexp.plot.needed import require
 from sldvexp.plot.shown import Shown, Source, shown
 
@@ -25,6 +25,9 @@ NO_VOLUME = (
 
 #: Length of the drawn axis of an instrument, as a fraction of its distance from the volume.
 AXIS_LENGTH = 0.25
+
+#: Inches of the figure across, and of the scene in it.
+WIDTH, SCENE = 11.5, 4.6
 
 #: Panels of views beside each other.
 COLUMNS = 3
@@ -60,13 +63,19 @@ def volume(source: Source | Shown) -> Figure:
     names = [str(v) for v in pose["view"].values]
     columns = min(len(names), COLUMNS)
     rows = -(-len(names) // columns)
-    made = style.figure(11.5, max(5.2, 0.6 + 2.6 * rows), _title(group))
     middle, rim = _surface(group), outline(group)
-    halves: Any = made.subfigures(1, 2, width_ratios=[1.0, 1.35])
-    left, right = halves
-    scene: Any = left.add_subplot(projection="3d")
+    room: dict[str, Any] = {
+        "beside": sheet.NUMBERS,
+        "below": sheet.LEGEND_BELOW,
+        "before": SCENE,
+        "right": 0.15,
+    }
+    ratio = 0.95 if rows > 1 else min(2.6 / (WIDTH - SCENE) * columns, 1.6)
+    made, axes = sheet.sheet(rows, columns, WIDTH, ratio, _title(group), **room)
+    share, low, high = SCENE / WIDTH, sheet.BOTTOM + sheet.LEGEND_BELOW, made.get_figheight()
+    box = (0.0, low / high, share, 1.0 - (low + 0.5 * sheet.TOP) / high)
+    scene: Any = made.add_axes(box, projection="3d")
     _scene(scene, run, names)
-    axes = right.subplots(rows, columns, squeeze=False)
     for axis, name in zip(axes.ravel(), names, strict=False):
         up_down, left_right = np.degrees(seen(pose.sel(view=name), group["position"].values)).T
         if run.has(f"image/{name}", "angle"):
@@ -83,7 +92,9 @@ def volume(source: Source | Shown) -> Figure:
     for axis in axes.ravel()[len(names) :]:
         axis.remove()
     style.outer_labels(axes, len(names), "left-right, deg", "up-down, deg")
-    style.legend_below(right, axes[0, 0], markerscale=5)
+    style.legend_below(
+        made, axes[0, 0], markerscale=5, loc="lower center", bbox_to_anchor=(0.5 + 0.5 * share, 0.0)
+    )
     return made
 
 
@@ -96,7 +107,7 @@ def _surface(group: xr.Dataset) -> NDArray[np.intp]:
 
 def _title(group: xr.Dataset) -> str:
     depth = 1000 * group["depth"].values if "depth" in group else np.zeros(1)
-    layers = f"{len(depth)} layers from {depth.min():g} to {depth.max():g} mm"
+    layers = f"{len(depth)} layers from {depth.min():g} to {depth.max():g} mm".replace("-", "−")
     return f"Volume of {group.sizes['node']} nodes, {group.sizes['element']} prisms, {layers}"
 
 
@@ -135,7 +146,7 @@ def _scene(axes: Axes3D, run: Shown, names: list[str]) -> None:
         axis.set_label_text(f"{name}, m")
     # the height of most worlds is y; looked at from beside the instruments
     axes.view_init(elev=20, azim=-60, vertical_axis="y")
-    style.legend_below(axes.figure, axes, columns=2)
+    style.legend_below(axes.figure, axes, columns=2, loc="lower left")
 
 
 def _apart(edges: Array) -> Array:

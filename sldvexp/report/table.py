@@ -18,8 +18,8 @@ from sldvexp.report.image_text import image_text
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.pose_methods import pose_methods
 
-#: Rows shown of a long group; the dataset has all of them.
-MOST_ROWS = 12
+#: Velocities shown on the terminal of those of many points and frequencies; the file has all.
+MOST_VELOCITIES = 4
 NARROWEST = 132
 
 
@@ -57,8 +57,10 @@ def closing_table(tree: Mapping[str, xr.Dataset], files: Sequence[Path]) -> None
         console.print(str(file), soft_wrap=True, highlight=False)
 
 
-def estimates(tree: Mapping[str, xr.Dataset]) -> Iterator[tuple[str, str, str, str]]:
-    """Rows of all groups that hold estimates."""
+def estimates(
+    tree: Mapping[str, xr.Dataset], most: int = MOST_VELOCITIES
+) -> Iterator[tuple[str, str, str, str]]:
+    """Rows of all groups that hold estimates, at most so many velocities of each."""
     for name, group in tree.items():
         if name == "pose":
             shared = list(json.loads(group.attrs.get("shared", "{}")))
@@ -70,7 +72,7 @@ def estimates(tree: Mapping[str, xr.Dataset]) -> Iterator[tuple[str, str, str, s
                 one = group.isel(view=0).sel(adjusted=shared)
                 yield from _pose_rows("all views", one[["intrinsic", "intrinsic_confidence"]])
         elif name.split("/")[0] in ("point", "compare") and "element" not in group.coords:
-            yield from _point_rows(name, group)
+            yield from _point_rows(name, group, most)
 
 
 def _pose_rows(view: str, pose: xr.Dataset) -> Iterator[tuple[str, str, str, str]]:
@@ -98,7 +100,7 @@ def _unit(intrinsic: str) -> str:
     return {"mirror": "m", "zero": "rad"}.get(str(intrinsic).partition("_")[0], "")
 
 
-def _point_rows(name: str, point: xr.Dataset) -> Iterator[tuple[str, str, str, str]]:
+def _point_rows(name: str, point: xr.Dataset, most: int) -> Iterator[tuple[str, str, str, str]]:
     """Velocity components of the first points and frequencies, and what stands behind them."""
     cases = [d for d in ("point", "frequency") if d in point["velocity"].dims]
     stacked = (
@@ -107,7 +109,7 @@ def _point_rows(name: str, point: xr.Dataset) -> Iterator[tuple[str, str, str, s
     bounds = (
         point["confidence"].stack(case=cases) if cases else point["confidence"].expand_dims("case")
     )
-    shown = min(stacked.sizes["case"], max(1, MOST_ROWS // 3))
+    shown = min(stacked.sizes["case"], most)
     for i in range(shown):
         value, bound = stacked.isel(case=i), bounds.isel(case=i)
         labels = [
@@ -123,7 +125,7 @@ def _point_rows(name: str, point: xr.Dataset) -> Iterator[tuple[str, str, str, s
             yield f"{label}: V_{component}", text, "m/s", _merit(point, at)
     if stacked.sizes["case"] > shown:
         rest = stacked.sizes["case"] - shown
-        yield f"{name}: {rest} more", "in the dataset", "", ""
+        yield f"{name}: {rest} more", f"in run.nc, group {name}", "", ""
 
 
 def _merit(point: xr.Dataset, at: Mapping[str, Any]) -> str:

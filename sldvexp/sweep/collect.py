@@ -16,6 +16,7 @@ from sldvexp.runner import RUN_FILE
 from sldvexp.sweep import record
 from sldvexp.sweep.headlines import headlines
 from sldvexp.sweep.plan import labels
+from sldvexp.sweep.ranking import FOLDER
 
 #: Dimension of runs that do not fill a table of keys.
 RUN = "run"
@@ -43,7 +44,8 @@ def collect(
     -------
     xarray.Dataset
         Dimensions are the keys, then those of each result. ``state`` and ``reason`` say for every
-        cell why it is empty, if it is; results of missing cells are NaN.
+        cell why it is empty, if it is; results of missing cells are NaN. The coordinate ``folder``
+        says where each run lies.
     """
     records = [_record(folder) for folder in folders]
     results = {
@@ -59,7 +61,8 @@ def collect(
         "seconds": xr.DataArray([r.seconds for r in records], dims=RUN, attrs={"units": "s"}),
     }
     columns = {k: labels([c[j] for c in cells]) for j, k in enumerate(keys)}
-    return _by_keys(xr.Dataset(stacked), columns)
+    whole = xr.Dataset(stacked, {FOLDER: (RUN, [str(folder) for folder in folders])})
+    return _by_keys(whole, columns)
 
 
 def _record(folder: Path) -> record.Record:
@@ -110,5 +113,6 @@ def _by_keys(table: xr.Dataset, columns: Mapping[str, list[Any]]) -> xr.Dataset:
     empty = {"state": str(record.State.waiting), "reason": "not among the runs"}
     for name, value in empty.items():
         unstacked[name] = unstacked[name].fillna(value)
+    unstacked = unstacked.assign_coords({FOLDER: unstacked[FOLDER].fillna("")})
     dims = [*columns, *(d for d in map(str, unstacked.dims) if d not in columns)]
     return unstacked.transpose(*dims)

@@ -36,6 +36,8 @@ FIELD_COLUMNS = {
 }
 #: Of every run, besides its results.
 ABOUT = ("state", "reason", "seconds")
+#: Coordinate of every run: its folder, in a file from there.
+FOLDER = "folder"
 
 
 def ranked_by(table: xr.Dataset, wanted: str = "") -> str:
@@ -64,7 +66,7 @@ def rows(table: xr.Dataset, keys: Sequence[str], by: str) -> list[dict[str, Any]
     found = []
     for cell in cells(table, keys):
         row: dict[str, Any] = {k: cell[k].item() for k in keys}
-        row |= {name: cell[name].item() for name in ABOUT}
+        row |= {name: cell[name].item() for name in (*ABOUT, FOLDER) if name in cell.variables}
         row[by] = headlines.number(cell[by]) if by else float("nan")
         row |= {n: headlines.number(cell[n]) for n, _ in FIELD_COLUMNS.values() if n in cell}
         found.append(row)
@@ -106,7 +108,7 @@ def write_csv(table: xr.Dataset, keys: Sequence[str], path: Path) -> None:
     written = []
     for cell in cells(table, keys):
         row: dict[str, Any] = {k: cell[k].item() for k in keys}
-        row |= {name: cell[name].item() for name in ABOUT}
+        row |= {name: cell[name].item() for name in (*ABOUT, FOLDER) if name in cell.variables}
         for name, variable in cell.data_vars.items():
             if name not in ABOUT:
                 row |= _numbers(str(name), variable)

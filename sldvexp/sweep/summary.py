@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import xarray as xr
 from rich.console import Console
 
@@ -45,6 +47,8 @@ def write_summary(
     except UserError as error:  # told when the results are safe
         by, mistake = ranking.ranked_by(table), error
     table.attrs |= {"keys": list(keys), "ranked_by": by}
+    there = [_from(folder, str(run)) for run in table[ranking.FOLDER].values.ravel()]
+    table[ranking.FOLDER].values = np.reshape(there, table[ranking.FOLDER].shape)
     dataset.save_table(table, folder / SWEEP_FILE)
     ranking.write_csv(table, keys, folder / TABLE_FILE)
     console = Console()
@@ -57,3 +61,14 @@ def write_summary(
         console.print(str(file), soft_wrap=True, highlight=False)
     if mistake:
         raise mistake
+
+
+def _from(folder: Path, run: str) -> str:
+    """A run's folder as seen from the sweep's, so that both can be moved; nothing of no run."""
+    if not run:
+        return ""
+    there = Path(run).resolve()
+    try:
+        return Path(os.path.relpath(there, folder.resolve())).as_posix()
+    except ValueError:  # on another drive
+        return there.as_posix()

@@ -19,13 +19,13 @@ from sldvexp.plot.style import SETTINGS, prefixed
 from sldvexp.session.circles import edges_of
 
 SHOWN = (
-    *("scan_lines", "edges", "conics", "bitangents", "pose_residuals", "phase_correction"),
-    *("images", "volume", "field", "surface", "nodal", "residuals"),
+    *("scan_lines", "edges", "conics", "conic_residuals", "bitangents", "pose_residuals"),
+    *("phase_correction", "images", "volume", "field", "surface", "nodal", "residuals"),
 )
 
 #: What an axis may be called: a quantity with its unit, or what is counted.
 UNIT = re.compile(r"((, (mm|m|deg|rad|Hz|[nµmk]?m/s)| DAC steps|per step)( |\(|$))|^[nµm]?m/s$")
-COUNTED = {"view", "point", "component", "node", "reconstruction", "seed"}
+COUNTED = {"view", "circle", "point", "component", "node", "reconstruction", "seed"}
 
 
 def bars(axes):
@@ -102,10 +102,31 @@ def test_images_are_of_the_pixels(figures, tree):
         group = tree[f"image/{view}"].to_dataset().isel(frequency=0)
         good = group["flags"].values == 0
         for axes, take in zip(row, (np.real, np.imag, np.abs, np.angle), strict=True):
-            drawn = axes.collections[0].get_array().ravel()
+            drawn = axes.images[0].get_array().ravel()
             values = take(group["velocity"].values) * (1.0 if take is np.angle else 1000.0)
-            np.testing.assert_allclose(drawn[good], values[good], rtol=1e-12)
-            assert np.ma.getmaskarray(drawn)[~good].all()
+            shown = good
+            if take is np.angle:
+                shown = good & (abs(group["velocity"].values) > 3 * group["velocity_std"].values)
+            np.testing.assert_allclose(drawn[shown], values[shown], rtol=1e-12)
+            assert np.ma.getmaskarray(drawn)[~shown].all()
+
+
+def test_pixels_are_where_the_mirrors_were(figures, tree):
+    dac = tree["image/1/dac"].values.reshape(9, 11, 2)
+    left, right, low, high = figures["images"].axes[0].images[0].get_extent()
+    wide, tall = (right - left) / 11, (high - low) / 9
+    np.testing.assert_allclose(left + (np.arange(11) + 0.5) * wide, dac[0, :, 1], atol=1)
+    np.testing.assert_allclose(low + (np.arange(9) + 0.5) * tall, dac[:, 0, 0], atol=1)
+
+
+def test_pixels_of_an_uneven_grid_are_where_they_are(tree):
+    group = tree["image/1"].to_dataset().isel(frequency=0, drop=True).copy(deep=True)
+    group["dac"].loc[{"mirror": "left_right"}] += (group["pixel"].values % 11 == 3) * 20
+    mesh = sldvexp.plot.images({"image/1": group}).axes[0].collections[0]
+    middles = mesh.get_coordinates()[:-1, :-1] / 2 + mesh.get_coordinates()[1:, 1:] / 2
+    dac = group["dac"].values.reshape(9, 11, 2)
+    np.testing.assert_allclose(middles[:, 5:-1], dac[:, 5:-1, ::-1], atol=1)
+    assert not np.allclose(middles[:, 3, 0], dac[:, 2:5:2, 1].mean(axis=1), atol=2)
 
 
 @pytest.mark.parametrize("far", [(-1510.0, 10.0), (-32000.0, 32000.0)])
@@ -125,8 +146,9 @@ def test_phase_correction_has_both_stages(figures, tree):
     stages = {"raw: phase": "uncorrected", "corrected: phase": "velocity"}
     panels = figures["phase_correction"].axes[3:8:4]
     for axes, (title, name) in zip(panels, stages.items(), strict=True):
-        drawn = axes.collections[0].get_array().ravel()
-        np.testing.assert_allclose(drawn[good], np.angle(group[name].values)[good])
+        drawn = axes.images[0].get_array().ravel()
+        shown = good & (abs(group[name].values) > 3 * group["velocity_std"].values)
+        np.testing.assert_allclose(drawn[shown], np.angle(group[name].values)[shown])
         assert axes.get_title() == title
 
 
@@ -187,17 +209,39 @@ def test_conics_have_their_residuals_and_errors(figures, tree):
 
 
 def test_bitangent_points_are_those_of_the_registration(figures, tree):
-    (axes,) = figures["bitangents"].axes
-    dac = tree["registration/dac"].values[0]
-    points = axes.get_lines()[-1]
-    np.testing.assert_array_equal(points.get_xydata(), dac[:, ::-1])
-    assert [t.get_text() for t in axes.texts] == [str(n) for n in range(1, 17)]
-    ellipses = [line for line in axes.get_lines() if line.get_label() == "ellipse"]
-    for point in dac:
-        nearest = min(
-            np.linalg.norm(e.get_xydata()[:, ::-1] - point, axis=1).min() for e in ellipses
-        )
-        assert nearest < 2.5  # steps; the curve has a point every 2 deg
+    for axes, dac in zip(figures["bitangents"].axes, tree["registration/dac"].values, strict=True):
+        points = axes.get_lines()[-1]
+        np.testing.assert_array_equal(points.get_xydata(), dac[:, ::-1])
+        assert [t.get_text() for t in axes.texts] == [str(n) for n in range(1, 17)]
+        ellipses = [line for line in axes.get_lines() if line.get_label() == "ellipse"]
+        for point in dac:
+            nearest = min(
+                np.linalg.norm(e.get_xydata()[:, ::-1] - point, axis=1).min() for e in ellipses
+            )
+            assert nearest < 2.5  # steps; the curve has a point every 2 deg
+
+
+def test_distances_of_all_edges_stand_beside_their_circle(figures, tree):
+    for axes, view in zip(figures["conic_residuals"].axes, "123", strict=True):
+        edges = edges_of(tree[f"edge/{view}"].to_dataset())
+        assert [t.get_text() for t in axes.get_xticklabels()] == ["1", "2", "3", "4"]
+        fits = [fit_circle(pinhole_edges(TwoMirror(), edge))[0] for edge in edges]
+        square, dof = sum(f.chi_square for f in fits), sum(f.dof for f in fits)
+        assert f"χ² {square:.0f} of {dof} degrees" in axes.get_title()
+        for number, (container, fit) in enumerate(zip(axes.containers, fits, strict=True), 1):
+            x, y = container.lines[0].get_data()
+            assert (abs(x - number) <= 0.4).all()
+            np.testing.assert_allclose(y, fit.residual, atol=1e-9)
+
+
+def test_one_view_is_enough(tree):
+    for name in ("edges", "bitangents", "images"):
+        figure = getattr(sldvexp.plot, name)(tree, view="2")
+        panels = [a for a in figure.axes if a.get_label() != "<colorbar>"]
+        assert all("view 2" in a.get_title() for a in panels), name
+        with matplotlib.rc_context(SETTINGS):
+            figure.draw_without_rendering()
+            labels_are_inside_and_apart(figure)
 
 
 def test_pose_residuals_have_s_as_their_error(figures, tree):
@@ -278,6 +322,11 @@ def test_surface_is_the_moment_of_the_largest_velocity(figures, tree):
     z = tree["field/velocity"].sel(component="z").values[42:84, 0]
     assert f"{-np.angle(z[np.abs(z).argmax()]):+.2f} rad" in figures["surface"].get_suptitle()
     assert axes.get_zlim()[1] >= 1000 * np.abs(z).max() * 0.999
+    assert axes.get_zlim()[0] <= 0
+    (surface,) = axes.collections
+    limit = 1000 * np.abs(np.real(z * np.exp(-1j * np.angle(z[np.abs(z).argmax()])))).max()
+    np.testing.assert_allclose(surface.get_clim(), (-limit, limit))
+    np.testing.assert_allclose(scale.get_ylim(), surface.get_clim())
 
 
 def test_residuals_are_those_by_view(figures, tree):

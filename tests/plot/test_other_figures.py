@@ -9,6 +9,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+import xarray as xr
 
 import sldvexp.plot
 from sldvexp import dataset
@@ -102,7 +103,9 @@ def test_a_missed_run_has_a_result_and_a_ring():
         rings = [line for line in axes.lines if line.get_label() == "missed an expectation"]
         own = table["point.velocity"].sel(seed=2, component=component).values[0]
         assert [r.get_ydata().tolist() for r in rings] == [[pytest.approx(1000 * abs(own))]]
-    assert "missed an expectation" in [t.get_text() for t in figure.legends[0].get_texts()]
+    told = [t.get_text() for t in figure.legends[0].get_texts()]
+    assert told[-1] == "missed an expectation"  # after the runs
+    assert told[:-1] == ["1", "2", "3"]
     table["state"][1, 2] = "missed"  # it left a dataset, but not this number
     assert "(1 without a result)" in sldvexp.plot.sweep(table).get_suptitle()
 
@@ -139,6 +142,28 @@ def test_points_without_triangles_and_undetermined_ones_are_drawn_too():
     counts = [len(c._offsets3d[0]) for c in axes.collections if hasattr(c, "_offsets3d")]
     assert counts == [4, 1]
     assert [t.get_text() for t in axes.get_legend().get_texts()] == ["not determined"]
+
+
+def test_a_point_goes_by_its_name():
+    point = groups.points()
+    name = str(point["point"].values[1])
+    assert (
+        sldvexp.plot.point({"point": point}, 1)
+        .get_suptitle()
+        .startswith(f"Velocity of point {name}")
+    )
+    assert name != "1"
+
+
+def test_whole_numbers_have_no_ticks_between_them():
+    known = {"seed": [1, 2, 3], "state": ("seed", ["done"] * 3), "reason": ("seed", [""] * 3)}
+    table = xr.Dataset({"pose.s": ("seed", [0.7, 0.8, 0.6], {"units": "1"}), **known})
+    table.attrs = {"keys": ["seed"], "ranked_by": "pose.s"}
+    figure = sldvexp.plot.sweep(table)
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    assert axes.get_ylabel() == "pose.s"
+    assert all(tick == round(tick) for tick in axes.get_xticks())
 
 
 def test_a_run_is_no_sweep(tree):

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import gc
 import json
 from html.parser import HTMLParser
+from urllib.parse import unquote
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import xarray as xr
+import yaml
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
+from sldvexp.plot import FIGURES
+from sldvexp.plot.recorded import as_read
 from sldvexp.report.base import attempt
-from sldvexp.report.html import figures, render, run_page
+from sldvexp.report.html import figures, found, render, run_page
 from sldvexp.report.html.blocks import having
+from sldvexp.report.html.plugin import Html
 from sldvexp.report.html.render import number_like
 
 
@@ -138,6 +146,117 @@ def test_figures_are_in_the_page_and_one_that_fails_is_told(run_file, monkeypatc
     page = made(run_file())
     assert "The figure field could not be drawn: nothing to divide" in page.text
     assert page.count("img") == 0
+
+
+def test_points_that_are_left_out_are_counted_below_the_table(
+    tmp_path, run_file, small_points, no_figures, monkeypatch
+):
+    monkeypatch.setattr(found, "MOST_VELOCITIES", 4)
+    whole = dataset.load(run_file()).load()
+    point, line_of_sight = small_points
+    path = tmp_path / "points" / "run.nc"
+    path.parent.mkdir()
+    dataset.save({"point": point, "line_of_sight": line_of_sight}, whole.attrs, path)
+    page = made(path)
+    assert "point: 6 more in run.nc, group point." in page.text
+    assert page.text.count(": V_x ") == 4
+
+
+@pytest.mark.parametrize(
+    ("passed", "told"),
+    [
+        ([True], "The one expectation is met."),
+        ([True, True], "All 2 expectations are met."),
+        ([True, False], "1 of 2 expectations are met."),
+    ],
+)
+def test_expectations_are_counted(run_file, no_figures, passed, told):
+    numbers = dict.fromkeys(("published", "computed", "correct", "tolerance"), [1.0] * len(passed))
+    about = {"relation": ["="] * len(passed), "source": ["a book"] * len(passed)}
+    check = dataset.group(
+        "check",
+        {"quantity": [f"q{i}" for i in range(len(passed))]},
+        **numbers,
+        **about,
+        passed=passed,
+    )
+    assert told in made(run_file(check=check)).text
+
+
+def test_a_figure_is_spelt_in_its_address_and_read_as_it_was(run_file, monkeypatch):
+    drawn, spelt = [], figures._as_address
+    monkeypatch.setattr(figures, "_as_address", lambda svg: drawn.append(svg) or spelt(svg))
+    page = made(run_file())
+    pictures = [a["src"] for tag, a in page.tags if tag == "img"]
+    for svg, address in zip(drawn, pictures, strict=True):
+        start = "data:image/svg+xml,"
+        assert address.startswith(start)
+        assert not set('<>&"#\n') & set(address)
+        read, was = (
+            ElementTree.canonicalize(text) for text in (unquote(address[len(start) :]), svg)
+        )
+        assert read.replace("\n", " ") == was.replace("\n", " ")
+        assert len(address) < 1.2 * len(svg)
+
+
+def test_every_figure_of_a_page_is_one_that_there_is():
+    names = {name for part in figures.PARTS.values() for name in part}
+    assert names <= set(FIGURES)
+    left_out = {"scan_lines", "conics", "phase_correction", "sweep"}
+    assert set(FIGURES) - names == left_out
+
+
+def test_a_page_shows_the_setup_and_the_nodes(run_file, monkeypatch):
+    monkeypatch.setattr(figures, "_address", lambda _: "data:,")
+    pose = {
+        "origin": np.array([[0.0, 0.0, 1.0], [0.5, 0.0, 1.0]]),
+        "rotation": np.tile(np.diag([1.0, -1.0, -1.0]), (2, 1, 1)),
+        "euler": np.zeros((2, 3)),
+    }
+    page = made(run_file(pose=dataset.group("pose", {"view": ["left", "right"]}, **pose)))
+    for part, name in (("setup", "volume"), ("field", "nodal"), ("field", "field")):
+        assert figures.PARTS[part][name] in page.text
+
+
+def test_garbage_is_looked_for_later_as_it_was_before(pages, monkeypatch, tmp_path):
+    during = []
+
+    def write(path, page):
+        during.append(gc.isenabled())
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(run_page, "write", write)
+    for turn in (gc.disable, gc.enable):  # on in the end, as for other tests
+        turn()
+        was = gc.isenabled()
+        with pytest.raises(ZeroDivisionError):
+            Html().of_run(tmp_path / "run.nc")
+        assert gc.isenabled() is was
+    assert during == [False, False]
+
+
+def test_a_configuration_makes_no_objects():
+    assert as_read("{a: [1, 2.5], b: null}") == {"a": [1, 2.5], "b": None}
+    with pytest.raises(yaml.YAMLError, match="python"):
+        as_read("!!python/object/apply:os.getcwd []")
+
+
+def test_flagged_pixels_do_not_count_in_the_table_of_images(run_file, no_figures):
+    image = dataset.group(
+        "image",
+        {"pixel": [0, 1, 2, 3], "frequency": [197.0]},
+        velocity=np.array([[0.001], [0.003j], [0.002], [9.0]]),
+        velocity_std=np.array([[1e-5], [3e-5], [2e-5], [7.0]]),
+        flags=np.array([0, 0, 0, 4], np.uint8),
+    )
+    page = made(run_file(**{"image/left": image}))
+    assert "left 4 197 3 0.02 " in page.text
+
+
+def test_what_is_left_out_of_a_check_is_counted(run_file, no_figures):
+    many = xr.Dataset({"ratio": ("run", np.arange(250.0)), "other": ("view", np.arange(10.0))})
+    page = made(run_file(**{"examined/many": many}))
+    assert "60 more in run.nc, group examined/many" in page.text
 
 
 def test_long_figure_becomes_pixels(run_file, monkeypatch):

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import csv
 import json
+import os
+import re
+from pathlib import Path
+from urllib.parse import quote, unquote
 
 import netCDF4
 import pytest
@@ -63,9 +68,20 @@ def test_sweep_leaves_one_page_and_its_runs_none(sldvexp, pages, tmp_path):
     assert b"Runs by point.velocity_std, the smallest first" in first
     command = f"sldvexp {' '.join(SWEEP)}"
     assert first.decode().rpartition("<pre")[2].partition(">")[2].startswith(f"{command}</pre>")
+    links = re.findall(r'<a href="(\./[^"]*)">(.*?)</a>', first.decode())
+    assert [text for _, text in links] == ["folder", "folder"]
+    runs = {page.parent / unquote(address) for address, _ in links}
+    assert runs == {found.parent for found in page.parent.rglob("run.nc")}
+    with (page.parent / "sweep.csv").open() as file:
+        assert {page.parent / row["folder"] for row in csv.DictReader(file)} == runs
     page.unlink()
     assert sldvexp("report", str(tmp_path / "sweep")).status == 0
     assert page.read_bytes() == first
+    one = runs.pop()
+    (one / "report.html").write_text("")
+    sldvexp("report", str(tmp_path / "sweep"))
+    found = re.findall(r'<a href="(\./[^"]*)">page</a>', page.read_text())
+    assert [page.parent / unquote(address) for address in found] == [one / "report.html"]
 
 
 @pytest.mark.long
@@ -91,6 +107,9 @@ def test_compared_runs_have_a_page_that_names_them(sldvexp, pages, no_figures, t
     done = sldvexp("compare", *folders)
     [page] = (tmp_path / "outputs").rglob("report.html")
     assert f"sldvexp compare {' '.join(folders)}" in page.read_text()
+    for folder in folders:
+        away = quote(Path(os.path.relpath(folder, page.parent)).as_posix())
+        assert f'href="./{away}/report.html"' in page.read_text()
     assert done.out.rstrip().endswith("report.html")
 
 
@@ -100,7 +119,7 @@ def test_page_of_the_default_run_is_small(sldvexp, pages):
     page = (done.folder / "report.html").read_text()
     assert len(page.encode()) <= 8e6
     assert "could not be drawn" not in page
-    assert page.count("<figure") == 5
+    assert page.count("<figure") == 9
     assert "All 4 expectations are met" in page
 
 

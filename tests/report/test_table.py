@@ -7,7 +7,7 @@ import xarray as xr
 
 from sldvexp import dataset
 from sldvexp.report.field_text import field_tables
-from sldvexp.report.table import _point_rows
+from sldvexp.report.table import _point_rows, estimates
 
 
 def test_rows_tell_of_their_own_point_and_frequency():
@@ -22,12 +22,15 @@ def test_rows_tell_of_their_own_point_and_frequency():
         rcond=[0.5, 0.25],
         observable=np.array([[True, True, True], [True, True, False]]),
     )
-    notes = {label: note for label, _, _, note in _point_rows("point", point)}
+    notes = {label: note for label, _, _, note in _point_rows("point", point, 4)}
     assert notes["point, point a, frequency 10: V_z"] == "efficiency 0.9, rcond 0.5"
     assert notes["point, point a, frequency 20: V_z"] == "efficiency 0.8, rcond 0.5"
     assert notes["point, point b, frequency 10: V_x"] == "efficiency 0.3, rcond 0.25"
     assert notes["point, point b, frequency 20: V_x"] == "efficiency 0.2, rcond 0.25"
     assert notes["point, point b, frequency 20: V_z"] == "not determined by these views"
+    *_, last = estimates({"point": point}, 3)
+    assert last[:2] == ("point: 1 more", "in run.nc, group point")
+    assert len(list(estimates({"point": point}, 3))) == 3 * 3 + 1
 
 
 def test_fields_of_many_frequencies_are_told_of_where_they_are_strongest(small_volume, small_field):

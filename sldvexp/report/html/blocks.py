@@ -43,13 +43,28 @@ class Listing:
 
 
 @dataclass(frozen=True)
+class Link:
+    """A cell of a table that leads to another file.
+
+    Parameters
+    ----------
+    text : str
+    address : str
+        From the page's folder.
+    """
+
+    text: str
+    address: str
+
+
+@dataclass(frozen=True)
 class Table:
     """Rows of cells.
 
     Parameters
     ----------
     columns : sequence of str
-    rows : sequence of sequence of str
+    rows : sequence of sequence of str or Link
     caption : str
     wide : sequence of int
         Columns whose text may be broken into lines.
@@ -57,7 +72,7 @@ class Table:
 
     kind: ClassVar[str] = "table"
     columns: Sequence[str]
-    rows: Sequence[Sequence[str]]
+    rows: Sequence[Sequence[str | Link]]
     caption: str = ""
     wide: Sequence[int] = ()
 
@@ -92,7 +107,7 @@ class Figure:
     Parameters
     ----------
     source : str
-        A ``data:`` address.
+        A ``data:`` address, which has none of the characters ``<>&"``.
     caption : str
     only_print : bool
         Whether it stands in for what moves on a screen.

@@ -28,18 +28,16 @@ def section(run: Subject) -> Section | None:
     if "check" in run.groups:
         check = run.groups["check"]
         met, of = int(check["passed"].sum()), check.sizes["quantity"]
-        told = (
-            f"{met} of {of} expectations are met."
-            if met < of
-            else f"All {of} expectations are met."
-        )
+        told = f"{met} of {of} expectations are met."
+        if met == of:
+            told = f"All {of} expectations are met." if of > 1 else "The one expectation is met."
         blocks.append(Text(told, "good" if met == of else "warning"))
         blocks.append(replace(Table.of(published(check)), caption=""))
     for field in list(run.fields.values())[:1]:
         own = [g for g in examined.values() if "rms_bound" in g]
         blocks += [Table.of(truth_table(g, strongest(field))) for g in own]
     tables = [
-        Table(["what", "where", "value", "unit"], list(_numbers(g)), name)
+        Table(["what", "where", "value", "unit"], list(_numbers(name, g)), name)
         for name, g in examined.items()
     ]
     if tables:
@@ -47,14 +45,15 @@ def section(run: Subject) -> Section | None:
     return Section("Checks", blocks)
 
 
-def _numbers(group: xr.Dataset) -> Iterator[list[str]]:
-    """A check's numbers by name, the long ones cut."""
+def _numbers(name: str, group: xr.Dataset) -> Iterator[list[str]]:
+    """A check's numbers by name, the first of many."""
     left = MOST_NUMBERS
     for variable in group.data_vars.values():
         told = str(variable.attrs.get("long_name", variable.name))
         for index in np.ndindex(*variable.shape):
             if not left:
-                yield ["more", "in the dataset", "", ""]
+                rest = sum(v.size for v in group.data_vars.values()) - MOST_NUMBERS
+                yield [f"{rest} more", f"in run.nc, group examined/{name}", "", ""]
                 return
             left -= 1
             at = zip(variable.dims, index, strict=True)

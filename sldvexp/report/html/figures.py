@@ -14,8 +14,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawn
 
 #: Which figures stand in which part of a page, with what they show. A page is made in seconds, so
-#: that it has only those without which its tables are hard to read; `sldvexp.plot` has more.
+#: that it has none of scan lines and of single views; `sldvexp plot` has those.
 PARTS: dict[str, dict[str, str]] = {
+    "setup": {
+        "volume": "The volume among the instrument's places, and what every view sees of it."
+    },
+    "circles": {
+        "edges": "Edge points of the calibration object's circles.",
+        "conic_residuals": "Distances of the edges from the ellipses through them, circle by "
+        "circle in the order of their direction from the centre, −180 to 180°.",
+        "bitangents": "Bitangent points: where the tangents of two ellipses touch them.",
+    },
     "pose": {
         "pose_residuals": "Residuals of the pose: observed minus predicted mirror readings.",
         "repeatability": "Image points of repeated scans.",
@@ -23,9 +32,10 @@ PARTS: dict[str, dict[str, str]] = {
     "image": {"images": "Velocity along the line of sight, view by view."},
     "shape": {"surface": "The velocity drawn as a deflection, at the moment of its largest value."},
     "field": {
-        "point": "Velocity at the point, with bounds.",
+        "point": "Velocity of the point, or the first of several, with bounds.",
         "field": "The field with its bounds on the layer next to the given surface.",
         "spectrum": "Velocity at the node of the largest motion, by frequency, with bounds.",
+        "nodal": "Velocity with bounds along the line of nodes through its largest value.",
         "residuals": "Residuals by view.",
     },
 }
@@ -33,6 +43,8 @@ SWEEP_CAPTION = "The runs by what was varied."
 MOST_BYTES = 1_500_000
 #: Settings of the style that a figure does not keep, and that decide its bytes.
 OF_FILES = ("svg.hashsalt", "svg.fonttype")
+#: Characters of an SVG that are spelt in an address.
+SPELT = {"%": "%25", "#": "%23", "&": "%26", "<": "%3C", ">": "%3E", "\n": " ", '"': "'"}
 #: Dots per inch of a PNG.
 FINE = 150
 
@@ -72,13 +84,24 @@ def _address(drawn: Drawn) -> str:
 
     from sldvexp.plot.style import SETTINGS
 
-    content, kind = io.BytesIO(), "svg+xml"
+    content = io.BytesIO()
     settings: dict[Any, Any] = {name: SETTINGS[name] for name in OF_FILES}
     with matplotlib.rc_context(settings):
         # As savefig does, which would draw twice to arrange the axes.
         metadata = {"Date": None, "Creator": None}
         FigureCanvasSVG(drawn).print_svg(content, metadata=metadata)
-        if content.tell() > MOST_BYTES:
-            content, kind = io.BytesIO(), "png"
-            drawn.savefig(content, format="png", dpi=FINE, metadata={"Software": None})
-    return f"data:image/{kind};base64,{base64.b64encode(content.getvalue()).decode()}"
+        if content.tell() <= MOST_BYTES:
+            return f"data:image/svg+xml,{_as_address(content.getvalue().decode())}"
+        content = io.BytesIO()
+        drawn.savefig(content, format="png", dpi=FINE, metadata={"Software": None})
+    return f"data:image/png;base64,{base64.b64encode(content.getvalue()).decode()}"
+
+
+def _as_address(svg: str) -> str:
+    """An SVG with what an address or an attribute cannot have as it is; a third less than base64.
+
+    Of quotation marks only the single one is left, which matplotlib escapes wherever it is meant.
+    """
+    for mark, instead in SPELT.items():
+        svg = svg.replace(mark, instead)
+    return svg

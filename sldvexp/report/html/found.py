@@ -11,18 +11,24 @@ from sldvexp.report.html.shape import shape_of, shape_of_points
 from sldvexp.report.html.subject import Subject
 from sldvexp.report.table import estimates
 
+#: Velocities in the table of points, which scrolls; the dataset has all.
+MOST_VELOCITIES = 30
+
 
 def section(run: Subject) -> Section | None:
     """The field, or the velocity of points."""
     fields = run.fields
-    points = [list(row) for row in estimates(run.groups) if not row[0].startswith("pose ")]
+    known = estimates(run.groups, MOST_VELOCITIES)
+    points = [list(row) for row in known if not row[0].startswith("pose ")]
     if not fields and not points:
         return None
     own = {name: group for name, group in run.groups.items() if not name.startswith("examined/")}
     blocks = having(_shape(run), [Table.of(table) for table in field_tables(own)])
     if points:
-        table = Table(["of", "velocity ± bound", "unit", "note"], points, "At points", (3,))
-        blocks.append(table)
+        shown = [row for row in points if not row[0].endswith(" more")]
+        table = Table(["of", "velocity ± bound", "unit", "note"], shown, "At points", (3,))
+        left_out = [Text(f"{r[0]} {r[1]}.", "small") for r in points if r[0].endswith(" more")]
+        blocks += [table, *left_out]
     if coverage := "; ".join(str(f.attrs.get("coverage", "")) for f in list(fields.values())[:1]):
         blocks.append(Text(f"Coverage: {'; '.join(coverage.splitlines())}.", "small"))
     title = "Velocity field" if fields else "Velocity"

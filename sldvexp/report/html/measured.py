@@ -10,6 +10,7 @@ from sldvexp.catalogue import parameters
 from sldvexp.config import NAMED_GROUPS
 from sldvexp.errors import UserError
 from sldvexp.report.html.blocks import More, Section, Table, having
+from sldvexp.report.html.figures import figures
 from sldvexp.report.html.subject import Subject
 
 #: What each group of the configuration is to a reader.
@@ -55,7 +56,8 @@ def section(run: Subject) -> Section:
         for told, group, name, own in chosen
         if own
     ]
-    blocks = having(stages, _views(run), More("Every setting and what it means", details))
+    every = More("Every setting and what it means", details)
+    blocks = having(stages, _views(run), figures(run, "setup"), every)
     return Section("What was measured and how", blocks)
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import gc
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,10 +22,24 @@ class Html(Report):
         """Make the page of a run, see `Report.of_run`."""
         from sldvexp.report.html.run_page import write
 
-        return write(path, path.with_name(REPORT_FILE))
+        with _uncollected():
+            return write(path, path.with_name(REPORT_FILE))
 
     def of_sweep(self, path: Path, ranking: Sequence[Mapping[str, Any]]) -> Path:
         """Make the page of a sweep, see `Report.of_sweep`."""
         from sldvexp.report.html.sweep_page import write
 
-        return write(path, ranking, path.with_name(REPORT_FILE))
+        with _uncollected():
+            return write(path, ranking, path.with_name(REPORT_FILE))
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Put off the search for garbage: figures are many small things, and soon all done with."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()

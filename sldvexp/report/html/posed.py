@@ -41,8 +41,10 @@ def section(run: Subject) -> Section | None:
         "World to laser: P_laser = R (P_world - origin), R by Euler angles of the x-convention. "
         "s is the standard deviation of one mirror reading, estimated from the residuals."
     )
-    shown = having(blocks, Text(note, "small"), methods, figures(run, "pose"), _residuals(run))
-    return Section("Pose", shown)
+    circles = list(figures(run, "circles"))
+    seen = More("Circles of the calibration object, view by view", circles) if circles else None
+    drawn = having(figures(run, "pose"), seen, _residuals(run))
+    return Section("Pose", having(blocks, Text(note, "small"), methods, drawn))
 
 
 def _table(

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sldvexp.files import whole_or_nothing
-from sldvexp.report.html.blocks import More, Section, Shape
+from sldvexp.report.html.blocks import Link, More, Section, Shape
 
 
 def write(path: Path, title: str, subtitle: str, sections: Sequence[Section]) -> Path:
@@ -60,8 +60,10 @@ def render(title: str, subtitle: str, sections: Sequence[Section]) -> str:
     )
 
 
-def number_like(cell: str) -> bool:
+def number_like(cell: str | Link) -> bool:
     """Whether a cell of a table is a number, with or without a bound or a unit."""
+    if isinstance(cell, Link):
+        return False
     return bool(cell) and (cell[0].isdigit() or (cell[0] in "-−+." and cell[1:2].isdigit()))
 
 

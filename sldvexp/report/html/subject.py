@@ -15,6 +15,7 @@ import yaml
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
+from sldvexp.plot.recorded import as_read
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawn
@@ -80,8 +81,7 @@ def opened(path: Path) -> Iterator[Subject]:
         nodes = {node.path.strip("/"): node for node in tree.subtree}
         groups = {p: n.to_dataset() for p, n in nodes.items() if p and n.has_data}
         config, plugins = (
-            _table(path, tree.attrs, *of)
-            for of in (("config", yaml.safe_load), ("plugins", json.loads))
+            _table(path, tree.attrs, *of) for of in (("config", as_read), ("plugins", json.loads))
         )
         yield Subject(path, tree.attrs, groups, config, plugins, tree)
 

@@ -7,13 +7,14 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 import xarray as xr
 
 from sldvexp.errors import UserError
 from sldvexp.report.html import render
-from sldvexp.report.html.blocks import Code, Facts, Listing, Section, Table, Text, having
+from sldvexp.report.html.blocks import Code, Facts, Link, Listing, Section, Table, Text, having
 from sldvexp.report.html.figures import sweep_figures
 from sldvexp.report.numbers import number
 
@@ -50,7 +51,7 @@ def write(path: Path, ranking: Sequence[Mapping[str, Any]], page: Path) -> Path:
     sections = [
         Section("Warnings", _warnings(ranking, keys)),
         Section("What was varied", _varied(table, ranking, keys)),
-        Section("Results", having(_results(ranking, keys, by), sweep_figures(table))),
+        Section("Results", having(_results(ranking, keys, by, page), sweep_figures(table))),
         Section("Provenance", list(_provenance(table, path))),
     ]
     return render.write(page, title, subtitle, sections)
@@ -87,20 +88,32 @@ def _varied(
 
 
 def _results(
-    ranking: Sequence[Mapping[str, Any]], keys: Sequence[str], by: str
+    ranking: Sequence[Mapping[str, Any]], keys: Sequence[str], by: str, page: Path
 ) -> Iterator[Table | Text]:
-    """The ranking."""
+    """The ranking, with the way to each run."""
     rows = []
     for place, row in enumerate(ranking, 1):
         value = row[by] if by else math.nan
         rank = str(place) if math.isfinite(value) else ""
         cells = [rank, *(str(row[key]) for key in keys)]
         result = number(value) if rank else ""
-        rows.append([*cells, result, number(row["seconds"], 3), str(row["state"])])
+        about = [result, number(row["seconds"], 3), str(row["state"])]
+        rows.append([*cells, *about, _link(page, str(row.get("folder", "")))])
     caption = f"Runs by {by}, the smallest first" if by else "Runs"
-    yield Table(["", *keys, by or "result", "seconds", "state"], rows, caption)
+    yield Table(["", *keys, by or "result", "seconds", "state", "run"], rows, caption)
     told = "A result of many numbers is ranked by their root mean square"
     yield Text(f"{told}; sweep.csv beside this page has every number of every run.", "small")
+
+
+def _link(page: Path, folder: str) -> Link | str:
+    """To the page of a run if it has one, else to its folder, else none."""
+    there = page.parent / folder
+    if not folder or not there.is_dir():
+        return ""
+    address = there.as_uri() if Path(folder).is_absolute() else f"./{quote(folder)}"
+    if (there / page.name).is_file():
+        return Link("page", f"{address}/{page.name}")
+    return Link("folder", f"{address}/")
 
 
 def _provenance(table: xr.Dataset, path: Path) -> Iterator[Facts | Text | Code]:
