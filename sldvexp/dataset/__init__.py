@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from sldvexp.files import whole_or_nothing
 
 #: What a run's dataset is called, in the run's folder.
 RUN_FILE = "run.nc"
+UNREADABLE = "is not a readable netCDF-4 file"
 
 #: Coordinates that mean the same in every group.
 AXES: dict[str, tuple[str, ...]] = {
@@ -118,12 +119,46 @@ def load(path: Path) -> xr.DataTree:
     UserError
         If it is missing or is not a run's netCDF-4 file.
     """
-    if not path.is_file():
-        raise UserError(f"{path}: there is no such file; a run's dataset is called run.nc")
+    _require(path)
     try:
         return xr.open_datatree(path, engine="netcdf4", auto_complex=True)
     except (OSError, ValueError) as error:
-        raise UserError(f"{path}: is not a readable netCDF-4 file ({error})") from None
+        raise UserError(f"{path}: {UNREADABLE} ({error})") from None
+
+
+def _require(path: Path) -> None:
+    if not path.is_file():
+        raise UserError(f"{path}: there is no such file; a run's dataset is called {RUN_FILE}")
+
+
+def load_some(path: Path, names: Collection[str]) -> xr.DataTree:
+    """Some groups of a run's file and those below them, in memory; the others cost nothing.
+
+    Raises
+    ------
+    UserError
+        See `load`.
+    """
+    import netCDF4
+
+    _require(path)
+    try:
+        with netCDF4.Dataset(path, auto_complex=True) as file:
+            found = [file[name] for name in names if name in file.groups]
+            groups = {g.path: _in_memory(g) for top in found for g in _with_those_below(top)}
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path}: {UNREADABLE} ({error})") from None
+    return xr.DataTree.from_dict(groups)
+
+
+def _with_those_below(group: Any) -> Iterator[Any]:
+    yield group
+    for below in group.groups.values():
+        yield from _with_those_below(below)
+
+
+def _in_memory(group: Any) -> xr.Dataset:
+    return xr.open_dataset(xr.backends.NetCDF4DataStore(group)).load()
 
 
 def save_table(table: xr.Dataset, path: Path) -> None:

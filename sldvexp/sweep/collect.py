@@ -14,7 +14,7 @@ import xarray as xr
 from sldvexp import dataset
 from sldvexp.runner import RUN_FILE
 from sldvexp.sweep import record
-from sldvexp.sweep.headlines import headlines
+from sldvexp.sweep.headlines import PARENTS, headlines
 from sldvexp.sweep.plan import labels
 from sldvexp.sweep.ranking import FOLDER
 
@@ -86,8 +86,7 @@ def _why(found: record.Record) -> str:
 
 def _headlines(path: Path) -> dict[str, xr.DataArray]:
     """Those of a run, without reading its images and samples."""
-    with dataset.load(path) as tree:
-        return {name: array.load() for name, array in headlines(tree).items()}
+    return headlines(dataset.load_some(path, PARENTS))
 
 
 def _stack(name: str, results: Mapping[int, dict[str, xr.DataArray]], count: int) -> xr.DataArray:

@@ -20,6 +20,9 @@ HEADLINES: dict[str, tuple[str, ...]] = {
     "check": ("@passed", "@quantities"),
 }
 
+#: Groups that headlines are in, or in groups below them.
+PARENTS = (*HEADLINES, "examined", "compare")
+
 #: A headline has at most so many numbers: points or frequencies by the thousand are no headline.
 MOST_NUMBERS = 100
 
