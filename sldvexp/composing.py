@@ -43,9 +43,12 @@ class RememberingRepository(ConfigRepository):
     def load_config(self, config_path: str) -> ConfigResult | None:
         """See `ConfigRepository`."""
         key = repr((config_path, [(s.provider, s.path) for s in self.sources]))
-        if key not in self._known:
-            self._known[key] = _copies(super().load_config(config_path))
-        found: ConfigResult | None = self._known[key]()
+        if key in self._known:
+            known: ConfigResult = self._known[key]()
+            return known
+        found = super().load_config(config_path)
+        if found is not None:  # a package that is looked for later may still bring it
+            self._known[key] = _copies(found)
         return found
 
     def __deepcopy__(self, memo: dict[int, Any]) -> RememberingRepository:
