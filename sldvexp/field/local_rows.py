@@ -14,7 +14,7 @@ from scipy.sparse.linalg import SuperLU
 
 from sldvexp.field.colouring import colours, within
 from sldvexp.field.kronecker import factorised, solved
-from sldvexp.field.system import PAIRS, System
+from sldvexp.field.system import HOLD, PAIRS, System
 from sldvexp.volume.samples import SampleRule
 
 Array = NDArray[np.float64]
@@ -129,7 +129,7 @@ def volume_rows(system: System, nodes: Indices, place: Indices, rings: int) -> b
                 dense[gap + i, gap + j] += here[gap, k]
                 if i != j:
                     dense[gap + j, gap + i] += here[gap, k]
-        rest = system.lumped[:, near] - dense.sum(axis=(1, 3))
+        rest = system.sums[:, near] - dense.sum(axis=(1, 3))
         for layer in range(layers):
             dense[layer, layer, np.arange(number), np.arange(number)] += rest[layer]
         size = layers * number * block
@@ -138,10 +138,20 @@ def volume_rows(system: System, nodes: Indices, place: Indices, rings: int) -> b
             layers, block, -1
         )
         matrix = dense.transpose(0, 2, 4, 1, 3, 5).reshape(size, size)
-        columns = solved(factorised(csc_array(matrix)), right.reshape(size, -1))
+        columns = solved(_factorised(matrix), right.reshape(size, -1))
         data.append(columns.reshape(-1, block, layers, block).transpose(2, 0, 3, 1))
         indices.append((place[near] + count * np.arange(layers)[:, None]).ravel())
     return _assembled(data, indices, layers, (len(nodes), count), block)
+
+
+def _factorised(matrix: Array) -> SuperLU:
+    """Factors of what is near; what nothing determines there is held, as in the whole matrix."""
+    try:
+        return factorised(csc_array(matrix))
+    except RuntimeError:
+        return factorised(
+            csc_array(matrix + HOLD * np.diagonal(matrix).mean() * np.eye(len(matrix)))
+        )
 
 
 def _blocks_of(system: System, near: Indices) -> Array:

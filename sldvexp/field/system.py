@@ -110,10 +110,7 @@ class Assembly:
         ranked : ndarray of bool, shape (layer, surface_node)
             Nodes around which enough samples determine something.
         """
-        lumped = np.zeros((self.layers, self.graph.nodes, self.block, self.block))
-        for gap, layer, _, k in _entries(self.layers - 1):
-            starts = self.graph.indptr[:-1]
-            lumped[layer] += np.add.reduceat(self.pairs[gap, k], starts, axis=0)
+        lumped = _row_sums(self.graph, self.pairs)
         trace = np.trace(lumped, axis1=-2, axis2=-1)
         active = trace > 0
         size = trace[active].mean() / self.block if active.any() else 1.0
@@ -125,6 +122,15 @@ class Assembly:
         line = line_matrix(self.rule, self.layers)
         exact = self.uniform and bool(ranked.all())
         return System(self.graph, self.pairs, line, lumped, active, exact)
+
+
+def _row_sums(graph: Graph, pairs: Array) -> Array:
+    """Sums of M's blocks over its columns, shape (layer, surface_node, block, block)."""
+    gaps, _, _, block, _ = pairs.shape
+    sums = np.zeros((gaps + 1, graph.nodes, block, block))
+    for gap, layer, _, k in _entries(gaps):
+        sums[layer] += np.add.reduceat(pairs[gap, k], graph.indptr[:-1], axis=0)
+    return sums
 
 
 def _entries(gaps: int) -> list[tuple[int, int, int, int]]:
@@ -184,6 +190,11 @@ class System:
     def surface_sums(self) -> Array:
         """Sums of `surface_blocks` over the columns, shape (surface_node, block, block)."""
         return np.add.reduceat(self.surface_blocks, self.graph.indptr[:-1], axis=0)
+
+    @cached_property
+    def sums(self) -> Array:
+        """Sums of M's blocks over the columns: `lumped`, and what holds nodes."""
+        return _row_sums(self.graph, self.pairs)
 
     @cached_property
     def surface(self) -> bsr_array:

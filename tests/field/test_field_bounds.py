@@ -173,6 +173,34 @@ def test_large_fields(
     np.testing.assert_allclose(near.efficiency, exact.efficiency)
 
 
+@pytest.mark.parametrize(("name", "fields"), METHODS[:1] + METHODS[4:])
+def test_large_fields_with_a_hole(
+    make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror,
+    monkeypatch: pytest.MonkeyPatch, name: str, fields: dict[str, Any],
+) -> None:  # fmt: skip
+    """Around nodes that no view sees, which are held at zero, bounds are those of small fields."""
+    prisms, method = make_plate((10, 9), 4), method_of(name, fields)
+    views = smooth(make_views(5, pixels=24, covariance=1e-6 * np.eye(6)))
+    for k, view in enumerate(views):
+        middle = view.dac.mean(axis=0)
+        unseen = np.hypot(*(view.dac - middle).T) < 0.2 * np.ptp(view.dac)
+        views[k] = replace(view, flags=unseen.astype(int))
+    looks = Looks(views, laser, prisms, six_points)
+    exact = estimate(looks, method)
+    monkeypatch.setattr(field_system, "SMALL", 0)
+    near = estimate(looks, method)
+    known = exact.observable
+    assert 0.5 < known.mean() < 1
+    np.testing.assert_array_equal(near.observable, known)
+    noise = np.abs(near.std_noise / exact.std_noise - 1)[known]
+    pose = np.abs(near.std_pose / exact.std_pose - 1)[:, known]
+    # At the rim of the hole what is far counts for more, and the poses' part errs the most.
+    assert np.percentile(noise, 99) < 0.02
+    assert np.percentile(pose, 95) < 0.05
+    assert noise.max() < 0.1
+    assert pose.max() < 0.5
+
+
 def test_many_frequencies(
     make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror
 ) -> None:
