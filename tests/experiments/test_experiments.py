@@ -43,3 +43,10 @@ def test_experiment_expects_something(name):
     text = yaml.safe_load((FOLDER / f"{name}.yaml").read_text())
     included = [d for d in text.get("defaults", []) if isinstance(d, str) and d != "_self_"]
     assert text.get("expect") or included
+
+
+@pytest.mark.long
+def test_every_method_on_the_default_session(sldvexp):
+    done = sldvexp("check", "methods")
+    assert done.status == 0, done.out + done.err
+    assert "6 of 6 as expected" in done.out
