@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import hydra
 from hydra._internal.utils import get_args_parser
-from hydra.errors import MissingConfigException
+from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
@@ -104,6 +104,8 @@ class Command:
 
                 self.arguments = arguments_of(self.arguments)
                 sys.argv[1:] = self.arguments
+            if "--version" in self.arguments:
+                return self._version()
             options = self._options()
             if options.help:
                 return self._help(options)
@@ -150,8 +152,9 @@ class Command:
             try:
                 with sweep.watched():
                     start(self._job)()
-            except BaseException:
-                if sweep.begun:  # what there is may be looked at
+            except BaseException as error:
+                composed = not isinstance(error, HydraException)
+                if composed and sweep.begun:  # what there is may be looked at
                     sweep.finish("")
                 raise
             report = OmegaConf.to_object(first.report) if first.report else None
@@ -188,12 +191,19 @@ class Command:
         print(text(folders(options.config_dir)), flush=True)
         return DONE
 
+    def _version(self) -> int:
+        from importlib.metadata import version
+
+        print(f"sldvexp {version('sldvexp')}, on Hydra {hydra.__version__}")
+        return DONE
+
     def _job(self, cfg: DictConfig) -> None:
         """One job; its mistakes are told here, so that a sweep goes on with the next."""
         gc.enable()
         from hydra.core.hydra_config import HydraConfig
 
         from sldvexp.runner import run
+        from sldvexp.sweep.lock import alone
 
         job = HydraConfig.get()
         lines: Any = OmegaConf.to_container(job.overrides, resolve=False)
@@ -213,7 +223,8 @@ class Command:
 
                 computed = perform(cfg, job.runtime.output_dir, lines["task"], told)
             else:
-                passed = run(cfg, folder=job.runtime.output_dir)
+                with alone(Path(job.runtime.output_dir)):
+                    passed = run(cfg, folder=job.runtime.output_dir)
                 self.status = self.status or (DONE if passed else MISSED)
         except Exception as error:
             sentence = told(error)

@@ -9,8 +9,9 @@ from __future__ import annotations
 import os
 import pickle
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from copy import deepcopy
+from dataclasses import replace
 from typing import Any
 
 from hydra._internal import hydra as program
@@ -21,7 +22,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from hydra.plugins.config_source import ConfigResult
 from hydra.types import RunMode
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
 
 def _copies(value: Any) -> Callable[[], Any]:
@@ -78,22 +79,22 @@ class RememberingLoader(ConfigLoaderImpl):
         from_shell: bool = True,
         validate_sweep_overrides: bool = True,
     ) -> DictConfig:
-        try:
+        with suppress(Exception):  # Hydra has the words for what is wrong, if anything is
             parsed = OverridesParser.create().parse_overrides(overrides)
             if validate_sweep_overrides:
                 self.validate_sweep_overrides_legal(parsed, run_mode, from_shell)
             return self._on_top(parsed, config_name)
-        except Exception:  # Hydra has the words for what is wrong, if anything is
-            return super()._load_configuration_impl(
-                config_name, overrides, run_mode, from_shell, validate_sweep_overrides
-            )
+        return super()._load_configuration_impl(
+            config_name, overrides, run_mode, from_shell, validate_sweep_overrides
+        )
 
     def _on_top(self, overrides: list[Override], config_name: str | None) -> DictConfig:
         """The values that are set, put onto what is composed of the choices."""
         setting = [o for o in overrides if self._sets(o)]
         choosing = [str(o.input_line) for o in overrides if o not in setting]
         config = self._composed(config_name, tuple(choosing))
-        self._apply_overrides_to_config([o for o in setting if not o.is_sweep_override()], config)
+        for override in (o for o in setting if not o.is_sweep_override()):
+            self._apply_overrides_to_config([_named(override, config)], config)
         task = [o for o in overrides if not o.is_hydra_override()]
         config.hydra.overrides.task = [o.input_line for o in task]
         config.hydra.overrides.hydra = [o.input_line for o in overrides if o.is_hydra_override()]
@@ -125,6 +126,20 @@ class RememberingLoader(ConfigLoaderImpl):
     def __getstate__(self) -> dict[str, Any]:
         """What goes to other processes with every job: nothing that is remembered."""
         return {**vars(self), "_known": {}}
+
+
+def _named(override: Override, config: DictConfig) -> Override:
+    """The override with text for the names of a table whose entries have texts for names.
+
+    A shell cannot quote ``{1: {}}`` so that Hydra reads a text.
+    """
+    value = override.value()
+    if override.is_delete() or not isinstance(value, dict):
+        return override
+    table = OmegaConf.select(config, override.key_or_group, throw_on_missing=False)
+    if not isinstance(table, DictConfig) or table._metadata.key_type is not str:
+        return override
+    return replace(override, _value={str(name): entry for name, entry in value.items()})
 
 
 @contextmanager

@@ -17,11 +17,10 @@ from sldvexp.instrument.recording import JOURNAL
 from sldvexp.paths import locate
 from sldvexp.runner import RUN_FILE
 from sldvexp.sweep import record
-from sldvexp.sweep.lock import locked
+from sldvexp.sweep.lock import LOCK_FILE, locked
 from sldvexp.sweep.record import Record, State, Stopwatch
 from sldvexp.sweep.store import SHARED, Store
 
-LOCK_FILE = ".lock"
 #: Files that a killed process had not finished, see `sldvexp.files.whole_or_nothing`.
 TORN = ".*.[0-9]*.*"
 

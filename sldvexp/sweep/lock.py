@@ -5,10 +5,13 @@ from __future__ import annotations
 import fcntl
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from sldvexp.errors import UserError
+
+#: In the folder that one process at a time may write to.
+LOCK_FILE = ".lock"
 
 
 @contextmanager
@@ -36,3 +39,20 @@ def locked(path: Path, wait: bool = True) -> Iterator[None]:
         yield
     finally:
         os.close(opened)
+
+
+@contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Be the only one at work in the folder of a run.
+
+    Raises
+    ------
+    UserError
+        If another run is.
+    """
+    with ExitStack() as held:
+        try:
+            held.enter_context(locked(folder / LOCK_FILE, wait=False))
+        except BlockingIOError:
+            raise UserError(f"{folder}: another run is at work in this folder") from None
+        yield

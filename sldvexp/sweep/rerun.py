@@ -37,6 +37,8 @@ def run(words: list[str], config_dir: str | None) -> int:
     gc.enable()
     given = Path(words[0])
     path = (given / RUN_FILE if given.is_dir() else given).resolve()
+    if given.is_dir() and not path.is_file() and (runs := sorted(given.glob(f"*/{RUN_FILE}"))):
+        raise UserError(f"{given}: is a sweep; rerun takes one of its runs, as {runs[0].parent}")
     before = _loaded(path)
     registry.load_installed()
     found = _without_hardware(recorded.read(path, before.attrs))

@@ -14,13 +14,12 @@ from types import TracebackType
 from sldvexp.errors import UserError
 from sldvexp.report.base import Report
 from sldvexp.sweep import record
-from sldvexp.sweep.lock import locked
+from sldvexp.sweep.lock import LOCK_FILE, locked
 from sldvexp.sweep.plan import RESOLVER, Plan, folder_name, register_resolver
 from sldvexp.sweep.progress import Progress
 from sldvexp.sweep.watch import Watch
 
 SWEEPS = Path("outputs/sweeps")
-LOCK_FILE = ".lock"
 
 IN_THIS_PROCESS = "basic"
 #: How many runs Hydra's sweeper gives to the launcher at once.

@@ -9,6 +9,7 @@ import os
 import subprocess
 import sys
 from datetime import datetime
+from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -20,6 +21,7 @@ from hydra.core.config_store import ConfigStore
 
 from sldvexp import registry
 from sldvexp.errors import UserError
+from sldvexp.sweep.lock import locked
 
 CONF = Path(__file__).parents[2] / "conf"
 QUICK = ("~experiment", "target=dissertation")
@@ -263,3 +265,17 @@ def test_results_of_an_earlier_run_do_not_stay(sldvexp, tmp_path, monkeypatch):
     with pytest.raises(ZeroDivisionError):
         sldvexp(*POSE, where)
     assert left() == []
+
+
+def test_version(sldvexp):
+    done = sldvexp("--version")
+    assert done.status == 0
+    assert done.out.startswith(f"sldvexp {version('sldvexp')}")
+
+
+def test_two_runs_in_one_folder(sldvexp, tmp_path):
+    with locked(tmp_path / "run0/.lock"):
+        done = sldvexp("~experiment", "target=dissertation")
+    assert done.status == 1
+    assert done.err == f"sldvexp: {tmp_path / 'run0'}: another run is at work in this folder\n"
+    assert not (done.folder / "run.nc").exists()

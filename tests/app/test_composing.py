@@ -74,6 +74,12 @@ def test_what_is_refused(loaders, overrides):
     assert told[0] == told[1]
 
 
+def test_names_that_are_numbers(loaders):
+    views = "scan.calibration.views={1: {dac: [[0, 0]]}, front: {dac: [[1, 1]]}}"
+    found = loaders[0].load_configuration("config", [views], RunMode.RUN)
+    assert {"1", "front"} <= set(found.scan.calibration.views)
+
+
 def test_jobs_share_nothing_that_can_change(loaders):
     first, second = (
         loaders[0].load_configuration("config", [f"seed={n}"], RunMode.RUN) for n in (1, 2)

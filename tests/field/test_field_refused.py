@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import builtins
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -24,7 +24,6 @@ from sldvexp.registry import get
 from sldvexp.signal.rules import Flag
 from sldvexp.volume.base import Samples, Sight
 from sldvexp.volume.grid import Grid
-from sldvexp.volume.rules import tensor_rule
 from sldvexp.volume.samples import SampleRule
 
 Make = Callable[..., Any]
@@ -407,25 +406,16 @@ def test_cholesky_is_direct(
         np.testing.assert_allclose(cholesky, direct, rtol=1e-9, atol=1e-9 * size)
 
 
-def test_cholesky_needs_its_extra(
-    make_plate: Make, make_views: Make, laser: TwoMirror, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    real = builtins.__import__
-
-    def missing(name: str, *args: Any, **kwargs: Any) -> Any:
-        if name == "cholespy":
-            raise ImportError(name)
-        return real(name, *args, **kwargs)
-
-    monkeypatch.setattr(builtins, "__import__", missing)
-    looks = small(make_plate, make_views, laser, tensor_rule(3, 2))
-    told = refused(
-        lambda: estimate_field(looks, method_of("absolute"), get("solver", "cholesky")())
+def test_cholesky_needs_its_extra(sldvexp: Callable[..., Any], monkeypatch: Any) -> None:
+    """Which is told before anything is scanned."""
+    monkeypatch.setitem(sys.modules, "cholespy", None)
+    done = sldvexp("solver=cholesky")
+    assert done.status == 1
+    assert done.err == (
+        "sldvexp: conf/solver/cholesky.yaml: solver needs the package cholespy: "
+        "pip install 'sldvexp[cholesky]', or solver=iterative\n"
     )
-    assert told == (
-        "solver=cholesky needs the package cholespy: pip install 'sldvexp[cholesky]', or use "
-        "solver=iterative"
-    )
+    assert not (done.folder / "journal").exists()
 
 
 def test_looks_without_a_view_are_those_of_the_others(

@@ -190,12 +190,15 @@ def test_measured_run_is_repeated_from_its_scan_lines_only(point, sldvexp):
     assert "was measured, and its scan lines are not beside it in journal" in done.err
 
 
-@pytest.mark.parametrize("words", [[], ["a", "b"], ["nothing.nc"], ["mine.csv"]])
+@pytest.mark.parametrize("words", [[], ["a", "b"], ["nothing.nc"], ["mine.csv"], ["swept"]])
 def test_what_is_no_run(words, sldvexp, tmp_path):
     (tmp_path / "mine.csv").write_text("1")
+    (tmp_path / "swept/seed=1").mkdir(parents=True)
+    (tmp_path / "swept/seed=1/run.nc").touch()
     done = sldvexp("rerun", *words)
     assert done.status == 1
     assert len(done.err.splitlines()) == 1
+    assert ("is a sweep; rerun takes one of its runs" in done.err) == (words == ["swept"])
 
 
 def test_agreement_of_single_quantities():

@@ -161,3 +161,13 @@ def test_interrupted_sweep_leaves_what_it_has(sldvexp, tmp_path, monkeypatch):
     with xr.open_dataset(tmp_path / "swept/sweep.nc", engine="netcdf4") as table:
         assert table["state"].values.tolist() == ["done", "running", "waiting"]
         assert table["reason"].values.tolist() == ["", "the run was cut off", "not begun"]
+
+
+def test_a_choice_that_does_not_exist_leaves_the_sweep_as_it_is(sldvexp, tmp_path):
+    swept = ("-m", "~experiment", "report=none", WHERE)
+    assert sldvexp(*swept, "target=dissertation,fiducials", "seed=1").status == 0
+    before = (tmp_path / "swept/sweep.nc").read_bytes()
+    done = sldvexp(*swept, "target=dissertation,fiducial", "seed=1")
+    assert done.status == 1
+    assert "there is no target=fiducial; did you mean fiducials?" in done.err
+    assert (tmp_path / "swept/sweep.nc").read_bytes() == before

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from sldvexp.errors import UserError
+from sldvexp.errors import Checks
 from sldvexp.field.solvers.base import Solver
 from sldvexp.registry import register
 
@@ -21,21 +22,16 @@ class Cholesky(Solver):
     Needs the extra: ``pip install 'sldvexp[cholesky]'``.
     """
 
-    def prepare(self, system: System) -> Solve:
-        """Factors of the matrix.
+    def __post_init__(self) -> None:
+        checks = Checks()  # now, and not after the scan
+        needed = "needs the package cholespy: pip install 'sldvexp[cholesky]', or solver=iterative"
+        checks.require(find_spec("cholespy") is not None, "", needed)
+        checks.done()
 
-        Raises
-        ------
-        UserError
-            If the package is not installed.
-        """
-        try:
-            import cholespy
-        except ImportError:
-            raise UserError(
-                "solver=cholesky needs the package cholespy: pip install 'sldvexp[cholesky]', or "
-                "use solver=iterative"
-            ) from None
+    def prepare(self, system: System) -> Solve:
+        """Factors of the matrix."""
+        import cholespy
+
         from sldvexp.field.cholmod import solve_with
         from sldvexp.field.kronecker import KroneckerInverse
 
