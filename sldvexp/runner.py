@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -22,9 +22,9 @@ from sldvexp.paths import locate
 from sldvexp.report.base import REPORT_FILE, attempt
 from sldvexp.report.pose_text import pose_text
 from sldvexp.report.table import closing_table
-from sldvexp.session.interruption import how_to_go_on
+from sldvexp.session.interruption import how_to_go_on, telling_of_the_scan
 from sldvexp.session.operator import Operator
-from sldvexp.steps import STEPS, Run, Step
+from sldvexp.steps import SCAN, STEPS, Run, Step
 
 log = logging.getLogger(__name__)
 
@@ -80,14 +80,7 @@ def run(
     rng = np.random.default_rng(experiment.seed)
     run = Run(experiment, rng, Path(folder), Operator(lambda: _paused(bar)))
     with bar, _told_how_to_go_on(run.folder):
-        task = bar.add_task("", total=len(steps))
-        for step in steps:
-            bar.update(task, description=step.name, advance=1)
-            log.info(step.name)
-            if share:
-                share(step, run)
-            else:
-                step.work(run)
+        _do(steps, run, bar, share or (lambda step, run: step.work(run)))
     path = Path(folder) / RUN_FILE
     attributes = provenance.attributes(cfg, run.inputs, start)
     if run.reused:
@@ -104,6 +97,17 @@ def run(
     if not quiet:
         closing_table(run.kept, [path, *(path.with_name(n) for n in texts), *exported, *pages])
     return "check" not in run.tree or bool(run.tree["check"]["passed"].all())
+
+
+def _do(steps: Sequence[Step], run: Run, bar: Progress, do: Callable[[Step, Run], None]) -> None:
+    """One step after the other."""
+    task, scanned = bar.add_task("", total=len(steps)), False
+    for step in steps:
+        bar.update(task, description=step.name, advance=1)
+        log.info(step.name)
+        with telling_of_the_scan(run.folder, scanned):
+            do(step, run)
+        scanned |= step.name == SCAN
 
 
 @contextmanager

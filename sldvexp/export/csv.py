@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 class Csv(Export):
     """A row for each node or point, component and frequency, with units in the header.
 
-    Numbers have all their digits. What is not determined is empty, and its ``determined`` is 0.
+    Positions are there where the run knows them. Numbers have all their digits. What is not
+    determined is empty, and its ``determined`` is 0.
     """
 
     suffix = ".csv"
@@ -34,8 +35,8 @@ class Csv(Export):
         columns: dict[str, Any] = {
             "node" if results.mesh else "point": np.array(results.names)[node]
         }
-        if results.mesh is not None:
-            for axis, values in zip("xyz", results.mesh.position.T, strict=True):
+        if results.position is not None:
+            for axis, values in zip("xyz", results.position.T, strict=True):
                 columns[f"{axis}_m"] = values[node]
         frequency = np.full(1, np.nan) if results.frequency is None else results.frequency
         columns |= {

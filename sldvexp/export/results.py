@@ -19,7 +19,7 @@ Bools = NDArray[np.bool_]
 
 WORLD = ("x", "y", "z")
 #: Groups of a run that velocities and their places come from.
-GROUPS = ("field", "volume", "point")
+GROUPS = ("field", "volume", "point", "line_of_sight")
 #: Attributes of a run that an export repeats.
 TOLD = (*CONVENTIONS, "title", "config_sha256", "end_time")
 
@@ -78,6 +78,8 @@ class Results:
     observable : ndarray of bool, shape (node, component)
     mesh : Mesh, optional
         None if the velocities are those of points.
+    position : ndarray, shape (node, 3), m, optional
+        In the world; None if the run does not know it.
     about : dict of str to str
         Conventions, confidence level, and which run it was.
     """
@@ -90,6 +92,7 @@ class Results:
     confidence: Array | None
     observable: Bools
     mesh: Mesh | None
+    position: Array | None
     about: dict[str, str]
 
     @property
@@ -163,6 +166,7 @@ def results_of(tree: Mapping[str, xr.Dataset], attributes: Mapping[Any, Any]) ->
 
     velocity = array("velocity")
     point = group.coords.get("point")
+    mesh = _mesh(tree["volume"]) if is_field else None
     known = {**CONVENTIONS, **attributes, "confidence_level": group.attrs["confidence_level"]}
     return Results(
         tuple(map(str, point.values)) if point is not None and point.ndim else _numbers(velocity),
@@ -172,13 +176,22 @@ def results_of(tree: Mapping[str, xr.Dataset], attributes: Mapping[Any, Any]) ->
         array("velocity_std"),
         array("confidence"),
         array("observable", 2) != 0,
-        _mesh(tree["volume"]) if is_field else None,
+        mesh,
+        mesh.position if mesh else _places(tree, group),
         {k: str(known[k]) for k in (*TOLD, "confidence_level") if k in known},
     )
 
 
 def _numbers(velocity: NDArray) -> tuple[str, ...]:
     return tuple(str(i) for i in range(1, len(velocity) + 1))
+
+
+def _places(tree: Mapping[str, xr.Dataset], points: xr.Dataset) -> Array | None:
+    """Where the points lie, shape (point, 3), m, if what was measured tells it."""
+    measured = tree.get("line_of_sight")
+    if measured is None or "position" not in measured:
+        return None
+    return np.asarray(measured["position"].sel(point=points["point"]).values)
 
 
 def _mesh(volume: xr.Dataset) -> Mesh:

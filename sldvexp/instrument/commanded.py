@@ -142,11 +142,22 @@ class CommandedInstrument:
         commands = self.profile.commands
         dialogue.run(commands.setup)
         if self._view:
-            dialogue.run(commands.view, {"view": self._view})
+            self._go_to_view(dialogue)
         if self._acquisition is not None:
             self._configure(dialogue)
         if self._position is not None:
             self._move(dialogue)
+
+    def _go_to_view(self, dialogue: Dialogue) -> None:
+        """Stand in the view, whose name the configuration and the instrument must share."""
+        try:
+            dialogue.run(self.profile.commands.view, {"view": self._view})
+        except DisturbanceError:
+            raise
+        except InstrumentError as error:
+            raise InstrumentError(
+                f"{error}; scan.views calls a view {self._view}: call it as the instrument does"
+            ) from error
 
     def _configure(self, dialogue: Dialogue) -> None:
         a, data, commands = self._acquisition, self.profile.data, self.profile.commands

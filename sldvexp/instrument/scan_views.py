@@ -13,7 +13,7 @@ from sldvexp.instrument.motion_units import motion_of
 from sldvexp.instrument.pointwise import PointView, Quantity, Zeros
 from sldvexp.instrument.scan_columns import by_rows
 from sldvexp.instrument.scan_export import ScanExport
-from sldvexp.instrument.scan_table import ANGLES, Table, frequencies_in, read_table
+from sldvexp.instrument.scan_table import ANGLES, Table, fields, frequencies_in, read_table
 from sldvexp.paths import locate
 from sldvexp.universal.geometry import Geometry
 from sldvexp.universal.systems import WORLD
@@ -110,7 +110,10 @@ def _whole(table: Table, column: int) -> NDArray[np.int64]:
 
 def _one_frequency(settings: ScanExport, table: Table) -> float:
     """The frequency of a table without a column of it."""
-    stated = frequencies_in(table.before)
+    lines = table.before.splitlines()
+    # Cells too: the comma before `100 Hz` is a delimiter here and a decimal mark there.
+    cells = [cell for line in lines for cell in fields(line, table.delimiter)]
+    stated = frequencies_in("\n".join([*lines, *cells]))
     if len(settings.frequency) == 1 and len(stated) != 1:
         return settings.frequency[0]
     if len(stated) != 1:

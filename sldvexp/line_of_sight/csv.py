@@ -16,6 +16,8 @@ from sldvexp.units import VelocityUnit
 
 REQUIRED = ("view", "dx", "dy", "dz", "real")
 OPTIONAL = ("point", "frequency", "imag", "std")
+#: What others put between columns.
+OTHER_DELIMITERS = {";": "semicolons", "\t": "tabs"}
 #: Least values, and what is said of smaller ones.
 LEAST = {
     "frequency": (0.0, "must be a finite number of zero or more"),
@@ -103,6 +105,7 @@ def _table(path: Path, layout: Layout) -> pd.DataFrame:
     lines = [i for i, line in enumerate(text.splitlines(), 1) if line.split("#")[0].strip()]
     if not lines:
         raise UserError(f"{path}: is empty; needed are the columns {', '.join(REQUIRED)}")
+    _require_commas(text.splitlines()[lines[0] - 1], path, lines[0])
     try:
         table = pd.read_csv(
             io.StringIO(text), dtype=str, comment="#", skipinitialspace=True, keep_default_na=False
@@ -133,6 +136,16 @@ def _table(path: Path, layout: Layout) -> pd.DataFrame:
         if column not in ("view", "point"):
             table[column] = numbers
     return table
+
+
+def _require_commas(header: str, path: Path, line: int) -> None:
+    """Complain about columns that something else separates: then commas may be decimal marks."""
+    found = next((name for mark, name in OTHER_DELIMITERS.items() if mark in header), None)
+    if found and "," not in header:
+        raise UserError(
+            f"{path}, line {line}: {found} are between the columns; write commas there, and "
+            "decimal points in the numbers"
+        )
 
 
 def _check_columns(table: pd.DataFrame, path: Path) -> None:

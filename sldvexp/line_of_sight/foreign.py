@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,13 @@ ALLOWED = {
     "direction_cosines": ("view", "point", "axis"),
     "velocity": ("view", "point", "frequency"),
     "velocity_std": ("view", "point", "frequency"),
+}
+#: How others may call a dimension.
+LIKE = {
+    "axis": "xyz|ax[ie]s|comp|dir|coord|dim|cart",
+    "frequency": "freq|^n?f$|hz|omega|line",
+    "point": "point|node|grid|pixel|^p$|^n$",
+    "view": "view|head|scan|look|station|pos",
 }
 #: Variables that must go together, and what they make.
 PARTS = {"velocity": ("real", "imag"), "direction_cosines": ("dx", "dy", "dz")}
@@ -163,10 +171,10 @@ def ordered(data: xr.Dataset, name: str, theirs: dict[str, str], path: Path) -> 
     needed = {"direction_cosines": ("view", "axis"), "velocity": ("view",)}.get(name, ())
     lost = [d for d in needed if d not in array.dims]
     if strange or lost:
-        free = [d for d in allowed if d not in array.dims]
+        free = lost + [d for d in allowed if d not in array.dims and d not in lost]
         raise UserError(
             f"{path}: {theirs.get(name, name)} has the dimensions {_sizes(array, theirs)}; {name} "
-            f"is over {', '.join(allowed)}{_remedy(strange, free)}"
+            f"is over {', '.join(allowed)}{_remedy(array, strange, free)}"
         )
     if "axis" in array.dims and array.sizes["axis"] != 3:
         raise UserError(f"{path}: {name} has {array.sizes['axis']} components; it needs x, y, z")
@@ -177,16 +185,41 @@ def ordered(data: xr.Dataset, name: str, theirs: dict[str, str], path: Path) -> 
     return np.array(array.transpose(*(d for d in allowed if d in array.dims)))
 
 
-def _remedy(strange: list[str], free: list[str]) -> str:
-    """What to say so that the dimensions become those of the program."""
+def _remedy(array: xr.DataArray, strange: list[str], free: list[str]) -> str:
+    """What to say so that the dimensions become those of the program, the needed ones first."""
     if not strange:
         return ", of which it lacks " + " and ".join(free)
     if not free:
         return f"; leave {', '.join(strange)} out of the file"
-    pairs = zip(strange, free, strict=False)
-    example = ", ".join(f"{a}: {b}" for a, b in pairs)
+    pairs = _pairs(array, strange, free)
+    example = ", ".join(f"{a}: {pairs[a]}" for a in strange if a in pairs)
+    if not example:
+        return f"; {' and '.join(strange)} cannot be {' or '.join(free)}, which has the length 3"
     which = "" if len(strange) == len(free) == 1 else "which is which, as in "
     return f"; say {which}instrument.mapping={{{example}}}"
+
+
+def _pairs(array: xr.DataArray, strange: list[str], free: list[str]) -> dict[str, str]:
+    """What each strange dimension may be: by its name and length, else as they stand."""
+    pairs: dict[str, str] = {}
+    for own in (d for d in LIKE if d in free):
+        alike = [d for d in strange if d not in pairs and re.search(LIKE[own], d.lower())]
+        if own == "axis":
+            of_three = [d for d in strange if array.sizes[d] == 3]
+            labelled = [d for d in of_three if d in array.coords and _tells_xyz(array[d].values)]
+            named = [d for d in of_three if d in alike]
+            alike = labelled or named or (of_three if len(of_three) == 1 else [])
+        if alike:
+            pairs[alike[0]] = own
+    left = [d for d in strange if d not in pairs]
+    three = any(array.sizes[d] == 3 for d in left)
+    others = [d for d in free if d not in pairs.values() and (d != "axis" or three)]
+    return pairs | dict(zip(left, others, strict=False))
+
+
+def _tells_xyz(labels: np.ndarray) -> bool:
+    """Whether labels end in x, y and z."""
+    return sorted(str(label).strip().lower()[-1:] for label in labels) == list("xyz")
 
 
 def _xyz(labels: np.ndarray) -> list[int]:

@@ -38,15 +38,17 @@ def take_marks(scan: ByHand, at: Standpoint) -> dict[str, xr.Dataset]:
         If there are no marks, or all are hidden.
     """
     beam, found, dac = HOME, [], []
+    taken: dict[Steps, int] = {}
     for mark in known_marks(scan, at.target):
         if mark.number in scan.views[at.view].hidden:
             continue
-        aim = partial(_aim, at, mark, beam)
+        aim = partial(_aim, at, mark, beam, taken)
         kept = at.camera.journal.answer(mark_name(mark.number), mark.position.tolist(), aim)
         if kept is not None:
             beam = (kept[0], kept[1])
             found.append(mark)
             dac.append(beam)
+            taken[beam] = mark.number
     if not found:
         raise UserError(f"scan: none of the marks can be seen from the view {at.view}")
     numbers = np.array([mark.number for mark in found])
@@ -105,17 +107,19 @@ def known_marks(scan: ByHand, target: Target | None) -> list[Mark]:
     return [Mark(int(number), position, std) for number, position, std in every]
 
 
-def person_at(at: Standpoint, unit: LengthUnit = LengthUnit.m) -> Person:
+def person_at(
+    at: Standpoint, unit: LengthUnit = LengthUnit.m, taken: Mapping[Steps, int] | None = None
+) -> Person:
     """Who does what the instrument cannot: a simulated one's own person, or the one we ask."""
     instrument = at.camera.instrument
     if isinstance(instrument, Attended):
         return instrument.person
-    return AtTerminal(at.operator, instrument, at.laser, at.view, unit)
+    return AtTerminal(at.operator, instrument, at.laser, at.view, unit, taken)
 
 
-def _aim(at: Standpoint, mark: Mark, start: Steps) -> Steps | None:
-    """Let a person bring the beam onto a mark."""
-    return person_at(at).aim(mark, start)
+def _aim(at: Standpoint, mark: Mark, start: Steps, taken: Mapping[Steps, int]) -> Steps | None:
+    """Let a person bring the beam onto a mark, at other steps than those of earlier marks."""
+    return person_at(at, taken=taken).aim(mark, start)
 
 
 def _digitise(

@@ -74,8 +74,21 @@ def scan_circles(
         If a circle is not where it should be; it says what was seen.
     """
     looks = [_look(camera, scan, k, centre, laser) for k, centre in enumerate(centres, 1)]
-    require_circles(looks, camera.journal.folder)
+    require_circles(looks, camera.journal.folder, _other_board(centres, laser))
     return [_edges(camera, scan, k, look, laser) for k, look in enumerate(looks, 1)]
+
+
+def _other_board(centres: NDArray[np.int64], laser: TwoMirror) -> str:
+    """A board with coarser steps whose centres these may be, as all lie in its range; or none."""
+    own = laser.board.value[1]
+    for board in type(laser.board):
+        if board.value[1] < own and np.abs(centres).max() <= board.value[1]:
+            share = 100 * np.abs(centres).max() / own
+            return (
+                f"all centres lie within {share:.0f} % of the range of laser.board="
+                f"{laser.board.name}; are they steps of {board.name}?"
+            )
+    return ""
 
 
 def _look(

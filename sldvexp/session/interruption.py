@@ -9,11 +9,41 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from sldvexp.errors import ConfigError, UserError
+from sldvexp.instrument.recording import JOURNAL
+
 
 def how_to_go_on(folder: Path) -> str:
     """What the operator is told when a run with scan lines in its folder stops before its end."""
     resume = shlex.quote(f"resume={folder}")
     return f"what was scanned is kept, go on with: sldvexp {resume}"
+
+
+def how_to_use_the_scan(folder: Path) -> str:
+    """What is told where a run fails behind its scan, which other settings may save."""
+    path = shlex.quote(f"instrument.path={folder}")
+    return f"the scan is kept: repeat the command, mended, with instrument=replay {path}"
+
+
+@contextmanager
+def telling_of_the_scan(folder: Path, scanned: bool) -> Iterator[None]:
+    """A user's mistake in what runs inside ends with how to use the scan that is kept.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the run.
+    scanned : bool
+        Whether the scan was finished before.
+    """
+    try:
+        yield
+    except ConfigError:  # which is told with the place of the setting
+        raise
+    except UserError as error:
+        if not scanned or not (folder / JOURNAL).is_dir():
+            raise
+        raise UserError(f"{error}; {how_to_use_the_scan(folder)}") from error
 
 
 @contextmanager

@@ -52,7 +52,7 @@ class Look:
         return self.ellipse is None and float(np.mean(moving(self.image))) < SOME
 
 
-def require_circles(looks: Sequence[Look], folder: Path) -> None:
+def require_circles(looks: Sequence[Look], folder: Path, suspicion: str = "") -> None:
     """Refuse to go on if a rough centre shows no circle, or two show the same.
 
     Parameters
@@ -61,6 +61,8 @@ def require_circles(looks: Sequence[Look], folder: Path) -> None:
         Of all rough centres of a view.
     folder : Path
         Where the view's scan lines are kept.
+    suspicion : str
+        Of the rough centres, told if nothing moves at any.
 
     Raises
     ------
@@ -71,7 +73,7 @@ def require_circles(looks: Sequence[Look], folder: Path) -> None:
         if look.ellipse is None:
             require_instrument(look.image, look.name, folder)
     if silent := [look for look in looks if look.silent]:
-        raise UserError(_nothing_moves(silent, len(looks), folder))
+        raise UserError(_nothing_moves(silent, len(looks), folder, suspicion))
     for look in looks:
         if look.ellipse is None:
             require_instrument(look.image, look.name, folder, MANY)
@@ -114,7 +116,7 @@ def require_instrument(image: ComplexImage, name: str, files: Path, share: float
         raise UserError(f"{name}: {fault}; then delete {files} and resume the run")
 
 
-def _nothing_moves(silent: Sequence[Look], count: int, folder: Path) -> str:
+def _nothing_moves(silent: Sequence[Look], count: int, folder: Path, suspicion: str) -> str:
     """What may be wrong with circles that do not move."""
     most = max(_largest(look.image) for look in silent)
     noise = max(float(np.median(look.image.std)) for look in silent)
@@ -124,6 +126,7 @@ def _nothing_moves(silent: Sequence[Look], count: int, folder: Path) -> str:
             f"nothing moves at any of the {count} rough centres ({seen}): the calibration object "
             "is out of view, its speakers are not driven, or no light comes back; see that the "
             "speakers sound, and that the beam stands in each circle at its rough centre"
+            f"{suspicion and '; '}{suspicion}"
         )
     names = " and ".join(look.name for look in silent)
     files = " and ".join(str(folder / look.files) for look in silent)

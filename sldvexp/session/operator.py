@@ -36,5 +36,5 @@ class Operator:
             try:
                 return input(request).strip()
             except EOFError:
-                what = request.strip().rstrip(":")
+                what = request.strip().splitlines()[-1].rstrip(":")
                 raise NobodyThereError(f"nobody is at the terminal to answer {what!r}") from None

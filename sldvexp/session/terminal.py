@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +35,8 @@ class AtTerminal:
     view : str
     unit : LengthUnit
         In which the digitizer shows coordinates.
+    taken : mapping of (up_down, left_right) to int, optional
+        Steps at which other marks, by their numbers, were found in this view.
     """
 
     def __init__(
@@ -43,12 +46,14 @@ class AtTerminal:
         laser: TwoMirror,
         view: str,
         unit: LengthUnit = LengthUnit.m,
+        taken: Mapping[Steps, int] | None = None,
     ) -> None:
         self.operator = operator
         self.instrument = instrument
         self.laser = laser
         self.view = view
         self.unit = unit
+        self.taken = taken or {}
 
     def aim(self, mark: Mark, start: Steps) -> Steps | None:
         """See `Person`; every line that is typed moves the beam, an empty one accepts."""
@@ -60,18 +65,26 @@ class AtTerminal:
             "up-down and left-right to move by (+5 -3) or a place to go to (=120 -40), Enter when "
             f"the spot is on the mark, {HIDDEN} if it cannot be seen.\n"
         )
-        while answer := self.operator.ask(f"{request}beam at {beam[0]} {beam[1]}: "):
+        while True:
+            where = f"mark {mark.number}, beam at {beam[0]} {beam[1]}: "
+            answer = self.operator.ask(f"{request}{where}")
             if answer.lower() == HIDDEN:
                 return None
+            if not answer and beam not in self.taken:
+                return beam
             request = ""
-            if (wanted := _moved(beam, answer)) is None:
+            if not answer:
+                request = (
+                    f"mark {self.taken[beam]} was found at {beam[0]} {beam[1]}, where mark "
+                    f"{mark.number} cannot be too: move the beam onto it, or type {HIDDEN}\n"
+                )
+            elif (wanted := _moved(beam, answer)) is None:
                 request = f"{answer!r} is neither steps like +5 -3 nor a place like =120 -40\n"
             elif problem := self._beyond(wanted):
                 request = f"{problem}\n"
             else:
                 beam = wanted
                 self.instrument.move(beam)
-        return beam
 
     def digitise(self, spot: int, samples: int) -> list[Place]:
         """See `Person`."""

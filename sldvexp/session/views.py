@@ -84,7 +84,8 @@ def estimate(scan: Scan) -> str:
     pixels = sum(part.pixel_count(view) for part, view in parts)
     seconds = sum(part.seconds(view) for part, view in parts)
     if not pixels:
-        return f"scan: by hand, views {', '.join(views)}"
+        how = "by digitizer" if any(part.kind == "spots" for part, _ in parts) else "by hand"
+        return f"scan: {how}, views {', '.join(views)}"
     return (
         f"scan: {pixels} pixels in {len(views)} views, {seconds:.0f} s of samples "
         f"({pixels / PIXELS_PER_SECOND / 60:.0f} min on an instrument of 6 pixels a second)"

@@ -267,6 +267,26 @@ def test_frequency_that_is_not_known(name, world, tmp_path):
         assert ",x,," in path.read_text().splitlines()[1]
 
 
+def test_points_of_known_places_have_them_in_a_table(points, tmp_path):
+    group, tree = points.tree["point"], dict(points.tree)
+    count = group.sizes.get("point", 1)
+    place = np.random.default_rng(3).normal(size=(count, 3))
+    names = [f"n{i}" for i in range(count)]
+    if "point" not in group.dims:
+        group = group.expand_dims(point=names)
+    tree["point"] = group.assign_coords(point=names)
+    turned = slice(None, None, -1)
+    known = xr.Dataset({"position": (("point", "axis"), place[turned])}, {"point": names[turned]})
+    tree["line_of_sight"] = known
+    path = registry.get("export", "csv")().export(tree, points.attributes, tmp_path, "mine")
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        at = [float(row[f"{axis}_m"]) for axis in "xyz"]
+        np.testing.assert_array_equal(at, place[names.index(row["point"])])
+    assert len(rows) == group["velocity"].size
+
+
 @pytest.mark.parametrize("name", ["a/b", "../b", ".b", "/b"])
 def test_file_stays_in_the_folder(name, points, tmp_path):
     export = registry.get("export", "csv")()

@@ -163,6 +163,23 @@ def test_columns_of_several_frequencies(read, name):
     right(read(text, **more), expected, frequency=frequency)
 
 
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_one_frequency_in_the_names_of_columns(read, delimiter):
+    head = ["Nr", "X [m]", "Y [m]", "Z [m]", "100 Hz Magnitude [m/s]", "100 Hz Phase [deg]"]
+    parts = np.abs(VALUES), np.degrees(np.angle(VALUES))
+    text = delimiter.join(head) + "\n" + rows(INDEX, *XYZ, *parts, delimiter=delimiter)
+    right(read(text), frequency=[100])
+    right(read(f"Frequency{delimiter}100 Hz\n" + text.replace("100 Hz ", "")), frequency=[100])
+
+
+def test_a_decimal_comma_in_a_table_of_commas_is_asked_about(read):
+    head = "X [m],Y [m],Z [m],Re [m/s],Im [m/s]\n"
+    text = "Frequency: 0,197 kHz\n" + head + rows(*XYZ, *PARTS, delimiter=",")
+    with pytest.raises(UserError, match=r"states 197, 197000 Hz\); say it with instrument.freq"):
+        read(text)
+    right(read(text, frequency=[197.0]))
+
+
 def test_columns_of_frequencies_without_units(read):
     text = "n\tx\ty\tz\t100 Hz\t200 Hz\n" + rows(INDEX, *XYZ, *F_EACH.real[:, :2].T)
     more = {

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.instrument.protocol import Acquisition
+from sldvexp.instrument.protocol import Acquisition, InstrumentError
 from sldvexp.instrument.visa import Visa
 from sldvexp.virtual_lab import console
 from sldvexp.virtual_lab.server import LabServer
@@ -52,6 +52,15 @@ def test_a_question_after_a_command_does_not_wait(lab):
             ours.move([step, -step])
         assert time.perf_counter() - begin < 100 * 0.022
         assert server.dialect.lab.position == (99, -99)
+
+
+def test_a_view_that_the_lab_does_not_know(lab):
+    said = "no view front; Valid: 1.*; scan.views calls a view front: call it as the instrument do"
+    with LabServer(lab()) as server:
+        with pytest.raises(InstrumentError, match=said), Visa(server.resource).open(view="front"):
+            pass
+        with Visa(server.resource).open(view="1"):
+            assert server.dialect.lab.view == "1"
 
 
 def test_a_digitiser_that_takes_no_lists(lab, same, line, tmp_path):

@@ -101,6 +101,11 @@ MISTAKES = {
         {},
         "say which is which, as in instrument.mapping={node: point, xyz: axis}",
     ),
+    "needed ones first": (
+        {"head": None, "heads": None, "xyz": None},
+        {},
+        "say which is which, as in instrument.mapping={xyz: axis, head: view}",
+    ),
     "a dimension as a variable": (
         {"head": "velocity", "heads": None},
         {},
@@ -140,6 +145,11 @@ MISTAKES = {
         {v: (CUBE[:2], EACH[..., 0]) for v in ("vr", "vi")},
         "velocity is over view, point, frequency, of which it lacks view",
     ),
+    "four components and no name": (
+        {"head": "view", "node": "point", "xyz": None},
+        {"D": (("node", "four", "head"), np.ones((POINTS, 4, VIEWS)))},
+        "is over view, point, axis; four cannot be axis, which has the length 3",
+    ),
     "four components": (
         {},
         {"D": (("node", "four", "head"), np.ones((POINTS, 4, VIEWS)))},
@@ -162,6 +172,26 @@ def test_mistakes_of_a_mapping(truth, tmp_path, name):
     path = tmp_path / "other.nc"
     foreign(truth, **variables).to_netcdf(path, engine="netcdf4")
     refused(path, said, mapping=mapping)
+
+
+#: Dimensions and their lengths, labels of some, and the mapping that is proposed.
+REMEDIES = [
+    ({"head": 3, "xyz": 3}, {}, "{head: view, xyz: axis}"),
+    ({"xyz": 3, "head": 4}, {}, "{xyz: axis, head: view}"),
+    ({"a": 4, "b": 3}, {}, "{a: view, b: axis}"),
+    ({"a": 3, "b": 3}, {"a": ["ux", "uy", "uz"]}, "{a: axis, b: view}"),
+    ({"node": 5, "head": 3, "component": 3}, {}, "{node: point, head: view, component: axis}"),
+    ({"a": 4, "b": 5}, {}, "{a: view, b: point}"),
+]
+
+
+@pytest.mark.parametrize(("sizes", "labels", "proposed"), REMEDIES)
+def test_the_mapping_that_is_proposed(tmp_path, sizes, labels, proposed):
+    path = tmp_path / "other.nc"
+    los = xr.DataArray(np.ones(list(sizes.values())), dims=list(sizes), coords=labels)
+    xr.Dataset({"los": los, "velocity": ("view", np.ones(3))}).to_netcdf(path, engine="netcdf4")
+    said = f"as in instrument.mapping={proposed}"
+    refused(path, said, mapping={"los": "direction_cosines"})
 
 
 def test_dimensions_are_named_by_their_entries_too(truth, tmp_path):

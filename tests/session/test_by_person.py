@@ -24,9 +24,9 @@ from sldvexp.instrument.recording import JOURNAL
 from sldvexp.instrument.replay import Replay
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.session.journal import Journal
-from sldvexp.session.operator import Operator
+from sldvexp.session.operator import NobodyThereError, Operator
 from sldvexp.session.terminal import AtTerminal
-from sldvexp.session.views import scan_views, takes_samples
+from sldvexp.session.views import estimate, scan_views, takes_samples
 from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.person import SimulatedPerson
@@ -92,6 +92,42 @@ def test_what_cannot_be_done_is_told_and_asked_again(answer, told):
 
 def test_a_mark_may_be_hidden():
     assert at_terminal("+1 +1", "Hidden").aim(MARK, (0, 0)) is None
+
+
+def test_two_marks_are_not_at_one_place():
+    person = AtTerminal(Typed("", "-1 0", "+1 0", "", "+2 0", ""), Beam(), TwoMirror(), "front",
+                        taken={(10, 20): 1})  # fmt: skip
+    assert person.aim(MARK, (10, 20)) == (12, 20)
+    told = "mark 1 was found at 10 20, where mark 3 cannot be too: move the beam onto it, or type"
+    requests = person.operator.requests
+    assert [told in request for request in requests] == [False, True, False, False, True, False]
+
+
+def test_a_session_refuses_the_place_of_an_earlier_mark(composed, tmp_path, monkeypatch):
+    experiment = composed(*HAND[:2], "scan.views={a: {}}")
+    monkeypatch.delattr(VirtualLab, "person")
+    found = ["=10 20", "", "", "+5 5", "", *["+7 0", ""] * 4]
+    operator = Typed(*found)
+    group = scan_views(experiment, tmp_path, operator)["registration"]
+    assert operator.answers == []
+    np.testing.assert_array_equal(group["dac"].isel(view=0, point=[0, 1]), [[10, 20], [15, 25]])
+    assert len(np.unique(group["dac"].values[0], axis=0)) == 6
+
+
+def test_who_is_not_there_is_asked_in_one_line(monkeypatch):
+    def ended(request):
+        raise EOFError
+
+    monkeypatch.setattr("builtins.input", ended)
+    with pytest.raises(NobodyThereError) as error:
+        Operator().ask("'' is not three numbers x y z\nView 1, spot 2: x y z in mm: ")
+    expected = "nobody is at the terminal to answer 'View 1, spot 2: x y z in mm'"
+    assert str(error.value) == expected
+
+
+def test_a_person_alone_is_announced(experiment):
+    how = {"marks": "hand", "spots": "digitizer"}[experiment.scan.parts("a")[0].kind]
+    assert estimate(experiment.scan) == f"scan: by {how}, views a, b"
 
 
 def test_digitised_coordinates_come_in_their_unit():

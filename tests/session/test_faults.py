@@ -173,6 +173,9 @@ TABLE = [
         lab=("scene.speakers={3: {velocity: 0}}",)),
     Row("no speaker driven", "nothing moves at any of the 4 rough centres .* its speakers are not "
         "driven", lab=("scene.speaker.velocity=0",), long=True),
+    Row("rough centres of another board", "nothing moves at any of the 4 rough centres .*; all "
+        "centres lie within 5 % of the range of laser.board=bits_16; are they steps of bits_12",
+        settings=("laser=ometron_16bit", f"scan.views.1.dac=[{ROUGH},[748,-646]]")),
     Row("lines too short", r"the circle around DAC steps \(-142, -704\): an ellipse needs 5 edge "
         r"points or more, not \d \(seen: .*\); put the rough centre nearer to .* or give the lines "
         "more scan.coarse.pixels", settings=("scan.coarse.pixels=90",), long=True),

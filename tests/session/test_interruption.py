@@ -8,7 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from sldvexp.session.interruption import how_to_go_on, stopping_once, undisturbed
+from sldvexp.errors import UserError
+from sldvexp.instrument.recording import JOURNAL
+from sldvexp.session.interruption import (
+    how_to_go_on,
+    stopping_once,
+    telling_of_the_scan,
+    undisturbed,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -88,3 +95,15 @@ def test_other_threads_have_no_say_in_it(context, usual):
 
 def test_the_command_that_goes_on_can_be_pasted():
     assert how_to_go_on(Path("a b")).endswith("go on with: sldvexp 'resume=a b'")
+
+
+@pytest.mark.parametrize("scanned", [True, False])
+@pytest.mark.parametrize("kept", [True, False])
+def test_a_mistake_behind_the_scan_tells_that_it_is_kept(tmp_path, scanned, kept):
+    folder = tmp_path / "a b"
+    (folder / (JOURNAL if kept else "other")).mkdir(parents=True)
+    with pytest.raises(UserError) as error, telling_of_the_scan(folder, scanned):
+        raise UserError("field: it is too large")
+    told = "; the scan is kept: repeat the command, mended, with instrument=replay "
+    told += f"'instrument.path={folder}'"
+    assert str(error.value) == "field: it is too large" + (told if scanned and kept else "")
