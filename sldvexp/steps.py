@@ -20,7 +20,7 @@ from sldvexp.check.expectations import evaluate
 from sldvexp.errors import UserError
 from sldvexp.instrument.base import ScanningPlugin
 from sldvexp.reconstruction.base import Reconstruction
-from sldvexp.session.interruption import how_to_go_on, stopping_once
+from sldvexp.session.interruption import has_lines, how_to_go_on, stopping_once
 from sldvexp.session.operator import NobodyThereError, Operator
 
 #: Where the scans lie, in the dataset and in the journal, that pose methods are compared on.
@@ -108,7 +108,8 @@ def _scan(run: Run) -> None:
                 found = scan_views(replace(e, scan=scan), journal, run.operator, run.keep)
                 run.tree |= {f"{prefix}{name}": group for name, group in found.items()}
     except (InstrumentError, NobodyThereError) as error:
-        raise UserError(f"{error}; {how_to_go_on(run.folder)}") from error
+        kept = f"; {how_to_go_on(run.folder)}" if has_lines(run.folder) else ""
+        raise UserError(f"{error}{kept}") from error
 
 
 def _pose(run: Run) -> None:

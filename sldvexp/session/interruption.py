@@ -11,12 +11,19 @@ from pathlib import Path
 
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.instrument.recording import JOURNAL
+from sldvexp.session.journal import CONFIGURATION
 
 
 def how_to_go_on(folder: Path) -> str:
     """What the operator is told when a run with scan lines in its folder stops before its end."""
     resume = shlex.quote(f"resume={folder}")
     return f"what was scanned is kept, go on with: sldvexp {resume}"
+
+
+def has_lines(folder: Path) -> bool:
+    """Whether a run's folder has anything that was measured."""
+    files = (path for path in (folder / JOURNAL).rglob("*") if path.is_file())
+    return any(path.name != CONFIGURATION for path in files)
 
 
 def how_to_use_the_scan(folder: Path) -> str:
@@ -41,7 +48,7 @@ def telling_of_the_scan(folder: Path, scanned: bool) -> Iterator[None]:
     except ConfigError:  # which is told with the place of the setting
         raise
     except UserError as error:
-        if not scanned or not (folder / JOURNAL).is_dir():
+        if not scanned or not has_lines(folder):
             raise
         raise UserError(f"{error}; {how_to_use_the_scan(folder)}") from error
 

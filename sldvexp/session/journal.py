@@ -16,6 +16,9 @@ from sldvexp.instrument.protocol import Acquisition, Samples
 from sldvexp.instrument.recorded_person import read_answer, write_answer
 from sldvexp.instrument.recording import asked, read_line, write_line
 
+#: Digest of all that decides what is measured, in the folder of the lines.
+CONFIGURATION = "configuration.sha256"
+
 
 class Journal:
     """Finished scan lines of one view, and what a person found, one small file each.
@@ -116,7 +119,7 @@ def require_same(folder: Path, configuration: object) -> None:
         If the folder has lines of another configuration.
     """
     key = hashlib.sha256(repr(configuration).encode()).hexdigest()
-    path = folder / "configuration.sha256"
+    path = folder / CONFIGURATION
     if path.exists() and path.read_text() != key:
         raise UserError(
             f"{folder}: has scan lines of another configuration (seed, target, laser, scene, scan "

@@ -16,6 +16,7 @@ from sldvexp.session.interruption import (
     telling_of_the_scan,
     undisturbed,
 )
+from sldvexp.session.journal import CONFIGURATION
 
 
 @pytest.fixture(autouse=True)
@@ -101,7 +102,8 @@ def test_the_command_that_goes_on_can_be_pasted():
 @pytest.mark.parametrize("kept", [True, False])
 def test_a_mistake_behind_the_scan_tells_that_it_is_kept(tmp_path, scanned, kept):
     folder = tmp_path / "a b"
-    (folder / (JOURNAL if kept else "other")).mkdir(parents=True)
+    (folder / JOURNAL / "front").mkdir(parents=True)
+    (folder / JOURNAL / "front" / ("line.npz" if kept else CONFIGURATION)).touch()
     with pytest.raises(UserError) as error, telling_of_the_scan(folder, scanned):
         raise UserError("field: it is too large")
     told = "; the scan is kept: repeat the command, mended, with instrument=replay "
