@@ -72,7 +72,8 @@ class Sweep:
     Parameters
     ----------
     rank : str
-        Result that runs are ranked by, as in ``field.residual_std``; the smallest is the best.
+        Result that runs are ranked by, as in ``field.residual_std``; the smallest is the best, but
+        the largest ``rcond``, ``efficiency``, ``passed``, ``covered`` and ``coverage``.
     retry : Retry
     """
 

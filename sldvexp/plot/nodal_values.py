@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 missing = missing_field
 
-PARTS: dict[str, Any] = {"real": np.real, "imaginary": np.imag}
+PARTS: dict[str, Any] = {"real": np.real, "imaginary": style.imaginary}
 
 
 @style.styled
@@ -142,6 +142,15 @@ def part_bound(
     return None
 
 
+def _truth(layer: Layer) -> str:
+    """What the line of the truth is called: `Layer.truth` may lack components, and why."""
+    lacking = [c for c in layer.components if c not in layer.truth]
+    if not lacking:
+        return "truth"
+    change = f"{' and '.join(lacking)} change{'s' * (len(lacking) == 1)} through the thickness"
+    return f"truth ({', '.join(layer.truth)} only: {change})"
+
+
 def _values(
     axes: Axes,
     layer: Layer,
@@ -158,7 +167,7 @@ def _values(
     axes.axhline(0.0, color=style.COLOURS[-1], linewidth=0.7)
     if component in layer.truth:
         truth = factor * take(layer.truth[component][own])
-        axes.plot(place, truth, "-", color=style.COLOURS[2], linewidth=1.0, label="truth")
+        axes.plot(place, truth, "-", color=style.COLOURS[2], linewidth=1.0, label=_truth(layer))
     axes.errorbar(
         place,
         factor * take(velocity),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,8 +31,8 @@ class Shown:
         Of the run; its scan lines are there, if they were kept.
     """
 
-    groups: Mapping[str, xr.Dataset]
-    attributes: Mapping[Any, Any] = field(default_factory=dict)
+    groups: Mapping[str, xr.Dataset] = field(repr=False)  # thousands of lines at a prompt
+    attributes: Mapping[Any, Any] = field(default_factory=dict, repr=False)
     folder: Path | None = None
 
     def has(self, name: str, *variables: str) -> bool:
@@ -66,9 +67,8 @@ def shown(source: Source | Shown, folder: str | Path | None = None) -> Shown:
     if isinstance(source, Shown):
         return source
     if isinstance(source, str | Path):
-        from sldvexp import dataset
-
-        source = dataset.load(Path(source))
+        file = Path(source)
+        source = _opened(file.absolute(), file.stat().st_mtime_ns if file.is_file() else 0)
     if isinstance(source, xr.Dataset):
         return Shown({"": source}, source.attrs)
     if isinstance(source, xr.DataTree):
@@ -79,6 +79,14 @@ def shown(source: Source | Shown, folder: str | Path | None = None) -> Shown:
         where = Path(path).parent if path else None
         return Shown(found, source.root.attrs, Path(folder) if folder else where)
     return Shown(dict(source), {}, Path(folder) if folder else None)
+
+
+@functools.lru_cache(maxsize=4)
+def _opened(path: Path, changed: int) -> xr.DataTree:
+    """A run's file, opened once: netCDF4 may crash if it is opened again before it is closed."""
+    from sldvexp import dataset
+
+    return dataset.load(path)
 
 
 def one_of(name: str | None, valid: Iterable[str], figure: str, what: str) -> str:

@@ -23,7 +23,7 @@ NO_SPECTRUM = "the run has no velocity field at several frequencies; see experim
 #: Fewer frequencies than this are drawn as single values.
 MANY = 8
 
-PARTS: dict[str, Any] = {"real": np.real, "imaginary": np.imag}
+PARTS: dict[str, Any] = {"real": np.real, "imaginary": style.imaginary}
 
 
 def missing(run: Shown) -> str:

@@ -131,6 +131,11 @@ def looks(number: int) -> Iterator[dict[str, Any]]:
         yield {"color": colour, "marker": marker, "linestyle": line}
 
 
+def imaginary(values: NDArray) -> NDArray[np.float64]:
+    """Imaginary part; NaN of what is not determined, whose imaginary part may be stored as 0."""
+    return np.where(np.isnan(values), np.nan, np.imag(values))
+
+
 def prefixed(values: ArrayLike, unit: str) -> tuple[float, str]:
     """The factor and the prefixed unit in which the largest of some values is a handy number.
 

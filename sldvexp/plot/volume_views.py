@@ -29,6 +29,9 @@ AXIS_LENGTH = 0.25
 #: Inches of the figure across, and of the scene in it.
 WIDTH, SCENE = 11.5, 4.6
 
+#: Fewer pixels or nodes than this are drawn as larger spots.
+FEW = 500
+
 #: Panels of views beside each other.
 COLUMNS = 3
 
@@ -76,13 +79,16 @@ def volume(source: Source | Shown) -> Figure:
     box = (0.0, low / high, share, 1.0 - (low + 0.5 * sheet.TOP) / high)
     scene: Any = made.add_axes(box, projection="3d")
     _scene(scene, run, names)
+    spot = 1.0 if len(middle) > FEW else 2.0
     for axis, name in zip(axes.ravel(), names, strict=False):
         up_down, left_right = np.degrees(seen(pose.sel(view=name), group["position"].values)).T
         if run.has(f"image/{name}", "angle"):
             pixel = np.degrees(run.groups[f"image/{name}"]["angle"].values)
-            look = {"color": "#bbbbbb", "markersize": 1.0, "rasterized": True}
+            # wider than nodes, which may lie on them
+            size = spot if len(pixel) > FEW else 4 * spot
+            look = {"color": "#bbbbbb", "markersize": size, "rasterized": True}
             axis.plot(pixel[:, 1], pixel[:, 0], ".", label="pixel", **look)
-        look = {"color": style.COLOURS[1], "markersize": 1.0, "rasterized": True}
+        look = {"color": style.COLOURS[1], "markersize": spot, "rasterized": True}
         axis.plot(left_right[middle], up_down[middle], ".", label="node of the surface", **look)
         look = {"color": style.COLOURS[3], "linewidth": 0.8}
         edges = _apart(np.stack([left_right, up_down], axis=1)[rim])
@@ -93,7 +99,11 @@ def volume(source: Source | Shown) -> Figure:
         axis.remove()
     style.outer_labels(axes, len(names), "left-right, deg", "up-down, deg")
     style.legend_below(
-        made, axes[0, 0], markerscale=5, loc="lower center", bbox_to_anchor=(0.5 + 0.5 * share, 0.0)
+        made,
+        axes[0, 0],
+        markerscale=5 / spot**2,
+        loc="lower center",
+        bbox_to_anchor=(0.5 + 0.5 * share, 0.0),
     )
     return made
 
@@ -137,7 +147,9 @@ def _scene(axes: Axes3D, run: Shown, names: list[str]) -> None:
         axes.plot(*way.T, color=style.COLOURS[0], label="its axis")
         away = np.stack([origin, middle])
         axes.plot(*away.T, ":", color=style.COLOURS[-1], linewidth=0.7)
-        axes.text(*(origin - 0.35 * ahead), name, ha="center", va="center")
+        # aside of its axis, and of the numbers at the right
+        side = "top" if origin[1] < middle[1] else "bottom"
+        axes.text(*origin, f"{name}  ", ha="right", va=side)
     length = np.ptp([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()], axis=1)
     axes.set_box_aspect(length, zoom=0.88)
     axes.tick_params(labelsize=7, pad=0)

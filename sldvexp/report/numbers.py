@@ -4,6 +4,18 @@ from __future__ import annotations
 
 import math
 
+SMALLEST, LARGEST = "the smallest", "the largest"
+#: Results of which more is better, by the last part of their names; of all others less is.
+MORE_IS_BETTER = (
+    *("rcond", "linpack_rcond", "efficiency", "passed"),
+    *("covered", "covered_in_all", "coverage"),
+)
+
+
+def first(result: str) -> str:
+    """Which values of a result, such as ``point.rcond``, are the best."""
+    return LARGEST if result.split(".")[-1] in MORE_IS_BETTER else SMALLEST
+
 
 def number(value: complex, digits: int = 4) -> str:
     """A real or complex number with `digits` significant digits."""

@@ -14,13 +14,19 @@ from rich.markup import escape
 from rich.table import Table
 
 from sldvexp.report.field_text import field_tables
+from sldvexp.report.fitting import fitted
 from sldvexp.report.image_text import image_text
+from sldvexp.report.notes import notes
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.pose_methods import pose_methods
 
 #: Velocities shown on the terminal of those of many points and frequencies; the file has all.
 MOST_VELOCITIES = 4
 NARROWEST = 132
+#: Where that can be read which a terminal has no room for.
+RUN = "run.nc"
+#: Cosine to an axis above which a direction is that axis.
+ALONG_AXIS = 1 - 1e-9
 
 
 def closing_table(tree: Mapping[str, xr.Dataset], files: Sequence[Path]) -> None:
@@ -34,24 +40,25 @@ def closing_table(tree: Mapping[str, xr.Dataset], files: Sequence[Path]) -> None
     console = Console()
     if not console.is_terminal:
         console = Console(width=max(console.width, NARROWEST))
-    table = Table(
-        "estimated", "value ± bound", "unit", "note", title="Estimates", title_justify="left"
-    )
+    table = Table("estimated", title="Estimates", title_justify="left")
+    for column in ("value ± bound", "unit"):
+        table.add_column(column, no_wrap=True)
+    table.add_column("note")
     for row in estimates(tree):
         table.add_row(*map(escape, row))
+    width = console.width
     if table.row_count:
-        console.print(table)
+        console.print(fitted(table, width, ("estimated", "value ± bound"), RUN))
     if images := image_text(tree):
         console.print(escape(images), highlight=False)
     for group in tree.values():
         if "s_mean" in group:
-            console.print(pose_methods(group))
+            console.print(fitted(pose_methods(group), width, (), RUN))
     for fields in field_tables(tree):
-        console.print(fields)
+        console.print(fitted(fields, width, (), RUN))
     if "check" in tree:
-        console.print(published(tree["check"]))
-    notes = [n for g in tree.values() for n in str(g.attrs.get("notes", "")).splitlines()]
-    for note in dict.fromkeys(notes):
+        console.print(fitted(published(tree["check"]), width, ("quantity", "met"), RUN))
+    for note in notes(tree):
         console.print(f"[yellow]note:[/] {escape(note)}", highlight=False)
     for file in files:
         console.print(str(file), soft_wrap=True, highlight=False)
@@ -110,6 +117,7 @@ def _point_rows(name: str, point: xr.Dataset, most: int) -> Iterator[tuple[str, 
         point["confidence"].stack(case=cases) if cases else point["confidence"].expand_dims("case")
     )
     shown = min(stacked.sizes["case"], most)
+    points = point.sizes["point"] if "point" in cases else 1
     for i in range(shown):
         value, bound = stacked.isel(case=i), bounds.isel(case=i)
         labels = [
@@ -123,9 +131,27 @@ def _point_rows(name: str, point: xr.Dataset, most: int) -> Iterator[tuple[str, 
             )
             at = {d: value[d].item() for d in cases} | {"component": component}
             yield f"{label}: V_{component}", text, "m/s", _merit(point, at)
+        of_point, of_frequency = divmod(i, stacked.sizes["case"] // points)
+        for along, text in _observed(point, of_point, of_frequency):
+            yield f"{label}: V along {along}", text, "m/s", "determined by these views"
     if stacked.sizes["case"] > shown:
-        rest = stacked.sizes["case"] - shown
+        rest = (stacked.sizes["case"] - shown) * point.sizes["component"]
         yield f"{name}: {rest} more", f"in run.nc, group {name}", "", ""
+
+
+def _observed(point: xr.Dataset, number: int, frequency: int) -> Iterator[tuple[str, str]]:
+    """What is determined of a point along directions that are no axes, with its bounds."""
+    if "observed_velocity" not in point or number not in point["deficient_point"].values:
+        return
+    own = point.isel(deficient=int(np.argmax(point["deficient_point"].values == number)))
+    own = own.isel(frequency=frequency, missing_dims="ignore")
+    for i in range(int(own["observed_rank"])):
+        one = own.isel(direction=i)
+        direction = one["observed_direction"].values
+        if np.abs(direction).max() < ALONG_AXIS:
+            along = ", ".join(f"{x:.2f}" for x in direction + 0.0)
+            value, bound = one["observed_velocity"].item(), one["observed_confidence"].item()
+            yield f"({along})", with_bound(value, bound)
 
 
 def _merit(point: xr.Dataset, at: Mapping[str, Any]) -> str:
@@ -149,10 +175,11 @@ def published(check: xr.Dataset) -> Table:
     table = Table(
         title=f"Expected: {passed} of {check.sizes['quantity']} met", title_justify="left"
     )
-    for column in ("quantity", "", "expected", "computed", *(["correct formula"] * correct)):
+    table.add_column("quantity")
+    formula = ["correct formula"] * correct
+    for column in ("", "expected", "computed", *formula, "tolerance", "met"):
         table.add_column(column, no_wrap=True)
-    for column in ("tolerance", "met", "source"):
-        table.add_column(column, overflow="fold")
+    table.add_column("source")
     for i, name in enumerate(check["quantity"].values):
         row = check.isel(quantity=i)
         cells = [escape(str(name)), str(row["relation"].item()), number(row["published"].item(), 5)]

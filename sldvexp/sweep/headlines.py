@@ -12,7 +12,7 @@ from sldvexp.check.field_pattern import OUT_OF_PLANE
 #: Variables of each group, and its attributes behind an @; dimensions such as view are kept.
 HEADLINES: dict[str, tuple[str, ...]] = {
     "pose": ("s", "sse", "origin_std", "euler_std"),
-    "point": ("velocity", "velocity_std", "sse", "s", "rcond"),
+    "point": ("velocity", "velocity_std", "sse", "s", "rcond", "efficiency"),
     "field": (
         *("@residual_std", "@sse", "@cond", "@rcond", "@dof", "@samples"),
         "residual_std_by_view",
@@ -68,7 +68,9 @@ def _of_group(
     for name in names:
         key = name.removeprefix("@")
         if name.startswith("@") and key in group.attrs:
-            yield f"{prefix}.{key}", xr.DataArray(float(group.attrs[key]))
+            # pooled from the variable of its name, if there is one, and in its units
+            about = group[key].attrs if key in group.data_vars else {"units": "1"}
+            yield f"{prefix}.{key}", xr.DataArray(float(group.attrs[key]), attrs=about)
         elif name in group.data_vars and group[name].dtype.kind in "iufcb":
             array = group[name].load()
             kept = [c for c in array.coords if c in array.dims]

@@ -14,10 +14,11 @@ from rich.table import Table
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import whole_or_nothing
-from sldvexp.report.numbers import number
+from sldvexp.report.fitting import fitted
+from sldvexp.report.numbers import LARGEST, first, number
 from sldvexp.sweep import headlines
 
-#: What runs are ranked by unless the user says: the first of these that they have. Smaller wins.
+#: What runs are ranked by unless the user says: the first of these that they have.
 PREFERRED = (
     "examined.truth.relative_error",
     "field.residual_std",
@@ -70,7 +71,8 @@ def rows(table: xr.Dataset, keys: Sequence[str], by: str) -> list[dict[str, Any]
         row[by] = headlines.number(cell[by]) if by else float("nan")
         row |= {n: headlines.number(cell[n]) for n, _ in FIELD_COLUMNS.values() if n in cell}
         found.append(row)
-    return sorted(found, key=lambda row: (np.isnan(row[by]), row[by]))
+    sign = -1 if first(by) == LARGEST else 1
+    return sorted(found, key=lambda row: (np.isnan(row[by]), sign * row[by]))
 
 
 def cells(table: xr.Dataset, keys: Sequence[str]) -> Iterator[xr.Dataset]:
@@ -81,26 +83,39 @@ def cells(table: xr.Dataset, keys: Sequence[str]) -> Iterator[xr.Dataset]:
         yield table.isel(dict(zip(dims, index, strict=True)))
 
 
-def terminal_table(ranking: Sequence[dict[str, Any]], keys: Sequence[str], by: str) -> Table:
-    """The ranking for the terminal; failed runs come last, with their reasons."""
-    title = f"{len(ranking)} runs by {by}, the smallest first" if by else f"{len(ranking)} runs"
-    shown = Table(title=title, title_justify="left")
+def units(table: xr.Dataset, name: str) -> str:
+    """Of a headline; empty if it has none."""
+    unit = str(table[name].attrs.get("units", "1")) if name else "1"
+    return "" if unit == "1" else unit
+
+
+def terminal_table(
+    ranking: Sequence[dict[str, Any]], keys: Sequence[str], by: str, unit: str, width: int
+) -> Table:
+    """The ranking for a terminal of so many columns; failed runs come last, with their reasons."""
+    title = f"{len(ranking)} runs by {by}, {first(by)} first" if by else f"{len(ranking)} runs"
     numbers = {t: c for t, c in FIELD_COLUMNS.items() if any(c[0] in row for row in ranking)}
+    name = ", ".join(filter(None, (by or "result", unit)))
     if by not in dict(numbers.values()):
-        numbers = {by or "result": (by, 1)} | numbers
-    for column in ("", *keys, *numbers, "seconds", "state"):
-        shown.add_column(column, overflow="fold")
+        numbers = {name: (by, 1)} | numbers
+    shown = Table(title=title, title_justify="left")
+    for column in ("", *keys, *numbers, "seconds"):
+        shown.add_column(column, no_wrap=True)
+    shown.add_column("state")
     for place, row in enumerate(ranking, 1):
         state = f"{row['state']}: {row['reason']}" if row["reason"] else row["state"]
         cells = [str(place) if np.isfinite(row[by]) else "", *(str(row[k]) for k in keys)]
-        cells += [_shown(units * row[name]) for name, units in numbers.values()]
+        cells += [_shown(scale * row[of]) for of, scale in numbers.values()]
         cells += [number(row["seconds"], 3), state]
         shown.add_row(*map(escape, cells))
-    return shown
+    ranked = next(t for t, (of, _) in numbers.items() if of == by)
+    return fitted(shown, width, {"", *keys[:1], ranked, "state"}, "sweep.csv")
 
 
 def _shown(value: float) -> str:
-    return number(value, 4) if np.isfinite(value) else ""
+    if not np.isfinite(value):
+        return ""
+    return f"{value:.0f}" if float(value).is_integer() else number(value, 4)  # counts in full
 
 
 def write_csv(table: xr.Dataset, keys: Sequence[str], path: Path) -> None:

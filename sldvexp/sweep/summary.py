@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,9 @@ from rich.console import Console
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.report.base import Report, attempt
+from sldvexp.report.base import REPORT_FILE, Report, attempt
 from sldvexp.report.table import NARROWEST
+from sldvexp.runner import RUN_FILE
 from sldvexp.sweep import ranking
 
 SWEEP_FILE, TABLE_FILE = "sweep.nc", "sweep.csv"
@@ -55,12 +57,26 @@ def write_summary(
     if not console.is_terminal:
         console = Console(width=max(console.width, NARROWEST))
     rows, path = ranking.rows(table, keys, by), folder / SWEEP_FILE
-    pages = attempt(lambda: report.of_sweep(path, rows), path) if report else []
-    console.print(ranking.terminal_table(rows, keys, by))
+    pages = []
+    if report:
+        if report.each_run:
+            _pages_of_runs(report, [folder / r for row in rows if (r := row[ranking.FOLDER])])
+        pages = attempt(lambda: report.of_sweep(path, rows), path)
+    unit = ranking.units(table, by)
+    console.print(ranking.terminal_table(rows, keys, by, unit, console.width))
     for file in (path, folder / TABLE_FILE, *pages):
         console.print(str(file), soft_wrap=True, highlight=False)
     if mistake:
         raise mistake
+
+
+def _pages_of_runs(report: Report, runs: Sequence[Path]) -> None:
+    """Make the pages that runs do not have yet: of those that were done before it was wanted."""
+    for path in (run / RUN_FILE for run in runs):
+        page = path.with_name(REPORT_FILE)
+        made = page.is_file() and page.stat().st_mtime >= path.stat().st_mtime
+        if path.is_file() and not made:
+            attempt(partial(report.of_run, path), path)
 
 
 def _from(folder: Path, run: str) -> str:

@@ -41,6 +41,14 @@ def test_points_have_their_bounds():
     assert [t.get_text() for t in figure.legends[0].get_texts()] == ["point", "other"]
 
 
+def test_what_is_not_determined_is_no_dot_in_either_part():
+    own = groups.point(1)
+    own["velocity"].values[1:] = np.nan  # and an imaginary part of 0
+    for axes in sldvexp.plot.point({"point": own}).axes:
+        (drawn,) = [c.lines[0].get_ydata() for c in axes.containers]
+        assert np.isfinite(drawn).tolist() == [True, False, False]
+
+
 def test_many_frequencies_are_a_spectrum():
     group = groups.point(1, 40)
     figure = sldvexp.plot.point({"point": group})

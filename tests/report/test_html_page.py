@@ -18,7 +18,7 @@ from sldvexp.errors import UserError
 from sldvexp.plot import FIGURES
 from sldvexp.plot.recorded import as_read
 from sldvexp.report.base import attempt
-from sldvexp.report.html import figures, found, render, run_page
+from sldvexp.report.html import figures, found, measured, presets, render, run_page
 from sldvexp.report.html.blocks import having
 from sldvexp.report.html.plugin import Html
 from sldvexp.report.html.render import number_like
@@ -158,7 +158,7 @@ def test_points_that_are_left_out_are_counted_below_the_table(
     path.parent.mkdir()
     dataset.save({"point": point, "line_of_sight": line_of_sight}, whole.attrs, path)
     page = made(path)
-    assert "point: 6 more in run.nc, group point." in page.text
+    assert "point: 18 more in run.nc, group point." in page.text
     assert page.text.count(": V_x ") == 4
 
 
@@ -304,3 +304,17 @@ def test_cells_of_numbers_are_known(cell, number):
 
 def test_blocks_that_are_missing_are_left_out():
     assert having(None, [1, [None, 2]], 3) == [1, 2, 3]
+
+
+def test_a_choice_that_builds_on_a_plugin_is_told_in_its_own_words():
+    every = {"rows": "all", "model": "partial"}
+    choice, told = presets.preset("reconstruction", "contravariant", every)
+    assert choice == "samplewise"
+    assert "all views" in told
+    assert presets.preset("reconstruction", "contravariant", {"rows": "1,2,3"}) == ("", "")
+    assert presets.preset("reconstruction", "absolute", every) == ("", "")
+    assert presets.preset("reconstruction", "absolute", {"model": "full"})[0] == "absolute_full"
+    assert presets.preset("pose", "edge", {}) == ("", "")
+    name, told = measured._method("reconstruction", "contravariant", every)
+    assert name == "samplewise (contravariant)"
+    assert "Three rows" not in told

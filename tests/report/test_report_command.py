@@ -86,11 +86,24 @@ def test_sweep_leaves_one_page_and_its_runs_none(sldvexp, pages, tmp_path):
 
 @pytest.mark.long
 def test_each_run_of_a_sweep_may_have_a_page(sldvexp, pages, no_figures, tmp_path):
-    sldvexp(*SWEEP)
     sldvexp(*SWEEP, "report.each_run=true")
-    assert len(list(tmp_path.rglob("report.html"))) == 1  # no run was done again for its page
-    sldvexp(*SWEEP, "report.each_run=true", "sweep.retry=all")
     assert len(list(tmp_path.rglob("report.html"))) == 3
+
+
+def test_runs_that_are_done_get_the_pages_that_they_lack(sldvexp, pages, no_figures, tmp_path):
+    sldvexp(*SWEEP)
+    done = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("run.nc")}
+    assert len(done) == 2
+    sldvexp(*SWEEP, "report.each_run=true")
+    made = {path: path.stat().st_mtime_ns for path in tmp_path.glob("sweep/*/report.html")}
+    assert {path.parent for path in made} == {path.parent for path in done}
+    assert b">page</a>" in (tmp_path / "sweep/report.html").read_bytes()
+    next(iter(made)).unlink()
+    sldvexp(*SWEEP, "report.each_run=true")
+    again = {path: path.stat().st_mtime_ns for path in tmp_path.glob("sweep/*/report.html")}
+    assert set(again) == set(made)
+    assert sum(again[path] == made[path] for path in made) == 1  # what is there stays
+    assert done == {path: path.stat().st_mtime_ns for path in done}  # and no run is done again
 
 
 def test_failed_runs_come_first_in_a_sweeps_page(sldvexp, pages, no_figures, tmp_path):

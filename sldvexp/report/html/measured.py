@@ -11,6 +11,7 @@ from sldvexp.config import NAMED_GROUPS
 from sldvexp.errors import UserError
 from sldvexp.report.html.blocks import More, Section, Table, having
 from sldvexp.report.html.figures import figures
+from sldvexp.report.html.presets import preset
 from sldvexp.report.html.subject import Subject
 
 #: What each group of the configuration is to a reader.
@@ -46,7 +47,7 @@ def section(run: Subject) -> Section:
             own = {k: v for k, v in (entry or {}).items() if k != "plugin"}
             chosen.append((f"{key.replace('_', ' ')}: {name}", group, plugin, own))
     rows = [
-        [told, name, _meaning(group, name), _brief(group, name, own)]
+        [told, *_method(group, name, own), _brief(group, name, own)]
         for told, group, name, own in chosen
     ]
     stages = Table(["stage", "method", "in words", "settings"], rows, wide=(2, 3))
@@ -65,6 +66,12 @@ def _has(run: Subject, group: str) -> bool:
     """Whether a run has a plugin of a group and made use of it."""
     idle = group == "solver" and not run.fields
     return isinstance(run.config.get(group), dict) and group in run.plugins and not idle
+
+
+def _method(group: str, name: str, values: dict[str, Any]) -> tuple[str, str]:
+    """A stage's choice with its sentence: that of the plugin, or one that builds on it."""
+    choice, told = preset(group, name, values)
+    return (f"{choice} ({name})", told) if choice else (name, _meaning(group, name))
 
 
 def _meaning(group: str, name: str) -> str:

@@ -16,7 +16,7 @@ from sldvexp.errors import UserError
 from sldvexp.report.html import render
 from sldvexp.report.html.blocks import Code, Facts, Link, Listing, Section, Table, Text, having
 from sldvexp.report.html.figures import sweep_figures
-from sldvexp.report.numbers import number
+from sldvexp.report.numbers import first, number
 
 GOOD = ("done",)
 MEANING = {"missed": "done, but an expectation was not met"}
@@ -46,12 +46,13 @@ def write(path: Path, ranking: Sequence[Mapping[str, Any]], page: Path) -> Path:
         raise UserError(f"{path}: is not a readable netCDF-4 file ({error})") from None
     keys, by = [str(k) for k in np.atleast_1d(table.attrs["keys"])], str(table.attrs["ranked_by"])
     done = sum(row["state"] in GOOD for row in ranking)
+    unit = str(table[by].attrs.get("units", "1")) if by in table else "1"
     title = f"Sweep of {', '.join(keys)}" if keys else "Comparison of runs"
     subtitle = f"{len(ranking)} runs, {done} done as expected"
     sections = [
         Section("Warnings", _warnings(ranking, keys)),
         Section("What was varied", _varied(table, ranking, keys)),
-        Section("Results", having(_results(ranking, keys, by, page), sweep_figures(table))),
+        Section("Results", having(_results(ranking, keys, by, unit, page), sweep_figures(table))),
         Section("Provenance", list(_provenance(table, path))),
     ]
     return render.write(page, title, subtitle, sections)
@@ -88,7 +89,7 @@ def _varied(
 
 
 def _results(
-    ranking: Sequence[Mapping[str, Any]], keys: Sequence[str], by: str, page: Path
+    ranking: Sequence[Mapping[str, Any]], keys: Sequence[str], by: str, unit: str, page: Path
 ) -> Iterator[Table | Text]:
     """The ranking, with the way to each run."""
     rows = []
@@ -99,8 +100,9 @@ def _results(
         result = number(value) if rank else ""
         about = [result, number(row["seconds"], 3), str(row["state"])]
         rows.append([*cells, *about, _link(page, str(row.get("folder", "")))])
-    caption = f"Runs by {by}, the smallest first" if by else "Runs"
-    yield Table(["", *keys, by or "result", "seconds", "state", "run"], rows, caption)
+    caption = f"Runs by {by}, {first(by)} first" if by else "Runs"
+    result = (by or "result") + (f", {unit}" if unit != "1" else "")
+    yield Table(["", *keys, result, "seconds", "state", "run"], rows, caption)
     told = "A result of many numbers is ranked by their root mean square"
     yield Text(f"{told}; sweep.csv beside this page has every number of every run.", "small")
 

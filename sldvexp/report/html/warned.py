@@ -8,6 +8,7 @@ import numpy as np
 
 from sldvexp.report.html.blocks import Listing, Section, Text
 from sldvexp.report.html.subject import Subject
+from sldvexp.report.notes import notes
 from sldvexp.report.numbers import number
 
 #: A larger share of flagged pixels is told first of all.
@@ -23,8 +24,7 @@ def section(run: Subject) -> Section:
 
 def _all(run: Subject) -> Iterator[str]:
     yield from _missed(run)
-    for group in run.groups.values():
-        yield from filter(None, str(group.attrs.get("notes", "")).splitlines())
+    yield from notes(run.groups)
     yield from _unbounded(run)
     yield from _undetermined(run)
     for view, image in run.below("image").items():
@@ -71,7 +71,8 @@ def _undetermined(run: Subject) -> Iterator[str]:
             )
     point = run.groups.get("point")
     if point is not None and point.sizes.get("deficient", 0):
-        yield f"at {point.sizes['deficient']} points the views do not determine every component"
+        where = f"{count} points" if (count := point.sizes["deficient"]) > 1 else "one point"
+        yield f"at {where} the views do not determine every component"
 
 
 def _views(views: list[str]) -> str:
