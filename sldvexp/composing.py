@@ -12,7 +12,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from copy import deepcopy
 from dataclasses import replace
+from functools import cache
 from typing import Any
+from uuid import uuid4
 
 from hydra._internal import hydra as program
 from hydra._internal.config_loader_impl import ConfigLoaderImpl, get_overrides_dirname
@@ -34,12 +36,28 @@ def _copies(value: Any) -> Callable[[], Any]:
     return lambda: pickle.loads(content)
 
 
+class Memory(dict[Any, Callable[[], Any]]):
+    """What is remembered. It goes to another process with every job: empty, and fills up there."""
+
+    def __init__(self) -> None:
+        self.name = uuid4().hex
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _of_process, (self.name,)
+
+
+@cache
+def _of_process(name: str) -> Memory:
+    """The part of a memory that a process has for itself."""
+    return Memory()
+
+
 class RememberingRepository(ConfigRepository):
     """Hydra's files and schemas, of which every one is read once; each reader gets its own copy."""
 
     def __init__(self, config_search_path: ConfigSearchPath):
         super().__init__(config_search_path)
-        self._known: dict[str, Callable[[], Any]] = {}
+        self._known = Memory()
 
     def load_config(self, config_path: str) -> ConfigResult | None:
         """See `ConfigRepository`."""
@@ -58,10 +76,6 @@ class RememberingRepository(ConfigRepository):
         vars(other).update({**vars(self), "sources": list(self.sources)})
         return other
 
-    def __getstate__(self) -> dict[str, Any]:
-        """What goes to other processes with every job: nothing that is remembered."""
-        return {**vars(self), "_known": {}}
-
 
 class RememberingLoader(ConfigLoaderImpl):
     """Hydra's loader, which remembers what it composed for each set of choices."""
@@ -69,7 +83,7 @@ class RememberingLoader(ConfigLoaderImpl):
     def __init__(self, config_search_path: ConfigSearchPath):
         super().__init__(config_search_path)
         self.repository = RememberingRepository(config_search_path)
-        self._known: dict[tuple[str | None, tuple[str, ...]], Callable[[], Any]] = {}
+        self._known = Memory()
 
     def _load_configuration_impl(
         self,
@@ -122,10 +136,6 @@ class RememberingLoader(ConfigLoaderImpl):
             self._known[key] = _copies(composed)
         config: DictConfig = self._known[key]()
         return config
-
-    def __getstate__(self) -> dict[str, Any]:
-        """What goes to other processes with every job: nothing that is remembered."""
-        return {**vars(self), "_known": {}}
 
 
 def _named(override: Override, config: DictConfig) -> Override:

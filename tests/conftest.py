@@ -6,14 +6,13 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 import xarray as xr
 from hydra.core.config_search_path import ConfigSearchPath
 
 from sldvexp import app, commands, dataset
-from sldvexp.composing import RememberingLoader
+from sldvexp.composing import Memory, RememberingLoader
 from sldvexp.paths import conf_dir
 from sldvexp.report.html.plugin import Html
 
@@ -52,14 +51,14 @@ def _remembered() -> Iterator[None]:
 
     Calls that add a folder of their own, or a package, share nothing.
     """
-    shared: dict[str, dict[Any, Any]] = {"files": {}, "composed": {}}
+    files, composed = Memory(), Memory()
     begin = RememberingLoader.__init__
 
     def with_memory(self: RememberingLoader, config_search_path: ConfigSearchPath) -> None:
         begin(self, config_search_path)
         folders = [s.path for s in self.repository.get_sources() if s.scheme() == "file"]
         if folders == [str(conf_dir())]:
-            self.repository._known, self._known = shared["files"], shared["composed"]
+            self.repository._known, self._known = files, composed
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(RememberingLoader, "__init__", with_memory)

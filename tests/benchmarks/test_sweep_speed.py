@@ -143,7 +143,7 @@ def test_method_combinations_share_a_session(tmp_path, capsys):
 def test_two_workers(tmp_path, capsys):
     """Elapsed time, so that nothing else may be running."""
     pytest.importorskip("hydra_plugins.hydra_joblib_launcher")
-    session = ("experiment=plate", "report=none", "volume.shape=[9,7]", "seed=range(1,13)")
+    session = ("experiment=plate", "report=none", "volume.shape=[9,7]", "seed=range(1,21)")
     took = {}
     for name, more in {
         "basic": (),
