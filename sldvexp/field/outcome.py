@@ -17,6 +17,7 @@ from sldvexp.field.result import LOCAL, WORLD, FieldResult
 from sldvexp.field.second_way import Second
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.system import solution
+from sldvexp.reconstruction.observability import blank
 from sldvexp.statistics.f_test import FTest, nested_f_test
 from sldvexp.statistics.student import student_factor
 
@@ -59,8 +60,9 @@ class Outcome:
         self, messages: list[str], condition: tuple[float, float] = (np.nan, np.nan)
     ) -> FieldResult:
         """The result, without what is not determined."""
-        nodal = self._by_node(self.theta).view(complex)
+        nodal = self._by_node(self.theta).view(complex).copy()
         known, seen = self.flags.determined[..., None], self.second
+        blank(nodal, ~self.flags.determined)
         error = seen.error
         if error > WORTH_TELLING:
             messages.append(
@@ -68,13 +70,13 @@ class Outcome:
             )
         return FieldResult(
             components=LOCAL if self.model.local else WORLD,
-            velocity=np.where(known[:, :3], nodal[:, :3], np.nan),
+            velocity=nodal[:, :3],
             observable=self.flags.observable,
             flagged_node=self.flags.node,
             flagged_rank=self.flags.rank,
             flagged_direction=self.flags.direction,
             rows=self.model.rows,
-            intercept=np.where(known[:, 3], nodal[:, 3], np.nan) if self.model.intercept else None,
+            intercept=nodal[:, 3] if self.model.intercept else None,
             cond=condition[0],
             rcond=condition[1],
             intercept_test=self._intercept_test(),

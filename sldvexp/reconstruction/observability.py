@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,11 @@ Array = NDArray[np.float64]
 #: A component counts as determined if the undetermined directions lean towards it by less (cosine).
 LEAN = 1e-3
 AXES = ("x", "y", "z")
+
+
+def blank(values: NDArray[Any], where: NDArray[np.bool_]) -> None:
+    """Make numbers NaN, of complex ones both parts: numpy's NaN alone has the imaginary part 0."""
+    values[where] = complex(np.nan, np.nan) if np.iscomplexobj(values) else np.nan
 
 
 @dataclass(frozen=True)
@@ -94,7 +100,7 @@ def observed_subspace(
     covariance = kept_first @ fit.cofactor[:, :3, :3] @ np.swapaxes(kept_first, -1, -2)
     root = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 0.0))
     root[beyond] = np.nan
-    velocity[beyond] = np.nan
+    blank(velocity, beyond)
     std = views.fold(root[..., None]) * noise[:, None]
     each = slice(None, None, len(rank) // len(points))  # one of a point's frequencies
     return ObservedSubspace(

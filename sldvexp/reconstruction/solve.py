@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sldvexp.reconstruction.base import Model, Reconstruction, Weights
 from sldvexp.reconstruction.estimator import PointFit
 from sldvexp.reconstruction.observability import (
+    blank,
     describe,
     determined_components,
     determined_intercept,
@@ -129,10 +130,11 @@ def _solve_block(system: System, points: slice, span: slice, results: _Results) 
         return
     observable = results.observable[span] = determined_components(fit.null)
     for array in (results.velocity, results.std, results.confidence):
-        array[span][~observable] = np.nan
+        blank(array[span], ~observable)
     if results.intercept is not None and results.intercept_std is not None:
         lost = ~determined_intercept(fit.null)
-        results.intercept[span][lost] = results.intercept_std[span][lost] = np.nan
+        blank(results.intercept[span], lost)
+        blank(results.intercept_std[span], lost)
 
 
 def _apply(fit: PointFit, views: Views, points: slice, span: slice, results: _Results) -> None:

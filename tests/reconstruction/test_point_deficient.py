@@ -217,3 +217,15 @@ def test_fewer_views_or_rows_than_needed(method: Absolute, views: int, match: st
     directions = unit(np.random.default_rng(4).normal(size=(views, 3)).tolist())
     with pytest.raises(UserError, match=match):
         method.reconstruct(directions, directions @ V)
+
+
+def test_what_is_not_determined_has_no_imaginary_part_either(sldvexp) -> None:
+    rows = "reconstruction.rows='1,2'"
+    run = sldvexp("experiment=point", "reconstruction=absolute", rows)
+    assert run.status == 2, run.err  # fewer views than the experiment expects
+    for name in ("velocity", "observed_velocity"):
+        values = run.tree["point"][name].values
+        lost = np.isnan(values)
+        assert lost.any()
+        assert np.isnan(values[lost].imag).all()
+        assert np.isnan(values[lost].real).all()
