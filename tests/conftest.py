@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -18,6 +19,11 @@ from sldvexp.report.html.plugin import Html
 
 #: What makes the pages of runs and sweeps.
 PAGES = {name: getattr(Html, name) for name in ("of_run", "of_sweep")}
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """One more than processors: tests wait for sockets and for other processes now and then."""
+    return (os.cpu_count() or 1) + 1
 
 
 @dataclass

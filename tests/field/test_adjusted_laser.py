@@ -113,6 +113,7 @@ def as_image(view: View) -> xr.Dataset:
     return image.assign_attrs(shape=list(view.shape or ()))
 
 
+@pytest.mark.long
 def test_bounds_hold_with_a_free_mirror_offset(
     make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror
 ) -> None:

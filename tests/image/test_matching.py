@@ -82,7 +82,7 @@ def test_points_of_figure_4_1_are_found_in_the_image(
     assert 0.02 < np.linalg.norm(error, axis=1).max() < 0.3
 
 
-@pytest.mark.parametrize("wiring", ["right", "swapped"])
+@pytest.mark.parametrize("wiring", ["right", pytest.param("swapped", marks=pytest.mark.long)])
 def test_covariance_of_the_points_is_that_of_repeats(
     wiring: str, view: Make, figure_4_1: Circles
 ) -> None:

@@ -108,7 +108,11 @@ def check_figures(bound, errors, std, dof):
     return cover
 
 
-@pytest.mark.parametrize("accuracy", [1e-9, 0.00005], ids=["exact circles", "machined circles"])
+@pytest.mark.parametrize(
+    "accuracy",
+    [pytest.param(1e-9, id="exact circles", marks=pytest.mark.long),
+     pytest.param(0.00005, id="machined circles")],
+)  # fmt: skip
 def test_spread_bias_and_coverage_are_as_they_should_be(edge_lab, make_circles, accuracy):
     lab = edge_lab(target=make_circles(accuracy))
     check_figures(cramer_rao(lab), *repeated(lab, REPEATS, seed=20))

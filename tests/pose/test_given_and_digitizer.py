@@ -131,6 +131,7 @@ def test_plain_table_is_the_same(tmp_path):
     np.testing.assert_allclose(one["covariance"], two["covariance"], rtol=1e-6, atol=1e-18)
 
 
+@pytest.mark.long
 def test_bounds_cover_the_truth(tmp_path):
     rng, repeats = np.random.default_rng(2), 300
     inside = []

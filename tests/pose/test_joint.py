@@ -387,6 +387,7 @@ def test_marks_that_stand_elsewhere_move_all_views(tmp_path, poses):
     check_between_views(solved(OBJECT), shifts)
 
 
+@pytest.mark.long
 def test_circles_that_stand_elsewhere_move_all_views(edge_lab, poses):
     """Each number of a circle is moved by its standard deviation, and every pose found anew."""
     lab, some = edge_lab(views=2), first(poses, 2)

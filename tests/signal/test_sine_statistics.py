@@ -35,7 +35,9 @@ def rounded(sigma):
 
 
 @pytest.mark.parametrize("times", [TIMES, UNEVEN], ids=["even", "uneven"])
-@pytest.mark.parametrize("intercept", [Intercept.always, Intercept.never])
+@pytest.mark.parametrize(
+    "intercept", [Intercept.always, pytest.param(Intercept.never, marks=pytest.mark.long)]
+)
 def test_variance_reaches_the_cramer_rao_bound(times, intercept):
     rng = np.random.default_rng(11)
     sigma = 164.0  # 0.5 % of full scale
@@ -124,7 +126,9 @@ def test_standard_errors_cover(intercept, samples_per_record):
     assert max(inside) < 0.95 + slack
 
 
-@pytest.mark.parametrize("confidence", [0.9, 0.95, 0.99])
+@pytest.mark.parametrize(
+    "confidence", [0.95, *(pytest.param(c, marks=pytest.mark.long) for c in (0.9, 0.99))]
+)
 @pytest.mark.parametrize("samples_per_record", [6, 128])
 def test_size_of_the_intercepts_f_test(confidence, samples_per_record):
     """Without an offset the intercept is kept in 1 - confidence of the pixels."""
