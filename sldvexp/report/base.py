@@ -25,7 +25,8 @@ class Report(ABC):
     Parameters
     ----------
     each_run : bool
-        Whether each run of a sweep gets a page of its own; the sweep always has one.
+        Whether each run of a sweep gets a page of its own, also those that are done already; the
+        sweep always has one.
     """
 
     each_run: bool = False
