@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import fcntl
+import errno
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -12,6 +12,21 @@ from sldvexp.errors import UserError
 
 #: In the folder that one process at a time may write to.
 LOCK_FILE = ".lock"
+#: What file systems without locks answer, as some of clusters are.
+NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS)
+
+
+def _lock(opened: int, wait: bool) -> None:
+    """Lock an open file; where there are no locks nobody can be kept out."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        return
+    try:
+        fcntl.flock(opened, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except OSError as error:
+        if error.errno not in NO_LOCKS:
+            raise
 
 
 @contextmanager
@@ -35,7 +50,7 @@ def locked(path: Path, wait: bool = True) -> Iterator[None]:
     except OSError as error:
         raise UserError(f"{path.parent}: cannot be written: {error.strerror or error}") from None
     try:
-        fcntl.flock(opened, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        _lock(opened, wait)
         yield
     finally:
         os.close(opened)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import errno
+import fcntl
 import hashlib
 import json
 import os
@@ -279,3 +281,15 @@ def test_two_runs_in_one_folder(sldvexp, tmp_path):
     assert done.status == 1
     assert done.err == f"sldvexp: {tmp_path / 'run0'}: another run is at work in this folder\n"
     assert not (done.folder / "run.nc").exists()
+
+
+@pytest.mark.parametrize("system", ["without locks there", "without locks at all"])
+def test_a_system_without_locks(sldvexp, monkeypatch, system):
+    def refused(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    if system == "without locks there":
+        monkeypatch.setattr(fcntl, "flock", refused)
+    else:
+        monkeypatch.setitem(sys.modules, "fcntl", None)
+    assert sldvexp("~experiment", "target=dissertation").status == 0
