@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import read_text
@@ -16,6 +18,8 @@ from sldvexp.units import VelocityUnit
 
 REQUIRED = ("view", "dx", "dy", "dz", "real")
 OPTIONAL = ("point", "frequency", "imag", "std")
+#: Columns that tell rows apart.
+AXES = ("view", "point", "frequency")
 #: What others put between columns.
 OTHER_DELIMITERS = {";": "semicolons", "\t": "tabs"}
 #: Least values, and what is said of smaller ones.
@@ -47,33 +51,7 @@ def read(path: Path, unit: VelocityUnit, layout: Layout = OWN) -> LineOfSight:
         If the file is no such table: columns, numbers, missing or repeated combinations.
     """
     table = _table(path, layout)
-    key = [c for c in ("view", "point", "frequency") if c in table]
-    doubled = table[table.duplicated(key)]
-    if len(doubled):
-        raise UserError(
-            f"{path}, line {doubled.index[0]}: {_at(doubled.iloc[0], key)} is given twice"
-        )
-    labels = [
-        list(dict.fromkeys(table[c])) if c in key else [None]
-        for c in ("view", "point", "frequency")
-    ]
-    shape = tuple(len(axis) for axis in labels)
-    position = [
-        table[c].map({v: i for i, v in enumerate(axis)}).to_numpy()
-        if c in key
-        else np.zeros(len(table), int)
-        for c, axis in zip(("view", "point", "frequency"), labels, strict=True)
-    ]
-    where = np.ravel_multi_index(position, shape)
-    if len(table) != np.prod(shape):
-        gap = np.setdiff1d(np.arange(np.prod(shape)), where)[0]
-        lost = [str(axis[i]) for axis, i in zip(labels, np.unravel_index(gap, shape), strict=True)]
-        lost = [
-            f"{c} {v}"
-            for c, v in zip(("view", "point", "frequency"), lost, strict=True)
-            if c in key
-        ]
-        raise UserError(f"{path}: there is no row for {', '.join(lost)}")
+    labels, shape, where = _cells(table, path)
 
     def cube(column: str) -> np.ndarray:
         values = np.empty(len(table))
@@ -91,12 +69,45 @@ def read(path: Path, unit: VelocityUnit, layout: Layout = OWN) -> LineOfSight:
     return LineOfSight(
         source=str(path),
         view=[str(v) for v in labels[0]],
-        point=[str(p) for p in labels[1]] if "point" in key else None,
-        frequency=np.array(labels[2], float) if "frequency" in key else None,
+        point=[str(p) for p in labels[1]] if "point" in table else None,
+        frequency=np.array(labels[2], float) if "frequency" in table else None,
         direction_cosines=cosines[:, :, 0],
         velocity=velocity * unit.value,
         std=cube("std") * unit.value if "std" in table else None,
     )
+
+
+def _cells(
+    table: pd.DataFrame, path: Path
+) -> tuple[list[list[Any]], tuple[int, ...], NDArray[np.intp]]:
+    """Labels along `AXES`, how many there are of each, and the cell of every row.
+
+    Raises
+    ------
+    UserError
+        If a combination is there twice, or is missing.
+    """
+    key = [c for c in AXES if c in table]
+    doubled = table[table.duplicated(key)]
+    if len(doubled):
+        raise UserError(
+            f"{path}, line {doubled.index[0]}: {_at(doubled.iloc[0], key)} is given twice"
+        )
+    labels = [list(dict.fromkeys(table[c])) if c in key else [None] for c in AXES]
+    shape = tuple(len(axis) for axis in labels)
+    position = [
+        table[c].map({v: i for i, v in enumerate(axis)}).to_numpy()
+        if c in key
+        else np.zeros(len(table), int)
+        for c, axis in zip(AXES, labels, strict=True)
+    ]
+    where = np.ravel_multi_index(position, shape)
+    if len(table) != np.prod(shape):
+        gap = np.setdiff1d(np.arange(np.prod(shape)), where)[0]
+        at = zip(AXES, labels, np.unravel_index(gap, shape), strict=True)
+        lost = ", ".join(f"{c} {axis[i]}" for c, axis, i in at if c in key)
+        raise UserError(f"{path}: there is no row for {lost}")
+    return labels, shape, where
 
 
 def _table(path: Path, layout: Layout) -> pd.DataFrame:
