@@ -143,7 +143,7 @@ def test_method_combinations_share_a_session(tmp_path, capsys):
 def test_two_workers(tmp_path, capsys):
     """Elapsed time, so that nothing else may be running.
 
-    The two processes take some 5 s to start, which 6 runs do not make up for (1.4 times), and 20 do.
+    The two processes take some 5 s to start: 6 runs do not make up for it (1.4 times), 20 do.
     """
     pytest.importorskip("hydra_plugins.hydra_joblib_launcher")
     session = ("experiment=plate", "report=none", "volume.shape=[9,7]", "seed=range(1,21)")
