@@ -8,6 +8,7 @@ import sys
 import warnings
 from argparse import Namespace
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -15,11 +16,11 @@ import hydra
 from hydra._internal.utils import get_args_parser
 from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, OmegaConf, open_dict
 
-from sldvexp import commands, composing, config, config_source, registry  # noqa: F401 (config: the root schema registers itself)
+from sldvexp import commands, composing, config, config_source, registry
 from sldvexp.errors import UserError
-from sldvexp.paths import conf_dir
+from sldvexp.paths import RUN_FILE, conf_dir
 
 if TYPE_CHECKING:
     from sldvexp.sweep.sweep import Sweep
@@ -84,10 +85,12 @@ class Command:
         self.status = DONE
         self.defect: Exception | None = None
         self.sweep: Sweep | None = None
+        self.recorded = False  # whether a run's folder says what is run
+        self.held = ExitStack()  # the lock of a single run's folder
 
     def __getstate__(self) -> dict[str, Any]:
         """What a launcher takes to other processes: the sweep itself stays in this one."""
-        return {**vars(self), "sweep": None}
+        return {**vars(self), "sweep": None, "held": ExitStack()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
@@ -103,6 +106,7 @@ class Command:
                 from sldvexp.resume import arguments_of
 
                 self.arguments = arguments_of(self.arguments)
+                self.recorded = True
                 sys.argv[1:] = self.arguments
             if "--version" in self.arguments:
                 return self._version()
@@ -114,7 +118,7 @@ class Command:
                 return self._complete()
             if commands.named(options):
                 return self._command(options)
-            with composing.remembering():
+            with composing.remembering(self._before_run):
                 try:
                     self._compose_and_run(options)
                 except MissingConfigException:
@@ -197,13 +201,44 @@ class Command:
         print(f"sldvexp {version('sldvexp')}, on Hydra {hydra.__version__}")
         return DONE
 
+    def _before_run(self, cfg: DictConfig) -> None:
+        """Refuse what cannot be run while everything in its folder is still as it was.
+
+        Raises
+        ------
+        UserError
+            If the configuration is wrong, or its folder has a finished run or one at work.
+        """
+        from hydra.core.hydra_config import HydraConfig
+
+        from sldvexp import complaints
+        from sldvexp.origins import Origins
+        from sldvexp.sweep.lock import alone
+
+        HydraConfig.instance().set_config(cfg)
+        task = cfg.copy()
+        with open_dict(task):
+            del task["hydra"]
+        try:
+            experiment = config.build(task)
+        except Exception as error:
+            if complaints.sentence(error, Origins(self.arguments)) is None:
+                self.defect = error
+            raise
+        folder = Path(cfg.hydra.run.dir)
+        if (folder / RUN_FILE).is_file() and not experiment.overwrite:
+            raise UserError(
+                f"{folder}: has a finished run; overwrite=true puts this one in its place once it "
+                "is done"
+            )
+        self.held.enter_context(alone(folder))
+
     def _job(self, cfg: DictConfig) -> None:
         """One job; its mistakes are told here, so that a sweep goes on with the next."""
         gc.enable()
         from hydra.core.hydra_config import HydraConfig
 
         from sldvexp.runner import run
-        from sldvexp.sweep.lock import alone
 
         job = HydraConfig.get()
         lines: Any = OmegaConf.to_container(job.overrides, resolve=False)
@@ -223,7 +258,7 @@ class Command:
 
                 computed = perform(cfg, job.runtime.output_dir, lines["task"], told)
             else:
-                with alone(Path(job.runtime.output_dir)):
+                with self.held:
                     passed = run(cfg, folder=job.runtime.output_dir)
                 self.status = self.status or (DONE if passed else MISSED)
         except Exception as error:
@@ -260,7 +295,7 @@ class Command:
                 "add a folder of yours with --config-dir"
             )
         searched = any("hydra.searchpath" in override for override in options.overrides)
-        if options.config_dir or options.config_name or searched:
+        if options.config_dir or options.config_name or searched or self.recorded:
             from sldvexp import guard
             from sldvexp.origins import Origins
 

@@ -22,6 +22,7 @@ from hydra._internal.config_repository import ConfigRepository
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
+from hydra.core.utils import JobReturn
 from hydra.plugins.config_source import ConfigResult
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
@@ -153,11 +154,25 @@ def _named(override: Override, config: DictConfig) -> Override:
 
 
 @contextmanager
-def remembering() -> Iterator[None]:
-    """While in it, Hydra uses `RememberingLoader`; it has no setting for its loader."""
-    usual = program.ConfigLoaderImpl
+def remembering(before_run: Callable[[DictConfig], None]) -> Iterator[None]:
+    """While in it, Hydra uses `RememberingLoader`; it has no setting for its loader.
+
+    Parameters
+    ----------
+    before_run : callable
+        Gets the composed configuration of a single run, Hydra's own included, before Hydra makes
+        or changes anything in the run's folder. What it raises ends the command.
+    """
+    usual, run_job = program.ConfigLoaderImpl, program.run_job
+
+    def checked(**arguments: Any) -> JobReturn:
+        before_run(arguments["config"])
+        return run_job(**arguments)
+
     program.ConfigLoaderImpl = RememberingLoader  # type: ignore[misc]
+    program.run_job = checked  # type: ignore[assignment]
     try:
         yield
     finally:
         program.ConfigLoaderImpl = usual  # type: ignore[misc]
+        program.run_job = run_job

@@ -106,6 +106,8 @@ class Experiment:
         What the run must reproduce.
     report : plugin
         The page that the run leaves for people.
+    overwrite : bool
+        Whether a finished run in the folder is replaced, once this one is done.
     """
 
     seed: int = 0
@@ -127,6 +129,7 @@ class Experiment:
     export: dict[str, Any] = field(default_factory=dict)
     expect: dict[str, Any] = field(default_factory=dict)
     report: Any = None
+    overwrite: bool = False
     sweep: Sweep = field(default_factory=Sweep)
 
 
@@ -181,7 +184,8 @@ def build(config: DictConfig) -> Experiment:
     if problems:
         raise ConfigError(problems)
     sweep = _object(config.sweep, "sweep", problems)
-    return Experiment(seed=config.seed, expect=expect, sweep=sweep, **values)
+    settings = {"seed": config.seed, "overwrite": config.overwrite}
+    return Experiment(**settings, expect=expect, sweep=sweep, **values)
 
 
 def _expected_of_nothing(

@@ -5,10 +5,13 @@ Hydra calls what its own settings name (callbacks, launchers, loggers), before a
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import product
 from pathlib import Path
 from typing import Any
+
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import HydraException
 
 from sldvexp.errors import UserError
 from sldvexp.origins import COMMAND_LINE, Layer, Origins, parts_of
@@ -46,9 +49,7 @@ def _jobs(origins: Origins) -> Iterator[Origins]:
 
 def check_layer(layer: Layer) -> None:
     """Refuse a file that names code, or that sets more of Hydra than is harmless."""
-    content = layer.values
-    for part in reversed(parts_of(layer.package)):
-        content = {part: content}
+    content = _whole(layer.package, layer.values)
     if not isinstance(content, dict):
         return
     for key in _keys(content):
@@ -63,6 +64,54 @@ def check_layer(layer: Layer) -> None:
                 f"{layer.source}: {f'hydra.{key}'.rstrip('.')} is refused: a file that does not "
                 f"belong to the program may set only these of hydra: {', '.join(HARMLESS)}"
             )
+
+
+def check_recorded(source: str, lines: Iterable[Any]) -> None:
+    """Refuse recorded arguments of a command line that are more than settings of a run.
+
+    Parameters
+    ----------
+    source : str
+        The file that has them, for messages.
+    lines : iterable
+        Anyone may have written them. Hydra records only settings of the run here, never options
+        and none of its own settings.
+
+    Raises
+    ------
+    UserError
+        At the first that is an option, no setting, a setting of Hydra's, names code, or has a
+        value that is yet to be looked up.
+    """
+    for line in lines:
+        told = f"{source}: {line!r}"
+        if not isinstance(line, str) or line.startswith("-"):
+            raise UserError(f"{told} is no setting of a run, as key=value is")
+        try:
+            setting = OverridesParser.create().parse_override(line)
+        except HydraException:
+            raise UserError(f"{told} is no setting of a run, as key=value is") from None
+        if "${" in line:
+            raise UserError(
+                f"{told} refers to something that is looked up when the run begins; leave it out "
+                "there and give it behind resume="
+            )
+        if setting.is_sweep_override():
+            raise UserError(f"{told} is for a sweep, and a run has one value of each setting")
+        content = _whole(setting.key_or_group, None if setting.is_delete() else setting.value())
+        package = parts_of(setting.package or "")
+        if "hydra" in (next(iter(content)).split("/")[0], *package[:1]):
+            raise UserError(f"{told} is refused: a run's folder cannot set anything of Hydra's")
+        for key in (*package, *_keys(content)):
+            if names_code(key.rsplit(".", 1)[-1]):
+                raise UserError(f"{told} {NO_CODE}")
+
+
+def _whole(package: str, values: Any) -> Any:
+    """The configuration in which nothing but `values` stand at a dotted place."""
+    for part in reversed(parts_of(package)):
+        values = {part: values}
+    return values
 
 
 def _keys(node: Any, path: str = "") -> Iterator[str]:

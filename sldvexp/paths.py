@@ -8,6 +8,9 @@ from sldvexp.errors import UserError
 
 CONF_SCHEME = "conf://"
 
+#: The dataset that a run leaves in its folder, once it is done.
+RUN_FILE = "run.nc"
+
 
 def conf_dir() -> Path:
     """The packaged configuration, or the checkout's when running from one."""

@@ -21,7 +21,7 @@ from sldvexp.errors import UserError
 from sldvexp.paths import locate
 
 #: Settings that change no number.
-NO_NUMBERS = ("report", "sweep")
+NO_NUMBERS = ("report", "sweep", "overwrite")
 PACKAGES = ("sldvexp", "numpy", "scipy", "xarray", "netCDF4", "hydra-core", "omegaconf")
 
 

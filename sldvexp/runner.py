@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -59,10 +59,9 @@ def run(
     Raises
     ------
     UserError
-        For any mistake in the configuration or the data, before anything is left behind.
+        For any mistake in the configuration or the data; what was in the folder stays.
     """
     start = datetime.now(UTC)
-    _clear(cfg, Path(folder))
     experiment = config.build(cfg)
     steps = [step for step in STEPS if step.needed(experiment)]
     if not steps:
@@ -90,6 +89,7 @@ def run(
     for name, text in texts.items():
         with whole_or_nothing(path.with_name(name)) as beside:
             beside.write_text(text)
+    _remove_outdated(cfg, Path(folder), texts)
     report = experiment.report
     wanted = report is not None and (share is None or report.each_run)
     pages = attempt(lambda: report.of_run(path), path) if wanted else []
@@ -131,18 +131,18 @@ def _paused(bar: Progress) -> Iterator[None]:
         bar.start()
 
 
-def _clear(cfg: DictConfig, folder: Path) -> None:
-    """Results of an earlier run must not lie beside this one's log, unless this run reads them."""
+def _remove_outdated(cfg: DictConfig, folder: Path, made: Collection[str]) -> None:
+    """Remove what an earlier run left beside this one's file, unless this run reads it."""
     read = list(_texts(OmegaConf.to_container(cfg)))
-    for file in (folder / RUN_FILE, folder / POSE_FILE, folder / REPORT_FILE):
+    for file in (folder / POSE_FILE, folder / REPORT_FILE):
         named = (text for text in read if text.endswith(file.name))
-        if file.resolve() in (locate(text).resolve() for text in named):
+        if file.name in made or file.resolve() in (locate(text).resolve() for text in named):
             continue
         try:
             file.unlink(missing_ok=True)
         except OSError as error:
             told = error.strerror or error
-            raise UserError(f"{file}: cannot be written: {told}") from None
+            raise UserError(f"{file}: cannot be removed: {told}") from None
 
 
 def _texts(node: Any) -> Iterator[str]:

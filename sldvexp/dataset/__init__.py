@@ -15,9 +15,8 @@ from sldvexp.dataset.stages import STAGES
 from sldvexp.dataset.variable import Variable
 from sldvexp.errors import UserError
 from sldvexp.files import whole_or_nothing
+from sldvexp.paths import RUN_FILE as RUN_FILE
 
-#: What a run's dataset is called, in the run's folder.
-RUN_FILE = "run.nc"
 UNREADABLE = "is not a readable netCDF-4 file"
 
 #: Coordinates that mean the same in every group.

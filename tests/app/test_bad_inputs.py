@@ -605,12 +605,12 @@ FILES = [
     ),
     Bad(
         "experiment=pose hydra.run.dir=f/sub",
-        "f/sub: cannot be made or written: Not a directory",
+        "f/sub: cannot be written: Not a directory",
         {"f": ""},
     ),
     Bad(
         "experiment=pose hydra.run.dir=/proc/nope",
-        "/proc/nope: cannot be made or written: No such file or directory",
+        "/proc/nope: cannot be written: No such file or directory",
     ),
 ]
 

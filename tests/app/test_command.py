@@ -247,26 +247,58 @@ def test_resume_keeps_the_configuration_and_any_folder(sldvexp, tmp_path):
     assert xr.open_datatree(folder / "run.nc", engine="netcdf4").attrs["seed"] == 77
 
 
-def test_results_of_an_earlier_run_do_not_stay(sldvexp, tmp_path, monkeypatch):
-    def left():
-        return sorted(f.name for f in folder.iterdir() if f.name in ("run.nc", "pose.txt"))
+def contents(folder):
+    return {f: f.read_bytes() for f in folder.rglob("*") if f.is_file()}
 
-    folder = tmp_path / "same"
-    where = f"hydra.run.dir={folder}"
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ([], "has a finished run; overwrite=true puts this one in its place"),
+        (["seed=-1"], "seed must be zero"),
+        (["overwrite=true", "seed=-1"], "seed must be zero"),
+        (["overwrite=true", "pose.nope=1"], "is not a known setting"),
+        (["overwrite=true", "pose=nope"], "there is no pose=nope"),
+        (["overwrite=true", "+hydra.nope=1", "seed=x"], "must be a whole number"),
+    ],
+)
+def test_a_refused_command_leaves_a_finished_run_as_it_was(sldvexp, tmp_path, arguments, told):
+    where = f"hydra.run.dir={tmp_path}/same"
     assert sldvexp(*POSE, where).status == 0
-    assert left() == ["pose.txt", "run.nc"]
-    given = ("~experiment", "pose=given", f"pose.path={folder}/run.nc")
-    assert sldvexp(*given, where).status == 0
-    assert sldvexp(*QUICK, "seed=-1", where).status == 1
-    assert left() == []
+    before = contents(tmp_path)
+    assert {f.name for f in before} >= {"run.nc", "pose.txt", "overrides.yaml", "sldvexp.log"}
+    done = sldvexp(*POSE, where, *arguments)
+    assert done.status == 1
+    assert told in done.err
+    assert contents(tmp_path) == before
+
+
+def test_results_are_replaced_only_by_better_ones(sldvexp, tmp_path, monkeypatch):
+    folder = tmp_path / "same"
+    where = (f"hydra.run.dir={folder}", "overwrite=true")
+    assert sldvexp(*POSE, *where).status == 0
+    before = {name: (folder / name).read_bytes() for name in ("run.nc", "pose.txt")}
 
     def stumble(_):
         raise ZeroDivisionError
 
-    monkeypatch.setattr("sldvexp.runner.pose_text", stumble)
-    with pytest.raises(ZeroDivisionError):
-        sldvexp(*POSE, where)
-    assert left() == []
+    with monkeypatch.context() as broken:
+        broken.setattr("sldvexp.runner.pose_text", stumble)
+        with pytest.raises(ZeroDivisionError):
+            sldvexp(*POSE, *where)
+    assert {name: (folder / name).read_bytes() for name in before} == before
+    given = ("~experiment", "pose=given", f"pose.path={folder}/run.nc")
+    assert sldvexp(*given, *where).status == 0
+    assert (folder / "run.nc").read_bytes() != before["run.nc"]
+    assert sldvexp(*QUICK, *where).status == 0
+    assert not (folder / "pose.txt").exists()  # of the pose that is not in run.nc any more
+
+
+def test_a_finished_run_is_not_gone_on_with(sldvexp):
+    done = sldvexp(*QUICK)
+    again = sldvexp(f"resume={done.folder}")
+    assert again.status == 1
+    assert "this run is finished" in again.err
 
 
 def test_version(sldvexp):

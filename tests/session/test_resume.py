@@ -61,6 +61,6 @@ def test_a_recorded_session_is_replayed_to_the_bit(sldvexp, whole):
 
 
 def test_scan_lines_of_another_seed_are_not_used(sldvexp, whole):
-    other = sldvexp(*SMALL, "seed=1", f"hydra.run.dir={whole}")
+    other = sldvexp(*SMALL, "seed=1", f"hydra.run.dir={whole}", "overwrite=true")
     assert other.status == 1
     assert "has scan lines of another configuration" in other.err
