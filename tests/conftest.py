@@ -12,10 +12,11 @@ import pytest
 import xarray as xr
 from hydra.core.config_search_path import ConfigSearchPath
 
-from sldvexp import app, commands, dataset
-from sldvexp.composing import Memory, RememberingLoader
-from sldvexp.paths import conf_dir
-from sldvexp.report.html.plugin import Html
+from sldvexp import dataset
+from sldvexp.cli import commands, main
+from sldvexp.config.cached_loader import Memory, RememberingLoader
+from sldvexp.config.paths import conf_dir
+from sldvexp.report.html.page import Html
 
 #: What makes the pages of runs and sweeps.
 PAGES = {name: getattr(Html, name) for name in ("of_run", "of_sweep")}
@@ -95,7 +96,7 @@ def sldvexp(
         monkeypatch.setattr(sys, "argv", ["sldvexp", *arguments, *where])
         capsys.readouterr()
         with pytest.raises(SystemExit) as stop:
-            app.main()
+            main.main()
         said = capsys.readouterr()
         return Done(int(stop.value.code or 0), said.out, said.err, folder)
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from sldvexp.check.base import Examined
 from sldvexp.errors import UserError
-from sldvexp.field.looks import Looks
 from sldvexp.field.run import looks_of
+from sldvexp.field.visibility.looks import Looks
 
 Array = NDArray[np.float64]
 

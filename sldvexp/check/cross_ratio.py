@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from sldvexp.check.base import Check, Examined
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
     import numpy as np

@@ -13,7 +13,7 @@ from sldvexp import dataset
 from sldvexp.errors import ConfigError, Problem, UserError, nearest
 
 if TYPE_CHECKING:
-    from sldvexp.expectation import Expectation
+    from sldvexp.config.expectation import Expectation
 
 _OF = re.compile(
     r"(?P<group>[\w./-]+)(?:/(?P<variable>\w+)|@(?P<attribute>\w+))(?:\[(?P<at>[^]]*)\])?"

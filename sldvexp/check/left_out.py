@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sldvexp.check.base import Check, Examined
-from sldvexp.registry import register
+from sldvexp.config.registry import register
 
 if TYPE_CHECKING:
     import xarray as xr

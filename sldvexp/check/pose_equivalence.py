@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from sldvexp.check.base import Check, Examined
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.geometry.known_pose import KnownPose
 from sldvexp.pose.given import Given
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
     import numpy as np

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from sldvexp.check.base import Check, Examined
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
     import numpy as np
@@ -65,8 +65,8 @@ class PoseRepeats(Check):
 
         from sldvexp.geometry.rotation import vector_from_rotation
         from sldvexp.laser.model import project
-        from sldvexp.pose.solver import solve_pose
-        from sldvexp.pose.statistics import half_width, standard_error
+        from sldvexp.pose.single_view import solve_pose
+        from sldvexp.pose.uncertainty import half_width, standard_error
 
         step, offset = np.asarray(pose.attrs["step"]), pose.attrs["mirror_offset"]
         if not np.isfinite(pose["s"]):  # as many unknowns as angles: there is no noise to repeat

@@ -11,7 +11,7 @@ from sldvexp.check.agreement import field_looks, sampled_depth
 from sldvexp.check.base import Examined
 from sldvexp.errors import UserError
 from sldvexp.field.estimate import estimate_field
-from sldvexp.field.looks import Looks
+from sldvexp.field.visibility.looks import Looks
 from sldvexp.volume.samples import shape_matrix
 
 Array = NDArray[np.float64]

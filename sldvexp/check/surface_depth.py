@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sldvexp.check.base import Check, Examined
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
     import xarray as xr

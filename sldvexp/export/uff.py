@@ -8,10 +8,10 @@ from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sldvexp.config.registry import register
 from sldvexp.errors import UserError
 from sldvexp.export.base import Export
 from sldvexp.files import whole_or_nothing
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
     from sldvexp.export.results import Array, Results
@@ -98,7 +98,7 @@ class Uff(Export):
         UserError
             If the frequencies of the run are not known.
         """
-        from sldvexp.export.universal_file import qualifiers, units
+        from sldvexp.io.uff.writer import qualifiers, units
 
         if results.frequency is None:
             raise UserError(
@@ -115,7 +115,7 @@ class Uff(Export):
     def _geometry(self, results: Results) -> Iterator[str]:
         import numpy as np
 
-        from sldvexp.export import universal_file as uf
+        from sldvexp.io.uff import writer as uf
 
         if (mesh := results.mesh) is None:
             return
@@ -134,7 +134,7 @@ class Uff(Export):
             yield uf.trace_lines(mesh.surface_triangles, "surface")
 
     def _shapes(self, results: Results, frequency: Array) -> Iterator[str]:
-        from sldvexp.export import universal_file as uf
+        from sldvexp.io.uff import writer as uf
 
         kind = uf.COMPLEX_MODE if self.shapes is Shapes.mode else uf.RESPONSE
         bounds = {"velocity_std": "Standard error", "confidence": "Half-width of the interval"}
@@ -154,7 +154,7 @@ def _functions(results: Results, frequency: Array) -> Iterator[str]:
     """A spectrum of each node and direction, of the frequencies where it is determined."""
     import numpy as np
 
-    from sldvexp.export import universal_file as uf
+    from sldvexp.io.uff import writer as uf
 
     text = _Text(results)
     place = "node" if results.mesh else "point"

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.export.base import Export
 from sldvexp.files import whole_or_nothing
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

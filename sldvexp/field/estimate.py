@@ -9,26 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
-from sldvexp.field.conditioning import condition_numbers
-from sldvexp.field.equations import normal_equations, pixel_data
-from sldvexp.field.fit import Fit
-from sldvexp.field.flags import flags
-from sldvexp.field.held import prepared
-from sldvexp.field.intrinsic_effect import PoseErrors
-from sldvexp.field.looks import Looks
-from sldvexp.field.model import FieldModel
-from sldvexp.field.outcome import Outcome
-from sldvexp.field.parts import Parts
-from sldvexp.field.pose_effect import pose_covariance
-from sldvexp.field.result import FieldResult
-from sldvexp.field.second_way import (
+from sldvexp.field.bounds.intrinsic_effect import PoseErrors
+from sldvexp.field.bounds.pose_uncertainty import pose_covariance
+from sldvexp.field.bounds.residuals_and_bounds import (
     pose_effect,
     residuals_only,
     variance_factors,
 )
+from sldvexp.field.equations.assembly import normal_equations, pixel_data
+from sldvexp.field.equations.conditioning import condition_numbers
+from sldvexp.field.equations.held import prepared
+from sldvexp.field.equations.regions import Parts
+from sldvexp.field.equations.sample_model import FieldModel
+from sldvexp.field.equations.system import solution
+from sldvexp.field.equations.undetermined import flags
+from sldvexp.field.fit import Fit
+from sldvexp.field.outcome import Outcome
+from sldvexp.field.result import FieldResult
 from sldvexp.field.solvers.base import Solver
-from sldvexp.field.system import solution
-from sldvexp.field.view import View
+from sldvexp.field.visibility.looks import Looks
+from sldvexp.field.visibility.view import View
 from sldvexp.reconstruction.base import Reconstruction
 
 Array = NDArray[np.float64]

@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
-from sldvexp.field.coverage import flagged
-from sldvexp.field.equations import Equations, normal_equations
-from sldvexp.field.flags import Flags, described, flags
-from sldvexp.field.held import prepared
-from sldvexp.field.looks import Looks
-from sldvexp.field.model import FieldModel
-from sldvexp.field.parts import Parts
-from sldvexp.field.pose_effect import PoseEffect
+from sldvexp.field.bounds.pose_uncertainty import PoseEffect
+from sldvexp.field.bounds.residuals_and_bounds import Second, with_bounds
+from sldvexp.field.equations.assembly import Equations, normal_equations
+from sldvexp.field.equations.held import prepared
+from sldvexp.field.equations.regions import Parts
+from sldvexp.field.equations.sample_model import FieldModel
+from sldvexp.field.equations.system import Solve, solution
+from sldvexp.field.equations.undetermined import Flags, described, flags
 from sldvexp.field.result import LOCAL, WORLD
-from sldvexp.field.second_way import Second, with_bounds
 from sldvexp.field.solvers.base import Solver
-from sldvexp.field.system import Solve, solution
+from sldvexp.field.visibility.coverage import flagged
+from sldvexp.field.visibility.looks import Looks
 from sldvexp.reconstruction.base import Reconstruction
 
 Array = NDArray[np.float64]
@@ -76,7 +76,7 @@ class Fit:
         return _messages(self.parts, self.equations, self.flags)
 
     def with_bounds(self, factor: Array, pose: PoseEffect | None) -> Second:
-        """Residuals and bounds; see `sldvexp.field.second_way.with_bounds`."""
+        """Residuals and bounds; see `sldvexp.field.bounds.residuals_and_bounds.with_bounds`."""
         system = self.equations.system
         determined = self.flags.determined.reshape(*system.active.shape, -1)
         return with_bounds(

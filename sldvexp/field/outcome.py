@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.field.equations import Equations
+from sldvexp.field.bounds.residuals_and_bounds import Second
+from sldvexp.field.equations.assembly import Equations
+from sldvexp.field.equations.sample_model import FieldModel
+from sldvexp.field.equations.system import solution
+from sldvexp.field.equations.undetermined import Flags
 from sldvexp.field.fit import Fit
-from sldvexp.field.flags import Flags
-from sldvexp.field.looks import Looks
-from sldvexp.field.model import FieldModel
 from sldvexp.field.result import LOCAL, WORLD, FieldResult
-from sldvexp.field.second_way import Second
 from sldvexp.field.solvers.base import Solver
-from sldvexp.field.system import solution
+from sldvexp.field.visibility.looks import Looks
 from sldvexp.reconstruction.observability import blank
 from sldvexp.statistics.f_test import FTest, nested_f_test
 from sldvexp.statistics.student import student_factor

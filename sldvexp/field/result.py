@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.field.coverage import Coverage
+from sldvexp.field.visibility.coverage import Coverage
 from sldvexp.reconstruction.rows import RowSet
 from sldvexp.statistics.f_test import FTest
 

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from sldvexp.field.element_error import element_error, mean_squares, told
+from sldvexp.field.bounds.element_error import element_error, mean_squares, told
+from sldvexp.field.bounds.intrinsic_effect import PoseErrors
 from sldvexp.field.estimate import estimate_field
-from sldvexp.field.group import field_group
-from sldvexp.field.intrinsic_effect import PoseErrors
-from sldvexp.field.looks import Looks
-from sldvexp.field.view import views_of
+from sldvexp.field.to_dataset import field_group
+from sldvexp.field.visibility.looks import Looks
+from sldvexp.field.visibility.view import views_of
 from sldvexp.volume.base import Coordinates
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from sldvexp.geometry.conic import Ellipse
 from sldvexp.image.projection import apply, fit_projection
 
 if TYPE_CHECKING:
-    from sldvexp.target.circles import Circles
+    from sldvexp.targets.circles import Circles
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.image.lines import Reason, ScanLines, is_edge
+from sldvexp.image.scan_lines import Reason, ScanLines, is_edge
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from sldvexp.errors import UserError
 from sldvexp.geometry.conic import curvature, signed_distance
 from sldvexp.geometry.conic_fit import ConicFit, fit_ellipse
-from sldvexp.image.lines import Edges
+from sldvexp.image.scan_lines import Edges
 
 
 def fit_circle(edges: Edges, method: str = "likelihood") -> tuple[ConicFit, Edges]:

@@ -20,7 +20,7 @@ from sldvexp.geometry.conic import Ellipse
 from sldvexp.image.assignment import Assignment, assignments, circles_by_plane
 
 if TYPE_CHECKING:
-    from sldvexp.target.circles import Circles
+    from sldvexp.targets.circles import Circles
 
 #: Residual, in steps, that the projective approximation may leave, and the factor by which the
 #: second best assignment must be worse than the best.

@@ -16,7 +16,7 @@ from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.geometry.bitangent import Bitangents
-from sldvexp.image.lines import Edges
+from sldvexp.image.scan_lines import Edges
 from sldvexp.laser.two_mirror import MIRRORS
 
 if TYPE_CHECKING:

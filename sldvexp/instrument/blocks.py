@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.instrument.line import DisturbanceError
+from sldvexp.instrument.connection import DisturbanceError
 from sldvexp.instrument.profile import Data, Layout, SampleType
 from sldvexp.instrument.protocol import CHANNELS, Samples, Status
 

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from sldvexp.instrument.line import DisturbanceError, Line
+from sldvexp.instrument.connection import DisturbanceError, Line
 from sldvexp.instrument.profile import Device, Header, Profile
 from sldvexp.instrument.protocol import InstrumentError
 

@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
+from sldvexp.instrument.connection import DisturbanceError
 from sldvexp.instrument.dialogue import Dialogue
-from sldvexp.instrument.line import DisturbanceError
 from sldvexp.instrument.protocol import InstrumentError
 
 log = logging.getLogger(__name__)

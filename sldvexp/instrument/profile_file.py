@@ -8,11 +8,11 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 import yaml
 
+from sldvexp.config.paths import conf_dir, locate
 from sldvexp.errors import Checks, ConfigError, UserError, nearest
 from sldvexp.files import read_text
 from sldvexp.instrument.profile import Profile
 from sldvexp.instrument.profile_checks import check
-from sldvexp.paths import conf_dir, locate
 
 SUFFIXES = (".yaml", ".yml")
 

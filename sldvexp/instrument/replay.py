@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from omegaconf import MISSING
 
+from sldvexp.config.registry import register
 from sldvexp.instrument.base import ScanningPlugin
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
     from sldvexp.instrument.protocol import Instrument
     from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.target.base import Target
+    from sldvexp.targets.base import Target
 
 
 @register("instrument", "replay")
@@ -46,7 +46,7 @@ class Replay(ScanningPlugin):
         UserError
             If the run has no scan lines of that view.
         """
+        from sldvexp.config.paths import locate
         from sldvexp.instrument.recording import Recording
-        from sldvexp.paths import locate
 
         return Recording(locate(self.path), view)

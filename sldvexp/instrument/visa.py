@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 from omegaconf import MISSING
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.instrument.base import ScanningPlugin
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
-    from sldvexp.instrument.line import Line
+    from sldvexp.instrument.connection import Line
     from sldvexp.instrument.profile import Profile
     from sldvexp.instrument.protocol import Instrument
     from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.target.base import Target
+    from sldvexp.targets.base import Target
 
 #: PyVISA's backends: in Python, and the VISA that a maker of interfaces has installed.
 BACKENDS = ("@py", "@ivi")
@@ -99,7 +99,7 @@ class Visa(ScanningPlugin):
         import importlib.util
         import logging
 
-        from sldvexp.instrument.commanded import CommandedInstrument
+        from sldvexp.instrument.command_instrument import CommandedInstrument
 
         if importlib.util.find_spec("pyvisa") is None:
             raise UserError("instrument=visa needs the packages pyvisa and pyvisa-py")
@@ -110,7 +110,7 @@ class Visa(ScanningPlugin):
         return CommandedInstrument(self._spoken, self._line, self.timeout, self.retries, view)
 
     def _line(self, device: str) -> Line:
-        from sldvexp.instrument.line import VisaLine
+        from sldvexp.instrument.connection import VisaLine
 
         named = self.resource[device] if isinstance(self.resource, dict) else self.resource
         return VisaLine(named, self.backend, self.timeout)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.registry import register
 from sldvexp.units import AngleUnit
 
 if TYPE_CHECKING:

@@ -13,9 +13,9 @@ from sldvexp.plot.field_maps import field
 from sldvexp.plot.image_points import bitangents, pose_residuals, repeatability
 from sldvexp.plot.line_scans import scan_lines
 from sldvexp.plot.nodal_values import nodal
+from sldvexp.plot.point_spectra import point, spectrum
 from sldvexp.plot.saving import save
-from sldvexp.plot.spectra import point, spectrum
-from sldvexp.plot.surface_shape import surface
+from sldvexp.plot.shape import surface
 from sldvexp.plot.sweep_comparison import sweep
 from sldvexp.plot.velocity_images import images, phase_correction
 from sldvexp.plot.view_residuals import residuals

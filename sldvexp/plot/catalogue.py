@@ -7,20 +7,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from sldvexp.dataset.run_data import Shown, Source, shown
 from sldvexp.plot import (
     circle_edges,
     field_maps,
     image_points,
     line_scans,
     nodal_values,
-    spectra,
-    surface_shape,
+    point_spectra,
+    shape,
     sweep_comparison,
     velocity_images,
     view_residuals,
     volume_views,
 )
-from sldvexp.plot.shown import Shown, Source, shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,12 +44,12 @@ FIGURES: dict[str, Entry] = {
     "repeatability": Entry(image_points.repeatability, image_points.missing_repeats),
     "phase_correction": Entry(velocity_images.phase_correction, velocity_images.missing_raw),
     "images": Entry(velocity_images.images, velocity_images.missing),
-    "point": Entry(spectra.point, spectra.missing),
+    "point": Entry(point_spectra.point, point_spectra.missing),
     "volume": Entry(volume_views.volume, volume_views.missing),
     "field": Entry(field_maps.field, field_maps.missing),
-    "surface": Entry(surface_shape.surface, surface_shape.missing),
+    "surface": Entry(shape.surface, shape.missing),
     "nodal": Entry(nodal_values.nodal, nodal_values.missing),
-    "spectrum": Entry(spectra.spectrum, spectra.missing_spectrum),
+    "spectrum": Entry(point_spectra.spectrum, point_spectra.missing_spectrum),
     "residuals": Entry(view_residuals.residuals, view_residuals.missing),
     "sweep": Entry(sweep_comparison.sweep, sweep_comparison.missing),
 }
@@ -63,7 +63,7 @@ def figures_of(
     Parameters
     ----------
     source : DataTree or others
-        See `sldvexp.plot.shown.shown`.
+        See `sldvexp.dataset.run_data.shown`.
     folder : str or Path, optional
         Of the run, if `source` is not the file in it.
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sldvexp.dataset.needed import require
+from sldvexp.dataset.recorded import plugin
+from sldvexp.dataset.run_data import Shown, Source, one_of, shown
 from sldvexp.plot import sheet, style
-from sldvexp.plot.needed import require
-from sldvexp.plot.recorded import plugin
-from sldvexp.plot.shown import Shown, Source, one_of, shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,7 +48,7 @@ def edges(source: Source | Shown, view: str | None = None) -> Figure:
     Parameters
     ----------
     source : DataTree or others
-        See `sldvexp.plot.shown.shown`.
+        See `sldvexp.dataset.run_data.shown`.
     view : str, optional
         Only this one.
 
@@ -114,7 +114,7 @@ def conics(source: Source | Shown, view: str | None = None) -> Figure:
     Parameters
     ----------
     source : DataTree or others
-        See `sldvexp.plot.shown.shown`.
+        See `sldvexp.dataset.run_data.shown`.
     view : str, optional
         Without it the first.
 
@@ -157,7 +157,7 @@ def conic_residuals(source: Source | Shown) -> Figure:
     Parameters
     ----------
     source : DataTree or others
-        See `sldvexp.plot.shown.shown`.
+        See `sldvexp.dataset.run_data.shown`.
 
     Returns
     -------

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sldvexp.dataset.needed import require
+from sldvexp.dataset.run_data import Shown, Source, shown
 from sldvexp.plot import sheet, style
 from sldvexp.plot.layer import Layer, layer_of, missing_field
-from sldvexp.plot.needed import require
-from sldvexp.plot.shown import Shown, Source, shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,7 +32,7 @@ def field(
     Parameters
     ----------
     source : DataTree or others
-        See `sldvexp.plot.shown.shown`.
+        See `sldvexp.dataset.run_data.shown`.
     frequency : float, Hz, optional
         Without it the one of the largest velocity.
     depth : float, m, optional

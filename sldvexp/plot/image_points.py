@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
+from sldvexp.dataset.needed import require
+from sldvexp.dataset.run_data import Shown, Source, one_of, shown
 from sldvexp.plot import sheet, style
 from sldvexp.plot.circle_edges import COLUMNS, fitted, panels_of_views, ratio_of
-from sldvexp.plot.needed import require
-from sldvexp.plot.shown import Shown, Source, one_of, shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,7 +59,7 @@ def bitangents(source: Source | Shown, view: str | None = None) -> Figure:
     Parameters
     ----------
     source : DataTree or others
-        See `sldvexp.plot.shown.shown`.
+        See `sldvexp.dataset.run_data.shown`.
     view : str, optional
         Only this one.
 
@@ -131,7 +131,7 @@ def pose_residuals(source: Source | Shown) -> Figure:
     Parameters
     ----------
     source : DataTree or others
-        See `sldvexp.plot.shown.shown`.
+        See `sldvexp.dataset.run_data.shown`.
 
     Returns
     -------
@@ -210,7 +210,7 @@ def repeatability(source: Source | Shown) -> Figure:
     Parameters
     ----------
     source : DataTree or others
-        See `sldvexp.plot.shown.shown`.
+        See `sldvexp.dataset.run_data.shown`.
 
     Returns
     -------

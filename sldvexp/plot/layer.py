@@ -9,8 +9,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sldvexp.dataset.run_data import Shown, at_frequency, one_of
 from sldvexp.errors import UserError
-from sldvexp.plot.shown import Shown, at_frequency, one_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -135,7 +135,7 @@ def layer_of(
     figure : str
         For messages.
     frequency : float, Hz, optional
-        See `sldvexp.plot.shown.at_frequency`.
+        See `sldvexp.dataset.run_data.at_frequency`.
     depth : float, m, optional
         The layer nearest to it. Without it that nearest to the given surface.
     name : str, optional

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sldvexp.dataset.needed import require
+from sldvexp.dataset.recorded import plugin, settings
+from sldvexp.dataset.run_data import Shown, Source, one_of, shown
 from sldvexp.errors import UserError
 from sldvexp.plot import style
-from sldvexp.plot.needed import require
-from sldvexp.plot.recorded import plugin, settings
-from sldvexp.plot.shown import Shown, Source, one_of, shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from sldvexp.image.lines import Edges, ScanLines
+    from sldvexp.image.scan_lines import Edges, ScanLines
 
 #: Kinds of scan lines, and how many edges each of their lines crosses.
 KINDS = {"coarse": 2, "fine": 1}
@@ -71,7 +71,7 @@ def scan_lines(
     Parameters
     ----------
     source : DataTree or others
-        See `sldvexp.plot.shown.shown`.
+        See `sldvexp.dataset.run_data.shown`.
     view : str, optional
         Without it the first.
     circle : int
@@ -168,8 +168,8 @@ def _take(run: Shown, view: str, circle: str, kind: str) -> Taken:
     """Demodulate the kept samples of some lines, and look for edges as the session did."""
     from scipy.ndimage import median_filter
 
-    from sldvexp.image.edges import gradient_edges
-    from sldvexp.image.lines import ScanLines
+    from sldvexp.image.edge_detection import gradient_edges
+    from sldvexp.image.scan_lines import ScanLines
     from sldvexp.scan.calibration import EdgeMethod
     from sldvexp.session.circles import PLACE
 

@@ -9,11 +9,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sldvexp.dataset.needed import require
+from sldvexp.dataset.run_data import Shown, Source, shown
 from sldvexp.errors import UserError
 from sldvexp.plot import sheet, style
 from sldvexp.plot.layer import AXES, Layer, layer_of, missing_field
-from sldvexp.plot.needed import require
-from sldvexp.plot.shown import Shown, Source, shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,7 +38,7 @@ def nodal(
     Parameters
     ----------
     source : DataTree or others
-        See `sldvexp.plot.shown.shown`.
+        See `sldvexp.dataset.run_data.shown`.
     frequency : float, Hz, optional
         Without it the one of the largest velocity.
     depth : float, m, optional

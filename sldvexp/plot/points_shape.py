@@ -8,9 +8,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sldvexp.dataset.run_data import Shown, at_frequency
 from sldvexp.plot import sheet, style
 from sldvexp.plot.layer import AXES
-from sldvexp.plot.shown import Shown, at_frequency
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

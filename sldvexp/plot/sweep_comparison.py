@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from sldvexp.dataset.needed import require
+from sldvexp.dataset.run_data import Shown, Source, shown
 from sldvexp.errors import UserError, nearest
 from sldvexp.plot import style
-from sldvexp.plot.needed import require
-from sldvexp.plot.shown import Shown, Source, shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,7 +53,7 @@ def sweep(source: Source | Shown, quantity: str | None = None) -> Figure:
     Parameters
     ----------
     source : Dataset or others
-        A sweep's dataset, see `sldvexp.plot.shown.shown`.
+        A sweep's dataset, see `sldvexp.dataset.run_data.shown`.
     quantity : str, optional
         Such as ``point.velocity_std``; without it what the sweep is ranked by.
 

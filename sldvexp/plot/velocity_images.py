@@ -8,9 +8,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sldvexp.dataset.needed import require
+from sldvexp.dataset.run_data import Shown, Source, at_frequency, one_of, shown
 from sldvexp.plot import sheet, style
-from sldvexp.plot.needed import require
-from sldvexp.plot.shown import Shown, Source, at_frequency, one_of, shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,7 +53,7 @@ def images(
     Parameters
     ----------
     source : DataTree or others
-        See `sldvexp.plot.shown.shown`.
+        See `sldvexp.dataset.run_data.shown`.
     view : str, optional
         Only this one.
     frequency : float, Hz, optional
@@ -92,7 +92,7 @@ def phase_correction(
     Parameters
     ----------
     source : DataTree or others
-        See `sldvexp.plot.shown.shown`.
+        See `sldvexp.dataset.run_data.shown`.
     view : str, optional
         Without it the first.
     frequency : float, Hz, optional

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
+from sldvexp.dataset.needed import require
+from sldvexp.dataset.run_data import Shown, Source, shown
 from sldvexp.plot import style
 from sldvexp.plot.layer import fields
-from sldvexp.plot.needed import require
-from sldvexp.plot.shown import Shown, Source, shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +39,7 @@ def residuals(source: Source | Shown) -> Figure:
     Parameters
     ----------
     source : DataTree or others
-        See `sldvexp.plot.shown.shown`.
+        See `sldvexp.dataset.run_data.shown`.
 
     Returns
     -------

@@ -8,9 +8,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sldvexp.dataset.needed import require
+from sldvexp.dataset.run_data import Shown, Source, shown
 from sldvexp.plot import sheet, style
-from sldvexp.plot.needed import require
-from sldvexp.plot.shown import Shown, Source, shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -49,7 +49,7 @@ def volume(source: Source | Shown) -> Figure:
     Parameters
     ----------
     source : DataTree or others
-        See `sldvexp.plot.shown.shown`.
+        See `sldvexp.dataset.run_data.shown`.
 
     Returns
     -------

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from sldvexp.laser.two_mirror import TwoMirror
     from sldvexp.pose.joint import JointCovariance
-    from sldvexp.target.base import Target
+    from sldvexp.targets.base import Target
 
 #: The six extrinsics: a small rotation vector of the laser frame (rad) and the origin (m).
 EXTRINSICS = ("rotation_x", "rotation_y", "rotation_z", "x", "y", "z")
@@ -91,7 +91,7 @@ def pose_group(
 
     from sldvexp import dataset
     from sldvexp.geometry.rotation import euler_from_rotation
-    from sldvexp.pose.statistics import euler_standard_error, half_width, standard_error
+    from sldvexp.pose.uncertainty import euler_standard_error, half_width, standard_error
 
     rotation, covariance = np.asarray(rotation, float), np.asarray(covariance, float)
     euler_std, std = euler_standard_error(rotation, covariance), standard_error(covariance)

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from sldvexp.config.registry import register
 from sldvexp.pose.from_scans import FromScans
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
     import numpy as np
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.pose.solver import PoseSolution
-    from sldvexp.target.base import Target
+    from sldvexp.pose.single_view import PoseSolution
+    from sldvexp.targets.base import Target
 
 
 #: Probability of residuals below which they are noted.
@@ -44,9 +44,9 @@ class Bitangent(FromScans):
     ) -> dict[str, xr.Dataset]:
         """Groups ``registration`` and ``pose`` of all scanned views."""
         from sldvexp.pose.bitangent_bounds import bitangent_errors
+        from sldvexp.pose.correlated_errors import with_errors
         from sldvexp.pose.from_points import estimate
         from sldvexp.pose.images import circles_of, registration_table
-        from sldvexp.pose.shared_errors import with_errors
 
         circles = circles_of(target, self.name)
         images = self.images(circles, laser, tree, self.pinhole)

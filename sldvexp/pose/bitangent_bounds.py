@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from sldvexp.geometry.bitangent import Bitangents
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.pose.shared_errors import Errors, with_errors
-from sldvexp.pose.solver import PoseSolution
-from sldvexp.target.base import std_of_bound
-from sldvexp.target.circles import Circles
+from sldvexp.pose.correlated_errors import Errors, with_errors
+from sldvexp.pose.single_view import PoseSolution
+from sldvexp.targets.base import std_of_bound
+from sldvexp.targets.circles import Circles
 
 Array = NDArray[np.float64]
 

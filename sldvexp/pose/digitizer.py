@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 from omegaconf import MISSING
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.pose.base import PoseMethod
-from sldvexp.registry import register
 from sldvexp.units import LengthUnit
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.target.base import Target
+    from sldvexp.targets.base import Target
 
 
 @register("pose", "digitizer")

@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from sldvexp.config.registry import register
 from sldvexp.pose.from_scans import FromScans
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.target.base import Target
+    from sldvexp.targets.base import Target
 
 
 @register("pose", "edge")

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.geometry.rotation import rotation_from_vector
-from sldvexp.pose.adjustment import Adjusted, Common, Linear, adjust
 from sldvexp.pose.base import EXTRINSICS
+from sldvexp.pose.bundle_adjustment import Adjusted, Common, Linear, adjust
 from sldvexp.pose.edge_model import (
     ERRORS,
     FIRST_INTRINSIC,
@@ -71,7 +71,7 @@ class EdgeView:
         )
 
     def linearise(self, common: Array) -> Linear:
-        """See `sldvexp.pose.adjustment.View`."""
+        """See `sldvexp.pose.bundle_adjustment.View`."""
         residual, jacobian = residuals(self.points, self.with_common(common))
         jacobian /= self.scale[:, None]
         own = [*range(RIM + 1), *(FIRST_INTRINSIC + k for k in self.own)]
@@ -80,7 +80,7 @@ class EdgeView:
         return Linear(residual / self.scale, jacobian[:, own], jacobian[:, [*shared, *circles]])
 
     def moved(self, step: Array) -> EdgeView:
-        """See `sldvexp.pose.adjustment.View`."""
+        """See `sldvexp.pose.bundle_adjustment.View`."""
         s = self.scene
         intrinsics = s.intrinsics.copy()
         intrinsics[self.own] += step[RIM + 1 :]
@@ -94,11 +94,11 @@ class EdgeView:
         return replace(self, scene=scene)
 
     def weighed(self, common: Array) -> EdgeView:
-        """See `sldvexp.pose.adjustment.View`."""
+        """See `sldvexp.pose.bundle_adjustment.View`."""
         return replace(self, scale=spread(self.points, self.with_common(common)))
 
     def prior(self) -> tuple[Array, Array]:
-        """See `sldvexp.pose.adjustment.View`."""
+        """See `sldvexp.pose.bundle_adjustment.View`."""
         free = np.zeros(RIM + 1)
         away = self.scene.intrinsics[self.own] - self.expected
         return np.append(free, self.own_prior**-2.0), np.append(free, away)

@@ -10,9 +10,9 @@ import xarray as xr
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.fields import number
 from sldvexp.files import read_text, require_file
 from sldvexp.geometry.known_pose import KnownPose
+from sldvexp.io.text_fields import number
 from sldvexp.pose.given import known_poses
 
 _LINE = re.compile(r"^\s*(phi[123]|x0_[xyz])\s*=\s*(\S+)(?:\s*\+-\s*(\S+))?")
@@ -54,7 +54,7 @@ def read_poses(path: Path, confidence: float) -> xr.Dataset:
 
 def _at_level(pose: xr.Dataset, confidence: float) -> xr.Dataset:
     """The pose with its intervals at another level, from standard errors and their freedom."""
-    from sldvexp.pose.statistics import half_width
+    from sldvexp.pose.uncertainty import half_width
 
     for name in ("euler", "origin", "intrinsic"):
         if f"{name}_confidence" in pose:

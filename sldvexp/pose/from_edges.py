@@ -17,14 +17,14 @@ from sldvexp.pose.edge_solver import EdgePoses, solve_edges
 from sldvexp.pose.images import MISFIT, CircleImages, circles_of, registration_table
 from sldvexp.pose.intrinsics import adjusted_notes, places
 from sldvexp.pose.joint import JointCovariance
-from sldvexp.pose.solver import solve_pose
-from sldvexp.target.base import std_of_bound
+from sldvexp.pose.single_view import solve_pose
+from sldvexp.targets.base import std_of_bound
 
 if TYPE_CHECKING:
     from sldvexp.laser.two_mirror import TwoMirror
     from sldvexp.pose.edge import Edge
-    from sldvexp.target.base import Target
-    from sldvexp.target.circles import Circles
+    from sldvexp.targets.base import Target
+    from sldvexp.targets.circles import Circles
 
 Array = NDArray[np.float64]
 

@@ -12,21 +12,21 @@ import numpy as np
 import xarray as xr
 
 from sldvexp.errors import UserError
+from sldvexp.io.registration.netcdf import to_dataset
 from sldvexp.pose.base import pose_group
 from sldvexp.pose.intrinsics import adjusted_notes
 from sldvexp.pose.joint import JointCovariance
-from sldvexp.pose.joint_solver import Sight, solve_together
+from sldvexp.pose.multi_view import Sight, solve_together
 from sldvexp.pose.point_notes import point_notes
-from sldvexp.pose.solver import PoseSolution, solve_pose
-from sldvexp.registration.netcdf import to_dataset
+from sldvexp.pose.single_view import PoseSolution, solve_pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from sldvexp.io.registration.table import RegistrationTable
     from sldvexp.laser.two_mirror import TwoMirror
     from sldvexp.pose.registration import FromPoints, MirrorName
-    from sldvexp.registration.table import RegistrationTable
-    from sldvexp.target.base import Target
+    from sldvexp.targets.base import Target
 
     Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from sldvexp.laser.two_mirror import TwoMirror
     from sldvexp.pose.images import CircleImages
-    from sldvexp.target.circles import Circles
+    from sldvexp.targets.circles import Circles
 
 
 @dataclass
@@ -61,7 +61,7 @@ class FromScans(FromPoints):
             the ellipses fit the object in no way or in two.
         """
         from sldvexp.pose.images import edge_views, match_images
-        from sldvexp.pose.recognition import recognised
+        from sldvexp.pose.wiring import recognised
         from sldvexp.session.circles import edges_of
 
         found = []
@@ -76,6 +76,6 @@ class FromScans(FromPoints):
     def notes(self, images: Sequence[CircleImages]) -> list[str]:
         """What to mind about the images of all views."""
         from sldvexp.pose.images import image_notes
-        from sldvexp.pose.recognition import phase_notes
+        from sldvexp.pose.wiring import phase_notes
 
         return [*(n for i in images for n in image_notes(i)), *phase_notes(images)]

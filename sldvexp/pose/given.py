@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.geometry.known_pose import KnownPose
 from sldvexp.pose.base import PoseMethod, pose_group
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.target.base import Target
+    from sldvexp.targets.base import Target
 
 
 @register("pose", "given")
@@ -77,7 +77,7 @@ class Given(PoseMethod):
 
     def group(self) -> xr.Dataset:
         """The known poses, whatever they come from."""
-        from sldvexp.paths import locate
+        from sldvexp.config.paths import locate
         from sldvexp.pose.files import read_poses
 
         if self.path:

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from sldvexp.errors import UserError
 from sldvexp.geometry.bitangent import Bitangents
 from sldvexp.image.conics import fit_circle
-from sldvexp.image.lines import Edges
 from sldvexp.image.matching import Match, bitangent_images, match_circles
 from sldvexp.image.pinhole import dac_bitangents, dac_edges, pinhole_edges
+from sldvexp.image.scan_lines import Edges
+from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.registration.table import RegistrationTable
-from sldvexp.target.base import Target
-from sldvexp.target.circles import Circles
+from sldvexp.targets.base import Target
+from sldvexp.targets.circles import Circles
 
 Array = NDArray[np.float64]
 

@@ -6,18 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.pose.registration import Registration
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from sldvexp.io.registration.table import RegistrationTable
     from sldvexp.laser.two_mirror import TwoMirror
     from sldvexp.pose.from_points import Judge
-    from sldvexp.registration.table import RegistrationTable
-    from sldvexp.target.base import Target, TargetPoints
+    from sldvexp.targets.base import Target, TargetPoints
 
 
 @register("pose", "manual")

@@ -78,7 +78,7 @@ def observations(
     adjust: Mapping[str, float],
     std: ArrayLike | None,
 ) -> Observations:
-    """Check the arguments of `sldvexp.pose.solver.solve_pose`.
+    """Check the arguments of `sldvexp.pose.single_view.solve_pose`.
 
     Raises
     ------

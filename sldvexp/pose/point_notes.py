@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sldvexp.pose.solver import PoseSolution
+from sldvexp.pose.single_view import PoseSolution
 
 if TYPE_CHECKING:
+    from sldvexp.io.registration.table import RegistrationTable
     from sldvexp.pose.registration import FromPoints
-    from sldvexp.registration.table import RegistrationTable
-    from sldvexp.target.base import Target
+    from sldvexp.targets.base import Target
 
 #: A file's object point further than this from the target's (and than its errors) is noted, m.
 ROUNDING = 5e-6

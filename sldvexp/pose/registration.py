@@ -7,19 +7,19 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks, nearest
 from sldvexp.pose.base import PoseMethod
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
     from numpy.typing import NDArray
 
+    from sldvexp.io.registration.table import RegistrationTable
     from sldvexp.laser.two_mirror import TwoMirror
     from sldvexp.pose.from_points import Judge
-    from sldvexp.registration.table import RegistrationTable
-    from sldvexp.target.base import Target, TargetPoints
+    from sldvexp.targets.base import Target, TargetPoints
 
 #: What may be adjusted besides the pose.
 ADJUSTABLE = (
@@ -173,7 +173,7 @@ class Registration(FromPoints):
     ) -> dict[str, xr.Dataset]:
         """Groups ``registration`` and ``pose``."""
         from sldvexp.pose.from_points import estimate
-        from sldvexp.registration.measured import measured_points
+        from sldvexp.pose.measured import measured_points
 
         if self.path is None:
             tables = _scanned(tree)
@@ -185,9 +185,9 @@ class Registration(FromPoints):
         """Registration data of all views."""
         from dataclasses import replace
 
+        from sldvexp.config.paths import locate
         from sldvexp.errors import UserError
-        from sldvexp.paths import locate
-        from sldvexp.registration import read
+        from sldvexp.io.registration import read
         from sldvexp.units import LengthUnit
 
         unit = LengthUnit[self.unit] if self.unit else None
@@ -209,7 +209,7 @@ class Registration(FromPoints):
 def _scanned(tree: Mapping[str, xr.Dataset]) -> list[RegistrationTable]:
     """Registration data of all views that a person pointed or digitised in this run."""
     from sldvexp.errors import ConfigError, Problem
-    from sldvexp.registration.netcdf import from_dataset
+    from sldvexp.io.registration.netcdf import from_dataset
 
     if "registration" not in tree:
         told = f"{NAME_A_FILE}, unless scan=by_hand or scan=by_digitizer gives the points"

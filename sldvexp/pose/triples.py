@@ -9,11 +9,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sldvexp.config.paths import locate
 from sldvexp.errors import ConfigError, Problem, UserError, nearest
-from sldvexp.fields import csv_lines, number, unit_of_columns
 from sldvexp.files import read_text, require_file
 from sldvexp.geometry.rotation import nearest_rotation, rigid_transform, vector_from_rotation
-from sldvexp.paths import locate
+from sldvexp.io.text_fields import csv_lines, number, unit_of_columns
 from sldvexp.pose.base import pose_group
 from sldvexp.pose.digitizer import Digitizer
 from sldvexp.units import LengthUnit

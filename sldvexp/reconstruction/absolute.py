@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from sldvexp.config.registry import register
 from sldvexp.reconstruction.base import Reconstruction
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
     from sldvexp.reconstruction.rows import RowChoice

@@ -134,6 +134,6 @@ class Reconstruction:
 
     def group(self, line_of_sight: xr.Dataset) -> xr.Dataset:
         """The group ``point`` of a run, from its group ``line_of_sight``; see `reconstruct`."""
-        from sldvexp.reconstruction.group import reconstruct_group
+        from sldvexp.reconstruction.to_dataset import reconstruct_group
 
         return reconstruct_group(self, line_of_sight)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.reconstruction.base import Model, Reconstruction
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
     from sldvexp.reconstruction.rows import RowChoice

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.reconstruction.base import Model, Reconstruction, Weights
-from sldvexp.reconstruction.estimator import PointFit
+from sldvexp.reconstruction.least_squares import PointFit
 from sldvexp.reconstruction.observability import (
     blank,
     describe,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sldvexp.reconstruction.estimator import PointFit, point_fit
+from sldvexp.reconstruction.least_squares import PointFit, point_fit
 from sldvexp.reconstruction.rows import RowSet
 from sldvexp.reconstruction.views import Points, Views
 

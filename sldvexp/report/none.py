@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sldvexp.registry import register
+from sldvexp.config.registry import register
 from sldvexp.report.base import Report
 
 

@@ -68,7 +68,7 @@ class ScanPart(Scan):
     Attributes
     ----------
     kind : str
-        What a session makes of the samples, a key of `sldvexp.session.views.KINDS`; it says which
+        What a session makes of the samples, a key of `sldvexp.session.session.KINDS`; it says which
         further methods such a scan has.
     views : dict of str to dataclass
         What is scanned in each view. Where an entry has a `path`, that file says it.

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.registry import register
 from sldvexp.scan.base import check_pairs, check_view_names
 from sldvexp.scan.person_part import PersonPart
 from sldvexp.units import LengthUnit
@@ -65,8 +65,8 @@ class ByDigitizer(PersonPart):
         """See `ScanPart`."""
         import numpy as np
 
-        from sldvexp.paths import locate
-        from sldvexp.scan.files import read_centres
+        from sldvexp.config.paths import locate
+        from sldvexp.io.scan_files import read_centres
 
         given = self.views[view]
         return read_centres(locate(given.path)) if given.path else np.array(given.dac, np.int64)

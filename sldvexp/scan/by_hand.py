@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.registry import register
 from sldvexp.scan.base import check_view_names
 from sldvexp.scan.person_part import PersonPart
-from sldvexp.target.points import Point, Points
+from sldvexp.targets.points import Point, Points
 from sldvexp.units import LengthUnit
 
 if TYPE_CHECKING:

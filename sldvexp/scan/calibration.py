@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, ClassVar
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.registry import register
 from sldvexp.scan.base import Sampling, ScanPart, check_pairs, check_view_names
 
 if TYPE_CHECKING:
@@ -115,8 +115,8 @@ class Calibration(ScanPart):
         """Rough centres of a view's circles, shape (circle, 2), steps."""
         import numpy as np
 
-        from sldvexp.paths import locate
-        from sldvexp.scan.files import read_centres
+        from sldvexp.config.paths import locate
+        from sldvexp.io.scan_files import read_centres
 
         given = self.views[view]
         return read_centres(locate(given.path)) if given.path else np.array(given.dac, np.int64)

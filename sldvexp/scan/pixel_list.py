@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.registry import register
 from sldvexp.scan.base import Sampling, check_pairs, check_view_names
 from sldvexp.scan.image import ImageScan
 
@@ -59,8 +59,8 @@ class PixelList(ImageScan):
         """See `ImageScan`; every `LINE` pixels are a line."""
         import numpy as np
 
-        from sldvexp.paths import locate
-        from sldvexp.scan.files import read_list
+        from sldvexp.config.paths import locate
+        from sldvexp.io.scan_files import read_list
 
         given = self.views[view]
         dac = read_list(locate(given.path)) if given.path else np.array(given.dac, np.int64)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-from sldvexp.registry import register
 from sldvexp.scan.base import Sampling, check_pairs, check_view_names
 from sldvexp.scan.image import ImageScan
 
@@ -79,8 +79,8 @@ class Rectangle(ImageScan):
         UserError
             If the box has fewer steps than there should be rows or columns.
         """
-        from sldvexp.paths import locate
-        from sldvexp.scan.files import read_rectangle
+        from sldvexp.config.paths import locate
+        from sldvexp.io.scan_files import read_rectangle
         from sldvexp.scan.lines import rectangle, strided
 
         region = self.views[view]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field, fields
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.registry import register
 from sldvexp.scan.base import Scan, ScanPart
 from sldvexp.scan.by_hand import ByHand
 from sldvexp.scan.calibration import Calibration

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from sldvexp.errors import UserError
 from sldvexp.instrument.person import Attended, Mark, Person, Steps
 from sldvexp.instrument.recorded_person import mark_name, spot_name
-from sldvexp.registration.netcdf import from_dataset, to_dataset
-from sldvexp.registration.table import RegistrationTable
+from sldvexp.io.registration.netcdf import from_dataset, to_dataset
+from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.session.terminal import AtTerminal
-from sldvexp.target.base import Target
-from sldvexp.target.circles import Circles
+from sldvexp.targets.base import Target
+from sldvexp.targets.circles import Circles
 from sldvexp.units import LengthUnit
 
 if TYPE_CHECKING:

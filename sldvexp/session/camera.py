@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from sldvexp.instrument.protocol import Acquisition, Samples, Status
 from sldvexp.session.interruption import undisturbed
 from sldvexp.session.journal import Journal
-from sldvexp.signal.image import ComplexImage
-from sldvexp.signal.rules import Flag
+from sldvexp.signal.complex_image import ComplexImage
+from sldvexp.signal.pixel_quality import Flag
 
 if TYPE_CHECKING:
     from sldvexp.instrument.protocol import Instrument

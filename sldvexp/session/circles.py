@@ -13,13 +13,13 @@ from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.geometry.conic import principal_axes
 from sldvexp.image.conics import fit_circle
-from sldvexp.image.edges import gradient_edges, pixel_edges, profile_edges
-from sldvexp.image.lines import Edges, ScanLines
+from sldvexp.image.edge_detection import gradient_edges, pixel_edges, profile_edges
+from sldvexp.image.scan_lines import Edges, ScanLines
 from sldvexp.scan.calibration import Calibration, EdgeMethod
 from sldvexp.scan.lines import across, along_ellipse
 from sldvexp.session.looks import MANY, Look, require_circles, require_instrument
-from sldvexp.signal.image import ComplexImage
-from sldvexp.target.circles import Circles
+from sldvexp.signal.complex_image import ComplexImage
+from sldvexp.targets.circles import Circles
 
 if TYPE_CHECKING:
     from sldvexp.laser.two_mirror import TwoMirror

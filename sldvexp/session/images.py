@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.signal.diagnosis import instrument_fault
-from sldvexp.signal.image import ComplexImage
-from sldvexp.signal.rules import Flag
+from sldvexp.signal.complex_image import ComplexImage
+from sldvexp.signal.instrument_faults import instrument_fault
+from sldvexp.signal.pixel_quality import Flag
 
 if TYPE_CHECKING:
     from sldvexp.scan.image import ImageScan

@@ -11,8 +11,8 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.geometry.conic import Ellipse
-from sldvexp.signal.diagnosis import MOST, instrument_fault, moving
-from sldvexp.signal.image import ComplexImage
+from sldvexp.signal.complex_image import ComplexImage
+from sldvexp.signal.instrument_faults import MOST, instrument_fault, moving
 
 #: Share of the pixels that must move where something moves.
 SOME = 0.02

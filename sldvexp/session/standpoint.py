@@ -10,7 +10,7 @@ from sldvexp.session.operator import Operator
 
 if TYPE_CHECKING:
     from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.target.base import Target
+    from sldvexp.targets.base import Target
 
 
 @dataclass(frozen=True)

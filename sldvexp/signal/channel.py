@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.signal.model import SineModel
-from sldvexp.signal.rules import Intercept
+from sldvexp.signal.pixel_quality import Intercept
+from sldvexp.signal.sine_model import SineModel
 from sldvexp.statistics.f_test import FTest, f_test
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ class ChannelFit:
         True where the fit has the intercept.
     full_dof : int
     phasor_map : ndarray of complex, shape (column, frequency)
-        See `sldvexp.signal.model.SineModel.phasor_map`.
+        See `sldvexp.signal.sine_model.SineModel.phasor_map`.
     """
 
     phasor: ComplexArray

@@ -1,4 +1,6 @@
-"""Finds the pixels that are not to be trusted; `sldvexp.signal.rules.Flag` says what each means."""
+"""Finds the pixels that are not to be trusted; `sldvexp.signal.pixel_quality.Flag` says what each
+means.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.signal.channel import ChannelFit, squared
+from sldvexp.signal.pixel_quality import Flag, FlagRules
 from sldvexp.signal.projection import Projection
-from sldvexp.signal.rules import Flag, FlagRules
 
 #: A residual below this share of the image's largest sine is arithmetic, not a dead channel.
 NOISE_FLOOR = 1e-6

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.errors import UserError
-from sldvexp.signal.model import SineModel, design_matrix, sine_model
 from sldvexp.signal.projection import project
+from sldvexp.signal.sine_model import SineModel, design_matrix, sine_model
 
 Array = NDArray[np.float64]
 
@@ -62,8 +62,8 @@ def refine_frequencies(
     reference : ndarray, shape (pixel, sample)
         Good records only; the caller leaves out those that are clipped or not finite.
     times, frequencies, harmonics, hum
-        As of `sldvexp.signal.model.sine_model`. Without a search the frequencies must be right to
-        half a resolution cell, 0.5 / T.
+        As of `sldvexp.signal.sine_model.sine_model`. Without a search the frequencies must be right
+        to half a resolution cell, 0.5 / T.
     search : float, Hz
         Half-width of the interval around each frequency that is searched first; 0 for none.
 

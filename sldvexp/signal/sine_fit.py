@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.registry import register
-from sldvexp.signal.rules import Flag, FlagRules, Intercept
+from sldvexp.signal.pixel_quality import Flag, FlagRules, Intercept
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from sldvexp.signal.image import ComplexImage
+    from sldvexp.signal.complex_image import ComplexImage
 
 
 @register("signal", "sine_fit")
@@ -87,7 +87,7 @@ class SineFit:
         frequencies : array_like, shape (frequency,), Hz
             Of the excitation, as set.
         channel_axis, volts_per_count, limits, quality
-            See `sldvexp.signal.image.demodulate`.
+            See `sldvexp.signal.complex_image.demodulate`.
 
         Returns
         -------
@@ -103,9 +103,9 @@ class SineFit:
 
         import numpy as np
 
+        from sldvexp.signal.complex_image import demodulate, records
         from sldvexp.signal.frequency import refine_frequencies
-        from sldvexp.signal.image import demodulate, records
-        from sldvexp.signal.model import sine_model
+        from sldvexp.signal.sine_model import sine_model
 
         def image_at(hertz: ArrayLike) -> ComplexImage:
             return demodulate(

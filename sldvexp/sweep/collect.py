@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from sldvexp import dataset
-from sldvexp.runner import RUN_FILE
+from sldvexp.config.paths import RUN_FILE
 from sldvexp.sweep import record
 from sldvexp.sweep.headlines import PARENTS, headlines
 from sldvexp.sweep.plan import labels

@@ -10,16 +10,15 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from sldvexp import provenance, runner
-from sldvexp.config import Retry
+from sldvexp.config.paths import RUN_FILE, locate
+from sldvexp.config.schema import Retry
 from sldvexp.errors import UserError
 from sldvexp.instrument.recording import JOURNAL
-from sldvexp.paths import locate
-from sldvexp.runner import RUN_FILE
+from sldvexp.pipeline import provenance, runner
 from sldvexp.sweep import record
 from sldvexp.sweep.lock import LOCK_FILE, locked
 from sldvexp.sweep.record import Record, State, Stopwatch
-from sldvexp.sweep.store import SHARED, Store
+from sldvexp.sweep.shared_steps import SHARED, Store
 
 #: Files that a killed process had not finished, see `sldvexp.files.whole_or_nothing`.
 TORN = ".*.[0-9]*.*"
@@ -99,7 +98,7 @@ def is_current(folder: Path, identity: str, retry: Retry) -> bool:
     folder : Path
         Of the run.
     identity : str
-        Of the run that is wanted, see `sldvexp.provenance.identity`.
+        Of the run that is wanted, see `sldvexp.pipeline.provenance.identity`.
     retry : Retry
     """
     found = record.read(folder)

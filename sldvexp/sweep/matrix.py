@@ -13,10 +13,10 @@ import yaml
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from sldvexp.conf_files import displayed
+from sldvexp.config.conf_files import displayed
+from sldvexp.config.refusals import refusal
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import read_text
-from sldvexp.wording import refusal
 
 #: What a setting may be called; Hydra's own decide nothing of a run, but could name code.
 SETTING = r"(?!hydra\b)[\w./]+"

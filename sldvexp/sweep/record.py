@@ -36,7 +36,7 @@ class Record:
     ----------
     state : State
     identity : str
-        Of everything that decides the result, see `sldvexp.provenance.identity`.
+        Of everything that decides the result, see `sldvexp.pipeline.provenance.identity`.
     reason : str
         The sentence about a failure.
     seconds : float

@@ -12,10 +12,10 @@ import xarray as xr
 from rich.console import Console
 
 from sldvexp import dataset
+from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError
 from sldvexp.report.base import REPORT_FILE, Report, attempt
-from sldvexp.report.table import NARROWEST
-from sldvexp.runner import RUN_FILE
+from sldvexp.report.terminal import NARROWEST
 from sldvexp.sweep import ranking
 
 SWEEP_FILE, TABLE_FILE = "sweep.nc", "sweep.csv"

@@ -148,7 +148,7 @@ class Sweep:
         set of str
             States that runs are in, see `sldvexp.sweep.record.State`.
         """
-        from sldvexp.provenance import about_program
+        from sldvexp.pipeline.provenance import about_program
         from sldvexp.sweep.collect import collect
         from sldvexp.sweep.summary import write_summary
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.target.circles import Circles
+from sldvexp.targets.circles import Circles
 from sldvexp.virtual_lab.beam import Beams, part_inside
-from sldvexp.virtual_lab.scene_calibration import Speaker
+from sldvexp.virtual_lab.calibration_scene import Speaker
 from sldvexp.virtual_lab.scene_object import SceneObject
 
 Array = NDArray[np.float64]

@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from sldvexp import registry
+from sldvexp.config import registry
 from sldvexp.errors import UserError
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
 
-    from sldvexp.config import Experiment
+    from sldvexp.config.schema import Experiment
 
 #: Where `instrument=visa` looks for it.
 PORT = 5025
@@ -76,21 +76,21 @@ def experiment(settings: Sequence[str]) -> Experiment:
     UserError
         If something is wrong with it.
     """
-    from sldvexp import complaints, config, config_source
-    from sldvexp.origins import Origins
+    from sldvexp.config import hydra_plugin, messages, schema
+    from sldvexp.config.sources import Origins
 
     if not any(s.lstrip("~").startswith("experiment") for s in settings):
         settings = [EXPERIMENT, *settings]
     origins = Origins(list(settings))
-    config_source.install()
+    hydra_plugin.install()
     try:
         composed = _composed(settings)
     except Exception as error:
-        raise UserError(complaints.of_composition(error, origins)) from error
+        raise UserError(messages.of_composition(error, origins)) from error
     try:
-        return config.build(composed)
+        return schema.build(composed)
     except Exception as error:
-        if told := complaints.sentence(error, origins):
+        if told := messages.sentence(error, origins):
             raise UserError(told) from error
         raise
 
@@ -99,7 +99,7 @@ def _composed(settings: Sequence[str]) -> DictConfig:
     from hydra import compose, initialize_config_dir
     from hydra.errors import MissingConfigException
 
-    from sldvexp.paths import conf_dir
+    from sldvexp.config.paths import conf_dir
 
     with initialize_config_dir(str(conf_dir()), version_base="1.3"):
         try:

@@ -13,7 +13,7 @@ from sldvexp.geometry.rotation import rotation_from_euler
 from sldvexp.instrument.protocol import Acquisition, InstrumentError, Samples
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
-from sldvexp.target.base import Target
+from sldvexp.targets.base import Target
 from sldvexp.virtual_lab.beam import Beams, beams
 from sldvexp.virtual_lab.calibration_object import CalibrationObject
 from sldvexp.virtual_lab.electronics import Electronics

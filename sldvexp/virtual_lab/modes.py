@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.virtual_lab.scene_plate import Direction, Edges, Mode
+from sldvexp.virtual_lab.plate_scene import Direction, Edges, Mode
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -12,8 +12,8 @@ from sldvexp.virtual_lab.beam import Beams
 from sldvexp.virtual_lab.cylinder_surface import CylinderSurface
 from sldvexp.virtual_lab.flat_surface import FlatSurface
 from sldvexp.virtual_lab.modes import Modes
+from sldvexp.virtual_lab.plate_scene import Plate
 from sldvexp.virtual_lab.scene_object import SceneObject
-from sldvexp.virtual_lab.scene_plate import Plate
 from sldvexp.virtual_lab.surface import Surface
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from sldvexp.virtual_lab.true_mirrors import MirrorErrors
 if TYPE_CHECKING:
     import numpy as np
 
-    from sldvexp.target.base import Target
+    from sldvexp.targets.base import Target
     from sldvexp.virtual_lab.scene_object import SceneObject
 
 

@@ -12,7 +12,7 @@ from sldvexp.virtual_lab.dialect import Dialect
 from sldvexp.virtual_lab.lab import VirtualLab
 
 if TYPE_CHECKING:
-    from sldvexp.virtual_lab.faults import Fault
+    from sldvexp.testing.faults import Fault
 
 #: How soon the server notices that it shall stop, s.
 POLL = 0.02

@@ -6,14 +6,14 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from sldvexp.config.registry import register
 from sldvexp.errors import UserError
 from sldvexp.instrument.base import ScanningPlugin
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
     from sldvexp.instrument.protocol import Instrument
     from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.target.base import Target
+    from sldvexp.targets.base import Target
 
 
 @register("instrument", "simulated")

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sldvexp import dataset
 from sldvexp.virtual_lab.plate import VibratingPlate
-from sldvexp.virtual_lab.scene_plate import PlateScene
+from sldvexp.virtual_lab.plate_scene import PlateScene
 
 
 def truth_group(

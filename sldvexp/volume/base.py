@@ -9,7 +9,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 from sldvexp.errors import Checks
-from sldvexp.image.interpolation.method import Interpolation
+from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.units import LengthUnit
 
 if TYPE_CHECKING:
@@ -184,8 +184,8 @@ class Volume(ABC):
         import numpy as np
 
         from sldvexp.geometry.rotation import rotation_from_euler
+        from sldvexp.volume.checks import check_prisms, check_surface
         from sldvexp.volume.prisms import extruded
-        from sldvexp.volume.soundness import check_prisms, check_surface
         from sldvexp.volume.surface import node_frames, vertex_normals
 
         own = self.surface()
@@ -212,7 +212,7 @@ class Volume(ABC):
 
     def group(self) -> xr.Dataset:
         """The volume as the group ``volume`` of a run."""
-        from sldvexp.volume.group import volume_group
+        from sldvexp.volume.to_dataset import volume_group
 
         return volume_group(self.prisms(), self.rule())
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from omegaconf import MISSING
 
-from sldvexp.registry import register
+from sldvexp.config.registry import register
 from sldvexp.volume.base import Volume
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class Mesh(Volume):
 
     def surface(self) -> Surface:
         """The mesh in its own axes."""
-        from sldvexp.paths import locate
+        from sldvexp.config.paths import locate
         from sldvexp.volume.mesh_file import read_mesh
 
         return read_mesh(locate(self.path), self.unit.value, self.flip)

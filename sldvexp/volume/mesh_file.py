@@ -12,9 +12,9 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
+from sldvexp.io.universal_mesh import SUFFIXES, read_universal
 from sldvexp.volume.prisms import Array, IntArray
 from sldvexp.volume.surface import Surface
-from sldvexp.volume.universal_mesh import SUFFIXES, read_universal
 
 #: Corners of meshio's surface cells; nodes beyond them are inside of edges and faces.
 TRIANGLES = ("triangle", "triangle6", "triangle7")

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from omegaconf import MISSING
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.registry import register
 from sldvexp.volume.base import Volume, vector
 
 if TYPE_CHECKING:
@@ -49,8 +49,8 @@ class Points(Volume):
 
     def surface(self) -> Surface:
         """The triangulated points."""
-        from sldvexp.paths import locate
-        from sldvexp.volume.points_file import read_points
+        from sldvexp.config.paths import locate
+        from sldvexp.io.points_file import read_points
         from sldvexp.volume.triangulation import triangulated
 
         position, line = read_points(path := locate(self.path))

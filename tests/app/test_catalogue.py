@@ -13,8 +13,8 @@ from typing import get_args, get_type_hints
 
 import pytest
 
-from sldvexp import about, registry
-from sldvexp.catalogue import parameters, plugin_page
+from sldvexp.cli import plugin_page
+from sldvexp.config import docs, parameters, registry
 
 ROOT = Path(__file__).parents[2]
 PLUGINS = [(group, name) for group in registry.GROUPS for name in registry.BUILT_IN[group]]
@@ -25,7 +25,7 @@ def test_list_has_a_line_for_every_plugin_and_experiment(sldvexp):
     assert (done.status, done.err) == (0, "")
     blocks = {b.split("\n")[0]: b.split("\n")[1:] for b in done.out.split("\n\n")}
     for group, name in PLUGINS:
-        told = about.of_plugin(registry.get(group, name))
+        told = docs.of_plugin(registry.get(group, name))
         [line] = [text for text in blocks[group] if text.startswith(f"  {name} ")]
         assert line.split(maxsplit=1)[1].removesuffix(" ...") in told != ""
     experiments = ROOT / "conf/experiment"
@@ -140,7 +140,7 @@ def test_defect_of_a_command_is_not_called_a_mistake(sldvexp, monkeypatch):
     def stumble(*_):
         raise ZeroDivisionError
 
-    monkeypatch.setattr("sldvexp.catalogue.listing.run", stumble)
+    monkeypatch.setattr("sldvexp.cli.list.run", stumble)
     with pytest.raises(ZeroDivisionError):
         sldvexp("list")
 
@@ -149,7 +149,7 @@ def test_defect_of_a_command_is_not_called_a_mistake(sldvexp, monkeypatch):
 def test_reader_may_stop_reading(word):
     end, start = os.pipe()
     os.close(end)
-    command = [sys.executable, "-m", "sldvexp.app", word]
+    command = [sys.executable, "-m", "sldvexp.cli.main", word]
     with open(start, "wb") as nobody:
         done = subprocess.run(command, stdout=nobody, stderr=subprocess.PIPE, check=False)
     assert (done.returncode, done.stderr) == (0, b"")
@@ -244,9 +244,9 @@ def test_fields_are_read_from_the_docstrings_of_a_class_and_its_bases():
 
 
 def test_description_ends_where_sections_begin():
-    assert about.description(Derived) == ["What it is. More about it.", "Second paragraph."]
-    assert about.of_plugin(Derived) == "What it is"
-    assert about.description(Silent) == []
+    assert docs.description(Derived) == ["What it is. More about it.", "Second paragraph."]
+    assert docs.of_plugin(Derived) == "What it is"
+    assert docs.description(Silent) == []
 
 
 def _classes(cls):
@@ -266,4 +266,4 @@ def test_every_setting_of_every_plugin_is_documented(group, name):
     assert [p.key for p in told if "." not in p.key and not p.meaning] == []
     for cls in _classes(plugin):  # a small table may say it all in its first sentence
         missing = {one.name for one in fields(cls)} - set(parameters.documented(cls))
-        assert about.description(cls) if missing else True, cls
+        assert docs.description(cls) if missing else True, cls

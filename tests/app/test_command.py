@@ -21,7 +21,7 @@ import xarray as xr
 import yaml
 from hydra.core.config_store import ConfigStore
 
-from sldvexp import registry
+from sldvexp.config import registry
 from sldvexp.errors import UserError
 from sldvexp.sweep.lock import locked
 
@@ -43,7 +43,7 @@ def test_what_answers_at_once_imports_nothing_heavy(tmp_path, arguments, answer)
     heavy = "{'numpy', 'scipy', 'pandas', 'xarray', 'matplotlib'}"
     code = f"""
 import sys
-from sldvexp import app
+from sldvexp.cli import main as app
 try:
     app.main()
 except SystemExit as stop:
@@ -62,7 +62,7 @@ def test_exit_status_tells_what_happened(sldvexp, monkeypatch):
     assert sldvexp(*QUICK).status == 0
     assert sldvexp(*QUICK, "seed=-1").status == 1
     assert sldvexp(*QUICK, "expect.x={at_most: {target/position: 0.1}}").status == 2
-    monkeypatch.setattr("sldvexp.runner.run", interrupt)
+    monkeypatch.setattr("sldvexp.pipeline.runner.run", interrupt)
     done = sldvexp(*QUICK)
     assert (done.status, done.err) == (130, "sldvexp: interrupted\n")
 
@@ -81,7 +81,7 @@ def test_defect_is_not_called_a_mistake(sldvexp, monkeypatch):
     def stumble(*_, **__):
         raise ZeroDivisionError
 
-    monkeypatch.setattr("sldvexp.runner.run", stumble)
+    monkeypatch.setattr("sldvexp.pipeline.runner.run", stumble)
     with pytest.raises(ZeroDivisionError):
         sldvexp(*QUICK)
 
@@ -198,7 +198,7 @@ def test_broken_plugin_of_others_only_warns(sldvexp, installed):
 
 
 def test_plugin_of_others_is_found(sldvexp, installed):
-    from sldvexp.target.points import Points
+    from sldvexp.targets.points import Points
 
     def load():
         plugin = type("Mine", (Points,), {"__module__": "stranger"})
@@ -229,7 +229,7 @@ def test_first_defect_of_a_sweep_is_the_one_that_is_raised(sldvexp, monkeypatch)
     def stumble(cfg, folder, **others):
         raise ZeroDivisionError(cfg.seed)
 
-    monkeypatch.setattr("sldvexp.runner.run", stumble)
+    monkeypatch.setattr("sldvexp.pipeline.runner.run", stumble)
     with pytest.raises(ZeroDivisionError, match="1"):
         sldvexp("-m", *QUICK, "seed=1,2", "hydra.sweep.dir=sweep")
 
@@ -283,7 +283,7 @@ def test_results_are_replaced_only_by_better_ones(sldvexp, tmp_path, monkeypatch
         raise ZeroDivisionError
 
     with monkeypatch.context() as broken:
-        broken.setattr("sldvexp.runner.pose_text", stumble)
+        broken.setattr("sldvexp.pipeline.runner.pose_text", stumble)
         with pytest.raises(ZeroDivisionError):
             sldvexp(*POSE, *where)
     assert {name: (folder / name).read_bytes() for name in before} == before

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sldvexp import registry
+from sldvexp.config import registry
 
 SCRIPT = Path(sys.executable).with_name("sldvexp")
 

@@ -11,9 +11,9 @@ from hydra._internal.utils import create_config_search_path
 from hydra.types import RunMode
 from omegaconf import Container, OmegaConf
 
-from sldvexp import config, config_source  # noqa: F401 (the root schema registers itself)
-from sldvexp.composing import RememberingLoader, _copies
-from sldvexp.paths import conf_dir
+from sldvexp.config import hydra_plugin, schema  # noqa: F401 (the root schema registers itself)
+from sldvexp.config.cached_loader import RememberingLoader, _copies
+from sldvexp.config.paths import conf_dir
 
 OVERRIDES = {
     "nothing": [],
@@ -36,7 +36,7 @@ REFUSED = {
 
 @pytest.fixture(scope="module")
 def loaders():
-    config_source.install()
+    hydra_plugin.install()
     path = create_config_search_path(str(conf_dir()))
     return RememberingLoader(path), ConfigLoaderImpl(path)
 

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from sldvexp import dataset, registry
+from sldvexp import dataset
+from sldvexp.config import registry
 
 EXAMPLE = Path(__file__).with_name("example_package")
 PIP = "pip install --quiet --no-index --no-deps --no-build-isolation --no-compile --target"

@@ -65,7 +65,7 @@ def test_no_more_than_settings_of_a_run(sldvexp, unfinished, tmp_path, line, tol
 
 
 def test_a_file_that_is_chosen_from_elsewhere_cannot_name_code(sldvexp, unfinished, tmp_path):
-    from sldvexp.paths import conf_dir
+    from sldvexp.config.paths import conf_dir
 
     own = tmp_path / "own.yaml"
     own.write_text("# @package _global_\nhydra: {callbacks: {x: {_target_: os.abort}}}\n")

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from sldvexp.field.looks import Looks
-from sldvexp.field.view import View
+from sldvexp.field.visibility.looks import Looks
+from sldvexp.field.visibility.view import View
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
 from sldvexp.volume.grid import Grid

@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 from sldvexp.field.estimate import estimate_field
-from sldvexp.field.frequency_modes import FEW
-from sldvexp.field.looks import Looks
 from sldvexp.field.result import FieldResult
 from sldvexp.field.solvers.iterative import Iterative
+from sldvexp.field.streaming.frequency_modes import FEW
+from sldvexp.field.visibility.looks import Looks
 from sldvexp.reconstruction.absolute import Absolute
 from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.reconstruction.contravariant import Contravariant

@@ -17,7 +17,7 @@ import pytest
 
 from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.laser.model import project
-from sldvexp.pose.solver import solve_pose
+from sldvexp.pose.single_view import solve_pose
 
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 BATCH, RUNS, BATCH_RUNS = (1000, 200, 10) if FULL_SIZE else (3, 1, 1)

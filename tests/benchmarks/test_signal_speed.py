@@ -11,9 +11,9 @@ import time
 import numpy as np
 import pytest
 
-from sldvexp.signal.image import demodulate
-from sldvexp.signal.model import sine_model
-from sldvexp.signal.rules import Intercept
+from sldvexp.signal.complex_image import demodulate
+from sldvexp.signal.pixel_quality import Intercept
+from sldvexp.signal.sine_model import sine_model
 
 FREQUENCY = 97.3
 TIMES = np.arange(512) / 5120.0

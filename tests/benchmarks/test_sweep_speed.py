@@ -47,7 +47,7 @@ main()
 #: Times, from one end of a run to the next, within one process.
 MARKED = """
 import sys, time
-from sldvexp import app
+from sldvexp.cli import main as app
 from sldvexp.sweep import job
 
 times, perform = [], job.perform
@@ -76,7 +76,7 @@ def processor_time(call, folder):
 
 
 def ours(folder, *settings):
-    return processor_time([sys.executable, "-m", "sldvexp.app", *settings], folder)
+    return processor_time([sys.executable, "-m", "sldvexp.cli.main", *settings], folder)
 
 
 def bare_program(folder):

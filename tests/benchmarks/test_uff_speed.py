@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sldvexp.universal.reader import universal_file
+from sldvexp.io.uff.reader import universal_file
 
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 FUNCTIONS, VALUES = (10_000, 12_500) if FULL_SIZE else (50, 100)
@@ -33,7 +33,7 @@ MOST_MEMORY = 300 << 20
 INDEX_AND_ONE = """
 import json, sys, time
 from pathlib import Path
-from sldvexp.universal.reader import universal_file
+from sldvexp.io.uff.reader import universal_file
 
 index, one = [], []
 for _ in range(int(sys.argv[3])):

@@ -7,8 +7,8 @@ import pytest
 
 from sldvexp import dataset
 from sldvexp.check.expectations import evaluate
+from sldvexp.config.expectation import Expectation
 from sldvexp.errors import UserError
-from sldvexp.expectation import Expectation
 
 
 def tree():

@@ -23,7 +23,7 @@ from sldvexp.laser.model import direction_cosines, project
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.given import Given
 from sldvexp.reconstruction.absolute import Absolute
-from sldvexp.virtual_lab.scene_plate import Mode, Plate, PlateScene
+from sldvexp.virtual_lab.plate_scene import Mode, Plate, PlateScene
 from sldvexp.virtual_lab.truth import truth_group
 from sldvexp.volume.grid import Grid
 

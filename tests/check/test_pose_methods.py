@@ -12,7 +12,7 @@ from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.known_pose import KnownPose
 from sldvexp.geometry.rotation import rotation_from_euler
 from sldvexp.report.pose_methods import pose_methods
-from sldvexp.report.table import closing_table
+from sldvexp.report.terminal import closing_table
 
 EULER = np.array([[0.1, 2.9, 0.3], [-1.0, 2.7, 0.2]])
 ORIGIN = np.array([[0.1, 0.2, 1.7], [0.3, 0.1, 1.6]])

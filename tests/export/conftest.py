@@ -10,7 +10,9 @@ import pytest
 import xarray as xr
 from hydra import compose, initialize_config_dir
 
-from sldvexp import config_source, dataset, runner
+from sldvexp import dataset
+from sldvexp.config import hydra_plugin
+from sldvexp.pipeline import runner
 
 CONF = Path(__file__).parents[2] / "conf"
 #: Not evenly spaced, and one with more digits than most formats have.
@@ -37,7 +39,7 @@ class Made:
 
 
 def made(folder: Path, *overrides: str) -> Made:
-    config_source.install()
+    hydra_plugin.install()
     with initialize_config_dir(str(CONF), version_base="1.3"):
         config = compose("config", overrides=list(overrides))
     runner.run(config, str(folder), quiet=True)

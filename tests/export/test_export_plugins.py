@@ -14,7 +14,8 @@ import scipy.io
 import xarray as xr
 import yaml
 
-from sldvexp import dataset, registry
+from sldvexp import dataset
+from sldvexp.config import registry
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.export.results import results_of
 from sldvexp.export.uff import Geometry, Shapes, Uff

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from sldvexp.field.looks import Look, Looks
-from sldvexp.field.view import View
+from sldvexp.field.visibility.looks import Look, Looks
+from sldvexp.field.visibility.view import View
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
 from sldvexp.volume.prisms import Prisms, extruded

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
-from sldvexp.field.element_error import element_error, mean_squares, told
+from sldvexp.field.bounds.element_error import element_error, mean_squares, told
 from sldvexp.volume.grid import Grid
 from sldvexp.volume.samples import sample_positions, shape_matrix
 

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-import sldvexp.field.parts as field_parts
-import sldvexp.field.system as field_system
+import sldvexp.field.equations.regions as field_parts
+import sldvexp.field.equations.system as field_system
+from sldvexp.config.registry import get
 from sldvexp.field.estimate import estimate_field
-from sldvexp.field.looks import Looks
 from sldvexp.field.result import FieldResult
-from sldvexp.field.view import View
+from sldvexp.field.visibility.looks import Looks
+from sldvexp.field.visibility.view import View
 from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.reconstruction.base import Model, Reconstruction
-from sldvexp.registry import get
 from sldvexp.volume.samples import SampleRule
 
 Make = Callable[..., Any]

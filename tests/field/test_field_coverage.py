@@ -12,18 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from sldvexp.config.registry import get
 from sldvexp.field.estimate import estimate_field
-from sldvexp.field.looks import Looks
-from sldvexp.field.view import View
+from sldvexp.field.visibility.looks import Looks
+from sldvexp.field.visibility.view import View
 from sldvexp.geometry.known_pose import KnownPose
 from sldvexp.geometry.rotation import rotation_from_vector
-from sldvexp.image.interpolation.method import Interpolation
+from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.instrument.protocol import Acquisition
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.registry import get
 from sldvexp.signal.sine_fit import SineFit
 from sldvexp.virtual_lab.lab import VirtualLab
-from sldvexp.virtual_lab.scene_plate import Edges, Mode, Plate, PlateScene
+from sldvexp.virtual_lab.plate_scene import Edges, Mode, Plate, PlateScene
 from sldvexp.volume.grid import Grid
 
 LASER = TwoMirror(mirror_offset=0.0)

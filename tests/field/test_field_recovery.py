@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-import sldvexp.field.parts as field_parts
+import sldvexp.field.equations.regions as field_parts
+from sldvexp.config.registry import get, names
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.solvers.base import Solver
 from sldvexp.reconstruction.base import Model, Weights
-from sldvexp.registry import get, names
 from sldvexp.volume.samples import SampleRule
 
 EXACT = 1e-9

@@ -12,16 +12,16 @@ import pytest
 import xarray as xr
 
 from sldvexp import dataset
+from sldvexp.config.registry import get
 from sldvexp.errors import UserError
 from sldvexp.field.estimate import estimate_field
-from sldvexp.field.looks import Looks
 from sldvexp.field.run import looks_of, reconstruct
-from sldvexp.field.view import View
+from sldvexp.field.visibility.looks import Looks
+from sldvexp.field.visibility.view import View
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.base import pose_group
 from sldvexp.reconstruction.base import Reconstruction
-from sldvexp.registry import get
-from sldvexp.signal.rules import Flag
+from sldvexp.signal.pixel_quality import Flag
 from sldvexp.volume.base import Samples, Sight
 from sldvexp.volume.grid import Grid
 from sldvexp.volume.samples import SampleRule

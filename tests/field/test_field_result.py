@@ -11,14 +11,14 @@ import pytest
 import xarray as xr
 
 from sldvexp import dataset
+from sldvexp.config.registry import get
 from sldvexp.errors import UserError
 from sldvexp.field.estimate import estimate_field
-from sldvexp.field.group import field_group
-from sldvexp.field.looks import Looks
 from sldvexp.field.result import FieldResult
+from sldvexp.field.to_dataset import field_group
+from sldvexp.field.visibility.looks import Looks
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.reconstruction.base import Model, Reconstruction, Weights
-from sldvexp.registry import get
 from sldvexp.volume.base import Samples
 from sldvexp.volume.points import Points
 from sldvexp.volume.rules import tensor_rule

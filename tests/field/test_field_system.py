@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import sldvexp.field.conditioning as conditioning
-import sldvexp.field.system as field_system
+import sldvexp.field.equations.conditioning as conditioning
+import sldvexp.field.equations.system as field_system
 from sldvexp.errors import UserError
-from sldvexp.field.elements import Graph, Patch
-from sldvexp.field.kronecker import KroneckerInverse
-from sldvexp.field.pointwise import RowModel
-from sldvexp.field.regions import Surface
-from sldvexp.field.system import Assembly, System, line_matrix
+from sldvexp.field.equations.elements import Graph, Patch
+from sldvexp.field.equations.pointwise import RowModel
+from sldvexp.field.equations.region import Surface
+from sldvexp.field.equations.system import Assembly, System, line_matrix
+from sldvexp.field.solvers.kronecker import KroneckerInverse
 from sldvexp.reconstruction.rows import differences_from_first, parse, views
 from sldvexp.volume.prisms import Prisms
 from sldvexp.volume.rules import tensor_rule

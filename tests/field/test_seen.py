@@ -10,18 +10,25 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.field.coverage import Coverage, require_coverage
-from sldvexp.field.occlusion import Occlusion
-from sldvexp.field.seen import BEHIND, FACING_AWAY, FLAGGED, OFF_BOARD, OUTSIDE, look
-from sldvexp.field.view import View
+from sldvexp.field.visibility.coverage import Coverage, require_coverage
+from sldvexp.field.visibility.occlusion import Occlusion
+from sldvexp.field.visibility.view import View
+from sldvexp.field.visibility.visibility import (
+    BEHIND,
+    FACING_AWAY,
+    FLAGGED,
+    OFF_BOARD,
+    OUTSIDE,
+    look,
+)
 from sldvexp.geometry.rotation import rotation_from_vector
-from sldvexp.image.interpolation.method import Interpolation
+from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.laser.model import rays
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
 from sldvexp.virtual_lab.beam import beams
 from sldvexp.virtual_lab.plate import VibratingPlate
+from sldvexp.virtual_lab.plate_scene import Edges, Mode, Plate
 from sldvexp.virtual_lab.scene import Spot
-from sldvexp.virtual_lab.scene_plate import Edges, Mode, Plate
 
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 LASER = TwoMirror(
@@ -234,7 +241,7 @@ def test_occlusion_against_every_triangle(
     share = rng.dirichlet(np.ones(3), 400)
     p = np.einsum("sc,sci->si", share, nodes[rng.choice(triangles, 400)])
     p += rng.uniform(-0.002, 0.002, (400, 1)) * UP
-    monkeypatch.setattr("sldvexp.field.occlusion.BLOCK", 150)
+    monkeypatch.setattr("sldvexp.field.visibility.occlusion.BLOCK", 150)
     occlusion = Occlusion.prepare(at, LASER, nodes, triangles, clearance=0.01)
     hidden = hidden_by_any(at, p, nodes, triangles, 0.01)
     np.testing.assert_array_equal(occlusion.hides(p), hidden)

@@ -261,7 +261,7 @@ PIXELS, LINES, SHAPE = (400, 250), 512, (25, 21)
 GIGABYTE = 1_000_000  # kB
 COMMAND = """
 import sys
-from sldvexp.app import main
+from sldvexp.cli.main import main
 try:
     main()
 finally:

@@ -7,15 +7,15 @@ import pytest
 from scipy.special import ndtr
 
 from sldvexp.errors import UserError
-from sldvexp.image.edges import (
+from sldvexp.image.edge_detection import (
     COARSE_WINDOW,
     FINE_WINDOW,
     gradient_edges,
     pixel_edges,
     profile_edges,
 )
-from sldvexp.image.lines import Edges, Reason, ScanLines
-from sldvexp.image.profile import step_profile
+from sldvexp.image.edge_profile import step_profile
+from sldvexp.image.scan_lines import Edges, Reason, ScanLines
 
 METHODS = {"gradient": gradient_edges, "profile": profile_edges}
 NOISE = 0.01

@@ -14,7 +14,7 @@ from sldvexp.image.interpolation.cubic import Cubic
 from sldvexp.image.interpolation.image_mesh import mesh_of
 from sldvexp.image.interpolation.lattice import Lattice, StraightLattice
 from sldvexp.image.interpolation.linear import Linear
-from sldvexp.image.interpolation.method import Interpolation
+from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.image.interpolation.scattered import Triangles
 
 HALF = 500.0

@@ -14,7 +14,7 @@ from sldvexp.geometry.bitangent import bitangent_points, bitangents
 from sldvexp.geometry.conic import Ellipse
 from sldvexp.geometry.conic_fit import fit_ellipse
 from sldvexp.image.conics import fit_circle
-from sldvexp.image.edges import FINE_WINDOW, profile_edges
+from sldvexp.image.edge_detection import FINE_WINDOW, profile_edges
 from sldvexp.image.matching import bitangent_images, match_circles
 from sldvexp.image.pinhole import (
     dac_bitangents,
@@ -24,7 +24,7 @@ from sldvexp.image.pinhole import (
     pinhole_jacobian,
 )
 from sldvexp.laser.two_mirror import Board, Mirror, TwoMirror
-from sldvexp.target.circles import Circles
+from sldvexp.targets.circles import Circles
 
 Make = Callable[..., Any]
 CURVED = TwoMirror(

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
 
-from sldvexp import config, config_source
-from sldvexp.config import Experiment
+from sldvexp.config import hydra_plugin, schema
+from sldvexp.config.schema import Experiment
 from sldvexp.instrument.protocol import Samples
 from sldvexp.virtual_lab.lab import VirtualLab
 
-config_source.install()
+hydra_plugin.install()
 
 CONF = Path(__file__).parents[2] / "conf"
 
@@ -31,7 +31,7 @@ def built(overrides: tuple[str, ...]) -> Experiment:
     """A lab with the calibration object, changed."""
     chosen = ["~experiment", "scene=calibration", "target=dissertation", *overrides]
     with initialize_config_dir(str(CONF), version_base="1.3"):
-        return config.build(compose("config", overrides=chosen))
+        return schema.build(compose("config", overrides=chosen))
 
 
 @pytest.fixture

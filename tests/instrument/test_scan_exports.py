@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.instrument import pointwise
-from sldvexp.instrument.pointwise import PointView
-from sldvexp.instrument.scan_export import ScanExport
+from sldvexp.importers import pointwise
+from sldvexp.importers.pointwise import PointView
+from sldvexp.importers.scan_export import ScanExport
 
 POINTS = np.array([[0, 0, 0], [0.3, 0, 0], [0.3, 0.2, 0.01], [0, 0.2, 0]])
 VALUES = 1e-3 * np.array([1 + 2j, -3 + 0.5j, 0.25 - 4j, -5 - 6j])

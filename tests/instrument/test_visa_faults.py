@@ -10,7 +10,7 @@ import pytest
 
 from sldvexp.instrument.protocol import Acquisition, InstrumentError
 from sldvexp.instrument.visa import Visa
-from sldvexp.virtual_lab import faults as f
+from sldvexp.testing import faults as f
 from sldvexp.virtual_lab.server import LabServer
 
 ACQUISITION = Acquisition(20000.0, 256, (450.0,), 0.8)

@@ -8,8 +8,8 @@ import scipy.io
 import xarray as xr
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.instrument import pointwise
-from sldvexp.instrument.file import File
+from sldvexp.importers import pointwise
+from sldvexp.importers.velocity_file import File
 from sldvexp.units import VelocityUnit
 
 VIEWS, POINTS, FREQUENCIES = 3, 5, 2

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sldvexp.errors import UserError
-from sldvexp.line_of_sight.read import read
-from sldvexp.line_of_sight.table import LineOfSight
+from sldvexp.io.velocities.read import read
+from sldvexp.io.velocities.table import LineOfSight
 from sldvexp.units import VelocityUnit
 
 M_PER_S = VelocityUnit.m_per_s

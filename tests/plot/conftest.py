@@ -28,7 +28,7 @@ SMALL = [
 def run_file(tmp_path_factory):
     """run.nc of a small session, with its journal beside it."""
     folder = tmp_path_factory.mktemp("small")
-    call = "from sldvexp.app import main; main()"
+    call = "from sldvexp.cli.main import main; main()"
     words = [sys.executable, "-c", call, *SMALL, f"hydra.run.dir={folder}/run"]
     subprocess.run(words, cwd=folder, capture_output=True, check=False)
     path = Path(folder / "run" / "run.nc")

@@ -10,19 +10,19 @@ import pytest
 
 from sldvexp.geometry.known_pose import KnownPose
 from sldvexp.geometry.rotation import euler_from_rotation, vector_from_rotation
-from sldvexp.image.lines import Edges
+from sldvexp.image.scan_lines import Edges
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.edge_model import EdgePoints
 from sldvexp.pose.edge_solver import EdgePoses, solve_edges
 from sldvexp.pose.from_edges import edge_points
 from sldvexp.pose.images import CircleImages
 from sldvexp.session.circles import edge_group
-from sldvexp.target.base import std_of_bound
-from sldvexp.target.circles import Circle, Circles
-from sldvexp.target.plane import Plane
+from sldvexp.targets.base import std_of_bound
+from sldvexp.targets.circles import Circle, Circles
+from sldvexp.targets.plane import Plane
 from sldvexp.units import LengthUnit
+from sldvexp.virtual_lab.calibration_scene import Calibration
 from sldvexp.virtual_lab.lab import VirtualLab
-from sldvexp.virtual_lab.scene_calibration import Calibration
 from sldvexp.virtual_lab.true_mirrors import MirrorErrors
 
 #: Figure 4.29, and four places from which the same object is seen; all look at its middle.

@@ -15,7 +15,7 @@ from sldvexp.pose.edge import Edge
 from sldvexp.pose.edge_model import EdgePoints, EdgeScene, residuals, spread
 from sldvexp.pose.intrinsics import nominal_intrinsics
 from sldvexp.statistics.student import student_factor
-from sldvexp.target.base import std_of_bound
+from sldvexp.targets.base import std_of_bound
 from sldvexp.virtual_lab.true_mirrors import MirrorError, MirrorErrors
 
 REPEATS, MANY = 120, 1000

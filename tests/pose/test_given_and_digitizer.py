@@ -17,7 +17,7 @@ from sldvexp.pose.digitizer import Digitizer
 from sldvexp.pose.files import _NAMES, read_poses
 from sldvexp.pose.given import Given
 from sldvexp.pose.triples import estimate
-from sldvexp.report.pose_text import pose_text
+from sldvexp.report.pose_tables import pose_text
 
 EULER, ORIGIN = [-1.149, 2.545, 1.928], [0.871, 0.489, 1.554]
 POSTS = {"low": [0.3, -0.25, -0.05], "med": [-0.3, -0.25, 0.1], "high": [0.0, 0.35, -0.2]}

@@ -13,6 +13,8 @@ from sldvexp.check.base import Examined
 from sldvexp.check.pose_repeats import PoseRepeats
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.rotation import rotation_from_euler, vector_from_rotation
+from sldvexp.io.registration import write
+from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.arrow import Arrow
@@ -20,14 +22,12 @@ from sldvexp.pose.bitangent import Bitangent
 from sldvexp.pose.edge import Edge
 from sldvexp.pose.intrinsics import nominal_intrinsics, true_angles
 from sldvexp.pose.joint import JointCovariance, cross_covariance
-from sldvexp.pose.joint_solver import Sight, solve_together
 from sldvexp.pose.least_squares import INTRINSICS
 from sldvexp.pose.manual import Manual
+from sldvexp.pose.multi_view import Sight, solve_together
 from sldvexp.pose.registration import Registration
-from sldvexp.pose.solver import solve_pose
-from sldvexp.registration import write
-from sldvexp.registration.table import RegistrationTable
-from sldvexp.target.points import Point, Points
+from sldvexp.pose.single_view import solve_pose
+from sldvexp.targets.points import Point, Points
 from sldvexp.virtual_lab.true_mirrors import MirrorError, MirrorErrors
 
 INF = float("inf")

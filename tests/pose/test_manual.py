@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from sldvexp.geometry.rotation import rotation_from_euler
+from sldvexp.io.registration import write
+from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.manual import Manual
-from sldvexp.registration import write
-from sldvexp.registration.table import RegistrationTable
-from sldvexp.target.points import Point, Points
+from sldvexp.targets.points import Point, Points
 from sldvexp.units import LengthUnit
 
 LASER = TwoMirror()

@@ -7,7 +7,7 @@ import pytest
 
 from sldvexp.geometry.rotation import rotation_from_vector, vector_from_rotation
 from sldvexp.laser.model import project, rays
-from sldvexp.pose.start import (
+from sldvexp.pose.initial_pose import (
     ObjectSpaceForm,
     beam_planes,
     flipped,

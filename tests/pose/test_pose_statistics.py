@@ -15,8 +15,8 @@ from sldvexp.geometry.rotation import (
 )
 from sldvexp.laser.model import project
 from sldvexp.pose.least_squares import cross_matrix, turned
-from sldvexp.pose.solver import PoseSolution, solve_pose
-from sldvexp.pose.statistics import (
+from sldvexp.pose.single_view import PoseSolution, solve_pose
+from sldvexp.pose.uncertainty import (
     cofactor,
     euler_standard_error,
     half_width,

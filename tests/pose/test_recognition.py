@@ -9,13 +9,13 @@ import pytest
 
 from sldvexp.errors import UserError
 from sldvexp.geometry.rotation import rotation_from_euler, rotation_from_vector
-from sldvexp.image.lines import Edges
+from sldvexp.image.scan_lines import Edges
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
 from sldvexp.pose.images import match_images
-from sldvexp.pose.recognition import WIRINGS, Wiring, phase_notes, recognised
-from sldvexp.target.circles import Circle, Circles
-from sldvexp.target.plane import Plane
+from sldvexp.pose.wiring import WIRINGS, Wiring, phase_notes, recognised
+from sldvexp.targets.circles import Circle, Circles
+from sldvexp.targets.plane import Plane
 from sldvexp.units import LengthUnit
 
 #: Figure 4.1, inches.

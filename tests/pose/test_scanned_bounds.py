@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
 
-from sldvexp import config, config_source
+from sldvexp.config import hydra_plugin, schema
+from sldvexp.config.paths import conf_dir
 from sldvexp.geometry.rotation import vector_from_rotation
-from sldvexp.paths import conf_dir
 from sldvexp.pose.bitangent import Bitangent
 from sldvexp.pose.edge import Edge
-from sldvexp.pose.statistics import half_width
+from sldvexp.pose.uncertainty import half_width
 from sldvexp.session.camera import Camera
 from sldvexp.session.circles import edge_group, scan_circles
 from sldvexp.virtual_lab.lab import VirtualLab
@@ -36,10 +36,10 @@ class Scans:
     """Edges of the same view in so many labs, each with its own object and noise."""
 
     def __init__(self, count, overrides=()):
-        config_source.install()
+        hydra_plugin.install()
         with initialize_config_dir(str(conf_dir()), version_base="1.3"):
             experiment = ["experiment=dissertation/automated_pose", *overrides]
-            self.experiment = config.build(compose("config", overrides=experiment))
+            self.experiment = schema.build(compose("config", overrides=experiment))
         self.groups = [self._scan(seed) for seed in range(count)]
 
     def _scan(self, seed):

@@ -14,8 +14,8 @@ from sldvexp.errors import UserError
 from sldvexp.geometry.rotation import rotation_from_vector, vector_from_rotation
 from sldvexp.laser.model import project
 from sldvexp.pose.least_squares import INTRINSICS, Pose, Problem, levenberg_marquardt, linearise
-from sldvexp.pose.solver import PoseSolution, solve_pose
-from sldvexp.pose.statistics import standard_error
+from sldvexp.pose.single_view import PoseSolution, solve_pose
+from sldvexp.pose.uncertainty import standard_error
 
 #: 12-bit-plus-sign board over +-25 deg.
 STEP = np.full(2, np.radians(25) / 4096)

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sldvexp.config.registry import get, names
 from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.reconstruction.base import Model, Reconstruction, Weights
-from sldvexp.registry import get, names
 
 METHODS = names("reconstruction")
 SEEDS = st.integers(0, 2**32 - 1)

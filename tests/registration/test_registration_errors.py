@@ -7,9 +7,9 @@ import pytest
 import xarray as xr
 
 from sldvexp.errors import UserError
-from sldvexp.registration import read, write
-from sldvexp.registration.netcdf import to_dataset
-from sldvexp.registration.table import RegistrationTable
+from sldvexp.io.registration import read, write
+from sldvexp.io.registration.netcdf import to_dataset
+from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.units import LengthUnit
 
 GOOD = (

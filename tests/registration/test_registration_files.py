@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
+from sldvexp.io.registration import read, write
+from sldvexp.io.registration.netcdf import from_dataset, to_dataset
+from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.registration import read, write
-from sldvexp.registration.netcdf import from_dataset, to_dataset
-from sldvexp.registration.table import RegistrationTable
 from sldvexp.units import AngleUnit, LengthUnit, decimal_in
 
 DATA = Path(__file__).parents[2] / "conf" / "data"

@@ -14,13 +14,13 @@ import xarray as xr
 import yaml
 
 from sldvexp import dataset
+from sldvexp.dataset.recorded import as_read
 from sldvexp.errors import UserError
 from sldvexp.plot import FIGURES
-from sldvexp.plot.recorded import as_read
 from sldvexp.report.base import attempt
-from sldvexp.report.html import figures, found, measured, presets, render, run_page
+from sldvexp.report.html import figures, presets, render, results, run_page, setup
 from sldvexp.report.html.blocks import having
-from sldvexp.report.html.plugin import Html
+from sldvexp.report.html.page import Html
 from sldvexp.report.html.render import number_like
 
 
@@ -151,7 +151,7 @@ def test_figures_are_in_the_page_and_one_that_fails_is_told(run_file, monkeypatc
 def test_points_that_are_left_out_are_counted_below_the_table(
     tmp_path, run_file, small_points, no_figures, monkeypatch
 ):
-    monkeypatch.setattr(found, "MOST_VELOCITIES", 4)
+    monkeypatch.setattr(results, "MOST_VELOCITIES", 4)
     whole = dataset.load(run_file()).load()
     point, line_of_sight = small_points
     path = tmp_path / "points" / "run.nc"
@@ -315,6 +315,6 @@ def test_a_choice_that_builds_on_a_plugin_is_told_in_its_own_words():
     assert presets.preset("reconstruction", "absolute", every) == ("", "")
     assert presets.preset("reconstruction", "absolute", {"model": "full"})[0] == "absolute_full"
     assert presets.preset("pose", "edge", {}) == ("", "")
-    name, told = measured._method("reconstruction", "contravariant", every)
+    name, told = setup._method("reconstruction", "contravariant", every)
     assert name == "samplewise (contravariant)"
     assert "Three rows" not in told

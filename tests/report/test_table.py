@@ -7,10 +7,10 @@ import xarray as xr
 from rich.console import Console
 
 from sldvexp import dataset
-from sldvexp.report import table as closing
-from sldvexp.report.field_text import field_tables
+from sldvexp.report import terminal as closing
+from sldvexp.report.field_tables import field_tables
 from sldvexp.report.notes import notes
-from sldvexp.report.table import _point_rows, estimates
+from sldvexp.report.terminal import _point_rows, estimates
 
 
 def test_rows_tell_of_their_own_point_and_frequency():

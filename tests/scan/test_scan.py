@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sldvexp.errors import ConfigError, UserError
+from sldvexp.io.scan_files import read_centres, read_list, read_rectangle, write_list
 from sldvexp.scan.calibration import Calibration, Centres, Lines
-from sldvexp.scan.files import read_centres, read_list, read_rectangle, write_list
 from sldvexp.scan.lines import across, along_ellipse, rectangle, strided
 
 steps = st.integers(-4096, 4096)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import ConfigError, UserError
+from sldvexp.io.scan_files import write_list
 from sldvexp.scan.base import Sampling, Scan, ScanPart
 from sldvexp.scan.calibration import Calibration, Centres
-from sldvexp.scan.files import write_list
 from sldvexp.scan.lines import rectangle, strided
 from sldvexp.scan.pixel_list import LINE, PixelList, Pixels
 from sldvexp.scan.rectangle import Rectangle, Region

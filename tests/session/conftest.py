@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from hydra import compose, initialize_config_dir
 
-from sldvexp import config, config_source
-from sldvexp.config import Experiment
+from sldvexp.config import hydra_plugin, schema
+from sldvexp.config.schema import Experiment
 
-config_source.install()
+hydra_plugin.install()
 
 CONF = Path(__file__).parents[2] / "conf"
 
@@ -30,6 +30,6 @@ def composed() -> Callable[..., Experiment]:
         chosen = ["scene=plate", VIEWS, "target=dissertation", "signal=sine_fit"]
         chosen = ["~experiment", *chosen, "instrument=simulated", *overrides]
         with initialize_config_dir(str(CONF), version_base="1.3"):
-            return config.build(compose("config", overrides=chosen))
+            return schema.build(compose("config", overrides=chosen))
 
     return made

@@ -12,7 +12,7 @@ from sldvexp.instrument.recording import JOURNAL, read_line
 from sldvexp.instrument.replay import Replay
 from sldvexp.instrument.visa import Visa
 from sldvexp.scan.pixel_list import LINE
-from sldvexp.session.views import KINDS, estimate, scan_views
+from sldvexp.session.session import KINDS, estimate, scan_views
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.server import LabServer
 

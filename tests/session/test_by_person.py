@@ -25,8 +25,8 @@ from sldvexp.instrument.replay import Replay
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.session.journal import Journal
 from sldvexp.session.operator import NobodyThereError, Operator
+from sldvexp.session.session import estimate, scan_views, takes_samples
 from sldvexp.session.terminal import AtTerminal
-from sldvexp.session.views import estimate, scan_views, takes_samples
 from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.person import SimulatedPerson
@@ -283,7 +283,7 @@ class Terminal:
             fcntl.ioctl(there, termios.TIOCSCTTY, 0)
             signal.signal(signal.SIGINT, signal.SIG_DFL)
 
-        command = [sys.executable, "-m", "sldvexp.app", *arguments]
+        command = [sys.executable, "-m", "sldvexp.cli.main", *arguments]
         ends = {"stdin": there, "stdout": there, "stderr": there, "preexec_fn": controlled}
         self.process = subprocess.Popen(command, cwd=folder, **ends)
         os.close(there)

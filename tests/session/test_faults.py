@@ -16,14 +16,14 @@ import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
 
-from sldvexp import config, config_source
+from sldvexp.config import hydra_plugin, schema
 from sldvexp.geometry.rotation import vector_from_rotation
-from sldvexp.virtual_lab import faults as f
+from sldvexp.testing import faults as f
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.server import LabServer
 
 CONF = Path(__file__).parents[2] / "conf"
-config_source.install()
+hydra_plugin.install()
 
 #: A whole automated pose with a third of the dissertation's pixels.
 SMALL = (
@@ -217,7 +217,7 @@ TABLE = [
 def experiment(*settings):
     """What a configuration is made of."""
     with initialize_config_dir(str(CONF), version_base="1.3"):
-        return config.build(compose("config", overrides=[*SMALL, *settings]))
+        return schema.build(compose("config", overrides=[*SMALL, *settings]))
 
 
 def laboratory(*settings):

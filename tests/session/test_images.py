@@ -7,8 +7,8 @@ import pytest
 
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.laser.model import rays
-from sldvexp.session.views import scan_views
-from sldvexp.signal.rules import Flag
+from sldvexp.session.session import scan_views
+from sldvexp.signal.pixel_quality import Flag
 from sldvexp.virtual_lab.lab import VirtualLab
 
 CORNERS = "[[-630, 130], [-630, -1400], [640, -1400], [640, 130]]"

@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 
 from sldvexp import dataset
-from sldvexp.paths import conf_dir
-from sldvexp.virtual_lab.faults import Slow
+from sldvexp.config.paths import conf_dir
+from sldvexp.testing.faults import Slow
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.server import LabServer
 
-COMMAND = [sys.executable, "-m", "sldvexp.app"]
+COMMAND = [sys.executable, "-m", "sldvexp.cli.main"]
 MINE = ["--config-dir", "lab", "experiment=mine", "hydra.run.dir=run"]
 PATIENCE = 60.0
 

@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
 
-from sldvexp import app, config, config_source, dataset
-from sldvexp.paths import conf_dir
-from sldvexp.virtual_lab.faults import Fault
+from sldvexp import dataset
+from sldvexp.cli import main
+from sldvexp.config import hydra_plugin, schema
+from sldvexp.config.paths import conf_dir
+from sldvexp.testing.faults import Fault
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.server import LabServer
 
@@ -46,7 +48,9 @@ KILLS = [
 
 #: Children are copies of a process that has imported the program; they begin in a moment.
 process = multiprocessing.get_context("forkserver")
-process.set_forkserver_preload(["sldvexp.app", "sldvexp.runner", "sldvexp.instrument.commanded"])
+process.set_forkserver_preload(
+    ["sldvexp.cli.main", "sldvexp.pipeline.runner", "sldvexp.instrument.command_instrument"]
+)
 
 
 class Counted(Fault):
@@ -68,7 +72,7 @@ def started(*arguments):
     """The command as a process of its own, which takes over the arguments of this one."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["sldvexp", *arguments])
-        child = process.Process(target=app.main)
+        child = process.Process(target=main.main)
         child.start()
     return child
 
@@ -89,9 +93,9 @@ def variables(folder):
 @pytest.fixture(scope="module")
 def instrument():
     """A server, its counter, and the settings of a session with it in a folder."""
-    config_source.install()
+    hydra_plugin.install()
     with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        e = config.build(compose("config", overrides=[*SMALL, VIEWS]))
+        e = schema.build(compose("config", overrides=[*SMALL, VIEWS]))
     counted = Counted()
     with LabServer(VirtualLab(e.scene, e.laser, e.target, e.seed), faults=[counted]) as server:
         there = ["instrument=visa", f"instrument.resource={server.resource}", "~scene"]

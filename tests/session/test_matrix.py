@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from sldvexp import config_source
+from sldvexp.config import hydra_plugin
 from sldvexp.sweep.matrix import read_matrix
-from sldvexp.sweep.verdict import Trials
+from sldvexp.sweep.trial import Trials
 
-config_source.install()
+hydra_plugin.install()
 
 CONF = Path(__file__).parents[2] / "conf"
 FILE = CONF / "matrix" / "instruments.yaml"
@@ -42,7 +42,7 @@ def test_cell_is_as_expected(name, tmp_path):
 
 def test_every_cell_is_in_the_matrix():
     """A new instrument or pose method must find its place there."""
-    from sldvexp.registry import BUILT_IN
+    from sldvexp.config.registry import BUILT_IN
 
     axes = yaml.safe_load(FILE.read_text())["axes"]
     assert set(BUILT_IN["pose"]) == set(axes["pose"])

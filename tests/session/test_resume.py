@@ -21,7 +21,7 @@ SMALL = [
     "scene.views={again: {euler: [-1.153, 2.547, 1.913], origin: [0.862, 0.508, 1.553]}}",
     "~expect.truth",
 ]
-COMMAND = [sys.executable, "-m", "sldvexp.app"]
+COMMAND = [sys.executable, "-m", "sldvexp.cli.main"]
 
 
 def variables(folder):

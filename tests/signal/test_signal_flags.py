@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.signal.image import demodulate
-from sldvexp.signal.model import sine_model
-from sldvexp.signal.rules import Flag, FlagRules
+from sldvexp.signal.complex_image import demodulate
+from sldvexp.signal.pixel_quality import Flag, FlagRules
 from sldvexp.signal.sine_fit import SineFit
+from sldvexp.signal.sine_model import sine_model
 
 F = 97.3
 TIMES = np.arange(256) / 2560.0

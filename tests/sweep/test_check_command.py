@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sldvexp.check.expectations import lookup
-from sldvexp.completion import suggestions
+from sldvexp.cli.completion import suggestions
 from sldvexp.errors import UserError
 from sldvexp.sweep.matrix import PLAIN, as_setting, read_matrix
 

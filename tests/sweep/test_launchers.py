@@ -15,8 +15,8 @@ import pytest
 import xarray as xr
 from hydra.errors import MissingConfigException
 
-from sldvexp import complaints
-from sldvexp.origins import Origins
+from sldvexp.config import messages
+from sldvexp.config.sources import Origins
 from sldvexp.sweep.progress import Progress
 from sldvexp.sweep.sweep import BATCH, Sweep
 from sldvexp.sweep.watch import SIGNS, Watch, leave_sign
@@ -142,7 +142,7 @@ def test_mistake_in_a_later_batch_starts_nothing(sldvexp, tmp_path):
 def test_launcher_that_is_not_installed():
     def told(name):
         error = MissingConfigException("", f"hydra/launcher/{name}")
-        return complaints.of_composition(error, Origins(["-m", f"hydra/launcher={name}"]))
+        return messages.of_composition(error, Origins(["-m", f"hydra/launcher={name}"]))
 
     needs = "command line: hydra/launcher={} needs a package that is not installed: "
     assert told("ray") == needs.format("ray") + "pip install 'sldvexp[ray]'"
@@ -166,7 +166,7 @@ def test_no_slurm_here(sldvexp, monkeypatch, tmp_path):
 def test_process_that_is_lost(launcher, tmp_path):
     """It costs a sentence and its run, which the same command then does."""
     swept = ["experiment=plate", "seed=1,2", "scan.structure.pixels=[15,17]"]
-    call = [sys.executable, "-m", "sldvexp.app", "-m", *swept, *launched(launcher)]
+    call = [sys.executable, "-m", "sldvexp.cli.main", "-m", *swept, *launched(launcher)]
     call += ["hydra.sweep.dir=swept"]
     sweep = subprocess.Popen(call, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL)
     while not (records := list((tmp_path / "swept").glob("*/record.json"))):

@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 import yaml
 
-from sldvexp.paths import conf_dir
+from sldvexp.config.paths import conf_dir
 from sldvexp.sweep.repetition import Kind, compare
 
 FOLDER = conf_dir() / "experiment"

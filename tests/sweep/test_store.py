@@ -14,12 +14,14 @@ import xarray as xr
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from sldvexp import config, config_source, dataset, provenance
-from sldvexp.paths import conf_dir
-from sldvexp.steps import STEPS, Run, Step
+from sldvexp import dataset
+from sldvexp.config import hydra_plugin, schema
+from sldvexp.config.paths import conf_dir
+from sldvexp.pipeline import provenance
+from sldvexp.pipeline.steps import STEPS, Run, Step
 from sldvexp.sweep.plan import folder_name
 from sldvexp.sweep.repetition import Kind, compare
-from sldvexp.sweep.store import Store
+from sldvexp.sweep.shared_steps import Store
 
 POSES = ("experiment=dissertation/automated_pose", "expect={}")
 FIELDS = (
@@ -78,14 +80,14 @@ class Undeclared:
 
 
 def composed(*settings):
-    config_source.install()
+    hydra_plugin.install()
     with initialize_config_dir(str(conf_dir()), version_base="1.3"):
         return compose("config", overrides=list(settings))
 
 
 def as_declared(settings, tmp_path):
     """Do the steps of an experiment, shared ones with nothing but what they declare."""
-    e = config.build(composed(*settings))
+    e = schema.build(composed(*settings))
     made = {}
     done = []
     for step in (s for s in STEPS if s.needed(e)):
@@ -94,7 +96,7 @@ def as_declared(settings, tmp_path):
         hidden = {
             f.name: Undeclared() for f in fields(e) if step.shared and f.name not in step.reads
         }
-        given = config.Experiment(
+        given = schema.Experiment(
             **{f.name: hidden.get(f.name, getattr(e, f.name)) for f in fields(e)}
         )
         rng = None if step.shared else np.random.default_rng(0)

@@ -157,7 +157,7 @@ class Backwards(datetime):
 
 def test_clock_that_is_set_back(sldvexp, tmp_path, monkeypatch):
     """Nothing is computed again, and no time is less than nothing."""
-    for module in ("sldvexp.runner", "sldvexp.provenance"):
+    for module in ("sldvexp.pipeline.runner", "sldvexp.pipeline.provenance"):
         monkeypatch.setattr(f"{module}.datetime", Backwards)
     assert sldvexp(*SWEEP, "seed=1,2", "hydra.sweep.dir=swept").status == 0
     folder = tmp_path / "swept"

@@ -26,7 +26,7 @@ LONGEST = 600.0  # s, until a run more is done
 
 
 def start(folder, *settings):
-    call = [sys.executable, "-m", "sldvexp.app", *SWEEP, *settings, WHERE]
+    call = [sys.executable, "-m", "sldvexp.cli.main", *SWEEP, *settings, WHERE]
     return subprocess.Popen(
         call, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True
     )

@@ -8,9 +8,9 @@ import time
 import pytest
 import xarray as xr
 
-from sldvexp import provenance
-from sldvexp.config import Retry
-from sldvexp.paths import conf_dir
+from sldvexp.config.paths import conf_dir
+from sldvexp.config.schema import Retry
+from sldvexp.pipeline import provenance
 from sldvexp.sweep import job, record
 from sldvexp.sweep.plan import folder_name
 from sldvexp.sweep.record import State
@@ -146,7 +146,7 @@ def test_settings_decide_and_not_how_they_are_written(sweep, sldvexp, tmp_path):
 
 
 def test_interrupted_sweep_leaves_what_it_has(sldvexp, tmp_path, monkeypatch):
-    from sldvexp import runner
+    from sldvexp.pipeline import runner
 
     whole = runner.run
 

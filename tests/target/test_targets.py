@@ -11,11 +11,11 @@ from omegaconf import OmegaConf
 
 from sldvexp.errors import ConfigError
 from sldvexp.geometry.circles import LINES
-from sldvexp.registration import read
-from sldvexp.target.bitangents import bitangents_in_space, bitangents_std
-from sldvexp.target.circles import Circle, Circles
-from sldvexp.target.plane import Plane
-from sldvexp.target.points import Point, Points
+from sldvexp.io.registration import read
+from sldvexp.targets.bitangents import bitangents_in_space, bitangents_std
+from sldvexp.targets.circles import Circle, Circles
+from sldvexp.targets.plane import Plane
+from sldvexp.targets.points import Point, Points
 from sldvexp.units import LengthUnit
 
 CONF = Path(__file__).parents[2] / "conf"

@@ -11,11 +11,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sldvexp.errors import UserError
-from sldvexp.instrument import pointwise
-from sldvexp.instrument.pointwise import PointView
-from sldvexp.instrument.uff import Estimator, Uff
+from sldvexp.importers import pointwise
+from sldvexp.importers.pointwise import PointView
+from sldvexp.importers.uff import Estimator, Uff
+from sldvexp.io.uff.reader import universal_file
 from sldvexp.units import LengthUnit
-from sldvexp.universal.reader import universal_file
 
 #: What the whole process may take, bytes.
 MOST_MEMORY = 500 << 20

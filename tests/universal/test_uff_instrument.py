@@ -9,9 +9,9 @@ import xarray as xr
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.known_pose import KnownPose
 from sldvexp.geometry.rotation import rotation_from_euler
-from sldvexp.instrument import pointwise as settings
-from sldvexp.instrument.pointwise import PointView
-from sldvexp.instrument.uff import Uff
+from sldvexp.importers import pointwise as settings
+from sldvexp.importers.pointwise import PointView
+from sldvexp.importers.uff import Uff
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
 from sldvexp.pose.given import known_poses
 

@@ -7,9 +7,9 @@ import pytest
 import pyuff
 
 from sldvexp.errors import UserError
-from sldvexp.instrument import pointwise as settings
-from sldvexp.instrument.pointwise import PointView
-from sldvexp.instrument.uff import Estimator, Kind, NodalAxes, Uff
+from sldvexp.importers import pointwise as settings
+from sldvexp.importers.pointwise import PointView
+from sldvexp.importers.uff import Estimator, Kind, NodalAxes, Uff
 
 POINTS = np.array([[0, 0, 0], [0.3, 0, 0], [0.3, 0.2, 0.01]])
 FREQUENCY = np.array([10.0, 20.0, 30.0, 40.0])

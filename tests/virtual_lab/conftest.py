@@ -10,12 +10,12 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from sldvexp import config_source
+from sldvexp.config import hydra_plugin
 from sldvexp.instrument.protocol import Acquisition, Samples
-from sldvexp.virtual_lab import scene_calibration, scene_plate  # noqa: F401 (registers them)
+from sldvexp.virtual_lab import calibration_scene, plate_scene  # noqa: F401 (registers them)
 from sldvexp.virtual_lab.lab import VirtualLab
 
-config_source.install()
+hydra_plugin.install()
 
 CONF = Path(__file__).parents[2] / "conf"
 

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from sldvexp.laser.model import direction_cosines, project
-from sldvexp.target.circles import Circle, Circles
+from sldvexp.targets.circles import Circle, Circles
 from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.beam import beams, part_inside
 from sldvexp.virtual_lab.lab import VirtualLab

@@ -11,9 +11,9 @@ import pytest
 
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.instrument.protocol import Acquisition, Instrument, InstrumentError, Samples
-from sldvexp.target.circles import Circle, Circles
+from sldvexp.targets.circles import Circle, Circles
+from sldvexp.virtual_lab.calibration_scene import Calibration
 from sldvexp.virtual_lab.lab import BLOCK, VirtualLab
-from sldvexp.virtual_lab.scene_calibration import Calibration
 
 
 def lines(n=6, pixels=25):
@@ -191,7 +191,7 @@ def test_what_the_instrument_refuses(lab):
 
 def test_scenes_import_nothing_heavy():
     code = (
-        "import sys, sldvexp.virtual_lab.scene_plate; "
+        "import sys, sldvexp.virtual_lab.plate_scene; "
         "sys.exit(any(m in sys.modules for m in ('numpy', 'scipy', 'xarray')))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -8,7 +8,7 @@ import pytest
 from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.beam import beams
 from sldvexp.virtual_lab.plate import VibratingPlate
-from sldvexp.virtual_lab.scene_plate import Direction, Edges, Mode, Plate
+from sldvexp.virtual_lab.plate_scene import Direction, Edges, Mode, Plate
 
 RADII = [None, 0.3, -0.3]
 SIZE = [0.3, 0.25]

@@ -13,7 +13,8 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from sldvexp import config_source, dataset
+from sldvexp import dataset
+from sldvexp.config import hydra_plugin
 from sldvexp.errors import UserError
 from sldvexp.units import LengthUnit
 from sldvexp.volume.base import Samples
@@ -27,7 +28,7 @@ PLATE = "conf://data/plate_volume.csv"
 
 
 def configured(name: str, *overrides: str):
-    config_source.install()
+    hydra_plugin.install()
     with initialize_config_dir(str(CONF), version_base="1.3"):
         config = compose(overrides=[f"+volume={name}", *overrides])
     return OmegaConf.to_object(config)["volume"]

@@ -8,12 +8,12 @@ import pytest
 
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.volume.base import Samples
+from sldvexp.volume.checks import check_prisms, check_surface
 from sldvexp.volume.grid import Grid
 from sldvexp.volume.mesh import Mesh
 from sldvexp.volume.points import Points
 from sldvexp.volume.prisms import extruded
 from sldvexp.volume.samples import SampleRule
-from sldvexp.volume.soundness import check_prisms, check_surface
 from sldvexp.volume.surface import Surface, vertex_normals
 
 NAN = float("nan")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from sldvexp.field.system import Solve, System
+    from sldvexp.field.equations.system import Solve, System
 
 
 @dataclass

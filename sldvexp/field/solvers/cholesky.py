@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.field.solvers.base import Solver
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
-    from sldvexp.field.system import Solve, System
+    from sldvexp.field.equations.system import Solve, System
 
 
 @register("solver", "cholesky")
@@ -32,8 +32,8 @@ class Cholesky(Solver):
         """Factors of the matrix."""
         import cholespy
 
-        from sldvexp.field.cholmod import solve_with
-        from sldvexp.field.kronecker import KroneckerInverse
+        from sldvexp.field.solvers.cholmod import solve_with
+        from sldvexp.field.solvers.kronecker import KroneckerInverse
 
         inverse = KroneckerInverse.of(system)  # which says what is singular
         if system.exact:

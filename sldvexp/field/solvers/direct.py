@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from sldvexp.config.registry import register
 from sldvexp.field.solvers.base import Solver
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
-    from sldvexp.field.system import Solve, System
+    from sldvexp.field.equations.system import Solve, System
 
 
 @register("solver", "direct")
@@ -19,7 +19,7 @@ class Direct(Solver):
 
     def prepare(self, system: System) -> Solve:
         """Factors of the matrix."""
-        from sldvexp.field.kronecker import KroneckerInverse, factorised, solved
+        from sldvexp.field.solvers.kronecker import KroneckerInverse, factorised, solved
 
         inverse = KroneckerInverse.of(system)  # which says what is singular
         if system.exact:

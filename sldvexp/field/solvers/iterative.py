@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.field.solvers.base import Solver
-from sldvexp.registry import register
 
 if TYPE_CHECKING:
-    from sldvexp.field.system import Solve, System
+    from sldvexp.field.equations.system import Solve, System
 
 
 @register("solver", "iterative")
@@ -44,8 +44,8 @@ class Iterative(Solver):
 
     def prepare(self, system: System) -> Solve:
         """Factors of the preconditioner: a problem over the surface and one over the layers."""
-        from sldvexp.field.conjugate_gradients import solve
-        from sldvexp.field.kronecker import KroneckerInverse
+        from sldvexp.field.solvers.conjugate_gradients import solve
+        from sldvexp.field.solvers.kronecker import KroneckerInverse
 
         inverse = KroneckerInverse.of(system)
         if system.exact:

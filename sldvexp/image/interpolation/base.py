@@ -18,7 +18,9 @@ Array = NDArray[np.float64]
 
 
 class Pixels(Protocol):
-    """What is needed of a velocity image; `sldvexp.field.view.View` says what each means."""
+    """What is needed of a velocity image; `sldvexp.field.visibility.view.View` says what each
+    means.
+    """
 
     @property
     def name(self) -> str: ...

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from sldvexp.report.field_text import strongest, truth_table
+from sldvexp.report.field_tables import strongest, truth_table
 from sldvexp.report.html.blocks import More, Section, Table, Text
-from sldvexp.report.html.subject import Subject
+from sldvexp.report.html.page_data import Subject
 from sldvexp.report.numbers import number
-from sldvexp.report.table import published
+from sldvexp.report.terminal import published
 
 #: Numbers of one check that a page shows; the dataset has all.
 MOST_NUMBERS = 200

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from sldvexp.report.html.blocks import Figure, Text
-from sldvexp.report.html.subject import Subject
+from sldvexp.report.html.page_data import Subject
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawn

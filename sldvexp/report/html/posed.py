@@ -10,7 +10,7 @@ import xarray as xr
 
 from sldvexp.report.html.blocks import More, Section, Table, Text, having
 from sldvexp.report.html.figures import figures
-from sldvexp.report.html.subject import Subject
+from sldvexp.report.html.page_data import Subject
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.pose_methods import pose_methods
 

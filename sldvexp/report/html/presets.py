@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from sldvexp import about
-from sldvexp.paths import conf_dir
-from sldvexp.plot.recorded import as_read
+from sldvexp.config import docs
+from sldvexp.config.paths import conf_dir
+from sldvexp.dataset.recorded import as_read
 
 
 def preset(group: str, plugin: str, values: Mapping[str, Any]) -> tuple[str, str]:
@@ -24,7 +24,7 @@ def preset(group: str, plugin: str, values: Mapping[str, Any]) -> tuple[str, str
         own = as_read(file.read_text(encoding="utf-8")) or {}
         defaults = own.pop("defaults", [])
         if own and _root(file, defaults) == plugin and _has(values, own):
-            return file.stem, about.of_file(file)
+            return file.stem, docs.of_file(file)
     return "", ""
 
 

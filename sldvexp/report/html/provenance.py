@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import Any
 
 from sldvexp.report.html.blocks import Code, Facts, More, Section, Table, Text, having
-from sldvexp.report.html.subject import Subject
+from sldvexp.report.html.page_data import Subject
 
 
 def section(run: Subject) -> Section:

@@ -6,17 +6,26 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
-from sldvexp.report.html import checked, found, imaged, measured, posed, provenance, render, warned
+from sldvexp.report.html import (
+    checked,
+    diagnostics,
+    imaged,
+    posed,
+    provenance,
+    render,
+    results,
+    setup,
+)
 from sldvexp.report.html.blocks import Section
-from sldvexp.report.html.subject import Subject, opened
+from sldvexp.report.html.page_data import Subject, opened
 
 #: Each makes a section of what a run has, or none; another part of the page is a line here.
 SECTIONS: tuple[Callable[[Subject], Section | None], ...] = (
-    warned.section,
-    measured.section,
+    diagnostics.section,
+    setup.section,
     posed.section,
     imaged.section,
-    found.section,
+    results.section,
     checked.section,
     provenance.section,
 )

@@ -1,0 +1,312 @@
+"""The `sldvexp` command. It imports nothing heavy: help, completion and `--cfg` answer at once."""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+import warnings
+from argparse import Namespace
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import hydra
+from hydra._internal.utils import get_args_parser
+from hydra.errors import HydraException, MissingConfigException
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf, open_dict
+
+from sldvexp.cli import commands
+from sldvexp.config import cached_loader, hydra_plugin, registry, schema
+from sldvexp.config.paths import RUN_FILE, conf_dir
+from sldvexp.errors import UserError
+
+if TYPE_CHECKING:
+    from sldvexp.sweep.sweep import Sweep
+
+DONE, FAILED, MISSED, INTERRUPTED = 0, 1, 2, 130
+
+FULL_ERROR = "HYDRA_FULL_ERROR"
+
+USUAL_WARNING = warnings.formatwarning
+
+# Before numpy comes: the bits of a result should not depend on how many processors a machine has,
+# and runs side by side should not fight for them. A large dense system alone takes a third longer.
+for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(_threads, "1")
+
+
+def main() -> None:
+    """Compose the configuration, run it, and turn a user's mistake into one sentence.
+
+    Exit status: 0 done, 1 not done (one sentence on standard error), 2 done but an expectation
+    was missed, 130 interrupted. With HYDRA_FULL_ERROR=1 in the environment a mistake shows where
+    in the program it was found.
+    """
+    warnings.formatwarning = _warning
+    wanted = os.environ.get(FULL_ERROR)
+    os.environ[FULL_ERROR] = "1"  # Hydra then raises, and we choose the words
+    gc.disable()  # composing makes many objects and no garbage; a job turns it on again
+    try:
+        status = Command(sys.argv[1:], full_error=wanted == "1").run()
+    except KeyboardInterrupt as stop:
+        print(f"sldvexp: {str(stop) or 'interrupted'}", file=sys.stderr)
+        status = INTERRUPTED
+    finally:
+        gc.enable()
+        os.environ.pop(FULL_ERROR)
+        if wanted is not None:
+            os.environ[FULL_ERROR] = wanted
+    sys.exit(status)
+
+
+def _warning(message: Warning | str, category: type[Warning], *place: Any, **line: Any) -> str:
+    """How a warning is printed: about plugins of others in one sentence, without its place."""
+    if issubclass(category, registry.PluginWarning):
+        return f"sldvexp: {message}\n"
+    return USUAL_WARNING(message, category, *place, **line)
+
+
+class Command:
+    """One call of the command: one job, or the many of a sweep.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        The command line without the program's name.
+    full_error : bool
+        Whether mistakes are raised instead of told.
+    """
+
+    def __init__(self, arguments: Sequence[str], full_error: bool):
+        self.arguments = arguments
+        self.full_error = full_error
+        self.status = DONE
+        self.defect: Exception | None = None
+        self.sweep: Sweep | None = None
+        self.recorded = False  # whether a run's folder says what is run
+        self.held = ExitStack()  # the lock of a single run's folder
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a launcher takes to other processes: the sweep itself stays in this one."""
+        return {**vars(self), "sweep": None, "held": ExitStack()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        from sldvexp.sweep.plan import register_resolver
+
+        hydra_plugin.install()
+        register_resolver()
+
+    def run(self) -> int:
+        """Run every job; the worst exit status of them."""
+        try:
+            if any(a.startswith("resume=") for a in self.arguments):
+                from sldvexp.cli.resume import arguments_of
+
+                self.arguments = arguments_of(self.arguments)
+                self.recorded = True
+                sys.argv[1:] = self.arguments
+            if "--version" in self.arguments:
+                return self._version()
+            options = self._options()
+            if options.help:
+                return self._help(options)
+            hydra_plugin.install()
+            if options.shell_completion and any(o.startswith("query=") for o in options.overrides):
+                return self._complete()
+            if commands.named(options):
+                return self._command(options)
+            with cached_loader.remembering(self._before_run):
+                try:
+                    self._compose_and_run(options)
+                except MissingConfigException:
+                    # Perhaps a choice of an installed package, which only now are looked for.
+                    if not registry.load_installed():
+                        raise
+                    self._compose_and_run(options)
+        except BrokenPipeError:  # who reads it, as head does, has seen enough
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        except Exception as error:
+            if self.full_error or error is self.defect:
+                raise
+            from sldvexp.config import messages
+            from sldvexp.config.sources import Origins
+
+            self._say(messages.of_composition(error, Origins(self.arguments)))
+        return self.status
+
+    def _compose_and_run(self, options: Namespace) -> None:
+        self._check(options)
+        start = hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name="config")
+        if not options.multirun or options.cfg:
+            start(self._job)()
+            return
+        from sldvexp.config.sources import Origins
+        from sldvexp.sweep.sweep import Sweep
+
+        with Sweep(options) as sweep:
+            sys.argv[1:] = sweep.arguments(self.arguments)
+            self.sweep = sweep
+            # A mistake starts nothing; Hydra composes a batch only when it is the next.
+            jobs = sweep.plan.jobs if sweep.batched else sweep.plan.jobs[:1]
+            first, *_ = [Origins(self.arguments, [*job]).compose() for job in jobs]
+            sweep.claim()
+            try:
+                with sweep.watched():
+                    start(self._job)()
+            except BaseException as error:
+                composed = not isinstance(error, HydraException)
+                if composed and sweep.begun:  # what there is may be looked at
+                    sweep.finish("")
+                raise
+            report = OmegaConf.to_object(first.report) if first.report else None
+            states = sweep.finish(first.sweep.rank, report)  # type: ignore[arg-type]
+        worst = FAILED if states - {"done", "missed"} else MISSED if "missed" in states else DONE
+        self.status = self.status or worst
+
+    def _command(self, options: Namespace) -> int:
+        """Do what a command names; only a user's mistakes are told in a sentence."""
+        try:
+            return commands.run(options)
+        except (UserError, BrokenPipeError):
+            raise
+        except Exception as error:
+            self.defect = error
+            raise
+
+    def _complete(self) -> int:
+        """Tell a shell how the line that it is typing may go on."""
+        from sldvexp.cli.completion import suggestions
+
+        if "COMP_LINE" not in os.environ:
+            raise UserError(
+                "command line: query= is asked by the shell; -sc install=bash sets it up"
+            )
+        print("\n".join(suggestions(os.environ["COMP_LINE"])))
+        return DONE
+
+    def _help(self, options: Namespace) -> int:
+        """Print the help page; Hydra's own would compose everything and takes a second."""
+        from sldvexp.cli.help import text
+        from sldvexp.cli.list import folders
+
+        print(text(folders(options.config_dir)), flush=True)
+        return DONE
+
+    def _version(self) -> int:
+        from importlib.metadata import version
+
+        print(f"sldvexp {version('sldvexp')}, on Hydra {hydra.__version__}")
+        return DONE
+
+    def _before_run(self, cfg: DictConfig) -> None:
+        """Refuse what cannot be run while everything in its folder is still as it was.
+
+        Raises
+        ------
+        UserError
+            If the configuration is wrong, or its folder has a finished run or one at work.
+        """
+        from hydra.core.hydra_config import HydraConfig
+
+        from sldvexp.config import messages
+        from sldvexp.config.sources import Origins
+        from sldvexp.sweep.lock import alone
+
+        HydraConfig.instance().set_config(cfg)
+        task = cfg.copy()
+        with open_dict(task):
+            del task["hydra"]
+        try:
+            experiment = schema.build(task)
+        except Exception as error:
+            if messages.sentence(error, Origins(self.arguments)) is None:
+                self.defect = error
+            raise
+        folder = Path(cfg.hydra.run.dir)
+        if (folder / RUN_FILE).is_file() and not experiment.overwrite:
+            raise UserError(
+                f"{folder}: has a finished run; overwrite=true puts this one in its place once it "
+                "is done"
+            )
+        self.held.enter_context(alone(folder))
+
+    def _job(self, cfg: DictConfig) -> None:
+        """One job; its mistakes are told here, so that a sweep goes on with the next."""
+        gc.enable()
+        from hydra.core.hydra_config import HydraConfig
+
+        from sldvexp.pipeline.runner import run
+
+        job = HydraConfig.get()
+        lines: Any = OmegaConf.to_container(job.overrides, resolve=False)
+
+        def told(error: Exception) -> str | None:
+            from sldvexp.config import messages
+            from sldvexp.config.sources import Origins
+
+            return messages.sentence(
+                error, Origins(self.arguments, [*lines["hydra"], *lines["task"]])
+            )
+
+        computed = True
+        try:
+            if job.mode is RunMode.MULTIRUN:
+                from sldvexp.sweep.job import perform
+
+                computed = perform(cfg, job.runtime.output_dir, lines["task"], told)
+            else:
+                with self.held:
+                    passed = run(cfg, folder=job.runtime.output_dir)
+                self.status = self.status or (DONE if passed else MISSED)
+        except Exception as error:
+            sentence = told(error)
+            if sentence is None or self.full_error:
+                self.defect = self.defect or error  # of a sweep's, Hydra raises the first
+                raise
+            self._say(sentence)
+        finally:
+            if self.sweep:
+                self.sweep.tell(job.runtime.output_dir, computed)
+            elif job.mode is RunMode.MULTIRUN:  # this is another process than the sweep's
+                from sldvexp.sweep.watch import leave_sign
+
+                leave_sign(Path(job.runtime.output_dir), computed)
+
+    def _options(self) -> Namespace:
+        """The options, all of which are Hydra's; a wrong one is a user's mistake like others."""
+        parser = get_args_parser()
+
+        def refuse(message: str) -> NoReturn:
+            raise UserError(f"command line: {message}; sldvexp --hydra-help lists the options")
+
+        parser.error = refuse  # type: ignore[method-assign]
+        if commands.begins(self.arguments):  # words may follow options
+            return parser.parse_intermixed_args(list(self.arguments))
+        return parser.parse_args(list(self.arguments))
+
+    def _check(self, options: Namespace) -> None:
+        """Files that do not belong to the program must not make Hydra run code."""
+        if options.config_path:
+            raise UserError(
+                "command line: --config-path would replace the program's own configuration; "
+                "add a folder of yours with --config-dir"
+            )
+        searched = any("hydra.searchpath" in override for override in options.overrides)
+        if options.config_dir or options.config_name or searched or self.recorded:
+            from sldvexp.config import security
+            from sldvexp.config.sources import Origins
+
+            security.check(Origins(self.arguments))
+
+    def _say(self, told: str) -> None:
+        for line in told.splitlines():
+            print(f"sldvexp: {line}", file=sys.stderr)
+        self.status = FAILED
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,55 @@
+"""`sldvexp report <run or sweep>`: make the page of a run or of a sweep anew, from its dataset."""
+
+from __future__ import annotations
+
+import gc
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from sldvexp.config import registry
+from sldvexp.config.paths import RUN_FILE
+from sldvexp.errors import UserError
+from sldvexp.report.html.page import Html
+from sldvexp.sweep import ranking
+from sldvexp.sweep.summary import SWEEP_FILE
+
+
+def run(words: list[str], config_dir: str | None) -> int:
+    """Make the page and print where it lies.
+
+    Raises
+    ------
+    UserError
+        If there is no run and no sweep, or its file cannot be read.
+    """
+    if len(words) != 1:
+        raise UserError(
+            "command line: report takes one run.nc, or the folder of a run or of a sweep"
+        )
+    gc.enable()
+    registry.load_installed()  # their plugins are told about in their own words
+    given = Path(words[0])
+    found = [given / SWEEP_FILE, given / RUN_FILE] if given.is_dir() else [given]
+    path = next((file for file in found if file.is_file()), None)
+    if path is None:
+        wanted = (
+            f"neither {RUN_FILE} nor {SWEEP_FILE} is there" if given.is_dir() else "no such file"
+        )
+        raise UserError(f"{given}: {wanted}; give a run.nc, or the folder of a run or of a sweep")
+    report = Html()
+    print(_of_sweep(report, path) if path.name == SWEEP_FILE else report.of_run(path))
+    return 0
+
+
+def _of_sweep(report: Html, path: Path) -> Path:
+    """The page of a sweep, whose dataset ranks its runs."""
+    try:
+        with xr.open_dataset(path, engine="netcdf4", auto_complex=True) as opened:
+            table = opened.load()
+        keys = [str(key) for key in np.atleast_1d(table.attrs["keys"])]
+        rows = ranking.rows(table, keys, str(table.attrs["ranked_by"]))
+    except (OSError, ValueError, KeyError) as error:
+        raise UserError(f"{path}: is not a sweep's dataset ({error})") from None
+    return report.of_sweep(path, rows)

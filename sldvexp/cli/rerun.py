@@ -1,0 +1,123 @@
+"""`sldvexp rerun <run.nc>`: repeat a run from its file alone, and say how well it repeats."""
+
+from __future__ import annotations
+
+import gc
+import os
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+from omegaconf import OmegaConf
+
+from sldvexp import dataset
+from sldvexp.config import registry
+from sldvexp.config.paths import CONF_SCHEME, RUN_FILE, locate
+from sldvexp.errors import UserError
+from sldvexp.instrument.recording import JOURNAL
+from sldvexp.pipeline import provenance, runner
+from sldvexp.sweep import recorded_config
+from sldvexp.sweep.recorded_config import Recorded
+from sldvexp.sweep.repetition import Kind, compare
+
+SAME, DIFFERENT = 0, 2
+
+
+def run(words: list[str], config_dir: str | None) -> int:
+    """Repeat a run into a new folder and print what came out otherwise.
+
+    Raises
+    ------
+    UserError
+        If the file is not a run's, names code, or a file that it read is not there any more.
+    """
+    if len(words) != 1:
+        raise UserError("command line: rerun takes one run.nc, or the folder of one")
+    gc.enable()
+    given = Path(words[0])
+    path = (given / RUN_FILE if given.is_dir() else given).resolve()
+    if given.is_dir() and not path.is_file() and (runs := sorted(given.glob(f"*/{RUN_FILE}"))):
+        raise UserError(f"{given}: is a sweep; rerun takes one of its runs, as {runs[0].parent}")
+    before = _loaded(path)
+    registry.load_installed()
+    found = _without_hardware(recorded_config.read(path, before.attrs))
+    config = found.config()
+    folder = Path(f"outputs/{datetime.now():%Y-%m-%d/%H-%M-%S.%f}").resolve()
+    os.chdir(_started_in(found))
+    folder.mkdir(parents=True)
+    runner.run(config, str(folder), quiet=True)
+    return _report(found, before, folder / RUN_FILE)
+
+
+def _loaded(path: Path) -> xr.DataTree:
+    with dataset.load(path) as tree:
+        return tree.load()
+
+
+def _without_hardware(found: Recorded) -> Recorded:
+    """The same with the scan lines that a run kept, in the place of an instrument's."""
+    if found.plugins.get("instrument") != "visa":
+        return found
+    folder = found.path.parent
+    if not (folder / JOURNAL).is_dir():
+        raise UserError(
+            f"{found.path}: was measured, and its scan lines are not beside it in {JOURNAL}; "
+            "without them only the instrument could repeat it"
+        )
+    return replace(
+        found,
+        plugins={**found.plugins, "instrument": "replay"},
+        values={**found.values, "instrument": {"path": str(folder)}},
+    )
+
+
+def _started_in(found: Recorded) -> Path:
+    """The folder from which the run's input files are found with the content that it read."""
+    complaint = ""
+    for base in _bases(found.path.parent):
+        wrong = next((w for p, d in found.inputs.items() if (w := _wrong(base, p, d))), "")
+        if not wrong:
+            return base
+        complaint = complaint or wrong
+    raise UserError(f"{found.path}: {complaint}")
+
+
+def _bases(folder: Path) -> list[Path]:
+    """Where this was called, and where the run was, if Hydra's folder still tells."""
+    found = [Path.cwd()]
+    try:
+        settings: Any = OmegaConf.load(folder / ".hydra" / "hydra.yaml")
+        found.append(Path(str(settings.hydra.runtime.cwd)))
+    except Exception:  # any file may lie there; it is only a hint
+        return found
+    return [base for base in found if base.is_dir()]
+
+
+def _wrong(base: Path, name: str, digest: str) -> str:
+    """What is wrong with an input file; empty if nothing is."""
+    path = locate(name) if name.startswith(CONF_SCHEME) else base / locate(name)
+    if not path.is_file():
+        return f"the run read {name}, which is not there (looked from {base})"
+    if provenance.sha256(path) != digest:
+        return f"the run read {name}, which has another content now"
+    return ""
+
+
+def _report(found: Recorded, before: xr.DataTree, path: Path) -> int:
+    now = provenance.versions()
+    changed = [
+        f"{name} {found.packages.get(name, 'none')} -> {now.get(name, 'none')}"
+        for name in sorted({*found.packages, *now})
+        if found.packages.get(name) != now.get(name)
+    ]
+    differences = compare(before, _loaded(path))
+    counts = {kind: sum(d.kind is kind for d in differences) for kind in Kind}
+    for difference in differences:
+        if difference.kind is not Kind.identical:
+            print(f"{difference.name}: {difference.kind}{difference.how}")
+    print(f"{len(differences)} quantities: {', '.join(f'{n} {k}' for k, n in counts.items())}")
+    print(f"packages: {'; '.join(changed) or 'the same versions'}")
+    print(path)
+    return DIFFERENT if counts[Kind.different] else SAME

@@ -1,0 +1,1 @@
+"""Configuration: its schema, its plugins by name, its files and its mistakes."""

@@ -1,0 +1,93 @@
+"""Gives the schemas of registered plugins to Hydra, each when it is asked for.
+
+Hydra's ConfigStore would need every plugin imported before anything is composed, which takes as
+long as all the rest of the command's start.
+"""
+
+from __future__ import annotations
+
+import builtins
+
+from hydra.core.config_search_path import ConfigSearchPath, SearchPathQuery
+from hydra.core.object_type import ObjectType
+from hydra.core.plugins import Plugins
+from hydra.plugins.config_source import ConfigResult, ConfigSource
+from hydra.plugins.search_path_plugin import SearchPathPlugin
+
+from sldvexp.config import registry
+from sldvexp.config.paths import conf_dir
+
+SCHEMA = "schema"
+
+
+class PluginSource(ConfigSource):
+    """``<group>/schema/<name>`` for every plugin, ``<group>/<name>`` for those without a file."""
+
+    @staticmethod
+    def scheme() -> str:
+        return "sldvexp"
+
+    def available(self) -> bool:
+        return True
+
+    def load_config(self, config_path: str) -> ConfigResult:
+        group, name = _split(config_path)
+        return ConfigResult(
+            provider=self.provider,
+            path=self.full_path(),
+            config=registry.schema_of(registry.get(group, name)),
+            header={"package": None},
+        )
+
+    def is_group(self, config_path: str) -> bool:
+        return config_path.strip("/").removesuffix(f"/{SCHEMA}") in registry.GROUPS
+
+    def is_config(self, config_path: str) -> bool:
+        group, name = _split(config_path)
+        if not registry.known(group, name):
+            return False
+        folders = [conf_dir(), *(package.conf for package in registry.packages() if package.conf)]
+        has_file = any((folder / group / f"{name}.yaml").is_file() for folder in folders)
+        return _is_schema(config_path) or not has_file
+
+    def list(self, config_path: str, results_filter: ObjectType | None) -> builtins.list[str]:
+        path = config_path.strip("/")
+        group = path.removesuffix(f"/{SCHEMA}")
+        if group not in registry.GROUPS:
+            return []
+        found = [n for n in registry.names(group) if self.is_config(f"{path}/{n}")]
+        groups = [SCHEMA] if path == group else []
+        if results_filter is ObjectType.CONFIG:
+            return found
+        return groups if results_filter is ObjectType.GROUP else sorted([*found, *groups])
+
+
+class PluginSearchPath(SearchPathPlugin):
+    """The order in which files are looked for: the user's, the program's, those of packages.
+
+    Hydra puts the user's folder before the first source of the provider "schema".
+    """
+
+    def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
+        plugins = f"{PluginSource.scheme()}://plugins"
+        search_path.prepend(provider=SCHEMA, path=plugins, anchor=SearchPathQuery("main"))
+        for package in registry.packages():
+            if package.conf:
+                search_path.append(provider=package.name, path=f"file://{package.conf}")
+
+
+def install() -> None:
+    """Make Hydra ask `PluginSource`; once a process is enough, more does no harm."""
+    plugins = Plugins.instance()
+    for plugin in (PluginSource, PluginSearchPath):
+        plugins.register(plugin)
+
+
+def _is_schema(config_path: str) -> bool:
+    return config_path.strip("/").split("/")[-2:-1] == [SCHEMA]
+
+
+def _split(config_path: str) -> tuple[str, str]:
+    """Group and plugin name of ``group/name`` or ``group/schema/name``, with or without ending."""
+    group, _, name = config_path.strip("/").removesuffix(".yaml").rpartition("/")
+    return group.removesuffix(f"/{SCHEMA}"), name

@@ -1,0 +1,292 @@
+"""Names to plugins, one namespace per configuration group.
+
+A plugin is a dataclass whose fields are its configuration. `sldvexp.config.hydra_plugin` gives it
+to
+Hydra as ``<group>/schema/<name>``, which the files in ``conf/`` extend, and as ``<group>/<name>``
+where there is no such file.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+import importlib
+import sys
+import warnings
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from omegaconf import DictConfig, OmegaConf
+
+from sldvexp.errors import UserError, nearest
+
+ENTRY_POINTS = "sldvexp.plugins"
+
+#: The built-in plugins of every configuration group and the modules that register them. A module is
+#: imported when one of its plugins is chosen.
+BUILT_IN: dict[str, dict[str, str]] = {
+    "target": {
+        "circles": "sldvexp.targets.circles",
+        "points": "sldvexp.targets.points",
+    },
+    "laser": {"two_mirror": "sldvexp.laser.two_mirror"},
+    "scene": {
+        "calibration": "sldvexp.virtual_lab.calibration_scene",
+        "plate": "sldvexp.virtual_lab.plate_scene",
+    },
+    "scan": {
+        "by_digitizer": "sldvexp.scan.by_digitizer",
+        "by_hand": "sldvexp.scan.by_hand",
+        "calibration": "sldvexp.scan.calibration",
+        "list": "sldvexp.scan.pixel_list",
+        "rectangle": "sldvexp.scan.rectangle",
+        "session": "sldvexp.scan.session",
+    },
+    "instrument": {
+        "file": "sldvexp.importers.velocity_file",
+        "images": "sldvexp.importers.image_file",
+        "replay": "sldvexp.instrument.replay",
+        "scan_export": "sldvexp.importers.scan_export",
+        "simulated": "sldvexp.virtual_lab.simulated",
+        "uff": "sldvexp.importers.uff",
+        "visa": "sldvexp.instrument.visa",
+    },
+    "signal": {"sine_fit": "sldvexp.signal.sine_fit"},
+    "pose": {
+        "bitangent": "sldvexp.pose.bitangent",
+        "digitizer": "sldvexp.pose.digitizer",
+        "edge": "sldvexp.pose.edge",
+        "given": "sldvexp.pose.given",
+        "manual": "sldvexp.pose.manual",
+        "registration": "sldvexp.pose.registration",
+    },
+    "volume": {
+        "grid": "sldvexp.volume.grid",
+        "mesh": "sldvexp.volume.mesh",
+        "points": "sldvexp.volume.points",
+    },
+    "reconstruction": {
+        "absolute": "sldvexp.reconstruction.absolute",
+        "combined": "sldvexp.reconstruction.combined",
+        "contravariant": "sldvexp.reconstruction.contravariant",
+        "relative": "sldvexp.reconstruction.relative",
+    },
+    "solver": {
+        "cholesky": "sldvexp.field.solvers.cholesky",
+        "direct": "sldvexp.field.solvers.direct",
+        "iterative": "sldvexp.field.solvers.iterative",
+    },
+    "stream": {"dask": "sldvexp.field.streaming.dask"},
+    "check": {
+        "bitangents": "sldvexp.check.bitangents",
+        "cross_ratio": "sldvexp.check.cross_ratio",
+        "field_pattern": "sldvexp.check.field_pattern",
+        "left_out": "sldvexp.check.left_out",
+        "love": "sldvexp.check.love",
+        "phase_image": "sldvexp.check.phase_image",
+        "pose_equivalence": "sldvexp.check.pose_equivalence",
+        "pose_methods": "sldvexp.check.pose_methods",
+        "pose_repeats": "sldvexp.check.pose_repeats",
+        "printed": "sldvexp.check.printed",
+        "repeatability": "sldvexp.check.repeatability",
+        "surface_depth": "sldvexp.check.surface_depth",
+        "truth": "sldvexp.check.truth",
+    },
+    "export": {
+        "csv": "sldvexp.export.csv",
+        "mat": "sldvexp.export.mat",
+        "uff": "sldvexp.export.uff",
+        "ugrid": "sldvexp.export.ugrid",
+        "vtu": "sldvexp.export.vtu",
+    },
+    "report": {
+        "html": "sldvexp.report.html.page",
+        "none": "sldvexp.report.none",
+    },
+}
+
+GROUPS = tuple(BUILT_IN)
+
+_plugins: dict[str, dict[str, type]] = {}
+
+P = TypeVar("P", bound=type)
+
+
+class PluginWarning(UserWarning):
+    """A plugin of an installed package cannot be used."""
+
+
+@dataclass(frozen=True)
+class Package:
+    """An installed package that has plugins.
+
+    Parameters
+    ----------
+    name, version : str
+    conf : Path or None
+        Its folder of configuration files, ``conf`` beside the module that registers the plugins.
+    """
+
+    name: str
+    version: str
+    conf: Path | None
+
+
+#: The packages that were looked for plugins, each with those it registered.
+_packages: list[tuple[Package, list[type]]] = []
+
+
+def register(group: str, name: str) -> Callable[[P], P]:
+    """Class decorator: make a dataclass known as `name` in a configuration group.
+
+    Parameters
+    ----------
+    group : str
+        One of `GROUPS`.
+    name : str
+        What a configuration selects, as in ``reconstruction=contravariant``.
+
+    Raises
+    ------
+    UserError
+        If there is no such group, or another class already has that name.
+    """
+    if group not in BUILT_IN:
+        raise UserError(f"there is no group {group} for {name}; {nearest(group, BUILT_IN)}")
+
+    def add(cls: P) -> P:
+        first = _plugins.setdefault(group, {}).setdefault(name, cls)
+        same = (first.__module__, first.__qualname__) == (cls.__module__, cls.__qualname__)
+        owner = BUILT_IN.get(group, {}).get(name, first.__module__)
+        if not same or owner != cls.__module__:
+            if first is cls:
+                del _plugins[group][name]
+            raise UserError(
+                f"two plugins are called {group}={name}: {owner} and {cls.__module__}; one of them "
+                "must be renamed"
+            )
+        return cls
+
+    return add
+
+
+def schema_of(cls: type) -> DictConfig:
+    """The schema of a dataclass, in which entries can be added to tables of names without a +."""
+    return copy.deepcopy(_schema(cls))
+
+
+@functools.cache
+def _schema(cls: type) -> DictConfig:
+    """It takes several times as long to make as to copy, and a sweep needs many."""
+    schema: DictConfig = OmegaConf.structured(cls)
+    for key in schema:
+        child = schema._get_node(key)
+        if isinstance(child, DictConfig) and OmegaConf.get_type(child) is dict:
+            OmegaConf.set_struct(child, False)
+    return schema
+
+
+@functools.cache
+def load_installed() -> bool:
+    """Import the plugins of installed packages, once; a broken one only warns.
+
+    Looking for them takes longer than everything else at the start, so it is done when a name is
+    not built in.
+
+    Returns
+    -------
+    bool
+        Whether there are any.
+    """
+    from importlib.metadata import entry_points
+
+    _packages.clear()
+    entries = entry_points(group=ENTRY_POINTS)
+    for entry in entries:
+        name, version = (entry.dist.name, entry.dist.version) if entry.dist else (entry.value, "")
+        before = _others()
+        try:
+            entry.load()
+            for plugin in _others(before):
+                schema_of(plugin)
+        except (Exception, SystemExit) as error:  # a stranger's package must not end the program
+            told = " ".join(str(error).split())
+            warnings.warn(
+                f"the plugin {entry.name} of the package {name} cannot be loaded: "
+                f"{type(error).__name__}: {told}",
+                PluginWarning,
+                stacklevel=2,
+            )
+            _forget(_others(before))
+            continue
+        conf = _conf_beside(entry.value.partition(":")[0])
+        _packages.append((Package(name, version, conf), _others(before)))
+    return bool(entries)
+
+
+def _others(before: Collection[type] = ()) -> list[type]:
+    """The plugins that are registered by now, not built in, and were not there before."""
+    registered = (p for members in _plugins.values() for p in members.values())
+    return [p for p in registered if not is_built_in(p) and p not in before]
+
+
+def _forget(plugins: Collection[type]) -> None:
+    """Let none of a package's plugins be chosen."""
+    for members in _plugins.values():
+        for name in [name for name, plugin in members.items() if plugin in plugins]:
+            del members[name]
+
+
+def _conf_beside(module: str) -> Path | None:
+    """The folder ``conf`` of the package that a module belongs to, None if there is none."""
+    package = getattr(sys.modules.get(module), "__package__", None)
+    paths = getattr(sys.modules.get(package or ""), "__path__", ())
+    return next((Path(p) / "conf" for p in paths if (Path(p) / "conf").is_dir()), None)
+
+
+def packages() -> list[Package]:
+    """The installed packages with plugins, as far as `load_installed` has loaded them."""
+    return list(dict.fromkeys(package for package, _ in _packages))
+
+
+def package_of(plugin: type) -> Package | None:
+    """The installed package that a plugin comes from, None if it is built in."""
+    return next((package for package, plugins in _packages if plugin in plugins), None)
+
+
+def is_built_in(plugin: type) -> bool:
+    """Whether a plugin is this program's own."""
+    return plugin.__module__.startswith(f"{__package__.partition('.')[0]}.")
+
+
+def get(group: str, name: str) -> type:
+    """The plugin class of that name, or a `UserError` that lists the valid ones."""
+    if not known(group, name):
+        load_installed()
+    if not known(group, name):
+        raise UserError(f"there is no {group}={name}; {nearest(name, names(group))}")
+    if name not in _plugins.get(group, {}):
+        importlib.import_module(BUILT_IN[group][name])
+    return _plugins[group][name]
+
+
+def known(group: str, name: str) -> bool:
+    """Whether a plugin is built in, or of an installed package that was loaded already."""
+    return name in BUILT_IN.get(group, {}) or name in _plugins.get(group, {})
+
+
+def names(group: str) -> list[str]:
+    """The names of a group's plugins, sorted."""
+    load_installed()
+    return sorted({*BUILT_IN.get(group, {}), *_plugins.get(group, {})})
+
+
+def name_of(cls: Any) -> str | None:
+    """``group/name`` of a registered class, None for any other class."""
+    for group, members in _plugins.items():
+        for name, member in members.items():
+            if member is cls:
+                return f"{group}/{name}"
+    return None

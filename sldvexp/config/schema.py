@@ -1,0 +1,309 @@
+"""The configuration: what its root looks like, and what is wrong with it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, is_dataclass
+from enum import Enum
+from typing import Any
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import MISSING, DictConfig, ListConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from sldvexp.config import registry
+from sldvexp.config.expectation import Expectation
+from sldvexp.config.refusals import NO_CODE, names_code, refusal
+from sldvexp.errors import ConfigError, Problem, UserError, nearest
+
+#: Groups whose value in the root is one plugin; those of `NAMED_GROUPS` hold several, by name.
+SINGLE_GROUPS = (
+    "target",
+    "laser",
+    "scene",
+    "scan",
+    "instrument",
+    "signal",
+    "pose",
+    "volume",
+    "reconstruction",
+    "solver",
+    "stream",
+    "report",
+)
+NAMED_GROUPS = {
+    "compare_scan": "scan",
+    "compare_pose": "pose",
+    "compare": "reconstruction",
+    "check": "check",
+    "export": "export",
+}
+
+#: Parents of groups that entries of a named group make.
+ENTRIES_OF = {"examined": "check", "compare": "compare", "compare_pose": "compare_pose"}
+
+
+class Retry(Enum):
+    """Which runs of a sweep that was started before are done again.
+
+    Attributes
+    ----------
+    unfinished
+        What is missing, failed, or would come out otherwise: other settings, inputs or versions.
+    missing
+        That without what failed.
+    failed
+        Only what failed or was cut off.
+    all
+        Everything.
+    """
+
+    unfinished = "unfinished"
+    missing = "missing"
+    failed = "failed"
+    all = "all"
+
+
+@dataclass
+class Sweep:
+    """How many runs of one command (`-m`) are treated.
+
+    Parameters
+    ----------
+    rank : str
+        Result that runs are ranked by, as in ``field.residual_std``; the smallest is the best, but
+        the largest ``rcond``, ``efficiency``, ``passed``, ``covered`` and ``coverage``.
+    retry : Retry
+    """
+
+    rank: str = ""
+    retry: Retry = Retry.unfinished
+
+
+@dataclass
+class Experiment:
+    """Root of the configuration: the plugins of one run, in the order in which data flows.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the run's one random generator.
+    target, laser, scene, scan, instrument, signal : plugin
+    pose, volume, reconstruction, solver, stream : plugin
+        A stage without a plugin is left out.
+    compare_scan : dict of str to scan
+        Further scans with the same instrument, for the pose methods of the same names.
+    compare_pose : dict of str to pose
+        Further pose methods, ``{plugin: edge}``; without a scan of their name they use ``scan``.
+    compare : dict of str to reconstruction
+        Further reconstructions of the same measurements, ``{plugin: relative, rows: all}``.
+    check : dict of str to check
+        What is examined after the estimates, ``{plugin: pose_repeats, repeats: 1000}``.
+    export : dict of str to export
+        Files of the velocities for other programs, ``{plugin: vtu}``; the name is that of the file.
+    expect : dict of str to Expectation
+        What the run must reproduce.
+    report : plugin
+        The page that the run leaves for people.
+    overwrite : bool
+        Whether a finished run in the folder is replaced, once this one is done.
+    """
+
+    seed: int = 0
+    target: Any = None
+    laser: Any = None
+    scene: Any = None
+    scan: Any = None
+    instrument: Any = None
+    signal: Any = None
+    pose: Any = None
+    volume: Any = None
+    reconstruction: Any = None
+    solver: Any = None
+    stream: Any = None
+    compare_scan: dict[str, Any] = field(default_factory=dict)
+    compare_pose: dict[str, Any] = field(default_factory=dict)
+    compare: dict[str, Any] = field(default_factory=dict)
+    check: dict[str, Any] = field(default_factory=dict)
+    export: dict[str, Any] = field(default_factory=dict)
+    expect: dict[str, Any] = field(default_factory=dict)
+    report: Any = None
+    overwrite: bool = False
+    sweep: Sweep = field(default_factory=Sweep)
+
+
+ConfigStore.instance().store(
+    name="experiment_schema", node=registry.schema_of(Experiment), provider="sldvexp"
+)
+
+
+def build(config: DictConfig) -> Experiment:
+    """Check a composed configuration as a whole and make its plugins.
+
+    Parameters
+    ----------
+    config : DictConfig
+        As Hydra composed it, with the root schema `Experiment`.
+
+    Returns
+    -------
+    Experiment
+        With ready plugins instead of configuration nodes.
+
+    Raises
+    ------
+    ConfigError
+        Every unknown key, missing value and refused value, each with its full key.
+    """
+    if OmegaConf.get_type(config) is not Experiment:
+        raise UserError("a configuration's defaults must begin with experiment_schema")
+    lost = {f.name for f in fields(Experiment)} - {
+        str(k) for k, _ in config.items_ex(resolve=False)
+    }
+    if lost:
+        raise ConfigError(Problem(key, "cannot be deleted") for key in sorted(lost))
+    config = _with_schemas(config)
+    problems = list(_refused_keys(config, ""))
+    if problems:
+        raise ConfigError(problems)
+    values: dict[str, Any] = {}
+    for group in SINGLE_GROUPS:
+        values[group] = _plugin(config[group], group, group, problems)
+    for key, group in NAMED_GROUPS.items():
+        values[key] = {
+            str(name): _plugin(node, group, f"{key}.{name}", problems)
+            for name, node in config[key].items()
+        }
+    expect = {
+        str(name): _object(node, f"expect.{name}", problems) for name, node in config.expect.items()
+    }
+    problems += _expected_of_nothing(expect, values)
+    if config.seed < 0:
+        problems.append(Problem("seed", f"must be zero or a positive integer, not {config.seed}"))
+    if problems:
+        raise ConfigError(problems)
+    sweep = _object(config.sweep, "sweep", problems)
+    settings = {"seed": config.seed, "overwrite": config.overwrite}
+    return Experiment(**settings, expect=expect, sweep=sweep, **values)
+
+
+def _expected_of_nothing(
+    expect: dict[str, Expectation | None], values: dict[str, Any]
+) -> Iterator[Problem]:
+    """Expectations of what no entry of the configuration makes, told before the work begins."""
+    for name, expectation in expect.items():
+        for of in expectation.compared if expectation else ():
+            parent, _, rest = of.strip(" |").partition("/")
+            key, entry = ENTRIES_OF.get(parent, ""), re.split(r"[/@]", rest)[0]
+            if key and entry not in values[key]:
+                message = (
+                    f"names {of}, but {key} has no entry {entry}; {nearest(entry, values[key])}; "
+                    f"~expect.{name} leaves it out"
+                )
+                yield Problem(f"expect.{name}", message)
+
+
+def plugin_names(config: DictConfig) -> dict[str, str]:
+    """Which plugin each group has, ``{"pose": "registration"}``; a file alone may not say it."""
+    kinds = {g: OmegaConf.get_type(config[g]) for g in SINGLE_GROUPS if config[g] is not None}
+    names = {g: registry.name_of(kind) for g, kind in kinds.items()}
+    return {g: name.partition("/")[2] for g, name in names.items() if name}
+
+
+def _with_schemas(config: DictConfig) -> DictConfig:
+    """The configuration with named plugins and expectations merged onto their schemas."""
+    typed = config.copy()
+    problems: list[Problem] = []
+    for key in (*NAMED_GROUPS, "expect"):
+        for name, node in config[key].items_ex(resolve=False):
+            full = f"{key}.{name}"
+            try:
+                typed[key][name] = _onto_schema(node, NAMED_GROUPS.get(key))
+            except ConfigError as error:
+                problems += [
+                    Problem(f"{full}.{p.field}".rstrip("."), p.message) for p in error.problems
+                ]
+            except OmegaConfBaseException as error:
+                problems.append(_from_omegaconf(error, full))
+    if problems:
+        raise ConfigError(problems)
+    return typed
+
+
+def _onto_schema(node: Any, group: str | None) -> Any:
+    """One entry of `compare` or `check`, typed as its `plugin` says, or one of `expect`."""
+    if group is None:
+        if not isinstance(node, DictConfig):
+            raise ConfigError([Problem("", "must be a table, as in {at_most: {group/name: 1.0}}")])
+        return OmegaConf.merge(OmegaConf.structured(Expectation), node)
+    settings = dict(node.items_ex(resolve=False)) if isinstance(node, DictConfig) else {}
+    if not isinstance(name := settings.pop("plugin", None), str):
+        message = f"must say which plugin it is, as in {{plugin: {registry.names(group)[0]}}}"
+        raise ConfigError([Problem("", f"{message}; {nearest('', registry.names(group))}")])
+    try:
+        schema = OmegaConf.structured(registry.get(group, name))
+    except UserError as error:
+        raise ConfigError([Problem("plugin", str(error))]) from None
+    return OmegaConf.merge(schema, OmegaConf.masked_copy(node, [str(key) for key in settings]))
+
+
+def _from_omegaconf(error: OmegaConfBaseException, key: str) -> Problem:
+    """OmegaConf's complaint about a value or key at or below `key`."""
+    found = error.full_key or key
+    return Problem(found if found.startswith(key) else f"{key}.{found}", refusal(error))
+
+
+def _plugin(node: Any, group: str, key: str, problems: list[Problem]) -> Any:
+    """The plugin object of one node, or None with its problems noted."""
+    if node is None:
+        return None
+    name = registry.name_of(OmegaConf.get_type(node)) if isinstance(node, DictConfig) else None
+    if name is None or not name.startswith(f"{group}/"):
+        valid = nearest("", registry.names(group))
+        message = (
+            f"has settings but no plugin; choose one with {group}=name, with 'override /{group}: "
+            f"name' in an experiment's defaults, or with schema/name@_here_ in those of a file of "
+            f"{group}/; {valid}"
+        )
+        problems.append(Problem(key, message))
+        return None
+    return _object(node, key, problems)
+
+
+def _object(node: Any, key: str, problems: list[Problem]) -> Any:
+    """The object that a typed node stands for, or None with its problems noted."""
+    try:
+        return OmegaConf.to_object(node)
+    except ConfigError as error:
+        known = len(problems)
+        for name, child in node.items_ex(resolve=False):
+            if isinstance(child, DictConfig) and registry.name_of(OmegaConf.get_type(child)):
+                _object(child, f"{key}.{name}", problems)
+        if len(problems) == known:
+            problems += [Problem(f"{key}.{p.field}".rstrip("."), p.message) for p in error.problems]
+    except OmegaConfBaseException as error:
+        problems.append(_from_omegaconf(error, key))
+    return None
+
+
+def _refused_keys(node: Any, path: str) -> Iterator[Problem]:
+    """Keys that no schema knows, also those that a `+` forced in, and values still `???`."""
+    if isinstance(node, ListConfig):
+        for i, item in enumerate(node._iter_ex(resolve=False)):
+            yield from _refused_keys(item, f"{path}[{i}]")
+    if not isinstance(node, DictConfig) or node._is_none() or node._is_missing():
+        return
+    schema = OmegaConf.get_type(node)
+    valid = {f.name for f in fields(schema)} if is_dataclass(schema) else None
+    for key, value in node.items_ex(resolve=False):
+        name = str(key)
+        full = f"{path}.{name}" if path else name
+        if names_code(name):
+            yield Problem(full, NO_CODE)
+        elif valid is not None and name not in valid:
+            yield Problem(full, f"is not a known setting; {nearest(name, valid)}")
+        elif isinstance(value, str) and value == MISSING:
+            yield Problem(full, "must be given")
+        else:
+            yield from _refused_keys(value, full)

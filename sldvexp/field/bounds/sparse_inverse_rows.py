@@ -1,0 +1,178 @@
+"""Rows of inverses, as far as they reach.
+
+The inverse of a mass matrix decays by a factor of about 0.27 from one ring of neighbours to the
+next, so that rows end after a few rings. What lies beyond is taken to have the values of the last
+ring: then rows are exact for a field that is the same everywhere.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import bsr_array, csc_array, csr_array
+from scipy.sparse.linalg import SuperLU
+
+from sldvexp.field.bounds.colouring import colours, within
+from sldvexp.field.equations.system import HOLD, PAIRS, System
+from sldvexp.field.solvers.kronecker import factorised, solved
+from sldvexp.volume.samples import SampleRule
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+#: Rings around a node that its row reaches: of samples that are a tensor product, and of others,
+#: whose matrices are worse conditioned and decay more slowly.
+RINGS, MORE_RINGS = 3, 4
+#: Colours whose columns are solved together.
+COLOURS_AT_ONCE = 32
+
+
+def rings_of(rule: SampleRule) -> int:
+    """How far rows reach."""
+    return MORE_RINGS if rule.triangle is None else RINGS
+
+
+def surface_rows(system: System, factor: SuperLU, rings: int) -> bsr_array:
+    """Rows of the inverse of the surface's matrix.
+
+    Columns of nodes that are more than twice as far apart as rows reach do not meet, so that all
+    nodes of one colour are solved as one right-hand side.
+
+    Parameters
+    ----------
+    system : System
+    factor : SuperLU
+        Of the surface's matrix.
+    rings : int
+
+    Returns
+    -------
+    bsr_array, shape (surface_node * block, surface_node * block)
+    """
+    nodes, block = system.graph.nodes, system.block
+    neighbours = system.graph.neighbours
+    reach = within(neighbours, rings)
+    colour = colours(within(neighbours, 2 * rings))
+    row = np.repeat(np.arange(nodes), np.diff(reach.indptr))
+    data = np.empty((reach.nnz, block, block))
+    for first in range(0, int(colour.max()) + 1, COLOURS_AT_ONCE):
+        some = np.flatnonzero((colour >= first) & (colour < first + COLOURS_AT_ONCE))
+        unit = np.zeros((nodes, block, COLOURS_AT_ONCE, block))
+        unit[some, :, colour[some] - first] = np.eye(block)
+        columns = solved(factor, unit.reshape(nodes * block, -1)).reshape(unit.shape)
+        entry = np.flatnonzero(np.isin(row, some))
+        found = columns[reach.indices[entry], :, colour[row[entry]] - first]
+        data[entry] = np.swapaxes(found, 1, 2)
+    last = _last_ring(reach, within(neighbours, rings - 1), row)
+    _close(data, row, np.asarray(reach.indices, np.intp), last, system.surface_sums)
+    size = nodes * block
+    return bsr_array((data, reach.indices, reach.indptr), shape=(size, size))
+
+
+def _last_ring(reach: csr_array, inner: csr_array, row: Indices) -> NDArray[np.bool_]:
+    """Which entries of `reach` are not of `inner`; of a small surface all are, then all count."""
+    nodes = reach.shape[0]
+    key = row * nodes + reach.indices
+    inner_row = np.repeat(np.arange(nodes), np.diff(inner.indptr))
+    last = ~np.isin(key, inner_row * nodes + inner.indices)
+    alone = np.bincount(row, last, nodes) == 0
+    return last | alone[row]
+
+
+def _close(
+    data: Array, row: Indices, column: Indices, last: NDArray[np.bool_], sums: Array
+) -> None:
+    """Give the last ring what rows lack to be exact for a constant, ``sum_m Z_nm s_m = 1``.
+
+    Parameters
+    ----------
+    data : ndarray, shape (entry, block, block)
+        Changed in place.
+    row, column : ndarray of int, shape (entry,)
+    last : ndarray of bool, shape (entry,)
+    sums : ndarray, shape (node, block, block)
+        Sums s of the matrix's blocks over its columns.
+    """
+    starts = np.flatnonzero(np.diff(row, prepend=-1))
+    lacking = np.eye(data.shape[-1]) - np.add.reduceat(data @ sums[column], starts, axis=0)
+    whole = np.add.reduceat(sums[column] * last[:, None, None], starts, axis=0)
+    share = lacking @ np.linalg.pinv(whole, rcond=1e-10, hermitian=True)
+    data[last] += share[row[last]]
+
+
+def volume_rows(system: System, nodes: Indices, place: Indices, rings: int) -> bsr_array:
+    """Rows of the inverse of the whole matrix, of some nodes in all layers.
+
+    Each is that of the matrix of what is near.
+
+    Parameters
+    ----------
+    system : System
+    nodes : ndarray of int, shape (some,)
+    place : ndarray of int, shape (surface_node,)
+        Where columns of the result stand.
+    rings : int
+
+    Returns
+    -------
+    bsr_array, shape (layer * some * block, layer * place * block)
+    """
+    layers, block, graph = system.layers, system.block, system.graph
+    reach = within(graph.neighbours, rings)[nodes]
+    data, indices, count = [], [], int(place.max()) + 1
+    for node, first, last in zip(nodes, reach.indptr[:-1], reach.indptr[1:], strict=True):
+        near = np.asarray(reach.indices[first:last], np.intp)
+        here, number = _blocks_of(system, near), len(near)
+        dense = np.zeros((layers, layers, number, number, block, block))
+        for gap in range(layers - 1):
+            for k, (i, j) in enumerate(PAIRS):
+                dense[gap + i, gap + j] += here[gap, k]
+                if i != j:
+                    dense[gap + j, gap + i] += here[gap, k]
+        rest = system.sums[:, near] - dense.sum(axis=(1, 3))
+        for layer in range(layers):
+            dense[layer, layer, np.arange(number), np.arange(number)] += rest[layer]
+        size = layers * number * block
+        right = np.zeros((layers, number, block, layers * block))
+        right[:, np.flatnonzero(near == node)[0]] = np.eye(layers * block).reshape(
+            layers, block, -1
+        )
+        matrix = dense.transpose(0, 2, 4, 1, 3, 5).reshape(size, size)
+        columns = solved(_factorised(matrix), right.reshape(size, -1))
+        data.append(columns.reshape(-1, block, layers, block).transpose(2, 0, 3, 1))
+        indices.append((place[near] + count * np.arange(layers)[:, None]).ravel())
+    return _assembled(data, indices, layers, (len(nodes), count), block)
+
+
+def _factorised(matrix: Array) -> SuperLU:
+    """Factors of what is near; what nothing determines there is held, as in the whole matrix."""
+    try:
+        return factorised(csc_array(matrix))
+    except RuntimeError:
+        return factorised(
+            csc_array(matrix + HOLD * np.diagonal(matrix).mean() * np.eye(len(matrix)))
+        )
+
+
+def _blocks_of(system: System, near: Indices) -> Array:
+    """Blocks of some nodes, shape (gap, 3, near, near, block, block)."""
+    graph = system.graph
+    key = near[:, None] * graph.nodes + near
+    keys = graph.row * graph.nodes + graph.indices
+    entry = np.minimum(np.searchsorted(keys, key), len(keys) - 1)
+    there = keys[entry] == key
+    return system.pairs[:, :, entry] * there[..., None, None]
+
+
+def _assembled(
+    data: list[Array], indices: list[Indices], layers: int, shape: tuple[int, int], block: int
+) -> bsr_array:
+    """Rows node by node, put layer by layer."""
+    length = np.array([len(i) for i in indices], int)
+    indptr = np.concatenate([[0], np.cumsum(np.tile(length, layers))])
+    by_layer = [rows[layer] for layer in range(layers) for rows in data]
+    size = layers * shape[0] * block, layers * shape[1] * block
+    if not by_layer:
+        return bsr_array(size, blocksize=(block, block))
+    entries = np.concatenate(by_layer), np.tile(np.concatenate(indices), layers), indptr
+    return bsr_array(entries, shape=size)

@@ -1,0 +1,1 @@
+"""A field's normal equations: regions, elements, assembly, what is undetermined."""

@@ -1,0 +1,118 @@
+"""First way through the samples: the field's normal equations, and who sees what."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.field.equations.regions import Part, Parts
+from sldvexp.field.equations.sample_model import Samples
+from sldvexp.field.equations.system import Assembly, System
+from sldvexp.field.visibility.coverage import Coverage, require_coverage
+from sldvexp.field.visibility.view import View
+
+Array = NDArray[np.float64]
+
+#: Part of a node's samples that must determine something for the node to count as determined.
+SMALLEST_PART = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """``M theta = b`` of a field, and counts.
+
+    Attributes
+    ----------
+    system : System
+    right : ndarray, shape (layer, surface_node, parameter, column)
+        Real and imaginary part of b at each frequency, one after the other.
+    ranked : ndarray, shape (layer, surface_node, parameter)
+        The part of a node's samples, weighted by its basis function, at which the views determine
+        1, 2 and so on parameters.
+    rows : int
+        Scalar rows of all samples that are kept.
+    samples : int
+        Samples that are kept.
+    coverage : tuple of Coverage
+        One a view.
+    """
+
+    system: System
+    right: Array
+    ranked: Array
+    rows: int
+    samples: int
+    coverage: tuple[Coverage, ...]
+
+
+def normal_equations(parts: Parts, data: list[Array]) -> Equations:
+    """Go through all samples once.
+
+    Parameters
+    ----------
+    parts : Parts
+    data : list of ndarray, shape (pixel, column), m/s
+        Velocities of each view's pixels as real numbers.
+
+    Raises
+    ------
+    UserError
+        If a view sees nothing.
+    """
+    looks, model = parts.looks, parts.model
+    prisms = looks.prisms
+    assembly = Assembly(parts.graph, looks.rule, prisms.layers, model.block)
+    shape = (prisms.layers, prisms.surface_nodes, model.parameters)
+    right, ranked, whole = np.zeros((*shape, data[0].shape[1])), np.zeros(shape), np.zeros(shape)
+    rows = samples = 0
+    coverage: list[Coverage] = []
+    for part in parts.disjoint():
+        at, nodes = part.at, part.patch.nodes
+        assembly.add(part.patch, at.information)
+        right[:, nodes] += _right_side(part, data)
+        ranked[:, nodes] += part.patch.to_nodes(_ranked(at, model.parameters))
+        whole[:, nodes] += part.patch.to_nodes(np.ones((len(part.look.position), 1)))
+        rows += int(at.pointwise.rows.sum())
+        samples += int(at.pointwise.kept.sum())
+        each = [Coverage.of(v, s) for v, s in zip(looks.views, part.look.seen, strict=True)]
+        coverage = [a + b for a, b in zip(coverage, each, strict=True)] if coverage else each
+    require_coverage(coverage)
+    ranked /= whole
+    system = assembly.system(ranked[..., 0] >= SMALLEST_PART)
+    return Equations(system, right, ranked, rows, samples, tuple(coverage))
+
+
+def right_sides(parts: Parts, data: list[Array]) -> Array:
+    """Right-hand sides b alone, as `Equations.right`, of further columns."""
+    prisms = parts.looks.prisms
+    shape = (prisms.layers, prisms.surface_nodes, parts.model.parameters, data[0].shape[1])
+    right = np.zeros(shape)
+    for part in parts.disjoint():
+        right[:, part.patch.nodes] += _right_side(part, data)
+    return right
+
+
+def _right_side(part: Part, data: list[Array]) -> Array:
+    """``sum_s B_s^T (x) T_s v_s``, shape (layer, patch_node, parameter, column)."""
+    total = sum(r @ velocity for r, velocity in zip(part.influences, data, strict=True))
+    return np.reshape(total, (part.patch.layers, len(part.patch.nodes), -1, data[0].shape[1]))
+
+
+def pixel_data(views: Sequence[View]) -> list[Array]:
+    """Velocities of each view as real numbers, shape (pixel, column); 0 where flagged."""
+    return [real_columns(v.velocity, v.usable) for v in views]
+
+
+def real_columns(velocity: NDArray[np.complexfloating], usable: NDArray[np.bool_]) -> Array:
+    """Complex (pixel, frequency) as real (pixel, column); 0 where not usable."""
+    columns = np.where(usable[:, None], velocity, 0.0).astype(complex, order="C", copy=False)
+    return columns.view(float)
+
+
+def _ranked(at: Samples, parameters: int) -> Array:
+    """1 where a kept sample determines 1, 2 and so on parameters, shape (sample, parameter)."""
+    rank = np.where(at.pointwise.kept, at.pointwise.rank, 0)
+    return (rank[:, None] > np.arange(parameters)).astype(float)

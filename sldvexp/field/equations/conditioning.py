@@ -1,0 +1,81 @@
+"""Condition numbers of a field's normal equations, as Table 5.7 states them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.field.equations.system import Solve, System
+from sldvexp.field.solvers.kronecker import KroneckerInverse
+
+Array = NDArray[np.float64]
+
+#: Relative accuracy of the extreme eigenvalues of larger ones.
+ACCURACY = 1e-3
+#: Steps of Hager's estimate of a norm; it rarely needs more than three.
+STEPS = 6
+
+
+def condition_numbers(system: System, solve: Solve) -> tuple[float, float]:
+    """Largest over smallest eigenvalue of M, and ``1 / (|M| |M^-1|)`` in the 1-norm.
+
+    For large systems the latter's ``|M^-1|`` is Hager's estimate, a lower bound, mostly exact.
+    Both numbers of a Kronecker product are the products of its factors'.
+
+    Parameters
+    ----------
+    system : System
+    solve : Solve
+    """
+    shape = (system.layers, system.graph.nodes, system.block, -1)
+    size = system.nodes * system.block
+    if system.small:
+        return _of_dense(system.dense, system.inverse)
+    if system.exact:
+        inverse = KroneckerInverse.of(system).surface.solve
+        line = _of_dense(system.line, np.linalg.inv(system.line).astype(float))
+        surface = _of_operators(lambda x: system.surface @ x, inverse, system.surface.shape[0])
+        return line[0] * surface[0], line[1] * surface[1]
+
+    def times(x: Array) -> Array:
+        return system.times(x.reshape(shape)).reshape(x.shape)
+
+    def inverse_times(x: Array) -> Array:
+        return solve(np.ascontiguousarray(x.reshape(shape))).reshape(x.shape)
+
+    return _of_operators(times, inverse_times, size)
+
+
+def _of_dense(matrix: Array, inverse: Array) -> tuple[float, float]:
+    value = np.linalg.eigvalsh(matrix)
+    norms = np.linalg.norm(matrix, 1) * np.linalg.norm(inverse, 1)
+    return float(value[-1] / value[0]), float(1 / norms)
+
+
+def _of_operators(times: Solve, inverse: Solve, size: int) -> tuple[float, float]:
+    two = _largest_eigenvalue(times, size) * _largest_eigenvalue(inverse, size)
+    return two, 1 / (_one_norm(times, size) * _one_norm(inverse, size))
+
+
+def _largest_eigenvalue(times: Solve, size: int) -> float:
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    operator = LinearOperator((size, size), matvec=times, dtype=float)
+    start = np.random.default_rng(size).normal(size=size)
+    value = eigsh(operator, 1, which="LA", v0=start, tol=ACCURACY, return_eigenvectors=False)
+    return float(value[0])
+
+
+def _one_norm(times: Solve, size: int) -> float:
+    """Hager's estimate of the largest column sum of a symmetric matrix."""
+    x, norm = np.full(size, 1 / size), 0.0
+    for _ in range(STEPS):
+        y = times(x)
+        sums = np.abs(y).sum()
+        if sums <= norm:
+            break
+        norm = sums
+        slope = times(np.where(y < 0, -1.0, 1.0))
+        x = np.zeros(size)
+        x[np.argmax(np.abs(slope))] = 1.0
+    return float(norm)

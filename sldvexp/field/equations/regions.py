@@ -1,0 +1,159 @@
+"""The samples of a volume, part by part: what views see of them, what the method makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import bsr_array
+
+from sldvexp.field.equations.elements import Graph, Patch
+from sldvexp.field.equations.influence import influence
+from sldvexp.field.equations.region import Region, Surface
+from sldvexp.field.equations.sample_model import FieldModel, Samples
+from sldvexp.field.visibility.looks import Look, Looks
+
+Array = NDArray[np.float64]
+
+#: Samples up to which a volume is one part.
+SAMPLES_IN_ALL = 200_000
+#: Samples of each of several parts: with those around them they take some 10 kB each.
+SAMPLES_AT_ONCE = 100_000
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A region with its samples.
+
+    Attributes
+    ----------
+    looks : Looks
+    model : FieldModel
+    region : Region
+    patch : Patch
+        The region's triangles.
+    look : Look
+    at : Samples
+    """
+
+    looks: Looks
+    model: FieldModel
+    region: Region
+    patch: Patch
+    look: Look
+    at: Samples
+
+    @classmethod
+    def of(cls, looks: Looks, model: FieldModel, region: Region) -> Part:
+        """Look at the samples of a region."""
+        patch = Patch.over(looks.prisms, looks.rule, region.triangles)
+        look = looks.at(region.triangles)
+        return cls(looks, model, region, patch, look, model.at(look))
+
+    @cached_property
+    def owned(self) -> NDArray[np.bool_]:
+        """Samples that belong to this region and no other, shape (sample,)."""
+        first = self.looks.prisms.triangles[self.region.triangles, 0]
+        mine = np.isin(first, self.region.own)
+        return np.broadcast_to(mine[None, :, None], self.patch.sample_shape).ravel()
+
+    @cached_property
+    def influences(self) -> list[bsr_array]:
+        """The matrices R of every view's pixels, ``b = sum_k R_k v_k``."""
+        return [
+            influence(self.patch, self.at.estimator[:, :, k], seen.weights)
+            for k, seen in enumerate(self.look.seen)
+        ]
+
+    def velocities(self, data: list[Array]) -> Array:
+        """Interpolated from the pixels' columns, shape (sample, view, column)."""
+        each = zip(self.look.seen, data, strict=True)
+        return np.stack([s.weights @ d for s, d in each], axis=1)
+
+    def field(self, theta: Array, gap: int | None = None) -> Array:
+        """Parameters at the samples, of one gap or all, (sample, parameter, column).
+
+        Parameters
+        ----------
+        theta : ndarray, shape (layer, surface_node, parameter, column)
+        gap : int, optional
+        """
+        layers = slice(None) if gap is None else slice(gap, gap + 2)
+        nodal = theta[layers, self.patch.nodes]
+        values = self.patch.at_samples(nodal.reshape(*nodal.shape[:2], -1))
+        return values.reshape(-1, *nodal.shape[2:])
+
+
+@dataclass(eq=False)
+class Parts:
+    """A way through all samples; a volume of one part stays in memory.
+
+    Parameters
+    ----------
+    looks : Looks
+    model : FieldModel
+    """
+
+    looks: Looks
+    model: FieldModel
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Another process looks at the samples itself: that is faster than to send them."""
+        return {"looks": self.looks, "model": self.model}
+
+    @cached_property
+    def graph(self) -> Graph:
+        """Which surface nodes share a triangle."""
+        return Graph.of(self.looks.prisms)
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The surface to walk over."""
+        return Surface.of(self.looks.prisms, self.graph)
+
+    def disjoint(self) -> Iterator[Part]:
+        """Go through all samples once."""
+        if self._fits:
+            yield self._whole
+            return
+        for own in self.surface.parts(self._largest):
+            yield Part.of(self.looks, self.model, self.surface.of_own(own))
+
+    def overlapping(self, rings: int, whole: bool) -> Iterator[Part]:
+        """Go through regions with all samples that bear on their own nodes.
+
+        Parameters
+        ----------
+        rings : int
+            Of neighbours around the own nodes whose samples belong to the part.
+        whole : bool
+            Make it one region, as is done anyway where there are few samples.
+        """
+        if whole or self._fits:
+            yield self._whole
+            return
+        for own in self.surface.parts(self._largest):
+            yield Part.of(self.looks, self.model, self.surface.around(own, rings))
+
+    @cached_property
+    def _whole(self) -> Part:
+        everything = self.surface.around(np.arange(self.looks.prisms.surface_nodes), 0)
+        return Part.of(self.looks, self.model, everything)
+
+    @property
+    def _column(self) -> int:
+        """Samples over a triangle."""
+        return self.looks.prisms.gaps * self.looks.rule.points
+
+    @property
+    def _fits(self) -> bool:
+        return self._column * len(self.looks.prisms.triangles) <= SAMPLES_IN_ALL
+
+    @property
+    def _largest(self) -> int:
+        """Nodes of a part; there are about half as many as triangles."""
+        return max(1, SAMPLES_AT_ONCE // (2 * self._column))

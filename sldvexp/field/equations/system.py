@@ -1,0 +1,282 @@
+"""The normal equations of a field, ``M theta = b`` with ``M = sum_s B_s^T B_s (x) N_s``.
+
+B_s holds the basis functions at a sample and N_s the sample's own information. A prism's basis
+functions are products of those of its triangle, t, and of the line through it, l. In the layers i
+and j of each gap M has the block ``S = sum_s l_i l_j t t^T (x) N_s`` over the surface. Where N_s
+does not change with depth and samples are a tensor product, M is one Kronecker product of a matrix
+of the line and one of the surface; elsewhere that of the means over depth is near it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrf, dpotri
+from scipy.sparse import bsr_array, csr_array
+
+from sldvexp.field.equations.elements import Graph, Patch
+from sldvexp.volume.samples import SampleRule
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+#: From real right-hand sides (layer, surface_node, block, column) to the solutions.
+Solve = Callable[[Array], Array]
+
+#: Pairs of layers of a gap: lower with itself, lower with upper, upper with itself.
+PAIRS = ((0, 0), (0, 1), (1, 1))
+#: Unknowns up to which a system's matrix and its inverse are looked at as a whole.
+SMALL = 2000
+#: How firmly a node with too few samples is held, over the mean information of a node.
+HOLD = 1e-9
+
+
+def gap_coefficients(rule: SampleRule) -> Array:
+    """Products ``l_i l_j t_c t_d`` at a prism's samples, shape (3 pairs, corner, corner, point)."""
+    t, lower = rule.parameter[:, :3], (1 - rule.parameter[:, 3]) / 2
+    line = np.stack([lower, 1 - lower], axis=1)
+    pairs = np.stack([line[:, i] * line[:, j] for i, j in PAIRS])
+    return np.einsum("kp,pc,pd->kcdp", pairs, t, t)
+
+
+def line_matrix(rule: SampleRule, layers: int) -> Array:
+    """Mean of ``l l^T`` over a gap's samples, put together over the gaps, shape (layer, layer)."""
+    lower = (1 - rule.parameter[:, 3]) / 2
+    line = np.stack([lower, 1 - lower], axis=1)
+    matrix = np.zeros((layers, layers))
+    for gap in range(layers - 1):
+        matrix[gap : gap + 2, gap : gap + 2] += line.T @ line / len(line)
+    return matrix
+
+
+class Assembly:
+    """Collects M, patch by patch.
+
+    Parameters
+    ----------
+    graph : Graph
+    rule : SampleRule
+    layers : int
+    block : int
+        Unknowns of a node that M couples.
+    """
+
+    def __init__(self, graph: Graph, rule: SampleRule, layers: int, block: int):
+        self.graph, self.rule, self.layers, self.block = graph, rule, layers, block
+        size = (layers - 1, 3, len(graph.indices), block, block)
+        self.pairs = np.zeros(size)
+        self.uniform = rule.triangle is not None
+
+    def add(self, patch: Patch, information: Array) -> None:
+        """Add the samples of a patch.
+
+        Parameters
+        ----------
+        patch : Patch
+        information : ndarray, shape (sample, block, block)
+            The matrices N_s.
+        """
+        gaps, triangles, points = patch.sample_shape
+        square = self.block**2
+        here = information.reshape(gaps, triangles, points, square)
+        self.uniform = self.uniform and self._same_at_all_depths(here)
+        coefficients = gap_coefficients(self.rule).reshape(-1, points)
+        each = np.tensordot(coefficients, here, axes=(1, 2)).reshape(3, 9, gaps, triangles, square)
+        each = each.transpose(2, 0, 3, 1, 4).reshape(gaps, 3, triangles * 9, square)
+        place, which = np.unique(self.graph.place[patch.triangles], return_inverse=True)
+        order = np.argsort(which, axis=None, kind="stable")
+        start = np.searchsorted(which.ravel()[order], np.arange(len(place)))
+        sums = np.add.reduceat(each[:, :, order], start, axis=2)
+        self.pairs[:, :, place] += sums.reshape(*sums.shape[:3], self.block, self.block)
+
+    def _same_at_all_depths(self, information: Array) -> bool:
+        gaps, triangles, _, square = information.shape
+        assert self.rule.triangle is not None
+        column = information.reshape(gaps, triangles, -1, len(self.rule.triangle), square)
+        return bool(np.all(column == column[:1, :, :1]))
+
+    def system(self, ranked: Bools) -> System:
+        """The matrix.
+
+        A node around which too few samples determine anything is held at zero: by an equation of
+        its own if it has no sample at all, otherwise by so little that neighbours do not notice.
+
+        Parameters
+        ----------
+        ranked : ndarray of bool, shape (layer, surface_node)
+            Nodes around which enough samples determine something.
+        """
+        lumped = _row_sums(self.graph, self.pairs)
+        trace = np.trace(lumped, axis1=-2, axis2=-1)
+        active = trace > 0
+        size = trace[active].mean() / self.block if active.any() else 1.0
+        for layer in range(self.layers):
+            gap, k = (layer, 0) if layer < self.layers - 1 else (layer - 1, 2)
+            for some, part in ((~active[layer], 1.0), (active[layer] & ~ranked[layer], HOLD)):
+                held = self.graph.diagonal[some]
+                self.pairs[gap, k, held] += part * size * np.eye(self.block)
+        line = line_matrix(self.rule, self.layers)
+        exact = self.uniform and bool(ranked.all())
+        return System(self.graph, self.pairs, line, lumped, active, exact)
+
+
+def _row_sums(graph: Graph, pairs: Array) -> Array:
+    """Sums of M's blocks over its columns, shape (layer, surface_node, block, block)."""
+    gaps, _, _, block, _ = pairs.shape
+    sums = np.zeros((gaps + 1, graph.nodes, block, block))
+    for gap, layer, _, k in _entries(gaps):
+        sums[layer] += np.add.reduceat(pairs[gap, k], graph.indptr[:-1], axis=0)
+    return sums
+
+
+def _entries(gaps: int) -> list[tuple[int, int, int, int]]:
+    """(gap, layer, other layer, pair) of every block of M over the layers."""
+    both = [(gap, gap + i, gap + j, k) for gap in range(gaps) for k, (i, j) in enumerate(PAIRS)]
+    return both + [(gap, other, layer, k) for gap, layer, other, k in both if layer != other]
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """The matrix M and its nearest Kronecker product.
+
+    Unknowns have the shape (layer, surface_node, block, column).
+
+    Attributes
+    ----------
+    graph : Graph
+    pairs : ndarray, shape (gap, 3, entry, block, block)
+        The surface matrices S of the pairs of layers, entries as in `graph`.
+    line : ndarray, shape (layer, layer)
+    lumped : ndarray, shape (layer, surface_node, block, block)
+        Information that the samples around a node have, ``sum_s phi N_s``.
+    active : ndarray of bool, shape (layer, surface_node)
+        Nodes with a sample.
+    exact : bool
+        Whether ``M = line (x) surface``.
+    """
+
+    graph: Graph
+    pairs: Array
+    line: Array
+    lumped: Array
+    active: Bools
+    exact: bool
+
+    @property
+    def block(self) -> int:
+        """Unknowns of a node that M couples."""
+        return self.pairs.shape[-1]
+
+    @property
+    def layers(self) -> int:
+        """Surfaces of the volume."""
+        return len(self.line)
+
+    @property
+    def nodes(self) -> int:
+        """Nodes of all layers."""
+        return self.layers * self.graph.nodes
+
+    @cached_property
+    def surface_blocks(self) -> Array:
+        """Mean over the gaps of ``sum_s t t^T (x) N_s``, shape (entry, block, block)."""
+        return (self.pairs[:, 0] + 2 * self.pairs[:, 1] + self.pairs[:, 2]).mean(axis=0)
+
+    @cached_property
+    def surface_sums(self) -> Array:
+        """Sums of `surface_blocks` over the columns, shape (surface_node, block, block)."""
+        return np.add.reduceat(self.surface_blocks, self.graph.indptr[:-1], axis=0)
+
+    @cached_property
+    def sums(self) -> Array:
+        """Sums of M's blocks over the columns: `lumped`, and what holds nodes."""
+        return _row_sums(self.graph, self.pairs)
+
+    @cached_property
+    def surface(self) -> bsr_array:
+        """`surface_blocks` as a matrix over the surface's unknowns."""
+        return self._over_surface(self.surface_blocks)
+
+    def part(self, keep: int) -> System:
+        """The system of the first `keep` unknowns of every node, the others being zero."""
+        return System(
+            self.graph,
+            np.ascontiguousarray(self.pairs[..., :keep, :keep]),
+            self.line,
+            self.lumped[..., :keep, :keep],
+            self.active,
+            self.exact,
+        )
+
+    def times(self, x: Array) -> Array:
+        """``M x``."""
+        flat = x.reshape(self.layers, self.graph.nodes * self.block, -1)
+        if self.exact:
+            along = np.tensordot(self.line, flat, axes=1)
+            return np.stack([self.surface @ layer for layer in along]).reshape(x.shape)
+        y = np.zeros_like(flat)
+        for layer, other, matrix in self._layer_matrices:
+            y[layer] += matrix @ flat[other]
+        return y.reshape(x.shape)
+
+    @cached_property
+    def _layer_matrices(self) -> list[tuple[int, int, bsr_array]]:
+        """Blocks of M over the layers."""
+        sums: dict[tuple[int, int], Array] = {}
+        for gap, layer, other, k in _entries(self.layers - 1):
+            if layer <= other:
+                known = sums.get((layer, other))
+                added = self.pairs[gap, k]
+                sums[layer, other] = added if known is None else known + added
+        upper = [(i, j, self._over_surface(blocks)) for (i, j), blocks in sums.items()]
+        return upper + [(j, i, matrix) for i, j, matrix in upper if i != j]
+
+    @property
+    def small(self) -> bool:
+        """Whether `dense` and `inverse` are cheap."""
+        return self.nodes * self.block <= SMALL
+
+    @cached_property
+    def dense(self) -> Array:
+        """M itself, of a small system."""
+        matrix: Array = self.matrix().toarray()
+        return matrix
+
+    @cached_property
+    def inverse(self) -> Array:
+        """Its inverse."""
+        factor, failed = dpotrf(self.dense, lower=True)
+        if failed:
+            return np.linalg.inv(self.dense).astype(float)
+        inverse: Array = dpotri(factor, lower=True, overwrite_c=True)[0]
+        return np.tril(inverse) + np.tril(inverse, -1).T
+
+    def matrix(self) -> csr_array:
+        """M itself, unknowns node by node, layer by layer."""
+        size = self.graph.nodes * self.block
+        rows, columns, values = [], [], []
+        for layer, other, matrix in self._layer_matrices:
+            entries = matrix.tocoo()
+            rows.append(entries.row + layer * size)
+            columns.append(entries.col + other * size)
+            values.append(entries.data)
+        places = np.concatenate(rows), np.concatenate(columns)
+        shape = (self.layers * size, self.layers * size)
+        return csr_array((np.concatenate(values), places), shape=shape)
+
+    def _over_surface(self, blocks: Array) -> bsr_array:
+        size = self.graph.nodes * self.block
+        return bsr_array((blocks, self.graph.indices, self.graph.indptr), shape=(size, size))
+
+
+def solution(right: Array, system: System, solve: Solve) -> Array:
+    """Solutions of right-hand sides (layer, surface_node, parameter, column).
+
+    Parameters that the system does not couple are right-hand sides of one matrix.
+    """
+    layers, nodes, _, _ = right.shape
+    return solve(right.reshape(layers, nodes, system.block, -1)).reshape(right.shape)

@@ -1,0 +1,104 @@
+"""Nodes where the views do not determine everything, and what they still do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.field.equations.assembly import SMALLEST_PART, Equations
+from sldvexp.reconstruction.observability import (
+    determined_components,
+    determined_intercept,
+    undetermined,
+)
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Flags:
+    """What is determined at each node.
+
+    Attributes
+    ----------
+    observable : ndarray of bool, shape (node, component)
+    determined : ndarray of bool, shape (node, parameter)
+        The same, with the intercept if there is one.
+    node : ndarray of int, shape (flagged,)
+    rank : ndarray of int, shape (flagged,)
+        Determined directions of the velocity.
+    direction : ndarray, shape (flagged, 3, 3)
+        Orthonormal; the first `rank` are determined.
+    """
+
+    observable: Bools
+    determined: Bools
+    node: NDArray[np.int_]
+    rank: NDArray[np.int_]
+    direction: Array
+
+
+def flags(equations: Equations) -> Flags:
+    """Judge every node by its samples.
+
+    As many parameters are determined as at a part of the node's samples, by each one's views alone.
+    The directions that are not are those of the least information of all its samples. Nodes next to
+    it and views that turn from sample to sample may say more; that is in the bounds, and no reason
+    to trust it.
+    """
+    parameters = equations.ranked.shape[-1]
+    ranked = equations.ranked.reshape(-1, parameters)
+    rank = np.sum(ranked >= SMALLEST_PART, axis=1)
+    node = np.flatnonzero(rank < parameters)
+    null = np.zeros((len(node), parameters, parameters))
+    lumped = equations.system.lumped.reshape(len(ranked), *equations.system.lumped.shape[2:])
+    coupled = lumped.shape[-1] > 1
+    vectors = np.linalg.eigh(lumped[node])[1] if coupled else np.eye(parameters)
+    lost = np.arange(parameters) < parameters - rank[node, None]
+    null[...] = np.swapaxes(np.broadcast_to(vectors, null.shape), 1, 2) * lost[..., None]
+    determined = np.ones(ranked.shape, bool)
+    determined[node, :3] = determined_components(null)
+    if parameters == 4:
+        determined[node, 3] = determined_intercept(null)
+    value, direction = np.linalg.eigh(undetermined(null))
+    return Flags(
+        determined[:, :3],
+        determined,
+        node,
+        np.sum(value < 0.5, axis=1),
+        np.ascontiguousarray(np.swapaxes(direction, 1, 2)),
+    )
+
+
+def described(found: Flags, position: Array, components: tuple[str, ...]) -> list[str]:
+    """Sentences about flagged nodes."""
+    blind = found.rank == 0
+    sentences = []
+    if blind.any():
+        some = found.node[blind]
+        where = _at(some, position)
+        sentences.append(
+            f"{_counted(some, position)} not seen well enough to determine anything{where}"
+        )
+    if (~blind).any():
+        some, first = found.node[~blind], np.flatnonzero(~blind)[0]
+        lost = found.direction[first][found.rank[first] :]
+        named = " and ".join("(" + ", ".join(f"{x + 0.0:.2f}" for x in d) + ")" for d in lost)
+        sentences.append(
+            f"{_counted(some, position)} seen in some directions only{_at(some, position)}, where "
+            f"the velocity along {named} in {', '.join(components)} is not determined"
+        )
+    return sentences
+
+
+def _counted(nodes: NDArray[np.int_], position: Array) -> str:
+    return f"{len(nodes)} of {len(position)} nodes {'is' if len(nodes) == 1 else 'are'}"
+
+
+def _at(nodes: NDArray[np.int_], position: Array) -> str:
+    place = ", ".join(f"{x:.4g}" for x in position[nodes[0]])
+    which = "" if len(nodes) == 1 else "the first is "
+    return f": {which}node {nodes[0]} (from 0) at ({place}) m"

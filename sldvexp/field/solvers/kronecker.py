@@ -1,0 +1,112 @@
+"""The inverse of a Kronecker product of a line's matrix and a surface's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, eye_array
+from scipy.sparse.linalg import SuperLU, splu
+
+from sldvexp.errors import UserError
+from sldvexp.field.equations.system import System
+
+Array = NDArray[np.float64]
+
+#: Right-hand sides that are solved together: more do not stay in the cache.
+COLUMNS_AT_ONCE = 32
+#: Smallest pivot over the largest of a matrix that is not singular.
+SINGULAR = 1e-14
+#: How many nodes of a singular system are named.
+NAMED = 5
+
+
+def factorised(matrix: csc_array) -> SuperLU:
+    """LU factors of a symmetric positive definite matrix, with an ordering for those.
+
+    Raises
+    ------
+    RuntimeError
+        If it is singular.
+    """
+    options = {"SymmetricMode": True}
+    factor = splu(matrix, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    pivots = np.abs(factor.U.diagonal())
+    if not pivots.min() > SINGULAR * pivots.max():
+        raise RuntimeError("the matrix is singular")
+    return factor
+
+
+def solved(factor: SuperLU, right: Array) -> Array:
+    """Solutions of real right-hand sides, shape (unknown, column)."""
+    solution = np.empty_like(right)
+    for first in range(0, right.shape[1], COLUMNS_AT_ONCE):
+        part = slice(first, first + COLUMNS_AT_ONCE)
+        solution[:, part] = factor.solve(np.asfortranarray(right[:, part]))
+    return solution
+
+
+@dataclass(frozen=True, eq=False)
+class KroneckerInverse:
+    """``(line (x) surface)^-1``, near the inverse of a system's matrix or exactly that.
+
+    Parameters
+    ----------
+    line : ndarray, shape (layer, layer)
+        The inverse of the line's matrix.
+    surface : SuperLU
+        Factors of the surface's.
+    """
+
+    line: Array
+    surface: SuperLU
+
+    @classmethod
+    def of(cls, system: System) -> KroneckerInverse:
+        """That of a system's means over depth.
+
+        Raises
+        ------
+        UserError
+            If samples do not determine all layers, or all nodes of a layer.
+        """
+        pivots = np.linalg.eigvalsh(system.line)
+        if not pivots[0] > SINGULAR * pivots[-1]:
+            raise UserError(
+                "field: samples through the thickness of each prism do not determine the layers "
+                "above and below them one by one; use samples.line=2 or more"
+            )
+        try:
+            surface = factorised(csc_array(system.surface))
+        except RuntimeError:
+            raise UserError(
+                "field: the samples are too few to determine the surface nodes "
+                f"{_undetermined(system)} one by one; use more points in each triangle, as with "
+                "samples.triangle=3"
+            ) from None
+        return cls(np.linalg.inv(system.line).astype(float), surface)
+
+    def times(self, x: Array) -> Array:
+        """``(line (x) surface)^-1 x``; x as in `System`."""
+        layers, columns = len(self.line), x.shape[-1]
+        flat = np.tensordot(self.line, x.reshape(layers, -1, columns), axes=1)
+        rows = flat.shape[1]
+        beside = flat.transpose(1, 0, 2).reshape(rows, layers * columns)
+        done = solved(self.surface, beside).reshape(rows, layers, columns)
+        return done.transpose(1, 0, 2).reshape(x.shape)
+
+
+def _undetermined(system: System) -> str:
+    """Nodes where the matrix's weakest vector is, by inverse iteration with a shift."""
+    matrix = csc_array(system.surface)
+    shift = 1e-8 * matrix.diagonal().mean()
+    factor = splu(csc_array(matrix + shift * eye_array(matrix.shape[0])), "MMD_AT_PLUS_A")
+    vector = np.random.default_rng(len(system.surface_blocks)).normal(size=matrix.shape[0])
+    for _ in range(5):
+        vector = factor.solve(vector)
+        vector /= np.abs(vector).max()
+    size = np.abs(vector).reshape(system.graph.nodes, -1).max(axis=1)
+    nodes = np.flatnonzero(size > 0.1)
+    named = ", ".join(map(str, nodes[:NAMED]))
+    return f"{named} and {len(nodes) - NAMED} others" if len(nodes) > NAMED else named

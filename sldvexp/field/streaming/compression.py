@@ -1,0 +1,166 @@
+"""Velocity images whose frequencies do not fit into memory, reduced to few combinations of them.
+
+Where views look and what the noise and the poses do to a field depends on the frequencies only
+through the modes that carry all of the data and the pixels' mean variances: images of these stand
+for the whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from sldvexp.errors import UserError
+from sldvexp.field.equations.assembly import real_columns
+from sldvexp.field.streaming.frequency_modes import FrequencyModes
+from sldvexp.field.visibility.view import require_same
+
+if TYPE_CHECKING:
+    from sldvexp.field.streaming.work import Work
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Compressed:
+    """Images with their frequencies' modes in the place of the frequencies.
+
+    Attributes
+    ----------
+    images : dict of str to xarray.Dataset
+        Groups ``image/<view>``: the modes' velocities, and pixels' standard errors, root mean
+        square over the frequencies.
+    modes : FrequencyModes
+    factor : ndarray, shape (view, frequency)
+        Each frequency's variance over the mean of all.
+    frequency : ndarray, shape (frequency,), Hz
+    """
+
+    images: dict[str, xr.Dataset]
+    modes: FrequencyModes
+    factor: Array
+    frequency: Array
+
+
+@dataclass(eq=False)
+class _Sums:
+    """What is known of a view's pixels once all their frequencies were seen.
+
+    Attributes
+    ----------
+    known : ndarray of bool, shape (pixel,)
+        All velocities are finite and have a standard error.
+    square : ndarray, shape (pixel,), m2/s2
+        Mean square of the standard error over the frequencies.
+    by_frequency : ndarray, shape (frequency,) or (1,)
+        Sum of squares over the usable pixels.
+    gram : ndarray, shape (column, column)
+        Products of the velocities' columns.
+    """
+
+    known: Bools
+    square: Array
+    by_frequency: Array
+    gram: Array
+
+
+def compress(tree: Mapping[str, xr.Dataset], work: Work) -> Compressed:
+    """Go through all images twice, some pixels at a time.
+
+    Parameters
+    ----------
+    tree : mapping of str to xarray.Dataset
+        With groups ``image/<view>`` whose velocities are Dask arrays, and ``pose``.
+    work : Work
+
+    Raises
+    ------
+    UserError
+        If there are no images, they have no frequencies, or views differ in them.
+    """
+    images = {k: v for k, v in tree.items() if k.startswith("image/")}
+    require_same({k.removeprefix("image/"): v for k, v in images.items()})
+    if not images or any("frequency" not in v["velocity"].dims for v in images.values()):
+        raise UserError("stream: there are no images with several frequencies; leave stream out")
+    sums = {name: _sums(image, work) for name, image in images.items()}
+    usable = {name: _usable(images[name]) & s.known for name, s in sums.items()}
+    frequency = next(iter(images.values()))["frequency"].values
+    factor, noise = [], np.zeros(2 * len(frequency))
+    for name, s in sums.items():
+        total = s.square[usable[name]].sum()
+        factor.append(_factor(s, total, int(usable[name].sum()), len(frequency)))
+        noise += np.repeat(total * factor[-1], 2)
+    modes = FrequencyModes.of_gram(np.sum([s.gram for s in sums.values()], axis=0), noise)
+    reduced = {name: _reduced(images[name], s, modes, work) for name, s in sums.items()}
+    return Compressed(reduced, modes, np.array(factor), frequency)
+
+
+def slices(array: xr.DataArray, dim: str) -> Iterator[slice]:
+    """The chunks of an array along a dimension."""
+    start = 0
+    for size in array.chunksizes[dim]:
+        yield slice(start, start + size)
+        start += size
+
+
+def _pieces(image: xr.Dataset) -> Iterator[slice]:
+    """Pixels that are looked at together: a chunk."""
+    return slices(image["velocity"], "pixel")
+
+
+def _usable(image: xr.Dataset) -> Bools:
+    return np.asarray(image["flags"].values == 0)
+
+
+def _sums(image: xr.Dataset, work: Work) -> _Sums:
+    """Those of an image, chunk by chunk of its pixels."""
+    velocity, std, usable = image["velocity"].data, image["velocity_std"].data, _usable(image)
+    found: list[_Sums] = []
+    for each in work.map(_sums_of, ((velocity[p], std[p], usable[p]) for p in _pieces(image))):
+        if found:  # of each chunk but the pixels' own only the sums are kept
+            each.gram += found[-1].gram
+            each.by_frequency = each.by_frequency + found[-1].by_frequency
+            found[-1].gram = np.zeros(0)
+        found.append(each)
+    known, square = (np.concatenate([getattr(s, n) for s in found]) for n in ("known", "square"))
+    return _Sums(known, square, found[-1].by_frequency, found[-1].gram)
+
+
+def _sums_of(velocity: NDArray[np.complexfloating], std: Array, usable: Bools) -> _Sums:
+    std = std.reshape(len(std), -1).astype(float)
+    known = np.isfinite(velocity).all(axis=1) & (np.isfinite(std) & (std >= 0)).all(axis=1)
+    columns, square = real_columns(velocity, usable & known), std**2
+    of_usable = square[usable & known].sum(axis=0)
+    return _Sums(known, square.mean(axis=1), of_usable, columns.T @ columns)
+
+
+def _factor(sums: _Sums, total: float, pixels: int, frequencies: int) -> Array:
+    """See `sldvexp.field.bounds.residuals_and_bounds.variance_factors`."""
+    if len(sums.by_frequency) != frequencies or not total > 0:
+        return np.ones(frequencies)
+    return sums.by_frequency / total
+
+
+def _reduced(image: xr.Dataset, sums: _Sums, modes: FrequencyModes, work: Work) -> xr.Dataset:
+    """An image of the modes; NaN where a velocity is not known."""
+    velocity, usable = image["velocity"].data, _usable(image) & sums.known
+    shared = work.share(modes)
+    tasks = ((shared, velocity[p], usable[p]) for p in _pieces(image))
+    values = np.concatenate(list(work.map(_of_modes, tasks)))
+    values[~sums.known] = np.nan
+    small: dict[str, Any] = {
+        "velocity": (("pixel", "frequency"), values, image["velocity"].attrs),
+        "velocity_std": ("pixel", np.sqrt(sums.square), image["velocity_std"].attrs),
+    }
+    kept = image[["dac", "flags"]].drop_vars("frequency", errors="ignore")
+    return kept.assign(small).assign_coords(frequency=np.arange(values.shape[1], dtype=float))
+
+
+def _of_modes(modes: FrequencyModes, velocity: NDArray[np.complexfloating], usable: Bools) -> Array:
+    return modes.of_columns(real_columns(velocity, usable))

@@ -1,0 +1,242 @@
+"""The field of a run whose frequencies do not fit into memory: solved block by block of them.
+
+The equations' matrix, where views look and what noise and poses do to nodal values are the same for
+all frequencies and are found once; right-hand sides, solutions and residuals are each frequency's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from sldvexp import dataset
+from sldvexp.field.bounds.element_error import element_error, mean_squares, told
+from sldvexp.field.bounds.intrinsic_effect import PoseErrors
+from sldvexp.field.bounds.mode_effect import ModeEffect, of_modes
+from sldvexp.field.bounds.pose_uncertainty import pose_covariance
+from sldvexp.field.bounds.residuals_and_bounds import Second, residuals_only
+from sldvexp.field.equations.assembly import Equations, real_columns, right_sides
+from sldvexp.field.equations.conditioning import condition_numbers
+from sldvexp.field.equations.regions import Parts
+from sldvexp.field.equations.system import Solve, solution
+from sldvexp.field.equations.undetermined import Flags
+from sldvexp.field.estimate import NO_COVARIANCE, check_views, solved_with
+from sldvexp.field.fit import Fit
+from sldvexp.field.outcome import Outcome
+from sldvexp.field.streaming.compression import Compressed, slices
+from sldvexp.field.to_dataset import field_group, pooled
+from sldvexp.field.visibility.looks import Looks
+from sldvexp.volume.base import Coordinates
+
+if TYPE_CHECKING:
+    from sldvexp.field.solvers.base import Solver
+    from sldvexp.field.streaming.work import Work
+    from sldvexp.reconstruction.base import Reconstruction
+    from sldvexp.volume.base import Volume
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Ready:
+    """A field with everything that does not depend on the frequency; other processes can have it.
+
+    Attributes
+    ----------
+    method : Reconstruction
+    solver : Solver
+    parts : Parts
+    equations : Equations
+    flags : Flags
+    second : Second
+        Variances from the noise of each view, and the covariance of the modes from the poses.
+    compressed : Compressed
+        Without images.
+    condition : pair of float
+    messages : tuple of str
+    """
+
+    method: Reconstruction
+    solver: Solver
+    parts: Parts
+    equations: Equations
+    flags: Flags
+    second: Second
+    compressed: Compressed
+    condition: tuple[float, float]
+    messages: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls,
+        compressed: Compressed,
+        looks: Looks,
+        method: Reconstruction,
+        solver: Solver,
+        local: bool,
+        errors: PoseErrors | None,
+    ) -> Ready:
+        """Fit the field to the modes, which gives all that the frequencies have in common."""
+        check_views(looks)
+        poses = pose_covariance(looks.views, None if errors is None else errors.covariance)
+        data = [np.where(v.usable[:, None], v.velocity.real, 0.0) for v in looks.views]
+        fit = Fit.of(looks, method, solver, local, data)
+        messages, modes = fit.messages, compressed.modes
+        effect = None if poses is None else ModeEffect(poses, modes, fit.theta, data)
+        if effect is None:
+            messages.append(NO_COVARIANCE)
+        second = fit.with_bounds(np.eye(len(looks.views)), effect)
+        if errors is not None and second.pose is not None:
+            solved = solved_with(looks, fit.parts.model, solver)
+            for more, less in errors.moved(looks.views):
+                change = (solved(more) - solved(less))[..., ::2] / 2  # modes have no imaginary part
+                second.pose[...] += _products(change)
+        return cls(
+            method,
+            solver,
+            fit.parts,
+            fit.equations,
+            fit.flags,
+            second,
+            replace(compressed, images={}),
+            condition_numbers(fit.equations.system, fit.solve),
+            tuple(messages),
+        )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Factors are not sent but made again, which is little work."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    @cached_property
+    def solve(self) -> Solve:
+        """The solver's factors."""
+        return self.solver.prepare(self.equations.system)
+
+    def block(self, some: slice, *velocity: NDArray[Any]) -> tuple[xr.Dataset, Array]:
+        """The group ``field`` of some frequencies, and `mean_squares` of it.
+
+        Parameters
+        ----------
+        some : slice
+            Which of all frequencies.
+        *velocity : ndarray of complex, shape (pixel, frequency), m/s
+            Each view's, at these frequencies.
+        """
+        looks, model = self.parts.looks, self.parts.model
+        views = zip(velocity, looks.views, strict=True)
+        data = [real_columns(each, view.usable) for each, view in views]
+        right = right_sides(self.parts, data)
+        theta = solution(right, self.equations.system, self.solve)
+        equations = replace(self.equations, right=right)
+        second = replace(
+            self._second(some), residuals=residuals_only(self.parts, theta, data).residuals
+        )
+        outcome = Outcome(looks, model, equations, self.flags, theta, second, self.solver)
+        result = outcome.result(list(self.messages), self.condition)
+        error = element_error(looks.prisms, looks.rule, result.velocity)
+        frequency = self.compressed.frequency[some]
+        group = field_group(result, looks.prisms, self.method, frequency, error)
+        assert result.confidence is not None
+        return group, mean_squares(error, result.confidence)
+
+    def _second(self, some: slice) -> Second:
+        """Bounds of some frequencies."""
+        second, factor = self.second, self.compressed.factor[:, some]
+        modes = self.compressed.modes.of_part(slice(2 * some.start, 2 * some.stop))
+        assert second.noise is not None
+        assert second.expected is not None
+        return replace(
+            second,
+            noise=second.noise @ factor,
+            expected=second.expected @ factor,
+            pose=None if second.pose is None else of_modes(modes, second.pose),
+        )
+
+
+def _products(change: Array) -> Array:
+    """Of all pairs of modes, from (..., mode) to (..., mode * mode)."""
+    square = change[..., :, None] * change[..., None, :]
+    return square.reshape(*change.shape[:-1], -1)
+
+
+def stream_field(
+    tree: Mapping[str, xr.Dataset],
+    compressed: Compressed,
+    looks: Looks,
+    volume: Volume,
+    method: Reconstruction,
+    solver: Solver,
+    work: Work,
+    folder: Path,
+) -> xr.Dataset:
+    """The group ``field`` of a run by one method, as `sldvexp.field.run.reconstruct` makes it.
+
+    Parameters
+    ----------
+    tree : mapping of str to xarray.Dataset
+        With the groups ``pose`` and ``image/<view>``, whose velocities are Dask arrays.
+    compressed : Compressed
+        Of these images.
+    looks : Looks
+        At its images.
+    volume : Volume
+    method : Reconstruction
+    solver : Solver
+    work : Work
+    folder : Path
+        For the blocks, which the group is made of as long as it is used.
+
+    Returns
+    -------
+    xarray.Dataset
+        Variables over the frequency are Dask arrays.
+    """
+    errors = PoseErrors.of(tree["pose"], looks.names)
+    local = volume.coordinates is Coordinates.local
+    ready = Ready.of(compressed, looks, method, solver, local, errors)
+    shared = work.share(ready)
+    images = [tree[f"image/{name}"]["velocity"] for name in looks.names]
+    blocks = slices(images[0], "frequency")
+    tasks = ((shared, some, *(image.data[:, some] for image in images)) for some in blocks)
+    squares, paths = [], []
+    still: list[xr.Dataset] = []
+    folder.mkdir()
+    for k, (group, square) in enumerate(work.map(Ready.block, tasks)):
+        paths.append(folder / f"{k:05d}.nc")
+        moving = [n for n, v in group.data_vars.items() if "frequency" in v.dims]
+        dataset.save_table(group[moving].drop_vars(_labels(group[moving])), paths[-1])
+        still = still or [group.drop_vars(moving)]
+        squares.append(square * group.sizes["frequency"])
+    whole = _joined(still[0], paths, moving)
+    coarse = told(np.sum(squares, axis=0) / len(compressed.frequency))
+    whole.attrs |= pooled(whole["sse"].values, whole.attrs["samples"])
+    whole.attrs["notes"] = "\n".join([*ready.messages, *coarse])
+    return whole
+
+
+def _labels(group: xr.Dataset) -> list[str]:
+    """Coordinates that are the same in all blocks."""
+    return [str(name) for name in group.coords if name != "frequency"]
+
+
+def _joined(first: xr.Dataset, paths: Sequence[Path], moving: Sequence[Any]) -> xr.Dataset:
+    """All blocks one after the other, in the files where they are."""
+    lazily = xr.open_mfdataset(
+        paths,
+        engine="netcdf4",
+        combine="nested",
+        concat_dim="frequency",
+        auto_complex=True,
+        chunks={},
+    )
+    for name in moving:
+        chunks = [sizes[0] for sizes in lazily[name].data.chunks]
+        lazily[name].encoding = {"chunksizes": tuple(chunks)}
+    return first.drop_vars("frequency", errors="ignore").assign(lazily.data_vars)

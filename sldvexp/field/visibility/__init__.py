@@ -1,0 +1,1 @@
+"""What each view sees of the volume's samples."""

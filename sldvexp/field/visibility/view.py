@@ -1,0 +1,234 @@
+"""One view: where the instrument stood and the velocity image that it took there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from sldvexp.errors import UserError, nearest
+from sldvexp.field.visibility.adjusted import adjusted
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.pose.base import EXTRINSICS
+from sldvexp.pose.intrinsics import nominal_intrinsics, places
+
+Array = NDArray[np.float64]
+
+#: How far ``R R'`` of a rotation may be from the identity.
+ORTHOGONAL = 1e-9
+#: Frequencies of two views are the same if they differ by less, relatively.
+SAME_FREQUENCY = 1e-12
+VELOCITY_UNIT = "m/s"
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Where an instrument stood and its velocity image.
+
+    Parameters
+    ----------
+    name : str
+    rotation : ndarray, shape (3, 3)
+        World to laser, ``P_laser = R (P_world - origin)``.
+    origin : ndarray, shape (3,), m
+    covariance : ndarray, shape (6, 6), rad and m, optional
+        Of the pose: a small rotation vector of the laser frame, ``R -> exp([w]) R``, then the
+        origin along the world's axes. None if nothing is known of it.
+    dac : ndarray, shape (pixel, 2), steps
+        (up_down, left_right) of each pixel.
+    velocity : ndarray of complex, shape (pixel, frequency), m/s
+        Positive towards the instrument.
+    std : ndarray, shape (pixel,) or (pixel, frequency), m/s
+        Its standard error, of real and imaginary part each.
+    flags : ndarray, shape (pixel,)
+        Not zero where the pixel is not to be trusted; its velocity may then be NaN.
+    shape : pair of int, optional
+        Rows and columns of a rectangular image, whose pixels go row by row.
+    intrinsics : ndarray, shape (5,), optional
+        Values of `INTRINSICS` that the pose was solved with, where they are not those configured.
+
+    Raises
+    ------
+    UserError
+        If the arrays do not fit one another, the rotation is none, or a pixel without a flag has
+        no finite velocity with a standard error.
+    """
+
+    name: str
+    rotation: Array
+    origin: Array
+    covariance: Array | None
+    dac: Array
+    velocity: NDArray[np.complex128]
+    std: Array
+    flags: NDArray[np.integer] | NDArray[np.bool_]
+    shape: tuple[int, int] | None = None
+    intrinsics: Array | None = None
+
+    def __post_init__(self) -> None:
+        self._check_pose()
+        self._check_shapes()
+        self._check_pixels()
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Which pixels have no flag, shape (pixel,)."""
+        return np.asarray(self.flags == 0)
+
+    def laser(self, configured: TwoMirror) -> TwoMirror:
+        """The laser that the view's pose belongs to."""
+        if self.intrinsics is None:
+            return configured
+        return adjusted(configured, self.intrinsics, f"view {self.name}")
+
+    def _check_pose(self) -> None:
+        where = f"view {self.name}"
+        if self.rotation.shape != (3, 3) or self.origin.shape != (3,):
+            raise UserError(
+                f"{where}: the pose needs a rotation of shape (3, 3) and an origin of shape (3,), "
+                f"not {self.rotation.shape} and {self.origin.shape}"
+            )
+        error = np.abs(self.rotation @ self.rotation.T - np.eye(3)).max()
+        if not error <= ORTHOGONAL or not np.linalg.det(self.rotation) > 0:
+            raise UserError(f"{where}: the rotation of the pose is not a proper rotation matrix")
+        if not np.isfinite(self.origin).all():
+            raise UserError(f"{where}: the origin of the pose is not three finite numbers")
+        if self.covariance is not None and self.covariance.shape != (6, 6):
+            raise UserError(
+                f"{where}: the covariance of the pose must be (6, 6), not {self.covariance.shape}"
+            )
+
+    def _check_shapes(self) -> None:
+        pixels, shapes = len(self.dac), (self.velocity.shape, self.std.shape, self.flags.shape)
+        fits = (
+            self.dac.shape == (pixels, 2)
+            and self.velocity.shape == (pixels, *self.velocity.shape[-1:])
+            and self.std.shape in ((pixels,), self.velocity.shape)
+            and self.flags.shape == (pixels,)
+        )
+        if not fits:
+            raise UserError(
+                f"view {self.name}: DAC steps of shape {self.dac.shape} need velocities (pixel, "
+                f"frequency), standard errors (pixel,) or (pixel, frequency) and flags (pixel,) "
+                f"of as many pixels, not {shapes[0]}, {shapes[1]} and {shapes[2]}"
+            )
+        if self.shape is not None and self.shape[0] * self.shape[1] != pixels:
+            rows, columns = self.shape
+            raise UserError(
+                f"view {self.name}: an image of {rows} rows and {columns} columns has "
+                f"{rows * columns} pixels, but there are {pixels}"
+            )
+
+    def _check_pixels(self) -> None:
+        if not np.isfinite(self.dac).all():
+            first = np.flatnonzero(~np.isfinite(self.dac).all(axis=1))[0]
+            raise UserError(f"view {self.name}: the DAC step of pixel {first} is not finite")
+        std = self.std.reshape(len(self.std), -1)
+        known = np.isfinite(self.velocity).all(axis=1) & (np.isfinite(std) & (std >= 0)).all(axis=1)
+        unknown = np.flatnonzero(~known & self.usable)
+        if len(unknown):
+            raise UserError(
+                f"view {self.name}: pixel {unknown[0]} has no finite velocity with a standard "
+                "error and no flag; flag it"
+            )
+
+
+def views_of(tree: Mapping[str, xr.Dataset], laser: TwoMirror) -> list[View]:
+    """The views of a run, from its groups ``pose`` and ``image/<view>``.
+
+    Parameters
+    ----------
+    tree : mapping of str to xarray.Dataset
+        Group path to its dataset.
+    laser : TwoMirror
+        As configured.
+
+    Returns
+    -------
+    list of View
+        In the order of the poses.
+
+    Raises
+    ------
+    UserError
+        If there is no image, an image has no pose, or units or frequencies differ between views.
+    """
+    images = {k.split("/", 1)[1]: v for k, v in tree.items() if k.startswith("image/")}
+    if not images:
+        raise UserError("field: there are no velocity images; scan the structure from some views")
+    if "pose" not in tree:
+        raise UserError(f"field: the images of {', '.join(images)} have no poses; choose a pose")
+    pose = tree["pose"]
+    names = [str(v) for v in pose["view"].values]
+    for name in images:
+        if name not in names:
+            raise UserError(
+                f"view {name}: has an image but no pose; {nearest(name, names)}; "
+                "find the pose of that view too, or leave its image out"
+            )
+    require_same(images)
+    nominal = nominal_intrinsics(laser.mirror_offset)
+    return [
+        _view(name, pose.sel(view=name), images[name], nominal) for name in names if name in images
+    ]
+
+
+def _view(name: str, pose: xr.Dataset, image: xr.Dataset, nominal: Array) -> View:
+    """One view from its pose and its image."""
+    covariance = pose["covariance"].sel(parameter=list(EXTRINSICS), parameter2=list(EXTRINSICS))
+    velocity = image["velocity"].values.astype(complex)
+    shape = image.attrs.get("shape")
+    return View(
+        name,
+        pose["rotation"].values,
+        pose["origin"].values,
+        covariance.values if np.isfinite(covariance.values).all() else None,
+        image["dac"].values.astype(float),
+        velocity.reshape(len(velocity), -1),
+        image["velocity_std"].values.astype(float),
+        image["flags"].values,
+        None if shape is None else (int(shape[0]), int(shape[1])),
+        _intrinsics(pose, nominal),
+    )
+
+
+def _intrinsics(pose: xr.Dataset, nominal: Array) -> Array | None:
+    """Values of `INTRINSICS` if some were adjusted with a view's pose."""
+    if "adjusted" not in pose.coords:
+        return None
+    found = nominal.copy()
+    found[places(map(str, pose["adjusted"].values))] = pose["intrinsic"].values
+    return found
+
+
+def require_same(images: Mapping[str, xr.Dataset]) -> None:
+    """Complain unless all images, by their views, are in m/s and at the same frequencies."""
+    first, reference = next(iter(images)), None
+    for name, image in images.items():
+        unit = image["velocity"].attrs.get("units")
+        if unit != VELOCITY_UNIT:
+            raise UserError(
+                f"view {name}: its velocities are in {unit or 'no unit'}; they must be in "
+                f"{VELOCITY_UNIT}"
+            )
+        has = "frequency" in image["velocity"].dims
+        frequency = np.asarray(image["frequency"].values if has else [], float)
+        if reference is None:
+            reference = frequency
+        same = frequency.shape == reference.shape
+        if not same or not np.allclose(frequency, reference, rtol=SAME_FREQUENCY, atol=0.0):
+            raise UserError(
+                f"view {name}: its frequencies ({_in_short(frequency)}) are not those of view "
+                f"{first} ({_in_short(reference)}); all views must be taken at the same ones"
+            )
+
+
+def _in_short(frequency: Array) -> str:
+    """Frequencies for a message."""
+    if not len(frequency):
+        return "none stated"
+    some = ", ".join(f"{f:.9g}" for f in frequency[:3])
+    return f"{some}{', ...' if len(frequency) > 3 else ''} Hz, {len(frequency)} in all"

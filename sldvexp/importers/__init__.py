@@ -1,0 +1,1 @@
+"""Plugins that make datasets of files from other instruments and programs."""

@@ -1,0 +1,253 @@
+"""The table in a text file of any language: its numbers, and what its columns are by their unit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.errors import UserError
+from sldvexp.files import require_file
+from sldvexp.importers.motion_units import motion_of
+from sldvexp.importers.pointwise import Quantity
+
+DELIMITERS = ("\t", ";", ",", None)
+NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+#: The unit at the end of a column's name, in brackets.
+IN_BRACKETS = re.compile(r"[\[(]\s*(?P<unit>[^\[\]]+?)\s*[\])]\s*$")
+HERTZ = re.compile(r"(?<![\d.,])(?P<number>\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*(?P<kilo>k?)Hz\b")
+#: A frequency in a column's name, as ``@ 100 Hz`` or ``(0,1 kHz)``.
+FREQUENCY = re.compile(rf"[@(\[]?\s*{HERTZ.pattern}\s*[)\]]?")
+ANGLES = {"deg": np.pi / 180, "°": np.pi / 180, "grad": np.pi / 180, "rad": 1.0}
+LEAST_COLUMNS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """The numbers of a table and where they stand.
+
+    Parameters
+    ----------
+    path : Path
+    values : ndarray, shape (row, column)
+    line : list of int
+        Number of each row's line.
+    names, units : list of str
+        Of the columns; empty where there are none.
+    before : str
+        The text above.
+    delimiter : str or None
+        Between columns; None for blanks.
+    place : list of str
+        What the file's columns, counted from 1, are that each column was made of.
+    """
+
+    path: Path
+    values: NDArray[np.float64]
+    line: list[int]
+    names: list[str]
+    units: list[str]
+    before: str
+    delimiter: str | None
+    place: list[str]
+
+    def wrong(self, message: str, row: int | None = None) -> UserError:
+        """The error of the table, or of one of its rows."""
+        return UserError(f"{self.path}, line {self.line[row or 0]}: {message}")
+
+    def roles(self, given: dict[str, int]) -> dict[str, int]:
+        """Column of each role, as given or recognised by units and places.
+
+        Raises
+        ------
+        UserError
+            If there are no coordinates, or values of more than one kind.
+        """
+        if given:
+            return self.checked(given)
+        found = self.places()
+        values = [i for i, u in enumerate(self.units) if motion_of(u) and i not in found.values()]
+        phase = [i for i, unit in enumerate(self.units) if unit.lower() in ANGLES]
+        return found | ({"phase": phase[-1]} if phase else {}) | self._values(values, bool(phase))
+
+    def checked(self, given: dict[str, int]) -> dict[str, int]:
+        """Column of each role, counted from 0, as given."""
+        columns = self.values.shape[1]
+        for role, column in given.items():
+            if column > columns:
+                raise self.wrong(f"instrument.columns.{role} is {column}, but there are {columns}")
+        return {role: column - 1 for role, column in given.items()}
+
+    def places(self) -> dict[str, int]:
+        """Column of each role but the values', recognised by units and places."""
+        found = self._coordinates()
+        first, last = found["x"], found["z"]
+        for i, unit in enumerate(self.units):
+            whole = not unit and (self.values[:, i] == np.round(self.values[:, i])).all()
+            if first <= i <= last:
+                continue
+            if unit.lower() in ("hz", "khz"):
+                found["frequency"] = i
+            elif unit.lower().startswith("db"):
+                raise self.wrong(f"column {i + 1} is in {unit}; export linear values")
+            elif whole:
+                found.setdefault("index" if i < first else "status", i)
+        return found
+
+    def listed(self, columns: list[int]) -> str:
+        """Columns with their names, for a message."""
+        return ", ".join(f"{i + 1} ({self.names[i]})" for i in columns) or "none"
+
+    def _coordinates(self) -> dict[str, int]:
+        """The first three columns in a row that are in one unit of length."""
+        units = [u if _is_length(u) else "" for u in self.units]
+        for i in range(len(units) - 2):
+            if units[i] and units[i] == units[i + 1] == units[i + 2]:
+                return {"x": i, "y": i + 1, "z": i + 2}
+        if self.units and self.units[0].lower() in ("hz", "khz"):
+            raise self.wrong(
+                "its rows are frequencies and its columns points, which leaves these without "
+                "coordinates; export a table with a row for each point, or a universal file"
+            )
+        raise self.wrong(
+            "there are no three columns of coordinates with a unit of length in the line above; "
+            "say which columns are what with instrument.columns={x: 2, y: 3, z: 4, ...}"
+        )
+
+    def _values(self, columns: list[int], phase: bool) -> dict[str, int]:
+        """Real and imaginary part, magnitude with its phase, or a real value."""
+        if len(columns) == 1:
+            return {"magnitude" if phase else "real": columns[0]}
+        if len(columns) == 2 and not phase and self.units[columns[0]] == self.units[columns[1]]:
+            return {"real": columns[0], "imag": columns[1]}
+        raise self.wrong(
+            f"the columns of velocities are {self.listed(columns)}; needed is one, or two of real "
+            "and imaginary part; say which with instrument.columns={real: 5, imag: 6, ...}"
+        )
+
+
+def read_table(path: Path) -> Table:
+    """The longest table of numbers in a text file, with the line of names and units above it.
+
+    Columns are between tabs, semicolons, commas or blanks, whichever makes the longest table; the
+    decimal mark is a point or a comma.
+
+    Raises
+    ------
+    UserError
+        If the file is missing or no text, or has no table, or one that mixes decimal marks.
+    """
+    lines = _text(path).splitlines()
+    best = max((_longest(lines, d) for d in DELIMITERS), key=lambda run: run[1] - run[0])
+    begin, end, delimiter = best
+    if begin == end:
+        raise UserError(
+            f"{path}: has no table of numbers with at least {LEAST_COLUMNS} columns, as number, x, "
+            "y, z and velocity"
+        )
+    rows = [fields(line, delimiter) for line in lines[begin:end]]
+    marks = {m for row in rows for cell in row for m in ".," if m in cell}
+    if len(marks) > 1:
+        row = next(i for i, r in enumerate(rows) if {m for c in r for m in ".," if m in c} != {"."})
+        raise UserError(f"{path}, line {begin + row + 1}: decimal points and commas are mixed")
+    values = np.array([[float(cell.replace(",", ".")) for cell in row] for row in rows])
+    if not np.isfinite(values).all():
+        row = int(np.argwhere(~np.isfinite(values))[0, 0])
+        raise UserError(f"{path}, line {begin + row + 1}: has a number that is too large")
+    names, units = _header(lines[:begin], delimiter, values.shape[1])
+    before = "\n".join(lines[:begin])
+    place = [str(i + 1) for i in range(len(names))]
+    numbers = list(range(begin + 1, end + 1))
+    return Table(path, values, numbers, names, units, before, delimiter, place)
+
+
+def _text(path: Path) -> str:
+    """The text of a file in UTF-8, UTF-16 or Latin-1."""
+    require_file(path)
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror or error}") from None
+    utf_16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+    for encoding in ("utf-16",) if utf_16 else ("utf-8-sig", "latin-1"):
+        try:
+            text = content.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        if "\0" not in text:
+            return text
+    raise UserError(f"{path}: is not a text file")
+
+
+def fields(line: str, delimiter: str | None) -> list[str]:
+    """The cells of a line up to the last that is not blank."""
+    cells = [field.strip().strip('"') for field in line.split(delimiter)]
+    while len(cells) > 1 and not cells[-1]:  # a delimiter at the end of the line
+        cells.pop()
+    return cells
+
+
+def _longest(lines: list[str], delimiter: str | None) -> tuple[int, int, str | None]:
+    """First and last but one line of the longest run with as many numbers each."""
+    best, begin, width = (0, 0, delimiter), 0, 0
+    for i, line in enumerate(lines):
+        cells = fields(line, delimiter)
+        numbers = all(NUMBER.fullmatch(c) and not (delimiter == "," and "," in c) for c in cells)
+        if not numbers or len(cells) < LEAST_COLUMNS:
+            width = 0
+        else:
+            if len(cells) != width:
+                begin, width = i, len(cells)
+            if i + 1 - begin > best[1] - best[0]:
+                best = (begin, i + 1, delimiter)
+    return best
+
+
+def _header(above: list[str], delimiter: str | None, columns: int) -> tuple[list[str], list[str]]:
+    """Names and units of the columns from the one or two lines above the table."""
+    found: list[list[str]] = []
+    lines = [fields(line, delimiter) for line in above if line.strip()]
+    for cells in reversed([cells for cells in lines if not of_frequencies(cells)][-2:]):
+        cells += [""] * (columns - len(cells))
+        if len(cells) != columns:
+            break
+        found.insert(0, cells)
+    if not found:
+        return [""] * columns, [""] * columns
+    names = [" ".join(parts).strip() for parts in zip(*found, strict=True)]
+    return names, [_unit(parts) for parts in zip(*found, strict=True)]
+
+
+def of_frequencies(cells: list[str]) -> bool:
+    """Whether a line holds bare numbers, of columns, behind a name with their unit Hz."""
+    words = [cell for cell in cells if cell and not NUMBER.fullmatch(cell)]
+    bare = sum(map(bool, cells)) - len(words)
+    return bare > 1 and len(words) == 1 and "hz" in words[0].lower()
+
+
+def _unit(cells: Sequence[str]) -> str:
+    """The unit in the cells above a column: in brackets, or alone in the lowest."""
+    for cell in reversed(cells):
+        if match := IN_BRACKETS.search(FREQUENCY.sub("", cell)):
+            return match["unit"]
+    last = cells[-1]
+    return last if motion_of(last) or last.lower() in (*ANGLES, "hz", "khz") else ""
+
+
+def _is_length(unit: str) -> bool:
+    motion = motion_of(unit)
+    return motion is not None and motion.quantity is Quantity.displacement and not motion.rest
+
+
+def frequencies_in(text: str) -> list[float]:
+    """Numbers that a text states in Hz, each once."""
+    return list(dict.fromkeys(hertz(m) for m in HERTZ.finditer(text)))
+
+
+def hertz(found: re.Match[str]) -> float:
+    """The frequency of a match of `HERTZ`."""
+    return float(found["number"].replace(",", ".")) * (1000.0 if found["kilo"] else 1.0)

@@ -1,0 +1,167 @@
+"""What the values of a universal file mean: from its own words and the settings, or asked for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sldvexp.errors import UserError
+from sldvexp.importers.measured import Conventions
+from sldvexp.importers.motion_units import motion_in_product, motion_of
+from sldvexp.importers.pointwise import Amplitude, Directions, MotionUnit, Phase, Quantity
+from sldvexp.importers.uff import Kind, Uff
+from sldvexp.io.uff.functions import ACCELERATION, DISPLACEMENT, KINDS, VELOCITY, Function
+from sldvexp.io.uff.qualifiers import HALF_PEAK, PEAK, RMS
+from sldvexp.io.uff.reader import UniversalFile
+
+BY_NUMBER = {
+    DISPLACEMENT: Quantity.displacement,
+    VELOCITY: Quantity.velocity,
+    ACCELERATION: Quantity.acceleration,
+}
+#: How far two statements of one unit may be apart, relatively.
+SAME_UNIT = 1e-3
+SCALES = {PEAK: Amplitude.peak, RMS: Amplitude.rms}
+
+
+def conventions(settings: Uff, file: UniversalFile, functions: list[Function]) -> Conventions:
+    """Decide for the chosen functions of a file.
+
+    Raises
+    ------
+    UserError
+        If functions differ, the file contradicts itself, or something is not said anywhere.
+    """
+    kind = Kind(functions[0].kind)
+    each = {f.ordinate: f for f in reversed(functions)}  # the first function of each
+    meanings = {_meaning(settings, file, f): f for f in reversed(each.values())}
+    if len(meanings) > 1:
+        (one, first), (two, second) = list(meanings.items())[:2]
+        raise file.wrong(
+            second,
+            f"has values in {_shown(*two)}, but data set {first.entry.number} in {_shown(*one)}; "
+            "functions of mixed units must come in different files, or instrument.containing must "
+            "choose among them",
+        )
+    ((quantity, unit, by),) = meanings
+    told = {"quantity": quantity.name, "unit": f"{unit:g} m per unit, {by}"}
+    scale, said = _scale(settings, file, kind, functions[0])
+    phase = Phase.exp_plus if kind is Kind.time else settings.phase
+    if phase is None:
+        what = "the sign of the phase (exp_plus or exp_minus)"
+        if kind is Kind.cross:
+            what += "; a cross spectrum of the response and the conjugate reference is exp_plus"
+        raise _asked(file, "phase", "exp_plus", what)
+    sign = 1
+    if settings.directions is not Directions.dof:
+        if settings.positive is None:
+            raise _asked(file, "positive", "towards", "where a positive velocity points to")
+        sign = settings.positive.value
+    told |= said | {
+        "positive": settings.positive.name if settings.positive else "along the dof",
+        "phase": phase.name,
+        "function": KINDS[kind.value],
+        "directions": settings.directions.name,
+    }
+    if kind is Kind.cross and settings.estimator is not None:
+        told["estimator"] = settings.estimator.name
+    return Conventions(quantity, unit * scale * sign, phase is Phase.exp_minus, told)
+
+
+def _scale(
+    settings: Uff, file: UniversalFile, kind: Kind, function: Function
+) -> tuple[float, dict[str, str]]:
+    """What peak amplitudes are made by: the reference, or the scale of spectra."""
+    if kind is Kind.time:
+        return 1.0, {"amplitude": "peak, of the sines of time records"}
+    if kind in (Kind.spectrum, Kind.nodal):
+        amplitude, by = _amplitude(settings, file, kind)
+        return amplitude.value, {"amplitude": f"{amplitude.name}, {by}"}
+    if settings.reference is None:
+        what = (
+            "the reference's peak amplitude, which response functions are multiplied with (1: "
+            "velocities per unit of the reference)"
+        )
+        raise _asked(file, "reference", "1.0", what)
+    unit = function.reference.unit
+    return settings.reference, {"reference": f"{settings.reference:g} {unit}".strip()}
+
+
+def length_unit(settings: Uff, file: UniversalFile) -> tuple[float, str]:
+    """One of the file's units of coordinates in m, and who says so."""
+    if settings.length_unit is not None:
+        return settings.length_unit.value, "as set"
+    if file.units is not None:
+        return file.units.length, "by data set 164"
+    raise _asked(file, "length_unit", "mm", "the unit of its coordinates in a data set 164")
+
+
+def _meaning(settings: Uff, file: UniversalFile, f: Function) -> tuple[Quantity, float, str]:
+    """Quantity and unit of a function's values: by the settings, its own words, data set 164."""
+    by_number = BY_NUMBER.get(f.ordinate.kind)
+    cross = f.kind == Kind.cross.value
+    motion = (motion_in_product if cross else motion_of)(f.ordinate.unit)
+    quantity = settings.quantity or by_number or (motion.quantity if motion else None)
+    if quantity is None:
+        what = "whether its values are a displacement, a velocity or an acceleration"
+        raise _asked(file, "quantity", "velocity", what, f)
+    differ = by_number and motion and by_number is not motion.quantity
+    if settings.quantity is None and by_number and motion and differ:
+        raise file.wrong(
+            f,
+            f"states the quantity {by_number.name}, but its unit {f.ordinate.unit} is one of "
+            f"{motion.quantity.name}; say which with instrument.quantity",
+        )
+    if settings.unit is not None:
+        return quantity, settings.unit.value, "as set"
+    if motion is not None:
+        if file.units is not None and motion.unit is not MotionUnit.g:
+            _check_agree(file, f, motion.unit.value, file.units.length)
+        return quantity, motion.unit.value, f"by the label {f.ordinate.unit}"
+    if file.units is not None:
+        return quantity, file.units.length, "by data set 164"
+    raise _asked(file, "unit", "m", "the unit of its values (m of m/s)", f)
+
+
+def _check_agree(file: UniversalFile, f: Function, label: float, stated: float) -> None:
+    """Complain unless a function's label and data set 164 have the same unit of length."""
+    if abs(label / stated - 1) > SAME_UNIT:
+        raise file.wrong(
+            f,
+            f"has values in {f.ordinate.unit}, but data set 164 states a unit of length of "
+            f"{stated:g} m; units are mixed, say which with instrument.unit",
+        )
+
+
+def _amplitude(settings: Uff, file: UniversalFile, kind: Kind) -> tuple[Amplitude, str]:
+    """Scale of the amplitudes of a spectrum, or of nodal values, of which 1858 says nothing."""
+    if settings.amplitude is not None:
+        return settings.amplitude, "as set"
+    if kind is Kind.nodal:
+        raise _asked(file, "amplitude", "peak", "whether nodal amplitudes are peak or rms")
+    if file.amplitude is not None and file.amplitude[0] == HALF_PEAK:
+        entry = file.amplitude[1]
+        raise entry.wrong(
+            file.source,
+            entry.first,
+            "states half-peak amplitudes, by which programs mean the peak or half of it; say "
+            "which with instrument.amplitude=peak or half",
+        )
+    if file.amplitude is not None:
+        return SCALES[file.amplitude[0]], f"by data set {file.amplitude[1].number} (1858)"
+    what = "whether amplitudes are peak or rms in a data set 1858"
+    raise _asked(file, "amplitude", "rms", what)
+
+
+def _asked(
+    file: UniversalFile, setting: str, example: Any, what: str, f: Function | None = None
+) -> UserError:
+    """What to say of something that neither the file nor the settings tell."""
+    where = f", data set {f.entry.number}" if f else ""
+    return UserError(
+        f"{file.source.path}{where}: does not state {what}; say it with "
+        f"instrument.{setting}, for example instrument.{setting}={example}"
+    )
+
+
+def _shown(quantity: Quantity, unit: float, by: str) -> str:
+    return f"units of {unit:g} m of {quantity.name} ({by})"

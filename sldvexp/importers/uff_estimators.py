@@ -1,0 +1,147 @@
+"""Response functions and their errors from cross and auto spectra of universal files."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.errors import UserError
+from sldvexp.importers.measured import Array, close
+from sldvexp.importers.uff import Estimator, Uff
+from sldvexp.io.uff.functions import DIRECTIONS, Function
+from sldvexp.io.uff.reader import UniversalFile
+
+AUTO = 2
+#: By how much rounded spectra may make a coherence larger than 1.
+ROUNDING = 1e-4
+
+
+def estimated(
+    settings: Uff,
+    file: UniversalFile,
+    crosses: list[Function],
+    values: NDArray[np.complex128],
+    frequency: Array,
+    lines: NDArray[np.intp],
+) -> NDArray[np.complex128]:
+    """Response functions ``H1 = G_xf / G_ff`` or ``H2 = G_xx / G_fx``.
+
+    Parameters
+    ----------
+    settings : Uff
+    file : UniversalFile
+    crosses : list of Function
+        Cross spectra ``G_xf``, one a node.
+    values : ndarray of complex, shape (function, frequency)
+        Of these.
+    frequency : ndarray, shape (frequency,), Hz
+    lines : ndarray of int, shape (frequency,)
+        Places of the frequencies in the abscissa.
+
+    Returns
+    -------
+    ndarray of complex, shape (function, frequency)
+        Zero where a cross spectrum is zero throughout.
+
+    Raises
+    ------
+    UserError
+        If the estimator is not set, or an auto spectrum is missing or zero.
+    """
+    if settings.estimator is None:
+        raise UserError(
+            f"{file.source.path}: has cross spectra, of which response functions are made in two "
+            "ways; say it with instrument.estimator=h1 (divided by the reference's auto spectrum: "
+            "noise is in the responses) or h2 (of the response's: noise is in the reference)"
+        )
+    if settings.estimator is Estimator.h1:
+        return values / _autos(settings, file, crosses, frequency, lines, of_reference=True)
+    response = _autos(settings, file, crosses, frequency, lines, of_reference=False)
+    measured = values.any(axis=1)
+    for function, row in zip(crosses, values, strict=True):
+        if row.any() and not row.all():
+            at = frequency[int(np.argmax(row == 0))]
+            raise file.wrong(function, f"the cross spectrum is zero at {at:g} Hz, where H2 is none")
+    found = np.zeros_like(values)
+    found[measured] = response[measured] / np.conj(values[measured])
+    return found
+
+
+def coherence(
+    settings: Uff,
+    file: UniversalFile,
+    crosses: list[Function],
+    frequency: Array,
+    lines: NDArray[np.intp],
+) -> Array:
+    """The coherence ``|G_xf|^2 / (G_xx G_ff)``, shape (function, frequency)."""
+    square = np.array([abs(file.values(f)[1][lines]) ** 2 for f in crosses])
+    for of_reference in (True, False):
+        square /= _autos(settings, file, crosses, frequency, lines, of_reference)
+    for function, row in zip(crosses, square, strict=True):
+        if not ((row > 0) & (row <= 1 + ROUNDING)).all():
+            raise file.wrong(
+                function,
+                f"with the auto spectra its coherence is {row.min():.4g} to {row.max():.4g}, and "
+                "must be above 0 and up to 1; are they of one scale?",
+            )
+    return np.minimum(square, 1.0)
+
+
+def _autos(
+    settings: Uff,
+    file: UniversalFile,
+    crosses: list[Function],
+    frequency: Array,
+    lines: NDArray[np.intp],
+    of_reference: bool,
+) -> Array:
+    """Auto spectra that belong to cross spectra, shape (function, frequency)."""
+    found: dict[tuple[int, int], Array] = {}
+    rows = []
+    for cross in crosses:
+        dof = (cross.node, cross.direction)
+        if of_reference:
+            dof = (cross.reference_node, cross.reference_direction)
+        if dof not in found:
+            auto = _auto(settings, file, cross, dof, "reference" if of_reference else "response")
+            abscissa, values = file.values(auto)
+            if len(abscissa) <= lines.max() or not close(abscissa[lines], frequency):
+                message = f"has other frequencies than data set {cross.entry.number}"
+                raise file.wrong(auto, f"{message}, whose auto spectrum it is")
+            values = values[lines]
+            wrong = ~((values.real > 0) & (abs(values.imag) <= ROUNDING * values.real))
+            if wrong.any():
+                raise file.wrong(
+                    auto,
+                    f"an auto spectrum must be real and above zero, but at "
+                    f"{frequency[int(np.argmax(wrong))]:g} Hz it is {values[wrong][0]:g}; choose "
+                    "other lines with instrument.frequency",
+                )
+            found[dof] = np.asarray(values.real, float)
+        rows.append(found[dof])
+    return np.array(rows)
+
+
+def _auto(
+    settings: Uff, file: UniversalFile, cross: Function, dof: tuple[int, int], of: str
+) -> Function:
+    """The one auto spectrum of a degree of freedom."""
+    autos = [f for f in file.functions if f.kind == AUTO and (f.node, f.direction) == dof]
+    if len(autos) > 1:
+        autos = [f for f in autos if settings.containing in " ".join(f.text)]
+    name = f"{dof[0]}{DIRECTIONS.get(dof[1], '') if dof[1] else ''}"
+    if len(autos) != 1:
+        raise file.wrong(
+            cross,
+            f"needs one auto spectrum of its {of} {name} (function type {AUTO}) in the file for "
+            f"{'H1' if of == 'reference' else 'H2'} or the coherence; there are {len(autos)}",
+        )
+    density = [f.ordinate.unit.rstrip(" )]").endswith("Hz") for f in (cross, autos[0])]
+    if cross.ordinate.unit and autos[0].ordinate.unit and density[0] != density[1]:
+        raise file.wrong(
+            cross,
+            f"is in {cross.ordinate.unit}, its auto spectrum in {autos[0].ordinate.unit}; both "
+            "must be powers, or both power densities",
+        )
+    return autos[0]

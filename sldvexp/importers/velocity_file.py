@@ -1,0 +1,109 @@
+"""`instrument=file`: line-of-sight velocities from a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from omegaconf import MISSING
+
+from sldvexp.config.paths import locate
+from sldvexp.config.registry import register
+from sldvexp.errors import Checks, nearest
+from sldvexp.importers.pointwise import Amplitude, Phase, Positive
+from sldvexp.units import VelocityUnit
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from sldvexp.laser.two_mirror import TwoMirror
+
+
+@register("instrument", "file")
+@dataclass
+class File:
+    """Velocities that were measured before, as CSV, netCDF or MATLAB arrays.
+
+    Parameters
+    ----------
+    path : str
+        A ``.csv`` (``view,dx,dy,dz,frequency,real,imag`` and optionally ``point`` and ``std``), or
+        ``.nc`` or ``.mat`` with arrays ``direction_cosines``, ``velocity``, ``frequency``, ``std``.
+    unit : VelocityUnit
+        Of the file's velocities.
+    positive : Positive
+        Which way a positive velocity points.
+    phase : Phase
+        Sign of the time dependence that complex velocities belong to.
+    amplitude : Amplitude
+        What a velocity gives of a sine.
+    mapping : dict of str to str
+        From the file's names of variables, dimensions or columns to the program's, ``{vlos:
+        velocity, head: view}``; complex velocities may come as ``real`` and ``imag``.
+    order : list of str
+        Dimensions of the velocities of a ``.mat``, if not view, point, frequency.
+    group : str
+        Of a ``.nc``; empty for the group ``line_of_sight``, or the root.
+    """
+
+    path: str = MISSING
+    unit: VelocityUnit = VelocityUnit.m_per_s
+    positive: Positive = Positive.towards
+    phase: Phase = Phase.exp_plus
+    amplitude: Amplitude = Amplitude.peak
+    mapping: dict[str, str] = field(default_factory=dict)
+    order: list[str] = field(default_factory=list)
+    group: str = ""
+
+    def __post_init__(self) -> None:
+        from sldvexp.io.velocities.layout import KNOWN, ORDER
+
+        checks = Checks()
+        for theirs, own in self.mapping.items():
+            turned = theirs in KNOWN and own not in KNOWN
+            message = f"the file's name comes first: write {{{own}: {theirs}}}"
+            message = message if turned else f"there is no {own} here; {nearest(own, KNOWN)}"
+            checks.require(own in KNOWN, f"mapping.{theirs}", message)
+        known = set(self.order) <= set(ORDER) and len(set(self.order)) == len(self.order)
+        message = f"must be each once of {', '.join(ORDER)}, with view among them"
+        checks.require(not self.order or (known and "view" in self.order), "order", message)
+        checks.done()
+
+    def inputs(self) -> list[str]:
+        """The file."""
+        return [self.path]
+
+    def read(
+        self, tree: Mapping[str, xr.Dataset] | None = None, laser: TwoMirror | None = None
+    ) -> xr.Dataset:
+        """The group ``line_of_sight``.
+
+        Parameters
+        ----------
+        tree : mapping of str to Dataset, optional
+            The run's groups; not needed.
+        laser : TwoMirror, optional
+            Likewise.
+
+        Raises
+        ------
+        UserError
+            If the file is missing or is not what it should be.
+        """
+        import numpy as np
+
+        from sldvexp.io.velocities.layout import Layout
+        from sldvexp.io.velocities.read import read
+
+        layout = Layout(self.mapping, tuple(self.order), self.group)
+        group = read(locate(self.path), self.unit, layout).group()
+        factor = self.positive.value * self.amplitude.value
+        velocity = group["velocity"].values
+        velocity = factor * (np.conj(velocity) if self.phase is Phase.exp_minus else velocity)
+        group["velocity"] = group["velocity"].copy(data=velocity)
+        if "velocity_std" in group:
+            std = group["velocity_std"]
+            group["velocity_std"] = std.copy(data=self.amplitude.value * std.values)
+        said = {name: getattr(self, name).name for name in ("positive", "phase", "amplitude")}
+        return group.assign_attrs({f"import_{name}": value for name, value in said.items()})

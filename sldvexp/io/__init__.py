@@ -1,0 +1,1 @@
+"""Formats of files, which know no configuration and no plugin."""

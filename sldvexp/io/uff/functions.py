@@ -1,0 +1,286 @@
+"""Data set 58: a function at a degree of freedom, its header first and its values on demand."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.io.uff.fortran import columns, integers, number, table
+from sldvexp.io.uff.index import ASCII_LINES, Entry, shown
+from sldvexp.io.uff.source import Source
+
+#: Types of functions by their number in the file, as far as they are spoken of; and of those that
+#: values at nodes, one data set a frequency, are put together to.
+KINDS = {
+    0: "general",
+    1: "time response",
+    2: "auto spectrum",
+    3: "cross spectrum",
+    4: "frequency response function",
+    5: "transmissibility",
+    6: "coherence",
+    9: "power spectral density",
+    12: "spectrum",
+    (NODAL := 55): "nodal values (data set 55)",
+}
+#: Types of values: (complex, double).
+TYPES = {2: (False, False), 4: (False, True), 5: (True, False), 6: (True, True)}
+DISPLACEMENT, VELOCITY, ACCELERATION = 8, 11, 12
+#: Degrees of freedom by their number in the file.
+DIRECTIONS = {0: "scalar"} | {
+    sign * (3 * turned + k): f"{'+' if sign > 0 else '-'}{'R' * turned}{axis}"
+    for sign in (1, -1)
+    for turned in (0, 1)
+    for k, axis in enumerate("XYZ", 1)
+}
+#: Longest header, eleven lines of 80 columns and what others make of them.
+LONGEST_HEADER = 1 << 14
+
+
+class Axis(NamedTuple):
+    """What one axis of a function means.
+
+    Parameters
+    ----------
+    kind : int
+        The file's number of the quantity, as 11 for velocity; 0 and 1 say nothing.
+    label, unit : str
+        As somebody named them, in any language.
+    """
+
+    kind: int
+    label: str
+    unit: str
+
+
+class Function(NamedTuple):
+    """The header of a function.
+
+    Parameters
+    ----------
+    entry : Entry
+    text : tuple of str
+        The five lines that identify it.
+    kind : int
+        Key of `KINDS`.
+    node, direction : int
+        Of the response; `direction` is a key of `DIRECTIONS`.
+    reference_node, reference_direction : int
+    complex, double, even : bool
+    size : int
+        Number of values.
+    first, step : float
+        Of an even abscissa.
+    abscissa, ordinate, reference : Axis
+        `reference` is the denominator of the ordinate.
+    """
+
+    entry: Entry
+    text: tuple[str, ...]
+    kind: int
+    node: int
+    direction: int
+    reference_node: int
+    reference_direction: int
+    complex: bool
+    double: bool
+    even: bool
+    size: int
+    first: float
+    step: float
+    abscissa: Axis
+    ordinate: Axis
+    reference: Axis
+
+    @property
+    def dof(self) -> str:
+        """The degree of freedom, as ``12+Z``, or ``12`` of a scalar."""
+        return f"{self.node}{DIRECTIONS[self.direction] if self.direction else ''}"
+
+
+def read_header(source: Source, entry: Entry) -> Function:
+    """The header of a function; nothing is read beyond it.
+
+    Raises
+    ------
+    UserError
+        If it is cut off or one of its numbers is none.
+    """
+    stop = entry.data if entry.binary else min(entry.end, entry.first + LONGEST_HEADER)
+    text = source.peek(entry.first, stop - entry.first)
+    lines = text.splitlines(keepends=True)[:ASCII_LINES]
+    starts = [entry.first]
+    for line in lines:
+        starts.append(starts[-1] + len(line))
+    if len(lines) < ASCII_LINES or starts[-1] > entry.end:
+        message = f"the header must have {ASCII_LINES} lines, not {len(lines)}"
+        raise entry.wrong(source, max(starts[-1] - 1, entry.first), message)
+
+    def bad(line: int, what: str) -> Exception:
+        return entry.wrong(source, starts[line], f"{what}, not {shown(lines[line].strip())}")
+
+    dof = _dof(lines[5])
+    if dof is None:
+        raise bad(5, "must hold the function's type and degrees of freedom in columns 1 to 80")
+    shape = _shape(lines[6])
+    if shape is None:
+        raise bad(6, "must hold type, number and spacing of the values and the abscissa")
+    type_, count, spacing, first, step = shape
+    if type_ not in TYPES:
+        raise bad(6, "the type of the values must be 2, 4, 5 or 6 (real or complex)")
+    if spacing not in (0, 1):
+        raise bad(6, "the spacing of the abscissa must be 0 (uneven) or 1 (even)")
+    if count < 1:
+        raise bad(6, "there must be at least one value")
+    if spacing == 1 and not (np.isfinite([first, step]).all() and (step != 0 or count == 1)):
+        raise bad(6, "the even abscissa must have a finite start and an increment other than 0")
+    axes = []
+    for i in range(7, 10):
+        axis = _axis(lines[i])
+        if axis is None:
+            raise bad(i, "must begin with the number of a quantity")
+        axes.append(axis)
+    words = tuple(map(_word, lines[:5]))
+    numbers = (dof[0], *dof[1:])
+    return Function(entry, words, *numbers, *TYPES[type_], spacing == 1, count, first, step, *axes)
+
+
+def bytes_needed(source: Source, entry: Entry) -> list[int]:
+    """Possible lengths of the values of a 58b by the header alone."""
+    function = read_header(source, entry)
+    return [function.size * size for size in _bytes_a_value(function)]
+
+
+def read_values(source: Source, function: Function) -> tuple[NDArray, NDArray]:
+    """Abscissa and ordinate of a function.
+
+    Returns
+    -------
+    abscissa : ndarray of float64, shape (value,)
+    ordinate : ndarray of float64 or complex128, shape (value,)
+        In the file's units.
+
+    Raises
+    ------
+    UserError
+        If there are fewer or more values than the header claims, or one is no finite number.
+    """
+    entry = function.entry
+    per_value = 1 + function.complex + (not function.even)
+    start = entry.data
+    if entry.binary:
+        found = _binary_values(source, function)
+    else:
+        start = _end_of_header(source, entry)
+        if 2 * function.size * per_value > entry.end - start + 1:
+            message = (
+                f"the header claims {function.size} values, for which the {entry.end - start} "
+                "bytes of this data set have no room"
+            )
+            raise entry.wrong(source, start, message)
+        flat = table(source, entry, start, _widths(function), function.size * per_value)
+        found = flat.reshape(function.size, per_value)
+    if not np.isfinite(found).all():
+        value = int(np.argwhere(~np.isfinite(found))[0, 0]) + 1
+        raise entry.wrong(source, start, f"value {value} is not a finite number")
+    if function.even:
+        abscissa = function.first + function.step * np.arange(function.size)
+    else:
+        abscissa, found = np.ascontiguousarray(found[:, 0]), np.ascontiguousarray(found[:, 1:])
+    ordinate = found.view(np.complex128) if function.complex else found
+    return abscissa, ordinate.reshape(function.size)
+
+
+def _binary_values(source: Source, function: Function) -> NDArray[np.float64]:
+    """The values of a 58b, shape (value, numbers of each)."""
+    entry = function.entry
+    assert entry.binary is not None
+    have = entry.end - entry.data
+    for size in _bytes_a_value(function):
+        if size * function.size <= have < size * function.size + size:
+            break
+    else:
+        message = (
+            f"the header claims {function.size} values of {size} bytes, but there are {have} bytes"
+        )
+        raise entry.wrong(source, entry.data, message)
+    y = f"{entry.binary.order}f{8 if function.double else 4}"
+    numbers = 1 + function.complex
+    x = [] if function.even else [("x", f"{entry.binary.order}f{size - numbers * int(y[-1])}")]
+    raw = source.read_binary(entry.data, entry.data + size * function.size)
+    records = np.frombuffer(raw, np.dtype([*x, ("y", y, (numbers,))]))
+    if function.even:
+        return records["y"].astype(np.float64)
+    return np.column_stack([records["x"].astype(np.float64), records["y"]])
+
+
+def _bytes_a_value(function: Function) -> tuple[int, ...]:
+    """Bytes of one value; the abscissa of double values is written single or double."""
+    of_ordinate = (8 if function.double else 4) * (1 + function.complex)
+    if function.even:
+        return (of_ordinate,)
+    return (of_ordinate + 4, of_ordinate + 8) if function.double else (of_ordinate + 4,)
+
+
+def _widths(function: Function) -> list[int]:
+    """Columns of a line of values."""
+    if not function.double:
+        return [13] * 6
+    if function.even:
+        return [20] * 4
+    return [13, 20, 20] if function.complex else [13, 20, 13, 20]
+
+
+def _end_of_header(source: Source, entry: Entry) -> int:
+    lines = source.peek(entry.first, min(entry.end - entry.first, LONGEST_HEADER))
+    return entry.first + sum(map(len, lines.splitlines(keepends=True)[:ASCII_LINES]))
+
+
+def _dof(line: bytes) -> tuple[int, int, int, int, int] | None:
+    """Type, response node and direction, reference node and direction: 2(I5,I10), 2(1X,A10,..)."""
+    fields = [line[a:b].strip() for a, b in ((0, 5), (41, 51), (51, 55), (66, 76), (76, 80))]
+    try:
+        kind, node, direction, reference, reference_direction = (int(f or b"0") for f in fields)
+    except ValueError:
+        return None
+    if not fields[0] or direction not in DIRECTIONS:
+        return None
+    return kind, node, direction, reference, reference_direction
+
+
+@lru_cache(maxsize=64)  # functions of a file have most of these lines in common
+def _shape(line: bytes) -> tuple[int, int, int, float, float] | None:
+    """Type, number and spacing of the values, start and increment of the abscissa."""
+    for fields in ([line[i : i + 10] for i in (0, 10, 20)], line.split()[:3]):
+        found = integers(b" ".join(fields), 80)
+        if found is not None and len(found) == 3:
+            break
+    else:
+        return None
+    rest = columns(line[30:], 13)
+    for reals in (rest[:2], line.split()[3:5]):
+        try:
+            first, step = (number(r) for r in reals)
+        except ValueError:
+            continue
+        return found[0], found[1], found[2], first, step
+    return None
+
+
+@lru_cache(maxsize=64)
+def _axis(line: bytes) -> Axis | None:
+    """Quantity, label and unit: I10, 3I5, 2(1X,A20); a blank line says nothing."""
+    try:
+        kind = int(line[:10].strip() or b"0")
+    except ValueError:
+        return None
+    label, unit = (line[a:b].decode("utf-8", "replace").strip() for a, b in ((25, 46), (46, 67)))
+    return Axis(kind, *("" if t.upper() == "NONE" else t for t in (label, unit)))
+
+
+@lru_cache(maxsize=64)
+def _word(line: bytes) -> str:
+    return line.decode("utf-8", "replace").strip()

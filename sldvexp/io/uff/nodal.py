@@ -1,0 +1,185 @@
+"""Data set 55: values at nodes at one frequency, as functions of each node and direction."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.errors import UserError
+from sldvexp.io.uff.fortran import Lines, between_blanks
+from sldvexp.io.uff.functions import NODAL, Axis, Function
+from sldvexp.io.uff.index import Entry
+from sldvexp.io.uff.source import Source
+
+#: What an analysis is called by its number; only a frequency response has values of one frequency.
+ANALYSES = {
+    1: "static",
+    2: "of a normal mode",
+    3: "of a complex mode",
+    4: "of an instant of time",
+    6: "of buckling",
+    7: "of a complex mode",
+}
+RESPONSE = 5
+#: Directions of a node's values by their number: a scalar, translations, translations and turns.
+DIRECTIONS_OF = {1: (0,), 3: (1, 2, 3), 6: (1, 2, 3, 4, 5, 6)}
+#: Types of values: whether they are complex.
+COMPLEX = {2: False, 4: False, 5: True, 6: True}
+WIDTH = 13
+
+
+class Nodal(NamedTuple):
+    """One data set 55.
+
+    Parameters
+    ----------
+    entry : Entry
+    text : tuple of str
+        The five lines that identify it.
+    quantity : int
+        The file's number of it, as 11 for velocity; 0 if unknown.
+    frequency : float, Hz
+    node : ndarray of int, shape (node,)
+        Ascending.
+    values : ndarray, shape (node, direction)
+        Real or complex, in the file's units.
+    """
+
+    entry: Entry
+    text: tuple[str, ...]
+    quantity: int
+    frequency: float
+    node: NDArray[np.int64]
+    values: NDArray
+
+
+def read_nodal(source: Source, entry: Entry, containing: str = "") -> Nodal | None:
+    """One data set; None if its identifying lines lack a text.
+
+    Raises
+    ------
+    UserError
+        If it is broken, is of a mode, or its values are of more than displacements in space.
+    """
+    lines = Lines(source, entry)
+    text = tuple(lines.next("a line of text").decode("utf-8", "replace").strip() for _ in range(5))
+    if containing not in " ".join(text):
+        return None
+    _, analysis, _, quantity, type_, count = lines.integers("the kinds of the values", 6)[:6]
+    if analysis != RESPONSE:
+        raise lines.wrong(
+            f"these values are {ANALYSES.get(analysis, f'of the analysis type {analysis}')}, not "
+            f"amplitudes at a frequency; needed are frequency responses (type {RESPONSE}), or "
+            "functions (data set 58)"
+        )
+    if type_ not in COMPLEX or count not in DIRECTIONS_OF:
+        raise lines.wrong(
+            "must be real or complex values (type 2 or 5) of 1, 3 or 6 directions, not of type "
+            f"{type_} and {count} directions"
+        )
+    integers = lines.integers("number of integers and of reals", 2)
+    if integers[1] != 1 or not 0 <= integers[0] <= 6:
+        message = f"a frequency response has one real number, its frequency, not {integers[1]}"
+        raise lines.wrong(message)
+    (frequency,) = lines.numbers("the frequency", 1, WIDTH)
+    if frequency < 0:
+        raise lines.wrong(f"the frequency must be zero or positive, not {frequency:g}")
+    node, flat = _rows(lines, count * (1 + COMPLEX[type_]))
+    order = np.argsort(node, kind="stable")
+    node, flat = node[order], np.ascontiguousarray(flat[order])
+    if len(twice := node[1:][node[1:] == node[:-1]]):
+        raise lines.wrong(f"the node {twice[0]} has values twice")
+    values = flat.view(np.complex128) if COMPLEX[type_] else flat
+    return Nodal(entry, text, quantity, frequency, node, values)
+
+
+def _rows(lines: Lines, count: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Numbers of nodes and their values, to the end of the data set."""
+    start = lines.at
+    flat = between_blanks(b"\n".join(lines.text[start:]))
+    if flat is not None and len(flat) and len(flat) % (1 + count) == 0:
+        table = flat.reshape(-1, 1 + count)
+        node = table[:, 0]
+        if np.isfinite(table).all() and (node == np.round(node)).all() and abs(node).max() < 1e10:
+            return node.astype(np.int64), table[:, 1:]
+    nodes, rows = [], []  # one line after the other tells what is wrong, and where
+    while lines:
+        nodes.append(lines.integers("the number of a node", 1)[0])
+        row: list[float] = []
+        while len(row) < count:
+            row += lines.numbers("the values of a node", min(6, count - len(row)), WIDTH)
+        rows.append(row)
+    if not nodes:
+        raise lines.wrong("has no values")
+    return np.array(nodes, np.int64), np.array(rows)
+
+
+class Shapes:
+    """The data sets 55 of a file as functions of frequency.
+
+    Parameters
+    ----------
+    sets : list of Nodal
+        At least one; all with the same nodes and directions.
+    source : Source
+
+    Raises
+    ------
+    UserError
+        If they differ in nodes, directions or quantity, or two are of one frequency.
+    """
+
+    def __init__(self, source: Source, sets: list[Nodal]):
+        sets = sorted(sets, key=lambda one: one.frequency)
+        first = sets[0]
+        for before, one in zip([first, *sets[:-1]], sets, strict=True):
+            self._check(source, before, one)
+        self.frequency = np.array([one.frequency for one in sets])
+        self.node, self.entry = first.node, first.entry
+        #: shape (node, direction, frequency)
+        self.values = np.stack([one.values for one in sets], axis=2)
+        self.directions = DIRECTIONS_OF[first.values.shape[1]]
+        self.functions = [
+            Function(
+                first.entry,
+                first.text,
+                NODAL,
+                node=int(node),
+                direction=direction,
+                reference_node=0,
+                reference_direction=0,
+                complex=bool(np.iscomplexobj(self.values)),
+                double=False,
+                even=False,
+                size=len(sets),
+                first=0.0,
+                step=0.0,
+                abscissa=Axis(18, "", "Hz"),
+                ordinate=Axis(first.quantity, "", ""),
+                reference=Axis(0, "", ""),
+            )
+            for node in first.node
+            for direction in self.directions
+        ]
+
+    def of(self, function: Function) -> tuple[NDArray, NDArray]:
+        """Frequencies and values of one of the functions."""
+        place = np.searchsorted(self.node, function.node)
+        return self.frequency, self.values[place, self.directions.index(function.direction)]
+
+    @staticmethod
+    def _check(source: Source, before: Nodal, one: Nodal) -> None:
+        def wrong(what: str) -> UserError:
+            return one.entry.wrong(source, one.entry.first, what)
+
+        other = f"data set {before.entry.number}"
+        if one is not before and one.frequency == before.frequency:
+            raise wrong(
+                f"and {other} are both of {one.frequency:g} Hz; choose one with "
+                "instrument.containing, a text of the lines that identify it"
+            )
+        same = np.array_equal(one.node, before.node) and one.values.shape == before.values.shape
+        if not same or one.quantity != before.quantity:
+            raise wrong(f"has other nodes, directions or another quantity than {other}")

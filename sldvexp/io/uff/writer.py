@@ -1,0 +1,227 @@
+"""Data sets of universal files, as text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+DELIMITER = "    -1"
+#: Descriptors of finite elements: thin shell linear triangle, solid linear wedge.
+TRIANGLE, WEDGE = 91, 112
+#: Kinds of data: velocity, frequency.
+VELOCITY, FREQUENCY = 11, 18
+#: What a shape is: of a complex mode, of a frequency response.
+COMPLEX_MODE, RESPONSE = 3, 5
+#: Kinds of function: spectrum.
+SPECTRUM = 12
+REAL, COMPLEX, DOUBLE_COMPLEX = 2, 5, 6
+#: Amplitudes of data set 1858: peak.
+PEAK = 2
+WORLD_SYSTEM = 1
+COLOUR = 8
+
+
+def dataset(number: int, lines: Iterator[str] | Sequence[str]) -> str:
+    """A data set between its delimiters."""
+    return "\n".join([DELIMITER, f"{number:6d}", *lines, DELIMITER, ""])
+
+
+def units() -> str:
+    """Data set 164: SI."""
+    factors = [f"{1.0:25.17E}" * 3, f"{273.15:25.17E}"]
+    return dataset(164, [f"{1:10d}{'SI: Meter (newton)':<20}{2:10d}", *factors])
+
+
+def qualifiers() -> str:
+    """Data set 1858: amplitudes are peak values."""
+    flags = [0, 0, PEAK, *[0] * 9]
+    nothing = f"{0.0:15.7E}" * 5
+    return dataset(
+        1858,
+        [
+            f"{1:12d}" + f"{0:12d}" * 5,
+            "".join(f"{f:6d}" for f in flags),
+            *[nothing] * 3,
+            "",
+            "NONE",
+        ],
+    )
+
+
+def systems(frames: Array) -> str:
+    """Data set 2420: the world as system 1, and a Cartesian system of every frame after it.
+
+    Parameters
+    ----------
+    frames : ndarray, shape (frame, 3, 3)
+        Unit rows, the axes in the world.
+    """
+    lines = [f"{1:10d}", "sldvexp"]
+    for label, axes in enumerate([np.eye(3), *frames], start=WORLD_SYSTEM):
+        name = "world" if label == WORLD_SYSTEM else f"t1, t2, n of surface node {label - 1}"
+        lines += [f"{label:10d}{0:10d}{COLOUR:10d}", name]
+        lines += ["".join(f"{x:25.16E}" for x in row) for row in (*axes, np.zeros(3))]
+    return dataset(2420, lines)
+
+
+def systems_18(frames: Array) -> str:
+    """Data set 18, the older form of `systems`: origin, points on x axis and in xz plane."""
+    lines = []
+    for label, axes in enumerate([np.eye(3), *frames], start=WORLD_SYSTEM):
+        name = "world" if label == WORLD_SYSTEM else f"t1, t2, n of surface node {label - 1}"
+        lines += [f"{label:10d}{0:10d}{0:10d}{COLOUR:10d}{1:10d}", name]
+        lines += [single([*np.zeros(3), *axes[0]]), single(axes[2])]
+    return dataset(18, lines)
+
+
+def nodes(position: Array, system: IntArray) -> str:
+    """Data set 2411: nodes from 1.
+
+    Parameters
+    ----------
+    position : ndarray, shape (node, 3), m
+    system : ndarray of int, shape (node,)
+        The coordinate system of each node's motion.
+    """
+    lines = []
+    for label, (own, place) in enumerate(zip(system, position, strict=True), start=1):
+        lines += [f"{label:10d}{WORLD_SYSTEM:10d}{own:10d}{COLOUR:10d}"]
+        lines += ["".join(f"{x:25.16E}" for x in place)]
+    return dataset(2411, lines)
+
+
+def nodes_15(position: Array, system: IntArray) -> str:
+    """Data set 15, the older form of `nodes`: six digits."""
+    pairs = enumerate(zip(system, position, strict=True), start=1)
+    return dataset(
+        15,
+        [
+            f"{label:10d}{WORLD_SYSTEM:10d}{own:10d}{COLOUR:10d}{single(place)}"
+            for label, (own, place) in pairs
+        ],
+    )
+
+
+def elements(prisms: IntArray, triangles: IntArray) -> str:
+    """Data set 2412: prisms, then triangles; both of nodes from 0, which are written from 1."""
+    lines = []
+    label = 0
+    for kind, corners in ((WEDGE, prisms), (TRIANGLE, triangles)):
+        for element in corners + 1:
+            label += 1
+            lines.append(
+                f"{label:10d}{kind:10d}{1:10d}{1:10d}{COLOUR:10d}{len(element):10d}\n"
+                + "".join(f"{node:10d}" for node in element)
+            )
+    return dataset(2412, lines)
+
+
+def trace_lines(triangles: IntArray, name: str) -> str:
+    """Data set 82: the triangles' outlines, the pen lifted between them; nodes from 0."""
+    closed = np.concatenate([triangles, triangles[:, :1]], axis=1) + 1
+    path = np.concatenate([closed, np.zeros((len(closed), 1), int)], axis=1).ravel()
+    rows = [path[i : i + 8] for i in range(0, len(path), 8)]
+    text = ["".join(f"{node:10d}" for node in row) for row in rows]
+    return dataset(82, [f"{1:10d}{len(path):10d}{COLOUR:10d}", name, *text])
+
+
+def shape(about: Sequence[str], values: NDArray, frequency: float, step: int, analysis: int) -> str:
+    """Data set 55: three components at nodes from 1; nodes that lack one are left out.
+
+    Parameters
+    ----------
+    about : sequence of str
+        Five lines.
+    values : ndarray, shape (node, 3)
+        Complex or real.
+    frequency : float, Hz
+    step : int
+        From 1.
+    analysis : int
+        `RESPONSE` or `COMPLEX_MODE`, with the frequency as that of an undamped mode.
+    """
+    if analysis == COMPLEX_MODE:
+        numbers = [0.0, 2 * np.pi * frequency, 0.0, 0.0, 0.0, 0.0]
+        second = [f"{2:10d}{6:10d}{1:10d}{step:10d}", single(numbers)]
+    else:
+        second = [f"{2:10d}{1:10d}{1:10d}{step:10d}", single([frequency])]
+    data = COMPLEX if np.iscomplexobj(values) else REAL
+    whole = np.isfinite(values).all(axis=1)
+    flat = np.ascontiguousarray(values[whole])
+    flat = flat.view(float) if data == COMPLEX else flat
+    lines = []
+    for label, row in zip(np.flatnonzero(whole) + 1, flat, strict=True):
+        lines += [f"{label:10d}", single(row)]
+    kind = "".join(f"{n:10d}" for n in (1, analysis, 2, VELOCITY, data, 3))
+    return dataset(55, [*identification(about), kind, *second, *lines])
+
+
+def function(
+    about: Sequence[str], number: int, node: int, direction: int, frequency: Array, values: NDArray
+) -> str:
+    """Data set 58: a complex spectrum of velocity at one node's direction.
+
+    Parameters
+    ----------
+    about : sequence of str
+        Five lines.
+    number, node, direction : int
+        From 1.
+    frequency : ndarray, shape (frequency,), Hz
+        Written as first value and step if these have all digits in the format's six.
+    values : ndarray of complex, shape (frequency,)
+        Finite.
+    """
+    even = is_even(frequency)
+    step = frequency[1] - frequency[0] if even and len(frequency) > 1 else 0.0
+    axis = [frequency[0], step, 0.0] if even else [0.0, 0.0, 0.0]
+    numbers = np.ascontiguousarray(values, complex).view(float).reshape(-1, 2)
+    if even:
+        rows = numbers.ravel()
+        text = ["".join(f"{x:20.12E}" for x in rows[i : i + 4]) for i in range(0, len(rows), 4)]
+    else:
+        text = [
+            f"{f:13.5E}{a:20.12E}{b:20.12E}" for f, (a, b) in zip(frequency, numbers, strict=True)
+        ]
+    nothing = _axis(0, 0, "NONE", "NONE")
+    return dataset(
+        58,
+        [
+            *identification(about),
+            f"{SPECTRUM:5d}{number:10d}{1:5d}{0:10d} {'NONE':<10}{node:10d}{direction:4d}"
+            f" {'NONE':<10}{0:10d}{0:4d}",
+            f"{DOUBLE_COMPLEX:10d}{len(values):10d}{int(even):10d}{single(axis)}",
+            _axis(FREQUENCY, 0, "Frequency", "Hz"),
+            _axis(VELOCITY, 1, "Velocity", "m/s"),
+            nothing,
+            nothing,
+            *text,
+        ],
+    )
+
+
+def is_even(frequency: Array) -> bool:
+    """Whether first value and step, with six digits each, give every frequency."""
+    step = frequency[1] - frequency[0] if len(frequency) > 1 else 0.0
+    first, step = float(single([frequency[0]])), float(single([step]))
+    return np.allclose(first + step * np.arange(len(frequency)), frequency, rtol=1e-9, atol=0)
+
+
+def identification(about: Sequence[str]) -> list[str]:
+    """Five lines of at most 80 characters; an empty one is called NONE."""
+    return [(line.encode("ascii", "replace").decode()[:80] or "NONE") for line in about]
+
+
+def single(numbers: Sequence[float] | Array) -> str:
+    """Numbers in columns of 13 with six digits; what needs three digits of exponent is zero."""
+    return "".join(f"{0.0 if abs(x) < 1e-99 else x:13.5E}" for x in numbers)
+
+
+def _axis(kind: int, length: int, label: str, unit: str) -> str:
+    """What an axis of a function has."""
+    return f"{kind:10d}{length:5d}{0:5d}{0:5d} {label:<20} {unit:<20}"

@@ -1,0 +1,1 @@
+"""One run: its steps in their order, and where its numbers come from."""

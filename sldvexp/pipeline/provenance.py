@@ -1,0 +1,98 @@
+"""What a run's file must carry so that it can be explained and repeated."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import platform
+import subprocess
+from collections.abc import Iterable
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf
+
+from sldvexp.config import registry
+from sldvexp.config.paths import locate
+from sldvexp.config.schema import plugin_names
+from sldvexp.errors import UserError
+
+#: Settings that change no number.
+NO_NUMBERS = ("report", "sweep", "overwrite")
+PACKAGES = ("sldvexp", "numpy", "scipy", "xarray", "netCDF4", "hydra-core", "omegaconf")
+
+
+def attributes(config: DictConfig, inputs: Iterable[str], start: datetime) -> dict[str, Any]:
+    """Attributes of the dataset's root.
+
+    Parameters
+    ----------
+    config : DictConfig
+        The composed configuration.
+    inputs : iterable of str
+        Files read, as the configuration names them.
+    start : datetime
+        When the run began; the end is now.
+    """
+    resolved = OmegaConf.to_yaml(config, resolve=True)
+    return {
+        "title": "run of sldvexp",
+        "config": resolved,
+        "config_sha256": hashlib.sha256(resolved.encode()).hexdigest(),
+        "plugins": json.dumps(plugin_names(config)),
+        "inputs_sha256": json.dumps({path: sha256(locate(path)) for path in sorted(set(inputs))}),
+        **about_program(),
+        "seed": config.seed,
+        "start_time": start.isoformat(),
+        "end_time": datetime.now(UTC).isoformat(),
+    }
+
+
+def about_program() -> dict[str, str]:
+    """Which program it was, as attributes."""
+    return {"packages": json.dumps(versions()), "git_commit": git_commit()}
+
+
+def identity(config: DictConfig) -> str:
+    """Digest of all that decides a run's numbers, but for the content of the files it reads."""
+    settings: Any = OmegaConf.to_container(config, resolve=True, enum_to_str=True)
+    wanted = {key: value for key, value in settings.items() if key not in NO_NUMBERS}
+    text = repr(wanted) + json.dumps(versions(), sort_keys=True)  # ten times as fast as YAML
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+@functools.cache
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that decide the numbers, plugins' among them."""
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found | {package.name: package.version for package in registry.packages()}
+
+
+def sha256(path: Path) -> str:
+    """Digest of an input file."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read ({error.strerror})") from None
+
+
+@functools.cache
+def git_commit() -> str:
+    """Commit of the checkout that the program runs from, marked if changed; empty if installed."""
+    here = Path(__file__).resolve().parents[1]
+    if not (here.parent / ".git").exists():
+        return ""
+    describe = ["git", "-C", str(here), "describe", "--always", "--dirty", "--abbrev=40"]
+    try:
+        return subprocess.run(describe, capture_output=True, text=True, timeout=10).stdout.strip()
+    except (OSError, subprocess.TimeoutExpired):
+        return ""

@@ -1,0 +1,326 @@
+"""The steps of a run, in the order in which data flows."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import weakref
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import chain, count
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from sldvexp.check.base import Examined
+from sldvexp.check.expectations import evaluate
+from sldvexp.config import schema
+from sldvexp.errors import UserError
+from sldvexp.instrument.base import ScanningPlugin
+from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.session.interruption import has_lines, how_to_go_on, stopping_once
+from sldvexp.session.operator import NobodyThereError, Operator
+
+#: Where the scans lie, in the dataset and in the journal, that pose methods are compared on.
+COMPARED_SCANS = "compare_scan"
+
+
+@dataclass
+class Run:
+    """What the steps of one run have in common: plugins, generator, and the groups made so far.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    rng : Generator
+    folder : Path
+    operator : Operator
+    tree : dict of str to Dataset
+        Groups by their path.
+    inputs : list of str
+        Files read so far, as the configuration names them.
+    reused : list of str
+        Steps that were done by another run of the same sweep.
+    elsewhere : set of str
+        Groups that stay in the file they are streamed from, one of `inputs`.
+    """
+
+    experiment: schema.Experiment
+    rng: np.random.Generator
+    folder: Path
+    operator: Operator = field(default_factory=Operator)
+    tree: dict[str, xr.Dataset] = field(default_factory=dict)
+    inputs: list[str] = field(default_factory=list)
+    reused: list[str] = field(default_factory=list)
+    elsewhere: set[str] = field(default_factory=set)
+
+    @property
+    def kept(self) -> dict[str, xr.Dataset]:
+        """The groups that the run's file gets."""
+        return {name: group for name, group in self.tree.items() if name not in self.elsewhere}
+
+    def keep(self, name: str, group: xr.Dataset) -> xr.Dataset:
+        """A scanned group; with a stream an image goes to a file, before the next view comes."""
+        if self.experiment.stream is None or not name.startswith("image/"):
+            return group
+        from sldvexp.importers.read_images import spilled
+
+        path = self.blocks / f"{name.replace('/', '_')}.nc"
+        return spilled(group, path, self.experiment.stream.chunks)
+
+    @cached_property
+    def blocks(self) -> Path:
+        """Folder of what is streamed, as long as the run is used."""
+        folder = self.folder / f".blocks.{os.getpid()}"
+        folder.mkdir(parents=True, exist_ok=True)
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        return folder
+
+
+def _target(run: Run) -> None:
+    """The calibration object's points."""
+    run.tree["target"] = run.experiment.target.group()
+
+
+def _scan(run: Run) -> None:
+    """What the instrument sees in every view: edges of circles, images."""
+    from sldvexp.instrument.protocol import InstrumentError
+    from sldvexp.instrument.recording import JOURNAL
+    from sldvexp.session.session import scan_views, takes_samples
+
+    e = run.experiment
+    if not isinstance(e.instrument, ScanningPlugin):
+        raise UserError(
+            "scan: needs an instrument that scans, for example instrument=simulated with "
+            "scene=calibration"
+        )
+    scans = {"": e.scan} if e.scan else {}
+    scans |= {f"{COMPARED_SCANS}/{name}/": scan for name, scan in e.compare_scan.items()}
+    if e.laser is None or (e.signal is None and any(map(takes_samples, scans.values()))):
+        raise UserError("scan: needs signal=sine_fit and a laser to make pixels of samples")
+    run.inputs += [*chain(*(scan.inputs() for scan in scans.values())), *e.instrument.inputs()]
+    try:
+        with stopping_once():
+            for prefix, scan in scans.items():
+                journal = run.folder / JOURNAL / prefix
+                found = scan_views(replace(e, scan=scan), journal, run.operator, run.keep)
+                run.tree |= {f"{prefix}{name}": group for name, group in found.items()}
+    except (InstrumentError, NobodyThereError) as error:
+        kept = f"; {how_to_go_on(run.folder)}" if has_lines(run.folder) else ""
+        raise UserError(f"{error}{kept}") from error
+
+
+def _pose(run: Run) -> None:
+    """Where the instrument stood, by the chosen method and those it is compared with."""
+    e = run.experiment
+    if e.pose is not None:
+        run.inputs += e.pose.inputs()
+        run.tree |= e.pose.estimate(e.laser, e.target, run.tree)
+    for name, method in e.compare_pose.items():
+        run.inputs += method.inputs()
+        own = f"{COMPARED_SCANS}/{name}/"
+        scanned = {k.removeprefix(own): g for k, g in run.tree.items() if k.startswith(own)}
+        try:
+            found = method.estimate(e.laser, e.target, scanned or run.tree)
+        except UserError as error:
+            raise UserError(f"compare_pose.{name}: {error}") from None
+        run.tree[f"compare_pose/{name}"] = found["pose"]
+
+
+def _images(run: Run) -> None:
+    """Velocity images that were made before."""
+    e = run.experiment
+    run.inputs += e.instrument.inputs()
+    found = e.instrument.images(e.stream.chunks if e.stream else None)
+    run.tree |= found
+    if e.stream:
+        run.elsewhere |= set(found)
+
+
+def _volume(run: Run) -> None:
+    """Surfaces around the real one, and where between them velocities are sampled."""
+    run.inputs += run.experiment.volume.inputs()
+    try:
+        run.tree["volume"] = run.experiment.volume.group()
+    except UserError as error:
+        raise UserError(f"volume: {error}") from None
+
+
+def _line_of_sight(run: Run) -> None:
+    """Velocities along the lines of sight."""
+    e = run.experiment
+    run.inputs += e.instrument.inputs()
+    run.tree["line_of_sight"] = e.instrument.read(run.tree, e.laser)
+
+
+def _images_of_points(run: Run) -> None:
+    """Velocities of points that were measured one by one, as the images that a field needs."""
+    e = run.experiment
+    run.inputs += e.instrument.inputs()
+    run.tree |= e.instrument.images_of_points(run.tree, e.laser)
+
+
+def _point(run: Run) -> None:
+    """Velocity vectors at points, by the chosen method and those it is compared with."""
+    if "line_of_sight" not in run.tree:
+        raise UserError(
+            "reconstruction: there are no velocities to reconstruct from; "
+            "name a file with instrument=file instrument.path=..., or choose a volume and scan "
+            "images of the structure"
+        )
+    velocities = run.tree["line_of_sight"]
+    _reconstruct(run, "point", lambda method: method.group(velocities))
+
+
+def _field(run: Run) -> None:
+    """Velocity over the volume, by the chosen method and those it is compared with."""
+    from sldvexp.field.run import looks_of, reconstruct
+
+    e = run.experiment
+    if e.laser is None or e.solver is None:
+        raise UserError("field: needs a laser and a solver, for example solver=iterative")
+    if e.stream is not None:
+        _streamed_field(run)
+        return
+    looks = looks_of(run.tree, e.laser, e.volume)
+    _reconstruct(run, "field", lambda m: reconstruct(run.tree, looks, e.volume, m, e.solver))
+
+
+def _streamed_field(run: Run) -> None:
+    """The same, with some frequencies in memory at a time."""
+    from sldvexp.field.run import looks_of
+    from sldvexp.field.streaming.compression import compress
+    from sldvexp.field.streaming.streamed import stream_field
+    from sldvexp.importers.read_images import in_chunks
+
+    e = run.experiment
+    chunks = e.stream.chunks
+    images = {k: in_chunks(v, chunks) for k, v in run.tree.items() if k.startswith("image/")}
+    tree = run.tree | images
+    with e.stream.at_work() as work:
+        small = compress(tree, work)
+        looks = looks_of(tree | small.images, e.laser, e.volume)
+        folders = (run.blocks / f"field{k}" for k in count())
+
+        def streamed(method: Reconstruction) -> xr.Dataset:
+            args = (tree, small, looks, e.volume, method, e.solver, work, next(folders))
+            return stream_field(*args)
+
+        _reconstruct(run, "field", streamed)
+
+
+def _reconstruct(run: Run, group: str, work: Callable[[Reconstruction], xr.Dataset]) -> None:
+    """Groups of the chosen method and of those it is compared with."""
+    e = run.experiment
+    methods = {group: e.reconstruction} if e.reconstruction else {}
+    methods |= {f"compare/{name}": method for name, method in e.compare.items()}
+    for name, method in methods.items():
+        try:
+            run.tree[name] = work(method)
+        except UserError as error:
+            where = "reconstruction" if name == group else name.replace("/", ".")
+            raise UserError(f"{where}: {error}") from None
+
+
+def _truth(run: Run) -> None:
+    """What truly happens at the field's nodes, which only a virtual lab can tell."""
+    from sldvexp.virtual_lab.truth import truth_group
+
+    e = run.experiment
+    field = run.tree["field"]
+    images = [part for part in e.scan.parts(e.scan.view_names()[0]) if part.kind == "image"]
+    run.tree["truth"] = truth_group(
+        e.scene, field["position"].values, field["frequency"].values, images[0].sampling.amplitude
+    )
+
+
+def _checks(run: Run) -> None:
+    """What the configuration wants examined."""
+    for name, check in run.experiment.check.items():
+        run.inputs += check.inputs()
+        run.tree[f"examined/{name}"] = check.examine(Examined(run.tree, run.rng, run.experiment))
+
+
+def _expectations(run: Run) -> None:
+    """Published numbers against this run's."""
+    found = evaluate(run.experiment.expect, run.tree)
+    if found is not None:
+        run.tree["check"] = found
+
+
+def _reconstructs(e: schema.Experiment) -> bool:
+    return bool(e.reconstruction or e.compare)
+
+
+def _has_pixels(e: schema.Experiment) -> bool:
+    """Whether points of files become pixels of images, because there is a volume."""
+    return e.volume is not None and hasattr(e.instrument, "images_of_points")
+
+
+def _has_truth(e: schema.Experiment) -> bool:
+    """Whether the images are those of a plate in the virtual lab."""
+    return bool(e.volume and e.reconstruction and e.scan and hasattr(e.scene, "plate"))
+
+
+@dataclass(frozen=True)
+class Step:
+    """One stage of a run.
+
+    Parameters
+    ----------
+    name : str
+    needed : callable
+        Whether an experiment has it.
+    work : callable
+        Adds groups to the run's tree; it changes none that are there.
+    reads : tuple of str
+        Keys of the configuration that decide what it adds, if it is shared.
+    after : tuple of str
+        Steps whose groups it reads, if it is shared.
+    """
+
+    name: str
+    needed: Callable[[schema.Experiment], bool]
+    work: Callable[[Run], None]
+    reads: tuple[str, ...] = ()
+    after: tuple[str, ...] = ()
+
+    @property
+    def shared(self) -> bool:
+        """Whether runs of a sweep share its result; it must then draw no random numbers."""
+        return bool(self.reads)
+
+
+TARGET, SCAN, POSE, VOLUME = "calibration object", "scan", "pose", "volume"
+IMAGES, PIXELS = "velocity images", "images of points"
+MEASURING = ("seed", "target", "laser", "scene", "scan", "compare_scan", "instrument", "signal")
+POSING = ("target", "laser", "pose", "compare_pose")
+SOLVING = ("laser", "volume", "reconstruction", "compare", "solver", "stream")
+
+STEPS: tuple[Step, ...] = (
+    Step(TARGET, lambda e: e.target is not None, _target),
+    # Before anything is measured: an unsound volume should not cost a morning's scan.
+    Step(VOLUME, lambda e: e.volume is not None, _volume, ("volume",)),
+    Step(SCAN, lambda e: bool(e.scan or e.compare_scan), _scan, MEASURING, (TARGET,)),
+    Step(POSE, lambda e: bool(e.pose or e.compare_pose), _pose, POSING, (TARGET, SCAN)),
+    Step(IMAGES, lambda e: hasattr(e.instrument, "images"), _images),
+    Step(
+        "line-of-sight velocities",
+        lambda e: hasattr(e.instrument, "read") and not _has_pixels(e),
+        _line_of_sight,
+    ),
+    Step(PIXELS, lambda e: _has_pixels(e), _images_of_points, ("laser", "instrument"), (POSE,)),
+    Step("velocity at points", lambda e: _reconstructs(e) and e.volume is None, _point),
+    Step(
+        "velocity field",
+        lambda e: _reconstructs(e) and e.volume is not None,
+        _field,
+        SOLVING,
+        (SCAN, POSE, VOLUME, IMAGES, PIXELS),
+    ),
+    Step("truth of the virtual lab", lambda e: _reconstructs(e) and _has_truth(e), _truth),
+    Step("checks", lambda e: bool(e.check), _checks),
+    Step("expectations", lambda e: bool(e.expect), _expectations),
+)

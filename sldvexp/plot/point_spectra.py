@@ -1,0 +1,204 @@
+"""Velocities over the frequency, and of single points, with their bounds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from sldvexp.dataset.needed import require
+from sldvexp.dataset.run_data import Shown, Source, one_of, shown
+from sldvexp.plot import style
+from sldvexp.plot.layer import AXES, fields
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NO_POINT = "the run has no velocity of a point (group point); see experiment=point"
+NO_SPECTRUM = "the run has no velocity field at several frequencies; see experiment=plate_frf"
+
+#: Fewer frequencies than this are drawn as single values.
+MANY = 8
+
+PARTS: dict[str, Any] = {"real": np.real, "imaginary": style.imaginary}
+
+
+def missing(run: Shown) -> str:
+    """Why no point can be shown; empty if one can."""
+    return "" if _points(run) else NO_POINT
+
+
+def missing_spectrum(run: Shown) -> str:
+    """Why no spectrum of a field can be shown; empty if one can."""
+    found = any(g.sizes.get("frequency", 1) > 1 for g in fields(run).values())
+    return "" if found else NO_SPECTRUM
+
+
+def _points(run: Shown) -> dict[str, xr.Dataset]:
+    """Velocities of points by method: ``point``, and those it is compared with."""
+    own = {"point": run.groups["point"]} if run.has("point", "velocity", "component") else {}
+    others = run.below_with("compare", "velocity", "velocity_std")
+    return own | {k: g for k, g in others.items() if "node" not in g.dims}
+
+
+def _name(one: xr.Dataset, number: int) -> str:
+    """A point by its own name if it has one, else by its number."""
+    return f"point {one['point'].item() if 'point' in one.coords else number}"
+
+
+@style.styled
+def point(source: Source | Shown, number: int = 0) -> Figure:
+    """Velocity of a point with its bounds, by component and method, or over many frequencies.
+
+    Parameters
+    ----------
+    source : DataTree or others
+        See `sldvexp.dataset.run_data.shown`.
+    number : int
+        Which point, from 0, if the run has several.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    UserError
+        If the run has no velocity of points, or not so many.
+    """
+    run = shown(source)
+    require("point", missing(run))
+    found = _points(run)
+    title = "Velocity of the point"
+    if "point" in next(iter(found.values()))["velocity"].dims:
+        count = next(iter(found.values())).sizes["point"]
+        one_of(str(number), map(str, range(count)), "point", "point")
+        found = {k: g.isel(point=number) for k, g in found.items()}
+        title = f"Velocity of {_name(next(iter(found.values())), number)}"
+    first = next(iter(found.values()))
+    if first.sizes.get("frequency", 1) >= MANY:
+        return _spectrum(first, title)
+    return _methods(found, title)
+
+
+@style.styled
+def spectrum(source: Source | Shown, node: int | None = None, name: str | None = None) -> Figure:
+    """Velocity of one node over the frequency with its bounds.
+
+    Parameters
+    ----------
+    source : DataTree or others
+        See `sldvexp.dataset.run_data.shown`.
+    node : int, optional
+        Without it that of the largest velocity.
+    name : str, optional
+        ``field``, or one of those it is compared with.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    UserError
+        If the run has no field at several frequencies, or not this node.
+    """
+    run = shown(source)
+    require("spectrum", missing_spectrum(run))
+    known = {k: g for k, g in fields(run).items() if g.sizes.get("frequency", 1) > 1}
+    group = known[one_of(name, known, "spectrum", "field")]
+    if node is None:
+        largest = abs(group["velocity"]).max(["component", "frequency"])
+        node = int(np.nanargmax(largest.values))
+    one_of(str(node), map(str, range(group.sizes["node"])), "spectrum", "node")
+    place = 1000 * group["position"].values[node]
+    where = ", ".join(f"{a} {p:.1f}" for a, p in zip(AXES, place, strict=True))
+    return _spectrum(group.isel(node=node), f"Velocity of node {node} ({where} mm)")
+
+
+def bound_of(group: xr.Dataset) -> tuple[xr.DataArray | None, str]:
+    """Half-widths of the intervals, else standard errors, and what to call them."""
+    if "confidence" in group:
+        return group["confidence"], f"{group.attrs.get('confidence_level', 0.95):.0%} bound"
+    return group.get("velocity_std"), "standard error"
+
+
+def _spectrum(group: xr.Dataset, title: str) -> Figure:
+    """Size and phase of every component; where the size is below its bound there is no phase."""
+    names = [str(c) for c in group["component"].values]
+    hertz = group["frequency"].values
+    bound, meaning = bound_of(group)
+    made = style.figure(11.0, 0.9 + 1.9 * len(names), title)
+    axes = made.subplots(len(names), 2, squeeze=False, sharex=True, sharey="col")
+    factor, unit = style.prefixed(group["velocity"].values, "m/s")
+    for (left, right), name in zip(axes, names, strict=True):
+        velocity = group["velocity"].sel(component=name).values
+        size, known = factor * np.abs(velocity), np.ones(len(hertz), bool)
+        error = None
+        left.plot(hertz, size, color=style.COLOURS[0], linewidth=0.9, label="size")
+        if bound is not None:
+            half = factor * bound.sel(component=name).values
+            low = np.maximum(size - half, 1e-3 * half)
+            band = {"color": style.COLOURS[4], "alpha": 0.5, "linewidth": 0}
+            left.fill_between(hertz, low, size + half, label=f"± {meaning}", **band)
+            known = size > half
+            # a circle of the bound around the velocity is seen from zero under twice this angle
+            error = np.arcsin(half[known] / size[known])
+        look = {"fmt": "o", "color": "#000000", "markersize": 1.8, "capsize": 0, "linewidth": 0.6}
+        right.errorbar(hertz[known], np.angle(velocity[known]), error, **look)
+        left.set_ylabel(f"{name}, size, {unit}")
+        right.set_ylabel(f"{name}, phase, rad")
+    sizes = factor * np.abs(group["velocity"].values)
+    axes[0, 0].set_yscale("log")
+    axes[0, 0].set_ylim(0.5 * np.nanmin(sizes[sizes > 0]), 3.0 * np.nanmax(sizes))
+    axes[0, 1].set_ylim(-3.5, 3.5)
+    axes[0, 1].set_yticks([-np.pi, 0.0, np.pi], ["−π", "0", "π"])
+    axes[0, 1].set_title("phase where the size is above its bound")
+    for axis in axes[-1]:
+        axis.set_xlabel("frequency, Hz")
+        axis.margins(x=0.01)
+    style.legend_below(made, axes[0, 0])
+    return made
+
+
+def _methods(found: dict[str, xr.Dataset], title: str) -> Figure:
+    """Real and imaginary part by component and method, a row for each frequency."""
+    first = next(iter(found.values()))
+    hertz = first["frequency"].values if "frequency" in first.coords else [None]
+    components = [str(c) for c in first["component"].values]
+    meaning = bound_of(first)[1]
+    made = style.figure(9.0, 1.2 + 2.2 * len(hertz), f"{title}, {meaning}")
+    axes = made.subplots(len(hertz), 2, squeeze=False, sharex=True)
+    for k, (row, at) in enumerate(zip(axes, hertz, strict=True)):
+        here = {n: g.isel(frequency=k) if "frequency" in g.dims else g for n, g in found.items()}
+        for axis, (part, take) in zip(row, PARTS.items(), strict=True):
+            _values(axis, here, components, part, take)
+            axis.set_title("" if at is None else f"{at:g} Hz")
+    for axis in axes[-1]:
+        axis.set_xticks(np.arange(len(components)), components)
+        axis.set_xlabel("component")
+        axis.margins(x=0.1)
+    if len(found) > 1:
+        style.legend_below(made, axes[0, 0], title="method", columns=5)
+    return made
+
+
+def _values(
+    axes: Axes, found: dict[str, xr.Dataset], components: list[str], part: str, take: Any
+) -> None:
+    values = np.concatenate([g["velocity"].values.ravel() for g in found.values()])
+    factor, unit = style.prefixed(values, "m/s")
+    axes.axhline(0.0, color=style.COLOURS[-1], linewidth=0.7)
+    shift = np.linspace(-0.3, 0.3, len(found)) if len(found) > 1 else np.zeros(1)
+    for (name, group), look, aside in zip(
+        found.items(), style.looks(len(found)), shift, strict=True
+    ):
+        own: NDArray = factor * take(group["velocity"].sel(component=components).values)
+        bound = bound_of(group)[0]
+        error = None if bound is None else factor * bound.sel(component=components).values
+        look["linestyle"] = "none"
+        axes.errorbar(np.arange(len(components)) + aside, own, error, label=name, **look)
+    axes.set_ylabel(f"{part}, {unit}")

@@ -1,0 +1,271 @@
+"""Pose from object points and mirror angles, without a starting guess, for one or many at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sldvexp.errors import UserError
+from sldvexp.pose.base import EXTRINSICS
+from sldvexp.pose.initial_pose import start_poses
+from sldvexp.pose.least_squares import (
+    INTRINSICS,
+    Pose,
+    Problem,
+    levenberg_marquardt,
+    take,
+)
+from sldvexp.pose.observations import Observations, observations, place
+from sldvexp.pose.uncertainty import about_origin, worth
+
+Array = NDArray[np.float64]
+
+#: Two solutions whose rotations differ by less, in rad, are one.
+DISTINCT = 1e-3
+#: Problems solved together; more no longer fit the processor's cache.
+BLOCK = 256
+#: Rounds in which the noise's variance and the weight of the priors settle, and how closely.
+ROUNDS, SETTLED = 50, 1e-6
+#: Least variance of the noise, in squared DAC steps: noise-free data must not void the priors.
+LEAST_VARIANCE = 1e-8
+#: Share of an intrinsic in an undetermined direction from which it is named.
+NOTABLE = 0.1
+
+
+@dataclass(frozen=True)
+class PoseSolution:
+    """Poses with their uncertainty; the leading (batch) dimension is missing for one problem.
+
+    Parameters
+    ----------
+    rotation : ndarray, shape (..., 3, 3)
+        World to laser, ``P_laser = rotation (P_world - origin)``.
+    origin : ndarray, shape (..., 3), m
+    intrinsics : dict of str to ndarray, shape (...)
+        All of `INTRINSICS`, adjusted or not.
+    parameters : tuple of str
+        What `covariance` is about: the rotation vector of a small rotation of the laser frame
+        (rad), the origin (m), and the adjusted intrinsics.
+    covariance : ndarray, shape (..., parameters, parameters)
+        Infinite where the noise cannot be estimated (`dof` is 0), or where `converged` is false.
+    residual : ndarray, shape (..., points, 2), DAC steps
+        Recorded minus predicted angles.
+    cost : ndarray, shape (...)
+        What was minimised: the sum of squared residuals, each over its standard deviation if known
+        and in DAC steps if not, and of the priors' deviations in the same unit.
+    sse_deg2 : ndarray, shape (...), deg^2
+        Sum of squared residuals, without weights.
+    dof : ndarray, shape (...)
+        Degrees of freedom of the residuals; a prior may take any part between 0 and 1.
+    s : ndarray, shape (...)
+        Standard deviation of the residuals, DAC steps; if `noise_known`, in units of the given one.
+        Infinite if `dof` is 0.
+    noise_known : bool
+        Whether `covariance` rests on given standard deviations instead of `s`.
+    converged : ndarray of bool, shape (...)
+    has_other : ndarray of bool, shape (...)
+        Whether there is a second, distinct local minimum: a plane object has one as a rule.
+    other_rotation, other_origin, other_cost : ndarray, shapes (..., 3, 3), (..., 3) and (...)
+        The second solution; NaN where `has_other` is false.
+    """
+
+    rotation: Array
+    origin: Array
+    intrinsics: dict[str, Array]
+    parameters: tuple[str, ...]
+    covariance: Array
+    residual: Array
+    cost: Array
+    sse_deg2: Array
+    dof: Array
+    s: Array
+    noise_known: bool
+    converged: NDArray[np.bool_]
+    has_other: NDArray[np.bool_]
+    other_rotation: Array
+    other_origin: Array
+    other_cost: Array
+
+    @property
+    def covariance_dof(self) -> Array:
+        """Degrees of freedom behind the covariance; infinite if the noise is known."""
+        return np.where(self.noise_known, np.inf, self.dof)
+
+
+def solve_pose(
+    object_points: ArrayLike,
+    angles: ArrayLike,
+    *,
+    step: ArrayLike,
+    mirror_offset: float = 0.0,
+    adjust: Mapping[str, float] | None = None,
+    std: ArrayLike | None = None,
+    max_iterations: int = 200,
+) -> PoseSolution:
+    """Pose of the laser from points and the mirror angles that reach them (Section 4.6.2).
+
+    Parameters
+    ----------
+    object_points : array_like, shape (points, 3) or (batch, points, 3), m
+        In the world; one set may serve the whole batch.
+    angles : array_like, shape (points, 2) or (batch, points, 2), rad
+        Recorded (up_down, left_right) by the nominal calibration, ``(angle - zero) / gain``.
+    step : array_like, shape (2,), rad
+        Angle of one DAC step of each mirror.
+    mirror_offset : float, m
+        Nominal, and the mean of its prior if it is adjusted.
+    adjust : mapping of str to float
+        Names from `INTRINSICS` to the standard deviation of their Gaussian prior about the nominal
+        value (m, rad, gains relative), `inf` for a free one. What is not named stays nominal.
+    std : array_like, broadcastable to (batch, points), optional, DAC steps
+        Standard deviation of each angle. Without it all are alike and estimated from the residuals,
+        so that a prior which the angles contradict is taken for more noise.
+    max_iterations : int
+        Of each start.
+
+    Returns
+    -------
+    PoseSolution
+
+    Raises
+    ------
+    UserError
+        If the input is malformed, the points lie on one line, or a parameter is not determined.
+    """
+    given = observations(object_points, angles, step, mirror_offset, adjust or {}, std)
+    blocks = [
+        _solve(given.part(slice(first, first + BLOCK)), max_iterations)
+        for first in range(0, len(given.angles), BLOCK)
+    ]
+    fields = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+    _check_determined(given, fields.pop("undetermined"))
+    if not given.batched:
+        fields = {name: field[0] for name, field in fields.items()}
+    return PoseSolution(
+        intrinsics=dict(zip(INTRINSICS, np.moveaxis(fields.pop("intrinsics"), -1, 0), strict=True)),
+        parameters=EXTRINSICS + tuple(INTRINSICS[k] for k in given.prior_std),
+        noise_known=given.noise_known,
+        **fields,
+    )
+
+
+def _solve(given: Observations, max_iterations: int) -> dict[str, Array]:
+    """Fields of `PoseSolution` for one block of problems."""
+    each = np.arange(len(given.angles))
+    offset = np.full((len(each), 1), given.nominal[0])
+    rotation, centre = start_poses(given.points, given.normal, given.angles, offset)
+    pose = Pose(
+        rotation.reshape(-1, 3, 3),
+        centre.reshape(-1, 3),
+        np.tile(given.nominal, (2 * len(each), 1)),
+    )
+    problem = _problem(given).take(each.repeat(2))
+    pose, cost, converged = levenberg_marquardt(problem, pose, 2, max_iterations)
+    priors = [math.isfinite(std) for std in given.prior_std.values()]
+    if any(priors) and not given.noise_known:
+        problem, pose, cost, converged = _settle_noise(problem, pose, max_iterations)
+
+    best = 2 * each + np.argmin(cost.reshape(-1, 2), axis=1)
+    other = best ^ 1
+    fields = _evaluated(given, problem.take(best), take(pose, best), converged[best])
+    fields |= {"cost": cost[best], "converged": converged[best]}
+    turned = np.einsum("mij,mij->m", pose.rotation[best], pose.rotation[other])
+    distinct = turned < 1 + 2 * np.cos(DISTINCT)
+    has_other = distinct & converged[other]
+    second = {
+        "other_rotation": pose.rotation[other],
+        "other_origin": _origin(given, take(pose, other)),
+        "other_cost": cost[other],
+    }
+    for field in second.values():
+        field[~has_other] = np.nan
+    return fields | second | {"has_other": has_other}
+
+
+def _problem(given: Observations) -> Problem:
+    """Weights of a unit of noise: a DAC step, or the given standard deviation."""
+    adjusted = list(given.prior_std)
+    shape = (len(given.angles), len(adjusted))
+    prior_std = np.array(list(given.prior_std.values()))
+    return Problem(
+        points=given.points,
+        recorded=given.angles,
+        weight=1 / (given.std * given.step[:, None]),
+        adjusted=adjusted,
+        prior=np.broadcast_to(given.nominal[adjusted], shape),
+        prior_weight=np.broadcast_to(1 / prior_std, shape),
+    )
+
+
+def _origin(given: Observations, pose: Pose) -> Array:
+    """Of ``centre = R (centroid - origin)``, shape (M, 3), m."""
+    return given.centroid - np.einsum("mji,mj->mi", pose.rotation, pose.centre)
+
+
+def _settle_noise(
+    problem: Problem, pose: Pose, max_iterations: int
+) -> tuple[Problem, Pose, Array, NDArray[np.bool_]]:
+    """Follow two starts of each problem while the noise, and so the priors' weight, settles."""
+    of_unit_noise = problem.prior_weight
+    variance = np.ones(len(pose.centre))
+    for _ in range(ROUNDS):
+        before = variance
+        variance = np.maximum(worth(problem, pose).variance, LEAST_VARIANCE)
+        problem = replace(problem, prior_weight=of_unit_noise * np.sqrt(variance)[:, None])
+        pose, cost, converged = levenberg_marquardt(problem, pose, 2, max_iterations)
+        settled = np.abs(variance - before) <= SETTLED * variance
+        if settled.all():
+            break
+    return problem, pose, cost, converged & settled
+
+
+def _evaluated(
+    given: Observations, problem: Problem, pose: Pose, converged: NDArray[np.bool_]
+) -> dict[str, Array]:
+    """Fields of `PoseSolution` about the better solution, and what it leaves `undetermined`."""
+    found = worth(problem, pose)
+    variance = np.where(given.noise_known, 1.0, found.variance)
+    covariance = about_origin(found.cofactor, pose.rotation, pose.centre)
+    known = converged & ~found.undetermined.any(axis=-1) & np.isfinite(variance)
+    covariance *= np.where(known, variance, 1.0)[:, None, None]
+    covariance[~known] = np.inf
+    residual = found.residual * given.std
+    degrees = np.degrees(residual * given.step[:, None])
+    return {
+        "rotation": pose.rotation,
+        "origin": _origin(given, pose),
+        "intrinsics": pose.intrinsics,
+        "covariance": covariance,
+        "residual": residual.swapaxes(-1, -2),
+        "sse_deg2": np.einsum("mij,mij->m", degrees, degrees),
+        "dof": found.dof,
+        "s": np.sqrt(found.variance),
+        "undetermined": np.where(converged[:, None], found.undetermined, 0.0),
+    }
+
+
+def _check_determined(given: Observations, share: Array) -> None:
+    """Raise if a motion of the instrument, or an intrinsic, changes no angle.
+
+    `share` (batch, 6 + adjusted) is zero but where some direction is undetermined.
+    """
+    undetermined = np.argwhere(share.any(axis=-1))
+    if not len(undetermined):
+        return
+    first = undetermined[0]
+    where = place(first, len(share))
+    intrinsic = dict(zip(given.prior_std, share[first[0], 6:], strict=True))
+    names = [INTRINSICS[k] for k, part in intrinsic.items() if part > NOTABLE]
+    if names:
+        raise UserError(
+            f"the angles{where} cannot tell {' and '.join(names)} from a motion of the instrument: "
+            "keep it fixed or give it a finite prior"
+        )
+    raise UserError(
+        f"the points and angles{where} leave the pose undetermined, since a motion of the "
+        "instrument changes none of them: add points"
+    )

@@ -1,0 +1,45 @@
+"""`report=html`: one self-contained page, `report.html`."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sldvexp.config.registry import register
+from sldvexp.report.base import REPORT_FILE, Report
+
+
+@register("report", "html")
+@dataclass
+class Html(Report):
+    """One file that opens offline in any browser, with the field as a shape that moves."""
+
+    def of_run(self, path: Path) -> Path:
+        """Make the page of a run, see `Report.of_run`."""
+        from sldvexp.report.html.run_page import write
+
+        with _uncollected():
+            return write(path, path.with_name(REPORT_FILE))
+
+    def of_sweep(self, path: Path, ranking: Sequence[Mapping[str, Any]]) -> Path:
+        """Make the page of a sweep, see `Report.of_sweep`."""
+        from sldvexp.report.html.sweep_page import write
+
+        with _uncollected():
+            return write(path, ranking, path.with_name(REPORT_FILE))
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Put off the search for garbage: figures are many small things, and soon all done with."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()

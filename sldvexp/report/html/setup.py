@@ -1,0 +1,162 @@
+"""What was measured and how: each stage in a sentence, the views, and every setting."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from sldvexp.config import docs, parameters, registry
+from sldvexp.config.schema import NAMED_GROUPS
+from sldvexp.errors import UserError
+from sldvexp.report.html.blocks import More, Section, Table, having
+from sldvexp.report.html.figures import figures
+from sldvexp.report.html.page_data import Subject
+from sldvexp.report.html.presets import preset
+
+#: What each group of the configuration is to a reader.
+STAGES = {
+    "target": "calibration object",
+    "laser": "instrument's mirrors",
+    "scene": "virtual lab",
+    "scan": "scan",
+    "instrument": "measurements from",
+    "signal": "samples to pixels",
+    "pose": "pose",
+    "volume": "volume",
+    "reconstruction": "velocity",
+    "solver": "equations solved by",
+}
+#: Settings in one line; a longer value is only in the table of all settings.
+LONGEST_VALUE = 40
+MOST_SETTINGS = 8
+MOST_FREQUENCIES = 4
+UNITS = ("m", "mm", "inch", "rad", "deg", "Hz", "m/s", "V", "s", "DAC steps")
+
+
+def section(run: Subject) -> Section:
+    """The plugins in the order in which data flows, and what each view saw."""
+    chosen = [
+        (told, g, run.plugins[g], run.config[g]) for g, told in STAGES.items() if _has(run, g)
+    ]
+    for key, group in NAMED_GROUPS.items():
+        if key == "export":
+            continue
+        for name, entry in (run.config.get(key) or {}).items():
+            plugin = str((entry or {}).get("plugin", ""))
+            own = {k: v for k, v in (entry or {}).items() if k != "plugin"}
+            chosen.append((f"{key.replace('_', ' ')}: {name}", group, plugin, own))
+    rows = [
+        [told, *_method(group, name, own), _brief(group, name, own)]
+        for told, group, name, own in chosen
+    ]
+    stages = Table(["stage", "method", "in words", "settings"], rows, wide=(2, 3))
+    columns = ["setting", "value", "type, unit", "meaning"]
+    details = [
+        Table(columns, list(_settings(group, name, own)), f"{told}: {group}={name}", (1, 2, 3))
+        for told, group, name, own in chosen
+        if own
+    ]
+    every = More("Every setting and what it means", details)
+    blocks = having(stages, _views(run), figures(run, "setup"), every)
+    return Section("What was measured and how", blocks)
+
+
+def _has(run: Subject, group: str) -> bool:
+    """Whether a run has a plugin of a group and made use of it."""
+    idle = group == "solver" and not run.fields
+    return isinstance(run.config.get(group), dict) and group in run.plugins and not idle
+
+
+def _method(group: str, name: str, values: dict[str, Any]) -> tuple[str, str]:
+    """A stage's choice with its sentence: that of the plugin, or one that builds on it."""
+    choice, told = preset(group, name, values)
+    return (f"{choice} ({name})", told) if choice else (name, _meaning(group, name))
+
+
+def _meaning(group: str, name: str) -> str:
+    """A plugin in its own words; nothing if it is not installed here."""
+    try:
+        return docs.of_plugin(registry.get(group, name))
+    except UserError:
+        return ""
+
+
+def _documented(group: str, name: str, values: dict[str, Any]) -> dict[str, parameters.Parameter]:
+    """A plugin's fields with unit and meaning; none if it is not installed here."""
+    try:
+        return {p.key: p for p in parameters.of(registry.get(group, name), values)}
+    except UserError:
+        return {}
+
+
+def _brief(group: str, name: str, values: dict[str, Any]) -> str:
+    """The short settings of a stage that say something, with their units."""
+    documented, told = _documented(group, name, values), list(_samplings(values))
+    for key, value in values.items():
+        text = _plain(value)
+        if not text or isinstance(value, dict) or len(text) > LONGEST_VALUE or value in (0, False):
+            continue
+        kind = documented[key].kind if key in documented else ""
+        unit = kind.partition(", ")[2] if kind.startswith(("float", "list of")) else ""
+        unit = unit if unit in UNITS else ""
+        told.append(f"{key.replace('_', ' ')} {text} {unit}".strip())
+    return "; ".join(told[:MOST_SETTINGS])
+
+
+def _samplings(values: dict[str, Any], above: str = "") -> Iterator[str]:
+    """How a scan samples, also the parts of a session that have views."""
+    for key, value in values.items():
+        if key == "sampling" and isinstance(value, dict):
+            hertz: Any = value.get("frequency")
+            many = isinstance(hertz, list) and len(hertz) > MOST_FREQUENCIES
+            what = f"{len(hertz)} frequencies" if many else f"{_plain(hertz)} Hz"
+            yield f"{above}{what}, {value.get('samples')} samples at {_plain(value.get('rate'))} Hz"
+        elif isinstance(value, dict) and "sampling" in value and value.get("views"):
+            yield from _samplings({"sampling": value["sampling"]}, f"{key}: ")
+
+
+def _plain(value: Any) -> str:
+    """A value as one would say it; empty for nothing."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list):
+        plain = not any(isinstance(v, list | dict) for v in value)
+        told = ", ".join(map(_plain, value)) if plain else parameters.as_yaml(value)
+        return f"({told})" if len(value) > 1 else told
+    return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _views(run: Subject) -> Table | None:
+    """One row a view: what was scanned there, and what of it was of use."""
+    edges, images = run.below("edge"), run.below("image")
+    field = next(iter(run.fields.values()), None)
+    counts: dict[str, dict[str, str]] = {}
+    for view, edge in edges.items():
+        counts.setdefault(view, {})["edges of circles"] = str(edge.sizes["edge"])
+    for view, image in images.items():
+        row = counts.setdefault(view, {})
+        row["pixels"] = str(image.sizes["pixel"])
+        row["flagged"] = str(int((image["flags"].values != 0).sum()))
+        hertz: Any = image["frequency"].values if "frequency" in image.coords else []
+        row["Hz"] = (
+            ", ".join(f"{f:g}" for f in hertz)
+            if len(hertz) <= MOST_FREQUENCIES
+            else (f"{len(hertz)} from {min(hertz):g} to {max(hertz):g}")
+        )
+    if field is not None and "samples_seen" in field:
+        for view in field["view"].values:
+            seen = int(field["samples_seen"].sel(view=view))
+            counts.setdefault(str(view), {})["samples of the volume seen"] = str(seen)
+    columns = list(dict.fromkeys(c for row in counts.values() for c in row))
+    rows = [[view, *(row.get(c, "") for c in columns)] for view, row in counts.items()]
+    return Table(["view", *columns], rows, "Views") if rows else None
+
+
+def _settings(group: str, name: str, values: dict[str, Any]) -> Iterator[list[str]]:
+    """A stage's settings with type, unit and meaning."""
+    documented = _documented(group, name, values)
+    for key, value in values.items():
+        if value not in ({}, []):
+            one = documented.get(str(key))
+            told = [one.kind, one.meaning] if one else ["", ""]
+            yield [str(key), parameters.as_yaml(value), *told]

@@ -1,0 +1,191 @@
+"""The table that closes a run on the terminal."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from sldvexp.report.field_tables import field_tables
+from sldvexp.report.fitting import fitted
+from sldvexp.report.image_text import image_text
+from sldvexp.report.notes import notes
+from sldvexp.report.numbers import number, with_bound
+from sldvexp.report.pose_methods import pose_methods
+
+#: Velocities shown on the terminal of those of many points and frequencies; the file has all.
+MOST_VELOCITIES = 4
+NARROWEST = 132
+#: Where that can be read which a terminal has no room for.
+RUN = "run.nc"
+#: Cosine to an axis above which a direction is that axis.
+ALONG_AXIS = 1 - 1e-9
+
+
+def closing_table(tree: Mapping[str, xr.Dataset], files: Sequence[Path]) -> None:
+    """Print what was estimated, what was published, what passed, what to mind, where the files lie.
+
+    Parameters
+    ----------
+    tree : mapping of str to xarray.Dataset
+    files : sequence of Path
+    """
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=max(console.width, NARROWEST))
+    table = Table("estimated", title="Estimates", title_justify="left")
+    for column in ("value ± bound", "unit"):
+        table.add_column(column, no_wrap=True)
+    table.add_column("note")
+    for row in estimates(tree):
+        table.add_row(*map(escape, row))
+    width = console.width
+    if table.row_count:
+        console.print(fitted(table, width, ("estimated", "value ± bound"), RUN))
+    if images := image_text(tree):
+        console.print(escape(images), highlight=False)
+    for group in tree.values():
+        if "s_mean" in group:
+            console.print(fitted(pose_methods(group), width, (), RUN))
+    for fields in field_tables(tree):
+        console.print(fitted(fields, width, (), RUN))
+    if "check" in tree:
+        console.print(fitted(published(tree["check"]), width, ("quantity", "met"), RUN))
+    for note in notes(tree):
+        console.print(f"[yellow]note:[/] {escape(note)}", highlight=False)
+    for file in files:
+        console.print(str(file), soft_wrap=True, highlight=False)
+
+
+def estimates(
+    tree: Mapping[str, xr.Dataset], most: int = MOST_VELOCITIES
+) -> Iterator[tuple[str, str, str, str]]:
+    """Rows of all groups that hold estimates, at most so many velocities of each."""
+    for name, group in tree.items():
+        if name == "pose":
+            shared = list(json.loads(group.attrs.get("shared", "{}")))
+            own = [n for n in group["adjusted"].values if n not in shared] if shared else None
+            for view in group["view"].values:
+                each = group.sel(view=view)
+                yield from _pose_rows(str(view), each if own is None else each.sel(adjusted=own))
+            if shared:
+                one = group.isel(view=0).sel(adjusted=shared)
+                yield from _pose_rows("all views", one[["intrinsic", "intrinsic_confidence"]])
+        elif name.split("/")[0] in ("point", "compare") and "element" not in group.coords:
+            yield from _point_rows(name, group, most)
+
+
+def _pose_rows(view: str, pose: xr.Dataset) -> Iterator[tuple[str, str, str, str]]:
+    """Euler angles, origin, intrinsics and residual of one view."""
+    columns = (
+        ("euler", "angle_index", "rad"),
+        ("origin", "axis", "m"),
+        ("intrinsic", "adjusted", None),
+    )
+    for variable, dim, unit in columns:
+        if variable not in pose:
+            continue
+        for label in pose[dim].values:
+            value = float(pose[variable].sel({dim: label}))
+            bounds = pose.get(f"{variable}_confidence")
+            bound = float(bounds.sel({dim: label})) if bounds is not None else np.nan
+            yield f"pose {view}: {label}", with_bound(value, bound), unit or _unit(label), ""
+    if "s" in pose:
+        note = f"SSE {number(float(pose['sse']))} deg²" if "sse" in pose else ""
+        yield f"pose {view}: s", number(float(pose["s"])), "DAC steps", note
+
+
+def _unit(intrinsic: str) -> str:
+    """A gain is relative to the calibration."""
+    return {"mirror": "m", "zero": "rad"}.get(str(intrinsic).partition("_")[0], "")
+
+
+def _point_rows(name: str, point: xr.Dataset, most: int) -> Iterator[tuple[str, str, str, str]]:
+    """Velocity components of the first points and frequencies, and what stands behind them."""
+    cases = [d for d in ("point", "frequency") if d in point["velocity"].dims]
+    stacked = (
+        point["velocity"].stack(case=cases) if cases else point["velocity"].expand_dims("case")
+    )
+    bounds = (
+        point["confidence"].stack(case=cases) if cases else point["confidence"].expand_dims("case")
+    )
+    shown = min(stacked.sizes["case"], most)
+    points = point.sizes["point"] if "point" in cases else 1
+    for i in range(shown):
+        value, bound = stacked.isel(case=i), bounds.isel(case=i)
+        labels = [
+            f"{d} {value[d].item():g}" if d == "frequency" else f"{d} {value[d].item()}"
+            for d in cases
+        ]
+        label = ", ".join([name.replace("compare/", ""), *labels])
+        for component in point["component"].values:
+            text = with_bound(
+                complex(value.sel(component=component)), float(bound.sel(component=component))
+            )
+            at = {d: value[d].item() for d in cases} | {"component": component}
+            yield f"{label}: V_{component}", text, "m/s", _merit(point, at)
+        of_point, of_frequency = divmod(i, stacked.sizes["case"] // points)
+        for along, text in _observed(point, of_point, of_frequency):
+            yield f"{label}: V along {along}", text, "m/s", "determined by these views"
+    if stacked.sizes["case"] > shown:
+        rest = (stacked.sizes["case"] - shown) * point.sizes["component"]
+        yield f"{name}: {rest} more", f"in run.nc, group {name}", "", ""
+
+
+def _observed(point: xr.Dataset, number: int, frequency: int) -> Iterator[tuple[str, str]]:
+    """What is determined of a point along directions that are no axes, with its bounds."""
+    if "observed_velocity" not in point or number not in point["deficient_point"].values:
+        return
+    own = point.isel(deficient=int(np.argmax(point["deficient_point"].values == number)))
+    own = own.isel(frequency=frequency, missing_dims="ignore")
+    for i in range(int(own["observed_rank"])):
+        one = own.isel(direction=i)
+        direction = one["observed_direction"].values
+        if np.abs(direction).max() < ALONG_AXIS:
+            along = ", ".join(f"{x:.2f}" for x in direction + 0.0)
+            value, bound = one["observed_velocity"].item(), one["observed_confidence"].item()
+            yield f"({along})", with_bound(value, bound)
+
+
+def _merit(point: xr.Dataset, at: Mapping[str, Any]) -> str:
+    """Efficiency and observability of the component, point and frequency `at`."""
+
+    def value(name: str) -> float:
+        variable = point[name]
+        return float(variable.sel({d: label for d, label in at.items() if d in variable.dims}))
+
+    if "observable" in point and not value("observable"):
+        return "not determined by these views"
+    if "efficiency" not in point:
+        return ""
+    return f"efficiency {number(value('efficiency'), 2)}, rcond {number(value('rcond'), 3)}"
+
+
+def published(check: xr.Dataset) -> Table:
+    """Published numbers beside this run's."""
+    correct = bool(np.isfinite(np.asarray(check["correct"])).any())
+    passed = int(check["passed"].sum())
+    table = Table(
+        title=f"Expected: {passed} of {check.sizes['quantity']} met", title_justify="left"
+    )
+    table.add_column("quantity")
+    formula = ["correct formula"] * correct
+    for column in ("", "expected", "computed", *formula, "tolerance", "met"):
+        table.add_column(column, no_wrap=True)
+    table.add_column("source")
+    for i, name in enumerate(check["quantity"].values):
+        row = check.isel(quantity=i)
+        cells = [escape(str(name)), str(row["relation"].item()), number(row["published"].item(), 5)]
+        cells.append(number(row["computed"].item(), 5))
+        cells += [number(row["correct"].item(), 5)] * correct
+        met = "[green]yes[/]" if bool(row["passed"]) else "[red bold]NO[/]"
+        cells += [number(row["tolerance"].item(), 2), met, escape(str(row["source"].item()))]
+        table.add_row(*cells)
+    return table

@@ -1,0 +1,94 @@
+"""`target=points`: plain fiducial marks at measured positions."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from sldvexp.config.registry import register
+from sldvexp.errors import Checks
+from sldvexp.targets.base import Target, TargetPoints, std_of_bound
+from sldvexp.units import LengthUnit
+
+#: Points nearer to their common line than this fraction of its length count as collinear.
+COLLINEAR = 1e-9
+
+
+@dataclass
+class Point:
+    """One fiducial mark in the target's unit."""
+
+    x: float
+    y: float
+    z: float = 0.0
+
+
+@register("target", "points")
+@dataclass
+class Points(Target):
+    """Numbered fiducial points.
+
+    Parameters
+    ----------
+    unit : LengthUnit
+        Unit of all lengths below.
+    accuracy : float
+        Bound +- within which every coordinate is known.
+    fiducials : dict of int to Point
+        By point number.
+    """
+
+    unit: LengthUnit = LengthUnit.m
+    accuracy: float = 0.0
+    fiducials: dict[int, Point] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        checks = Checks()
+        checks.non_negative("accuracy", self.accuracy)
+        for number, point in self.fiducials.items():
+            checks.finite(f"fiducials.{number}", point.x, point.y, point.z)
+        checks.require(
+            len(self.fiducials) >= 3,
+            "fiducials",
+            f"a pose needs three points or more, not {len(self.fiducials)}",
+        )
+        checks.done()
+        self._check_spread(checks)
+        checks.done()
+
+    def points(self) -> TargetPoints:
+        """The fiducials in the order in which the configuration has them."""
+        import numpy as np
+
+        position = self.unit.value * np.array([[p.x, p.y, p.z] for p in self.fiducials.values()])
+        std = np.full(position.shape, self.unit.value * std_of_bound(self.accuracy))
+        number = np.array(list(self.fiducials), np.int64)
+        return TargetPoints(number, position, std, tuple(f"fiducial {n}" for n in number))
+
+    def _check_spread(self, checks: Checks) -> None:
+        """Note points that coincide, or that all lie on one line: they leave a rotation open."""
+        seen: dict[tuple[float, float, float], int] = {}
+        for number, p in self.fiducials.items():
+            other = seen.setdefault((p.x, p.y, p.z), number)
+            checks.require(
+                other == number, f"fiducials.{number}", f"stands where point {other} stands"
+            )
+        places = list(seen)
+        first = places[0]
+        far = max(places, key=lambda place: math.dist(first, place))
+        along = [b - a for a, b in zip(first, far, strict=True)]
+        length = math.hypot(*along)
+        beside = [math.hypot(*_cross(along, first, place)) for place in places]
+        checks.require(
+            max(beside) > COLLINEAR * length**2,
+            "fiducials",
+            f"all {len(self.fiducials)} points lie on one line; at least one must stand beside it",
+        )
+
+
+def _cross(
+    along: list[float], first: tuple[float, float, float], place: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Cross product of `along` and the way from `first` to `place`."""
+    (ax, ay, az), (bx, by, bz) = along, (b - a for a, b in zip(first, place, strict=True))
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
