@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -17,6 +18,16 @@ from sldvexp.cli import commands, main
 from sldvexp.config.cached_loader import Memory, RememberingLoader
 from sldvexp.config.paths import conf_dir
 from sldvexp.report.html.page import Html
+
+#: Heavy libraries by a module of theirs, since one that is imported lazily stands in sys.modules
+#: from the start.
+HEAVY = {
+    "xarray": "xarray.core",
+    "scipy": "scipy._lib",
+    "pandas": "pandas.core",
+    "matplotlib": "matplotlib.cbook",
+    "netCDF4": "netCDF4._netCDF4",
+}
 
 #: What makes the pages of runs and sweeps.
 PAGES = {name: getattr(Html, name) for name in ("of_run", "of_sweep")}
@@ -101,3 +112,18 @@ def sldvexp(
         return Done(int(stop.value.code or 0), said.out, said.err, folder)
 
     return call
+
+
+@pytest.fixture
+def loaded_by(tmp_path: Path) -> Callable[..., tuple[str, str]]:
+    """Run code in a new process; which heavy libraries it loads, and what it prints."""
+
+    def run(code: str, *arguments: str) -> tuple[str, str]:
+        told = f"print(*(k for k, m in {HEAVY}.items() if m in sys.modules), file=sys.stderr)"
+        ended = "except SystemExit as stop:\n    assert not stop.code"
+        code = f"import sys\ntry:\n    exec({code!r})\n{ended}\n{told}"
+        command = [sys.executable, "-c", code, *arguments]
+        done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=True)
+        return done.stderr.splitlines()[-1], done.stdout
+
+    return run

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.check.base import Examined
 from sldvexp.errors import UserError
 from sldvexp.field.run import looks_of
 from sldvexp.field.visibility.looks import Looks
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Depths that are tried for the smallest misfit; between them a parabola is used.
 TRIED = 401
@@ -83,14 +81,14 @@ def sampled_depth(looks: Looks) -> Array:
     return np.ravel((low + high) / 2 + zeta * (high - low) / 2)
 
 
-def _misfit(looks: Looks, triangles: NDArray[np.intp]) -> tuple[Array, Array]:
+def _misfit(looks: Looks, triangles: IndexArray) -> tuple[Array, Array]:
     """Misfit and degrees of freedom of triangles at each gap's sample points.
 
     Both of shape (point, triangle).
     """
     look = looks.at(triangles)
     shape = (looks.prisms.gaps, len(triangles), looks.rule.points)
-    valid: NDArray[np.bool_] = np.all(look.valid, axis=1).reshape(shape)
+    valid: BoolArray = np.all(look.valid, axis=1).reshape(shape)
     everywhere = np.broadcast_to(np.all(valid, axis=(0, 2), keepdims=True), shape).ravel()
     pairs = list(zip(look.seen, looks.views, strict=True))
     velocity = np.stack([seen.velocity(view) for seen, view in pairs], axis=1)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from sldvexp import dataset
 from sldvexp.check.base import Check, Examined
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
+from sldvexp.lazy import xarray as xr
 from sldvexp.units import LengthUnit
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @register("check", "bitangents")
@@ -21,10 +21,6 @@ class Bitangents(Check):
 
     def examine(self, run: Examined) -> xr.Dataset:
         """``position_inch (point, plane_axis)``."""
-        import numpy as np
-
-        from sldvexp import dataset
-
         if "target" not in run.tree:
             raise UserError("check=bitangents needs a calibration object: choose a target")
         target = run.tree["target"]

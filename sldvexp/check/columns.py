@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
+from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array, IndexArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +28,12 @@ class Columns:
     """
 
     layers: int
-    inside: NDArray[np.intp]
-    below: NDArray[np.intp]
-    share: NDArray[np.float64]
+    inside: IndexArray
+    below: IndexArray
+    share: Array
 
     @classmethod
-    def of(cls, volume: xr.Dataset, height: NDArray[np.float64]) -> Columns:
+    def of(cls, volume: xr.Dataset, height: Array) -> Columns:
         """Columns that cross height 0.
 
         Parameters

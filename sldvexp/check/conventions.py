@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from sldvexp.typing import Array
 
 
 def sample_std(residuals: ArrayLike) -> float:
@@ -20,7 +22,7 @@ def printed_f(sse_partial: float, sse_full: float, std_full: float) -> float:
     return (sse_partial - sse_full) / std_full**2
 
 
-def printed_half_width(s: float, v_ii: ArrayLike) -> NDArray[np.float64]:
+def printed_half_width(s: float, v_ii: ArrayLike) -> Array:
     """Half-widths of Section 5.2.6 as printed: 1.96 s v_ii, without the square root of Eq 5.18.
 
     Parameters

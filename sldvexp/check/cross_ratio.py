@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+
+from sldvexp import dataset
 from sldvexp.check.base import Check, Examined
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-
-if TYPE_CHECKING:
-    import numpy as np
-    import xarray as xr
+from sldvexp.geometry import cross_ratio
+from sldvexp.lazy import xarray as xr
 
 KINDS = ("laser points", "world points", "slopes", "angles")
 IDENTITY = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
@@ -56,10 +57,6 @@ class CrossRatio(Check):
 
     def examine(self, run: Examined) -> xr.Dataset:
         """``up_down (kind)`` and ``left_right (kind)``, all equal if the mirrors are projective."""
-        import numpy as np
-
-        from sldvexp import dataset
-
         up_down, left_right = (
             np.array(points, float) for points in (self.up_down_points, self.left_right_points)
         )
@@ -77,10 +74,6 @@ class CrossRatio(Check):
 
     def _ratios(self, points: np.ndarray, slopes: np.ndarray) -> list[float]:
         """One cross-ratio of each of `KINDS`."""
-        import numpy as np
-
-        from sldvexp.geometry import cross_ratio
-
         homogeneous = np.hstack([points, np.ones((4, 1))])
         world = (homogeneous @ np.array(self.laser_to_world, float))[:, :3]
         return [

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from sldvexp import dataset
+from sldvexp.config.expectation import Expectation
 from sldvexp.errors import ConfigError, Problem, UserError, nearest
-
-if TYPE_CHECKING:
-    from sldvexp.config.expectation import Expectation
+from sldvexp.lazy import xarray as xr
 
 _OF = re.compile(
     r"(?P<group>[\w./-]+)(?:/(?P<variable>\w+)|@(?P<attribute>\w+))(?:\[(?P<at>[^]]*)\])?"

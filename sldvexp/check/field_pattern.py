@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from sldvexp import dataset
 from sldvexp.check.base import Check, Examined
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
-
-if TYPE_CHECKING:
-    import xarray as xr
+from sldvexp.lazy import xarray as xr
 
 #: Component that leaves the surface, in world axes along a plate and in local ones.
 OUT_OF_PLANE = ("z", "n")
@@ -40,10 +40,6 @@ class FieldPattern(Check):
         UserError
             If there is no field.
         """
-        import numpy as np
-
-        from sldvexp import dataset
-
         if "field" not in run.tree:
             raise UserError("check=field_pattern needs a field: choose a volume, a reconstruction")
         compared = {k: g for k, g in run.tree.items() if k.startswith("compare/")}

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from sldvexp import dataset
 from sldvexp.check.base import Check, Examined
+from sldvexp.check.prediction import predict
 from sldvexp.config.registry import register
-
-if TYPE_CHECKING:
-    import xarray as xr
+from sldvexp.lazy import xarray as xr
 
 
 @register("check", "left_out")
@@ -22,9 +21,6 @@ class LeftOut(Check):
 
     def examine(self, run: Examined) -> xr.Dataset:
         """``error`` of every view at every sampled depth, and the smallest beside the noise."""
-        from sldvexp import dataset
-        from sldvexp.check.prediction import predict
-
         found = predict(run)
         best = found.error.mean(axis=0).argmin()
         return dataset.group(

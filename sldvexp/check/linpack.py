@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sldvexp.lazy import scipy
+
 
 def linpack_rcond(matrix: ArrayLike) -> float:
     """Reciprocal condition number as `dgeco` estimated it, hence MATLAB 5's ``rcond``.
@@ -22,16 +24,14 @@ def linpack_rcond(matrix: ArrayLike) -> float:
     float
         0 for a singular matrix.
     """
-    from scipy.linalg import lu, solve_triangular
-
     a = np.asarray(matrix, float)
-    permutation, lower, upper = lu(a)
+    permutation, lower, upper = scipy.linalg.lu(a)
     if not np.all(np.diag(upper)):
         return 0.0
     w = _growing_solution(upper)
-    y = permutation @ solve_triangular(lower.T, w, unit_diagonal=True)
-    z = solve_triangular(lower, permutation.T @ y, lower=True, unit_diagonal=True)
-    z = solve_triangular(upper, z)
+    y = permutation @ scipy.linalg.solve_triangular(lower.T, w, unit_diagonal=True)
+    z = scipy.linalg.solve_triangular(lower, permutation.T @ y, lower=True, unit_diagonal=True)
+    z = scipy.linalg.solve_triangular(upper, z)
     return float(np.abs(y).sum() / (np.abs(a).sum(axis=0).max() * np.abs(z).sum()))
 
 

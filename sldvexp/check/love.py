@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from sldvexp import dataset
 from sldvexp.check.base import Check, Examined
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
-
-if TYPE_CHECKING:
-    import xarray as xr
+from sldvexp.lazy import xarray as xr
 
 
 @register("check", "love")
@@ -25,10 +25,6 @@ class Love(Check):
 
     def examine(self, run: Examined) -> xr.Dataset:
         """``variation`` of each component through the layers, and its bound."""
-        import numpy as np
-
-        from sldvexp import dataset
-
         if not {"field", "volume"} <= set(run.tree):
             raise UserError("check=love needs a field: choose a volume and a reconstruction")
         field, volume = run.tree["field"], run.tree["volume"]

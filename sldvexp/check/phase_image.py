@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from sldvexp import dataset
 from sldvexp.check.base import Check, Examined
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
-
-if TYPE_CHECKING:
-    import numpy as np
-    import xarray as xr
+from sldvexp.lazy import xarray as xr
 
 
 @register("check", "phase_image")
@@ -25,10 +24,6 @@ class PhaseImage(Check):
 
     def examine(self, run: Examined) -> xr.Dataset:
         """``phase``, ``phase_std`` and ``p_uniform`` over view, stage and frequency."""
-        import numpy as np
-
-        from sldvexp import dataset
-
         tree = run.tree
         images = {k.removeprefix("image/"): g for k, g in tree.items() if k.startswith("image/")}
         if not images:
@@ -58,8 +53,6 @@ def _statistics(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
     With the weights |v|^2 the doubled phases have the resultant R = |sum v^2| / sum |v|^2. If all
     phases are alike likely, R^2 is exponential with mean sum |v|^4 / (sum |v|^2)^2.
     """
-    import numpy as np
-
     power = np.abs(velocity) ** 2
     vector = (velocity**2).sum(axis=0) / power.sum(axis=0)
     size = np.abs(vector)

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from sldvexp import dataset
 from sldvexp.check.base import Check, Examined
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.geometry.known_pose import KnownPose
+from sldvexp.lazy import xarray as xr
 from sldvexp.pose.given import Given
-
-if TYPE_CHECKING:
-    import numpy as np
-    import xarray as xr
+from sldvexp.statistics.student import student_factor
+from sldvexp.statistics.welch import welch
 
 
 @register("check", "pose_equivalence")
@@ -51,12 +52,6 @@ class PoseEquivalence(Check):
 
     def examine(self, run: Examined) -> xr.Dataset:
         """t', its degrees of freedom and critical value, for every view and parameter."""
-        import numpy as np
-
-        from sldvexp import dataset
-        from sldvexp.statistics.student import student_factor
-        from sldvexp.statistics.welch import welch
-
         if "pose" not in run.tree:
             raise UserError("check=pose_equivalence needs a pose to compare: choose pose=...")
         pose, other = run.tree["pose"], self._other().group()
@@ -86,8 +81,6 @@ class PoseEquivalence(Check):
 
 def _estimate(pose: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Euler angles and origin with standard errors and degrees of freedom, (view, 6) each."""
-    import numpy as np
-
     mean = np.hstack([pose["euler"].values, pose["origin"].values])
     error = np.hstack([pose["euler_std"].values, pose["origin_std"].values])
     if not (np.isfinite(error) & (error > 0)).all():

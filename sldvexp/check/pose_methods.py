@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from sldvexp import dataset
 from sldvexp.check.base import Check, Examined
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.geometry.known_pose import KnownPose
-
-if TYPE_CHECKING:
-    import numpy as np
-    import xarray as xr
+from sldvexp.geometry.rotation import rotation_from_euler, vector_from_rotation
+from sldvexp.lazy import xarray as xr
 
 
 @register("check", "pose_methods")
@@ -47,10 +47,6 @@ class PoseMethods(Check):
 
     def examine(self, run: Examined) -> xr.Dataset:
         """``s_mean``, ``s_std`` and, with the truth, ``origin_error`` and ``rotation_error``."""
-        import numpy as np
-
-        from sldvexp import dataset
-
         poses = {name: self._pose(name, group, run.tree) for name, group in self.methods.items()}
         s = [pose["s"].values for pose in poses.values()]
         errors: dict[str, np.ndarray] = {}
@@ -78,10 +74,6 @@ class PoseMethods(Check):
 
     def _errors(self, name: str, pose: xr.Dataset) -> tuple[float, float]:
         """Root mean square distance from the true origins, m, and angle to the true axes, rad."""
-        import numpy as np
-
-        from sldvexp.geometry.rotation import rotation_from_euler, vector_from_rotation
-
         views = [str(view) for view in pose["view"].values]
         if missing := [view for view in views if view not in self.truth]:
             raise UserError(

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+
+from sldvexp import dataset
 from sldvexp.check.base import Check, Examined
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-
-if TYPE_CHECKING:
-    import numpy as np
-    import xarray as xr
+from sldvexp.geometry.rotation import vector_from_rotation
+from sldvexp.laser.model import project
+from sldvexp.lazy import xarray as xr
+from sldvexp.pose.single_view import solve_pose
+from sldvexp.pose.uncertainty import half_width, standard_error
 
 
 @register("check", "pose_repeats")
@@ -35,10 +39,6 @@ class PoseRepeats(Check):
 
     def examine(self, run: Examined) -> xr.Dataset:
         """``std_ratio`` and ``coverage`` of each parameter; a note where bounds do not hold."""
-        import numpy as np
-
-        from sldvexp import dataset
-
         if "pose" not in run.tree or "registration" not in run.tree:
             raise UserError(
                 "check=pose_repeats needs a pose from points: choose pose=registration, or leave "
@@ -61,13 +61,6 @@ class PoseRepeats(Check):
 
     def _view(self, pose: xr.Dataset, registration: xr.Dataset, rng: np.random.Generator) -> Any:
         """Ratio of standard deviations and coverage for one view."""
-        import numpy as np
-
-        from sldvexp.geometry.rotation import vector_from_rotation
-        from sldvexp.laser.model import project
-        from sldvexp.pose.single_view import solve_pose
-        from sldvexp.pose.uncertainty import half_width, standard_error
-
         step, offset = np.asarray(pose.attrs["step"]), pose.attrs["mirror_offset"]
         if not np.isfinite(pose["s"]):  # as many unknowns as angles: there is no noise to repeat
             return [np.full(pose.sizes["parameter"], np.nan)] * 2
@@ -97,8 +90,6 @@ class PoseRepeats(Check):
         What is known of a parameter beforehand is its nominal value and standard deviation; it is
         right on average if the truth is drawn from them.
         """
-        import numpy as np
-
         truth = {"mirror_offset": np.full((self.repeats, 1), pose.attrs["mirror_offset"])}
         for mirror in ("up_down", "left_right"):
             truth |= {f"gain_{mirror}": np.ones((self.repeats, 1))}
@@ -112,8 +103,6 @@ class PoseRepeats(Check):
 
     def _notes(self, group: xr.Dataset) -> list[str]:
         """Views whose simulated spread is further from the reported one than chance allows."""
-        import numpy as np
-
         limit = 4 / np.sqrt(2 * self.repeats)
         bad = (np.abs(group["std_ratio"] - 1) > limit).any("parameter")
         unknown = group["view"].values[group["std_ratio"].isnull().all("parameter").values]
@@ -132,6 +121,4 @@ class PoseRepeats(Check):
 
 def _by_mirror(truth: dict[str, Any], what: str) -> np.ndarray:
     """Gain or zero of both mirrors, shape (repeat, 1, 2)."""
-    import numpy as np
-
     return np.stack([truth[f"{what}_up_down"], truth[f"{what}_left_right"]], axis=-1)

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.check.agreement import field_looks, sampled_depth
 from sldvexp.check.base import Examined
 from sldvexp.errors import UserError
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.visibility.looks import Looks
+from sldvexp.typing import Array, IndexArray
 from sldvexp.volume.samples import shape_matrix
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +59,7 @@ def predict(run: Examined) -> Prediction:
 
 
 def _left_out(
-    run: Examined, looks: Looks, k: int, place: NDArray[np.intp], depths: int
+    run: Examined, looks: Looks, k: int, place: IndexArray, depths: int
 ) -> tuple[Array, float, float]:
     """Error at each depth, size and noise of one view."""
     e, view = run.experiment, looks.views[k]

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+
+from sldvexp import dataset
 from sldvexp.check.base import Check, Examined
+from sldvexp.check.conventions import printed_f, printed_half_width, sample_std
+from sldvexp.check.linpack import linpack_rcond
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError, nearest
-
-if TYPE_CHECKING:
-    import xarray as xr
+from sldvexp.lazy import scipy
+from sldvexp.lazy import xarray as xr
 
 
 @register("check", "printed")
@@ -32,12 +36,6 @@ class Printed(Check):
 
     def examine(self, run: Examined) -> xr.Dataset:
         """One entry of each for every reconstruction of the run."""
-        import numpy as np
-        from scipy.special import fdtri
-
-        from sldvexp import dataset
-        from sldvexp.check.conventions import printed_f
-
         methods = [name for name in run.tree if name.split("/")[0] in ("point", "compare")]
         for name in (self.partial, self.full):
             if name and name not in methods:
@@ -51,17 +49,12 @@ class Printed(Check):
             partial, full = run.tree[self.partial], run.tree[self.full]
             tabulated = partial.attrs["sse"], full.attrs["sse"], rows[self.full]["std"]
             more["f_statistic"] = printed_f(*(round(x, self.decimals) for x in tabulated))
-            more["f_critical"] = float(fdtri(1, full.sizes["row"] - 1, 0.95))
+            more["f_critical"] = float(scipy.special.fdtri(1, full.sizes["row"] - 1, 0.95))
         return dataset.group("examined/printed", {"method": methods}, **columns, **more)
 
 
 def _conventions(point: xr.Dataset) -> dict[str, Any]:
     """The printed numbers of one reconstruction of a single point."""
-    import numpy as np
-
-    from sldvexp.check.conventions import printed_half_width, sample_std
-    from sldvexp.check.linpack import linpack_rcond
-
     if "matrix" not in point:
         raise UserError("check=printed is for a single point's reconstruction")
     matrix = point["matrix"].values

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from sldvexp import dataset
 from sldvexp.check.base import Check, Examined
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
-
-if TYPE_CHECKING:
-    import xarray as xr
+from sldvexp.lazy import xarray as xr
 
 
 @register("check", "repeatability")
@@ -20,8 +18,6 @@ class Repeatability(Check):
 
     def examine(self, run: Examined) -> xr.Dataset:
         """``dac_std (point, mirror)`` and the largest of them."""
-        from sldvexp import dataset
-
         if "registration" not in run.tree or run.tree["registration"].sizes["view"] < 2:
             raise UserError(
                 "check=repeatability needs image points of at least two views of one pose: choose "

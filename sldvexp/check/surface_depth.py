@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from sldvexp import dataset
+from sldvexp.check.agreement import agreement, best_depth
 from sldvexp.check.base import Check, Examined
+from sldvexp.check.tangential import least_motion
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-
-if TYPE_CHECKING:
-    import xarray as xr
+from sldvexp.lazy import xarray as xr
 
 
 @register("check", "surface_depth")
@@ -46,10 +46,6 @@ class SurfaceDepth(Check):
         UserError
             If there is no field.
         """
-        from sldvexp import dataset
-        from sldvexp.check.agreement import agreement, best_depth
-        from sldvexp.check.tangential import least_motion
-
         if not {"field", "volume"} <= set(run.tree):
             raise UserError("check=surface_depth needs a field: choose volume and reconstruction")
         depth, std, inside = least_motion(run.tree["field"], run.tree["volume"], self.parts)

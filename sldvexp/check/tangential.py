@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import xarray as xr
-from numpy.typing import NDArray
 
 from sldvexp.check.agreement import jackknife
-
-Array = NDArray[np.float64]
+from sldvexp.lazy import xarray as xr
+from sldvexp.typing import ComplexArray
 
 
 def least_motion(field: xr.Dataset, volume: xr.Dataset, parts: int) -> tuple[float, float, bool]:
@@ -47,7 +45,7 @@ def least_motion(field: xr.Dataset, volume: xr.Dataset, parts: int) -> tuple[flo
     return float(found), jackknife(without), bool(depth[0] <= found <= depth[-1])
 
 
-def _tangential(field: xr.Dataset, volume: xr.Dataset) -> NDArray[np.complex128]:
+def _tangential(field: xr.Dataset, volume: xr.Dataset) -> ComplexArray:
     """Tangential velocity of the nodes, (node, component, ...)."""
     velocity = field["velocity"].transpose("node", "component", ...).values
     if "n" in field["component"].values:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from sldvexp import dataset
 from sldvexp.check.base import Check, Examined
+from sldvexp.check.columns import Columns
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
-
-if TYPE_CHECKING:
-    import xarray as xr
+from sldvexp.lazy import xarray as xr
 
 
 @register("check", "truth")
@@ -24,11 +25,6 @@ class Truth(Check):
 
     def examine(self, run: Examined) -> xr.Dataset:
         """Errors and coverage of each component at each frequency, and in all frequencies."""
-        import numpy as np
-
-        from sldvexp import dataset
-        from sldvexp.check.columns import Columns
-
         tree = run.tree
         if not {"field", "truth", "volume"} <= set(tree):
             raise UserError(

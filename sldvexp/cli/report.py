@@ -6,11 +6,11 @@ import gc
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
 from sldvexp.config import registry
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError
+from sldvexp.lazy import xarray as xr
 from sldvexp.report.html.page import Html
 from sldvexp.sweep import ranking
 from sldvexp.sweep.summary import SWEEP_FILE

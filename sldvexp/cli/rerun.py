@@ -9,7 +9,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import xarray as xr
 from omegaconf import OmegaConf
 
 from sldvexp import dataset
@@ -17,6 +16,7 @@ from sldvexp.config import registry
 from sldvexp.config.paths import CONF_SCHEME, RUN_FILE, locate
 from sldvexp.errors import UserError
 from sldvexp.instrument.recording import JOURNAL
+from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline import provenance, runner
 from sldvexp.sweep import recorded_config
 from sldvexp.sweep.recorded_config import Recorded

@@ -15,6 +15,7 @@ import sys
 import warnings
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -200,10 +201,8 @@ def load_installed() -> bool:
     bool
         Whether there are any.
     """
-    from importlib.metadata import entry_points
-
     _packages.clear()
-    entries = entry_points(group=ENTRY_POINTS)
+    entries = metadata.entry_points(group=ENTRY_POINTS)
     for entry in entries:
         name, version = (entry.dist.name, entry.dist.version) if entry.dist else (entry.value, "")
         before = _others()

@@ -5,6 +5,10 @@ from __future__ import annotations
 import json
 from typing import Any
 
+import yaml
+from omegaconf import OmegaConf
+
+from sldvexp.config import registry
 from sldvexp.dataset.run_data import Shown
 from sldvexp.errors import UserError
 
@@ -28,8 +32,6 @@ def settings(run: Shown, figure: str) -> dict[str, Any]:
 
 def as_read(text: str) -> Any:
     """What a text in YAML says; no object of a class is made, and libyaml reads if it is there."""
-    import yaml
-
     return yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
 
 
@@ -41,10 +43,6 @@ def plugin(run: Shown, group: str, figure: str) -> Any:
     UserError
         If the run had none.
     """
-    from omegaconf import OmegaConf
-
-    from sldvexp.config import registry
-
     names = json.loads(str(run.attributes.get("plugins", "{}")))
     if group not in names:
         raise UserError(f"plot: {figure}: the run has no {group}")

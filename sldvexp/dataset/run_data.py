@@ -6,15 +6,16 @@ import functools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
-import xarray as xr
 
+from sldvexp import dataset
 from sldvexp.errors import UserError, nearest
+from sldvexp.lazy import xarray as xr
 
 #: What all figures take: an opened run.nc, the groups of a run by their path, or a sweep's dataset.
-Source = xr.DataTree | Mapping[str, xr.Dataset] | xr.Dataset | str | Path
+Source: TypeAlias = "xr.DataTree | Mapping[str, xr.Dataset] | xr.Dataset | str | Path"
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +85,6 @@ def shown(source: Source | Shown, folder: str | Path | None = None) -> Shown:
 @functools.lru_cache(maxsize=4)
 def _opened(path: Path, changed: int) -> xr.DataTree:
     """A run's file, opened once: netCDF4 may crash if it is opened again before it is closed."""
-    from sldvexp import dataset
-
     return dataset.load(path)
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike
 
 from sldvexp.config.paths import RUN_FILE
@@ -16,6 +15,8 @@ from sldvexp.dataset.variable import Variable
 from sldvexp.dataset.variables import STAGES
 from sldvexp.errors import UserError
 from sldvexp.files import whole_or_nothing
+from sldvexp.lazy import netCDF4
+from sldvexp.lazy import xarray as xr
 
 UNREADABLE = "is not a readable netCDF-4 file"
 
@@ -138,8 +139,6 @@ def load_some(path: Path, names: Collection[str]) -> xr.DataTree:
     UserError
         See `load`.
     """
-    import netCDF4
-
     _require(path)
     try:
         with netCDF4.Dataset(path, auto_complex=True) as file:

@@ -5,14 +5,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from sldvexp.errors import UserError
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from sldvexp.export.results import Results
+from sldvexp.export.results import Results, results_of
+from sldvexp.lazy import xarray as xr
 
 
 class Export(ABC):
@@ -66,8 +63,6 @@ class Export(ABC):
             If the name is none of a file, the run has no velocities, `write` refuses them, or the
             file cannot be written.
         """
-        from sldvexp.export.results import results_of
-
         if Path(name).name != name or name.startswith("."):
             raise UserError(f"export: {name} is the name of a file and cannot name a folder")
         path = folder / f"{name}{self.suffix}"

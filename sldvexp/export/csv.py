@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.export.base import Export
+from sldvexp.export.results import Results
 from sldvexp.files import whole_or_nothing
-
-if TYPE_CHECKING:
-    from sldvexp.export.results import Results
+from sldvexp.lazy import pandas as pd
 
 
 @register("export", "csv")
@@ -27,9 +28,6 @@ class Csv(Export):
 
     def write(self, results: Results, path: Path) -> None:
         """Write the table; nodes count from 1."""
-        import numpy as np
-        import pandas as pd
-
         shape = results.velocity.shape
         node, component, step = (i.ravel() for i in np.indices(shape))
         columns: dict[str, Any] = {

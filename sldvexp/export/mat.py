@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.export.base import Export
+from sldvexp.export.results import Results
 from sldvexp.files import whole_or_nothing
-
-if TYPE_CHECKING:
-    from sldvexp.export.results import Results
+from sldvexp.lazy import scipy
 
 
 @register("export", "mat")
@@ -28,9 +29,6 @@ class Mat(Export):
 
     def write(self, results: Results, path: Path) -> None:
         """Write the struct; a frequency that is not known is NaN."""
-        import numpy as np
-        from scipy.io import savemat
-
         unknown = np.array([np.nan])
         struct: dict[str, Any] = {
             "velocity": results.velocity,
@@ -51,4 +49,4 @@ class Mat(Export):
                 "frame": mesh.frame,
             }
         with whole_or_nothing(path) as beside:
-            savemat(beside, {"sldvexp": struct}, do_compression=True, oned_as="column")
+            scipy.io.savemat(beside, {"sldvexp": struct}, do_compression=True, oned_as="column")

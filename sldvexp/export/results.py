@@ -7,15 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from sldvexp.dataset import CONVENTIONS
 from sldvexp.errors import UserError
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 WORLD = ("x", "y", "z")
 #: Groups of a run that velocities and their places come from.
@@ -87,10 +84,10 @@ class Results:
     names: tuple[str, ...]
     components: tuple[str, ...]
     frequency: Array | None
-    velocity: NDArray[np.complex128]
+    velocity: ComplexArray
     std: Array | None
     confidence: Array | None
-    observable: Bools
+    observable: BoolArray
     mesh: Mesh | None
     position: Array | None
     about: dict[str, str]
@@ -126,7 +123,7 @@ class Results:
             )
         return self.mesh
 
-    def in_world(self, mesh: Mesh) -> NDArray[np.complex128]:
+    def in_world(self, mesh: Mesh) -> ComplexArray:
         """Velocity along x, y, z, shape (node, 3, frequency), m/s."""
         if not self.local:
             return self.velocity

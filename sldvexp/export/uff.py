@@ -6,15 +6,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
 from sldvexp.export.base import Export
+from sldvexp.export.results import Results
 from sldvexp.files import whole_or_nothing
-
-if TYPE_CHECKING:
-    from sldvexp.export.results import Array, Results
+from sldvexp.io.uff import writer as uf
+from sldvexp.io.uff.writer import qualifiers, units
+from sldvexp.typing import Array
 
 
 class Geometry(Enum):
@@ -98,8 +100,6 @@ class Uff(Export):
         UserError
             If the frequencies of the run are not known.
         """
-        from sldvexp.io.uff.writer import qualifiers, units
-
         if results.frequency is None:
             raise UserError(
                 "export=uff: the run's velocities have no frequency, and a universal file needs "
@@ -113,10 +113,6 @@ class Uff(Export):
             file.writelines(_functions(results, results.frequency))
 
     def _geometry(self, results: Results) -> Iterator[str]:
-        import numpy as np
-
-        from sldvexp.io.uff import writer as uf
-
         if (mesh := results.mesh) is None:
             return
         count = mesh.surface_nodes
@@ -134,8 +130,6 @@ class Uff(Export):
             yield uf.trace_lines(mesh.surface_triangles, "surface")
 
     def _shapes(self, results: Results, frequency: Array) -> Iterator[str]:
-        from sldvexp.io.uff import writer as uf
-
         kind = uf.COMPLEX_MODE if self.shapes is Shapes.mode else uf.RESPONSE
         bounds = {"velocity_std": "Standard error", "confidence": "Half-width of the interval"}
         text = _Text(results)
@@ -152,10 +146,6 @@ class Uff(Export):
 
 def _functions(results: Results, frequency: Array) -> Iterator[str]:
     """A spectrum of each node and direction, of the frequencies where it is determined."""
-    import numpy as np
-
-    from sldvexp.io.uff import writer as uf
-
     text = _Text(results)
     place = "node" if results.mesh else "point"
     known = np.isfinite(results.velocity)

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from sldvexp.config.registry import register
 from sldvexp.export.base import Export
+from sldvexp.export.results import Results
+from sldvexp.export.ugrid_dataset import encoding_of, ugrid_dataset
 from sldvexp.files import whole_or_nothing
-
-if TYPE_CHECKING:
-    from sldvexp.export.results import Results
 
 
 @register("export", "ugrid")
@@ -35,8 +33,6 @@ class Ugrid(Export):
         UserError
             If there is no field.
         """
-        from sldvexp.export.ugrid_dataset import encoding_of, ugrid_dataset
-
         found = ugrid_dataset(results, results.needed_mesh("ugrid"))
         with whole_or_nothing(path) as beside:
             found.to_netcdf(beside, engine="netcdf4", encoding=encoding_of(found))

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from sldvexp.export.results import Mesh, Results
+from sldvexp.lazy import xarray as xr
 
 NODE, FACE, LAYER = "mesh_node", "mesh_face", "layer_depth"
 #: Which mesh a variable belongs to, and where on it.

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.export.base import Export
+from sldvexp.export.results import Mesh, Results
+from sldvexp.export.vtk_file import pvd, vtu
 from sldvexp.files import whole_or_nothing
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from sldvexp.export.results import Mesh, Results
 
 
 @register("export", "vtu")
@@ -58,8 +57,6 @@ class Vtu(Export):
         UserError
             If there is no field, or not the frequency that is to be animated.
         """
-        from sldvexp.export.vtk_file import pvd, vtu
-
         mesh = results.needed_mesh("vtu")
         index = self._animated(results)
         folder = path.with_suffix("")
@@ -96,8 +93,6 @@ class Vtu(Export):
 
 def _spectral(results: Results, mesh: Mesh, i: int) -> dict[str, NDArray]:
     """Everything known at one frequency."""
-    import numpy as np
-
     velocity = results.in_world(mesh)[..., i]
     own = results.velocity[..., i]
     count = len(velocity)
@@ -116,8 +111,6 @@ def _spectral(results: Results, mesh: Mesh, i: int) -> dict[str, NDArray]:
 
 def _instant(results: Results, mesh: Mesh, i: int, part: float) -> tuple[dict[str, NDArray], float]:
     """What moves how after a part of the period, and when that is in s, or the part itself."""
-    import numpy as np
-
     turned = results.in_world(mesh)[..., i] * np.exp(2j * np.pi * part)
     if results.frequency is None or results.frequency[i] <= 0:
         return {"velocity": turned.real}, part

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.field.bounds.intrinsic_effect import PoseErrors
@@ -30,8 +29,7 @@ from sldvexp.field.solvers.base import Solver
 from sldvexp.field.visibility.looks import Looks
 from sldvexp.field.visibility.view import View
 from sldvexp.reconstruction.base import Reconstruction
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 NO_COVARIANCE = "the poses have no covariance: bounds are those of the velocities' noise"
 

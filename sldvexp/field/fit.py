@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sldvexp.errors import UserError
 from sldvexp.field.bounds.pose_uncertainty import PoseEffect
 from sldvexp.field.bounds.residuals_and_bounds import Second, with_bounds
@@ -21,8 +18,7 @@ from sldvexp.field.solvers.base import Solver
 from sldvexp.field.visibility.coverage import flagged
 from sldvexp.field.visibility.looks import Looks
 from sldvexp.reconstruction.base import Reconstruction
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 
 @dataclass(frozen=True, eq=False)

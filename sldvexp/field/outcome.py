@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.field.bounds.residuals_and_bounds import Second
 from sldvexp.field.equations.assembly import Equations
@@ -20,8 +19,7 @@ from sldvexp.field.visibility.looks import Looks
 from sldvexp.reconstruction.observability import blank
 from sldvexp.statistics.f_test import FTest, nested_f_test
 from sldvexp.statistics.student import student_factor
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray
 
 #: Error of bounds above which the user is told.
 WORTH_TELLING = 0.05
@@ -92,7 +90,7 @@ class Outcome:
         """(layer, surface_node, ...) to (node, ...)."""
         return np.ascontiguousarray(values.reshape(-1, *values.shape[2:]))
 
-    def _bounds(self, known: NDArray[np.bool_]) -> dict[str, Any]:
+    def _bounds(self, known: BoolArray) -> dict[str, Any]:
         """Standard errors; NaN where nothing is determined."""
         names = ("std_noise", "std_pose", "std_by_part", "confidence_by_part", "intercept_std")
         if self.second.noise is None:

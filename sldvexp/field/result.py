@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 from sldvexp.field.visibility.coverage import Coverage
 from sldvexp.reconstruction.rows import RowSet
 from sldvexp.statistics.f_test import FTest
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from sldvexp.typing import Array, BoolArray, ComplexArray
 
 #: Components of velocities, and parts of complex numbers.
 WORLD, LOCAL = ("x", "y", "z"), ("t1", "t2", "n")
@@ -75,14 +73,14 @@ class FieldResult:
     """
 
     components: tuple[str, ...]
-    velocity: NDArray[np.complex128]
+    velocity: ComplexArray
     std_noise: Array | None
     std_pose: Array | None
     std_by_part: Array | None
     confidence_by_part: Array | None
-    intercept: NDArray[np.complex128] | None
+    intercept: ComplexArray | None
     intercept_std: Array | None
-    observable: Bools
+    observable: BoolArray
     flagged_node: NDArray[np.int_]
     flagged_rank: NDArray[np.int_]
     flagged_direction: Array

@@ -7,25 +7,21 @@ import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from sldvexp.field.bounds.element_error import element_error, mean_squares, told
 from sldvexp.field.bounds.intrinsic_effect import PoseErrors
 from sldvexp.field.estimate import estimate_field
+from sldvexp.field.solvers.base import Solver
 from sldvexp.field.to_dataset import field_group
 from sldvexp.field.visibility.looks import Looks
 from sldvexp.field.visibility.view import views_of
-from sldvexp.volume.base import Coordinates
-
-if TYPE_CHECKING:
-    from sldvexp.field.solvers.base import Solver
-    from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.reconstruction.base import Reconstruction
-    from sldvexp.volume.base import Volume
-    from sldvexp.volume.prisms import Prisms
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
+from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.volume.base import Coordinates, Volume
+from sldvexp.volume.prisms import Prisms
 
 #: Images of more bytes are not kept for another look at them.
 REMEMBERED = 2**26

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike
 
 from sldvexp import dataset
 from sldvexp.field.result import PARTS, FieldResult
+from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.volume.prisms import Prisms
 

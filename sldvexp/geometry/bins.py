@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from sldvexp.typing import Array, IndexArray
 
 #: Most bins along one side of the grid.
 MOST_BINS = 512
@@ -33,8 +31,8 @@ class Bins:
     low: Array
     size: Array
     count: int
-    start: Indices
-    member: Indices
+    start: IndexArray
+    member: IndexArray
 
     @classmethod
     def of(cls, least: Array, most: Array) -> Bins:
@@ -57,7 +55,7 @@ class Bins:
         start = np.searchsorted(cell[order], np.arange(count * count + 1))
         return cls(low, size, count, start, box[order])
 
-    def pairs(self, places: Array) -> tuple[Indices, Indices]:
+    def pairs(self, places: Array) -> tuple[IndexArray, IndexArray]:
         """Every place with each of the boxes that may hold it.
 
         Parameters
@@ -75,12 +73,12 @@ class Bins:
         return np.repeat(np.arange(len(places)), many), self.member[_runs(self.start[cell], many)]
 
 
-def _bin(place: Array, low: Array, size: Array, count: int) -> Indices:
+def _bin(place: Array, low: Array, size: Array, count: int) -> IndexArray:
     """Row and column of each place's bin, shape (..., 2); the nearest one for places beside."""
     return np.clip((place - low) / size, 0, count - 1).astype(np.intp)
 
 
-def _runs(start: Indices, length: Indices) -> Indices:
+def _runs(start: IndexArray, length: IndexArray) -> IndexArray:
     """``start, start + 1, ...`` of each length, one after the other."""
     before = np.cumsum(length) - length
     return np.arange(length.sum()) + np.repeat(start - before, length)

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
 from sldvexp.geometry.circles import SIDES
@@ -25,8 +25,7 @@ from sldvexp.geometry.conic import (
     semi_axes,
     shape_matrix,
 )
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 
 #: How far the modulus of a root may be from one. Ellipses that touch have a double root, which
 #: rounding moves by the square root of its size.
@@ -169,7 +168,7 @@ def _contact_derivatives(normal: Array, shape: Array) -> tuple[Array, Array]:
     return by_normal, by_shape
 
 
-def _quartic(centre: Array, shape: Array) -> NDArray[np.complex128]:
+def _quartic(centre: Array, shape: Array) -> ComplexArray:
     """Coefficients of z^4 to z^0 in ``z^2 ((n . c - 1)^2 - n' S n)``, shape (..., 5)."""
     c = centre[..., 0] + 1j * centre[..., 1]
     s_xx, s_yy, s_xy = shape[..., 0, 0], shape[..., 1, 1], shape[..., 0, 1]
@@ -179,8 +178,8 @@ def _quartic(centre: Array, shape: Array) -> NDArray[np.complex128]:
 
 
 def _unit_roots(
-    quartic: NDArray[np.complex128],
-) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
+    quartic: ComplexArray,
+) -> tuple[ComplexArray, BoolArray]:
     """Roots by the companion matrix, brought to modulus one, and whether all had it.
 
     Four roots of modulus one leave no coefficient above the binomial's multiple of the first.
@@ -199,7 +198,7 @@ def _unit_roots(
     return unit, real
 
 
-def _by_sides(touched: Array, centre: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+def _by_sides(touched: Array, centre: Array) -> tuple[IndexArray, BoolArray]:
     """Order of the lines by the sides they touch, and whether each of the four is there once.
 
     A line touches an ellipse on its left if the ellipse is on the right of the way along the line

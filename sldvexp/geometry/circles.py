@@ -7,9 +7,9 @@ right are those of a walker from a to b. Everything is vectorised over leading d
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 #: The common tangents of an ordered pair: "left-right" touches a on the left and b on the right.
 LINES = ("external left", "external right", "internal left-right", "internal right-left")

@@ -12,9 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray
 
 #: Newton's steps for the foot of a perpendicular; near the curve it takes five.
 FOOT_ITERATIONS = 100
@@ -80,7 +80,7 @@ def shape_matrix(parameters: ArrayLike) -> Array:
     return p[..., [[2, 4], [4, 3]]]
 
 
-def is_ellipse(parameters: ArrayLike) -> NDArray[np.bool_]:
+def is_ellipse(parameters: ArrayLike) -> BoolArray:
     """Whether S is positive definite, so that the conic is a real ellipse, shape (...)."""
     _, _, s_xx, s_yy, s_xy = np.moveaxis(np.asarray(parameters, float), -1, 0)
     return (s_xx > 0) & (s_yy > 0) & (s_xx * s_yy > s_xy**2)

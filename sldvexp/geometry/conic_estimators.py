@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sldvexp.geometry.conic import (
     coefficients_jacobian,
@@ -24,8 +24,7 @@ from sldvexp.geometry.conic import (
     shape_matrix,
     signed_distance,
 )
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray
 
 #: Numbers of an ellipse, hence the least number of edge points.
 NUMBERS = 5
@@ -61,7 +60,7 @@ class EdgePoints:
     std: Array
     direction: Array | None
 
-    def __getitem__(self, used: NDArray[np.bool_]) -> EdgePoints:
+    def __getitem__(self, used: BoolArray) -> EdgePoints:
         direction = None if self.direction is None else self.direction[used]
         return EdgePoints(self.position[used], self.std[used], direction)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.geometry.conic import Ellipse, signed_distance
@@ -18,8 +18,7 @@ from sldvexp.geometry.conic_estimators import (
     least_quantile,
     quantile,
 )
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray
 
 #: Median of the absolute value of a standard normal variable.
 NORMAL_MEDIAN = 0.6745
@@ -52,7 +51,7 @@ class ConicFit:
     ellipse: Ellipse
     residual: Array
     residual_std: Array
-    used: NDArray[np.bool_]
+    used: BoolArray
     arc: float
 
     @property
@@ -141,7 +140,7 @@ def fit_ellipse(
 
 def _without_outliers(
     points: EdgePoints, method: str, reject: float, known: bool
-) -> tuple[Array, NDArray[np.bool_]]:
+) -> tuple[Array, BoolArray]:
     """Fit, reject what is far, fit again, until the same points remain.
 
     A point within `reject` of its known standard error is never an outlier, however well the
@@ -159,7 +158,7 @@ def _without_outliers(
     return parameters, used
 
 
-def _near(points: EdgePoints, parameters: Array, reject: float, least: float) -> NDArray[np.bool_]:
+def _near(points: EdgePoints, parameters: Array, reject: float, least: float) -> BoolArray:
     distance, normal = signed_distance(points.position, parameters)
     size = np.abs(distance) / points.across(normal)
     return size <= reject * max(float(quantile(size)) / NORMAL_MEDIAN, least)

@@ -6,11 +6,10 @@ All functions take A, B, C, D along the dimension of four; leading dimensions ar
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 
 def from_coordinates(coordinates: ArrayLike) -> Array:

@@ -7,9 +7,10 @@ All functions work on stacks: leading dimensions are carried through.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array
 
 #: Below this sine of phi2, only the sum or difference of the other angles is determined.
 GIMBAL_LOCK = 1e-6
@@ -109,10 +110,12 @@ def rotation_from_vector(vector: ArrayLike) -> Array:
 
 def vector_from_rotation(rotation: ArrayLike) -> Array:
     """Rotation vector of a rotation matrix, of length at most pi, shape (..., 3)."""
-    from scipy.spatial.transform import Rotation
-
     r = np.asarray(rotation, float)
-    return Rotation.from_matrix(r.reshape(-1, 3, 3)).as_rotvec().reshape(r.shape[:-1])
+    return (
+        scipy.spatial.transform.Rotation.from_matrix(r.reshape(-1, 3, 3))
+        .as_rotvec()
+        .reshape(r.shape[:-1])
+    )
 
 
 def nearest_rotation(matrix: ArrayLike) -> Array:

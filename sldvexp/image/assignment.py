@@ -5,19 +5,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.geometry import bitangent, circles
 from sldvexp.geometry.conic import Ellipse
 from sldvexp.image.projection import apply, fit_projection
-
-if TYPE_CHECKING:
-    from sldvexp.targets.circles import Circles
-
-Array = NDArray[np.float64]
+from sldvexp.targets.circles import Circles
+from sldvexp.typing import Array, IndexArray
 
 #: Circles whose assignments are all tried; they predict where the others of their plane are.
 BASE = 3
@@ -56,7 +51,7 @@ class _Image:
         self.centre = parameters[:, :2]
         self.table = bitangent.bitangent_points(parameters[:, None], parameters[None])
 
-    def points(self, pairs: NDArray[np.intp], mirrored: bool) -> Array:
+    def points(self, pairs: IndexArray, mirrored: bool) -> Array:
         """Points of pairs in the order of the object's, shape (..., 8 pairs, 2); NaN for none."""
         points = self.table[pairs[..., 0], pairs[..., 1]]
         points = points[..., bitangent.MIRRORED, :, :] if mirrored else points
@@ -165,7 +160,7 @@ def _fit(
     order: list[int],
     pairs: list[tuple[int, int]],
     image: _Image,
-    choice: NDArray[np.intp],
+    choice: IndexArray,
     mirrored: bool,
 ) -> tuple[Array, Array]:
     """Homography and residual of every choice of ellipses, shapes (choice, 3, 3) and (choice,)."""
@@ -173,7 +168,7 @@ def _fit(
     return fit_projection(points, image.points(choice[:, np.array(pairs)], mirrored))
 
 
-def _with_nearest(choice: NDArray[np.intp], place: Array, centre: Array) -> NDArray[np.intp]:
+def _with_nearest(choice: IndexArray, place: Array, centre: Array) -> IndexArray:
     """Complete each choice by the ellipses, not yet taken, nearest to where circles must be."""
     free = np.ones((len(choice), len(centre)), bool)
     rows = np.arange(len(choice))

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.image.scan_lines import Reason, ScanLines, is_edge
-
-Array = NDArray[np.float64]
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Pixels on each side of an edge that are looked at: as many as a fine line has.
 REACH = 12
@@ -51,11 +51,11 @@ class Candidates:
     reason : ndarray of Reason or None, shape (n,)
     """
 
-    line: NDArray[np.intp]
-    pixel: NDArray[np.intp]
-    rising: NDArray[np.bool_]
-    around: NDArray[np.intp]
-    counts: NDArray[np.bool_]
+    line: IndexArray
+    pixel: IndexArray
+    rising: BoolArray
+    around: IndexArray
+    counts: BoolArray
     edge: Array
     std: Array
     width: Array
@@ -75,9 +75,7 @@ def candidates(lines: ScanLines, edges_per_line: int, window: int) -> Candidates
     window : int
         Of the median filter along the line, pixels.
     """
-    from scipy.ndimage import median_filter  # slow to import, and figures do without
-
-    filtered = median_filter(lines.filled(), size=(1, window), mode="mirror")
+    filtered = scipy.ndimage.median_filter(lines.filled(), size=(1, window), mode="mirror")
     along, even = _evenly(lines.along, filtered)
     gradient = np.gradient(even, axis=1) / lines.pitch[:, None]
     line, pixel, rising = _steepest(gradient, edges_per_line)
@@ -116,7 +114,7 @@ def _std(lines: ScanLines) -> Array:
     return np.where(good, lines.std, usual[:, None])
 
 
-def _swapped(pixel: NDArray[np.intp], good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _swapped(pixel: IndexArray, good: BoolArray) -> BoolArray:
     """Candidates of the lines that, as far as they are good, fall before they rise."""
     rise, fall = slice(0, None, 2), slice(1, None, 2)
     return np.repeat(good[rise] & good[fall] & (pixel[fall] < pixel[rise]), 2)
@@ -129,9 +127,7 @@ def _evenly(along: Array, values: Array) -> tuple[Array, Array]:
     return grid, np.array(even)
 
 
-def _steepest(
-    gradient: Array, edges_per_line: int
-) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
+def _steepest(gradient: Array, edges_per_line: int) -> tuple[IndexArray, IndexArray, BoolArray]:
     """Line, pixel and sense of the candidates: of two, the rise and then the fall of each line."""
     lines = np.arange(len(gradient))
     if edges_per_line == 1:
@@ -141,16 +137,14 @@ def _steepest(
     return np.repeat(lines, 2), pixel, np.tile([True, False], len(lines))
 
 
-def _surroundings(
-    pixels: int, pixel: NDArray[np.intp]
-) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+def _surroundings(pixels: int, pixel: IndexArray) -> tuple[IndexArray, BoolArray]:
     """Pixels within reach, and which of them there are."""
     around = pixel[:, None] + np.arange(-REACH, REACH + 1)
     inside = (around >= 0) & (around < pixels)
     return np.clip(around, 0, pixels - 1), inside
 
 
-def _sides(values: Array, std: Array, counts: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+def _sides(values: Array, std: Array, counts: BoolArray) -> tuple[Array, Array, Array]:
     """Median on each side, NaN for a side of too few pixels, and the noise around both.
 
     The noise is the pixels' standard error or, where that is larger, their scatter.
@@ -164,13 +158,13 @@ def _sides(values: Array, std: Array, counts: NDArray[np.bool_]) -> tuple[Array,
     return before, after, noise
 
 
-def _median(values: Array, counts: NDArray[np.bool_]) -> Array:
+def _median(values: Array, counts: BoolArray) -> Array:
     """Median of the values that count in each row; of none, the largest number there is."""
     return np.asarray(np.ma.median(np.ma.array(values, mask=~counts), axis=1).filled(np.inf))
 
 
 def _parabola(
-    along: Array, gradient: Array, line: NDArray[np.intp], pixel: NDArray[np.intp]
+    along: Array, gradient: Array, line: IndexArray, pixel: IndexArray
 ) -> tuple[Array, Array]:
     """Top of the parabola through the gradient at a pixel and its neighbours, and the gradient.
 
@@ -187,8 +181,8 @@ def _parabola(
 def _parabola_std(
     pitch: Array,
     std: Array,
-    line: NDArray[np.intp],
-    pixel: NDArray[np.intp],
+    line: IndexArray,
+    pixel: IndexArray,
     slope: Array,
     contrast: Array,
 ) -> Array:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from sldvexp.image.candidates import Candidates, candidates
 from sldvexp.image.edge_profile import NARROWEST, Profiles, fit_profiles
 from sldvexp.image.scan_lines import Edges, Reason, ScanLines, is_edge
-
-Array = NDArray[np.float64]
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Median windows of the coarse and the fine lines (Section 4.5.2), pixels.
 COARSE_WINDOW, FINE_WINDOW = 25, 5
@@ -104,7 +104,7 @@ def profile_edges(lines: ScanLines, edges_per_line: int, window: int) -> Edges:
     return _edges(lines, found, edge, std, width, reason)
 
 
-def _fit(lines: ScanLines, found: Candidates, good: NDArray[np.intp]) -> Profiles:
+def _fit(lines: ScanLines, found: Candidates, good: IndexArray) -> Profiles:
     place = found.line[good, None], found.around[good]
     weight = np.where(found.counts[good], 1.0 / np.where(lines.flag, np.inf, lines.std)[place], 0.0)
     before, after = found.before[good], found.after[good]
@@ -112,13 +112,12 @@ def _fit(lines: ScanLines, found: Candidates, good: NDArray[np.intp]) -> Profile
     width = np.maximum(found.width[good], NARROWEST * pitch)
     start = np.stack([found.edge[good], np.log(width), before, after], axis=-1)
     values = lines.filled()
-    from scipy.ndimage import median_filter  # slow to import, and figures do without
 
-    smooth = median_filter(values, size=(1, FINE_WINDOW), mode="mirror")
+    smooth = scipy.ndimage.median_filter(values, size=(1, FINE_WINDOW), mode="mirror")
     return fit_profiles(lines.along[place], values[place], smooth[place], weight, start, pitch)
 
 
-def _judge(profiles: Profiles, rising: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], Array]:
+def _judge(profiles: Profiles, rising: BoolArray) -> tuple[BoolArray, Array]:
     """Which profiles fit, and by how much the standard errors of those are too small."""
     same_sense = (profiles.after > profiles.before) == rising
     fits = profiles.settled & same_sense & (profiles.dof > 0) & (profiles.edge_std <= WORST)

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
-Array = NDArray[np.float64]
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, BoolArray
 
 #: Steps of Levenberg-Marquardt; about eight suffice from a gradient edge.
 ITERATIONS = 60
@@ -56,8 +56,8 @@ class Profiles:
     edge_std: Array
     chi_square: Array
     dof: NDArray[np.int_]
-    resolved: NDArray[np.bool_]
-    settled: NDArray[np.bool_]
+    resolved: BoolArray
+    settled: BoolArray
 
 
 def step_profile(along: Array, numbers: Array) -> tuple[Array, Array]:
@@ -76,7 +76,7 @@ def step_profile(along: Array, numbers: Array) -> tuple[Array, Array]:
     """
     edge, log_width, before, after = numbers.T[..., None]
     u = (along - edge) * np.exp(-log_width)
-    part = ndtr(u)
+    part = scipy.special.ndtr(u)
     slope = (after - before) * np.exp(-0.5 * u**2) / np.sqrt(2.0 * np.pi)
     jacobian = np.stack([-slope * np.exp(-log_width), -slope * u, 1.0 - part, part], axis=-1)
     return before + (after - before) * part, jacobian
@@ -147,13 +147,13 @@ def _without_outliers(
     return np.where((size <= REJECT * np.maximum(spread, 1.0)[:, None]) | spared, weight, 0.0)
 
 
-def _resolved(numbers: Array, pitch: Array) -> NDArray[np.bool_]:
+def _resolved(numbers: Array, pitch: Array) -> BoolArray:
     return np.exp(numbers[:, 1]) > 1.01 * NARROWEST * pitch
 
 
 def _least_squares(
     along: Array, magnitude: Array, weight: Array, start: Array, pitch: Array
-) -> tuple[Array, NDArray[np.bool_]]:
+) -> tuple[Array, BoolArray]:
     """Levenberg-Marquardt of every row with its own damping; returns which rows settled."""
     narrowest = np.log(NARROWEST * pitch)
     widest = np.log(along[:, -1] - along[:, 0])

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,9 +17,7 @@ from sldvexp.errors import UserError
 from sldvexp.geometry.bitangent import MIRRORED, Bitangents, bitangents
 from sldvexp.geometry.conic import Ellipse
 from sldvexp.image.assignment import Assignment, assignments, circles_by_plane
-
-if TYPE_CHECKING:
-    from sldvexp.targets.circles import Circles
+from sldvexp.targets.circles import Circles
 
 #: Residual, in steps, that the projective approximation may leave, and the factor by which the
 #: second best assignment must be worse than the best.

@@ -9,20 +9,15 @@ the second coordinate, nearly the same for a whole calibration object. The unit 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sldvexp.geometry.bitangent import Bitangents
 from sldvexp.image.scan_lines import Edges
-from sldvexp.laser.two_mirror import MIRRORS
-
-if TYPE_CHECKING:
-    from sldvexp.laser.two_mirror import TwoMirror
-
-Array = NDArray[np.float64]
+from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
+from sldvexp.typing import Array
 
 
 def pinhole_from_dac(laser: TwoMirror, dac: ArrayLike) -> Array:

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 
 #: Pixels of a straight scan line are beside it by the rounding to whole steps at most.
 STRAIGHT = 1.0
@@ -29,7 +28,7 @@ class Reason(Enum):
     profile = "that no edge profile fits"
 
 
-def is_edge(reason: NDArray[np.object_]) -> NDArray[np.bool_]:
+def is_edge(reason: NDArray[np.object_]) -> BoolArray:
     """Which candidates have no reason against them, shape (n,)."""
     return np.array([r is None for r in reason], bool)
 
@@ -66,7 +65,7 @@ class ScanLines:
     magnitude: Array
     std: Array
     position: Array
-    flag: NDArray[np.bool_]
+    flag: BoolArray
     name: str = "the circle"
     phase: Array | None = None
 
@@ -98,10 +97,10 @@ class ScanLines:
     @classmethod
     def of_velocity(
         cls,
-        velocity: NDArray[np.complex128],
+        velocity: ComplexArray,
         std: Array,
         position: Array,
-        flag: NDArray[np.bool_],
+        flag: BoolArray,
         name: str = "the circle",
     ) -> ScanLines:
         """Scan lines of the velocity's component in phase with the lines' common motion.
@@ -146,7 +145,7 @@ class ScanLines:
         """Mean distance between neighbouring pixels of each line, shape (line,), steps."""
         return (self.along[:, -1] - self.along[:, 0]) / (self.along.shape[1] - 1)
 
-    def place(self, line: NDArray[np.intp], edge: Array, width: Array) -> Array:
+    def place(self, line: IndexArray, edge: Array, width: Array) -> Array:
         """Position of edges on lines, shape (n, 2), steps.
 
         On an oblique line whole steps lie beside it. A pixel beside it by q shifts an edge that is
@@ -176,7 +175,7 @@ class ScanLines:
         x, y = np.moveaxis(self.direction[:, None], -1, 0)
         return away[..., 0] * x + away[..., 1] * y, away[..., 1] * x - away[..., 0] * y
 
-    def _refuse(self, bad: NDArray[np.bool_], what: str) -> None:
+    def _refuse(self, bad: BoolArray, what: str) -> None:
         if bad.any():
             line, pixel = np.argwhere(bad)[0]
             raise UserError(f"{self.name}: pixel {pixel} of scan line {line} {what}")
@@ -211,8 +210,8 @@ class Edges:
     std: Array
     direction: Array
     width: Array
-    line: NDArray[np.intp]
-    rising: NDArray[np.bool_]
+    line: IndexArray
+    rising: BoolArray
     phase: Array
     rejected: tuple[tuple[int, Reason], ...]
     lines: int

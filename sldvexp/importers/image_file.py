@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import PurePath
-from typing import TYPE_CHECKING
 
 from omegaconf import MISSING
 
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
-
-if TYPE_CHECKING:
-    import xarray as xr
+from sldvexp.importers.read_images import read_images
+from sldvexp.lazy import xarray as xr
 
 
 @register("instrument", "images")
@@ -47,6 +45,4 @@ class Images:
         UserError
             If the file is missing or is not what it should be.
         """
-        from sldvexp.importers.read_images import read_images
-
         return read_images(locate(*self.inputs()), chunks)

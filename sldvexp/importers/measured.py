@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from sldvexp.errors import UserError
 from sldvexp.importers.pointwise import Quantity
 from sldvexp.io.uff.geometry import Geometry
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ class Conventions:
     conjugate: bool
     told: dict[str, str]
 
-    def velocity(self, values: NDArray, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def velocity(self, values: NDArray, frequency: Array) -> ComplexArray:
         """Velocities of the file's values, m/s, of any shape that ends with frequency."""
         omega = 2j * np.pi * frequency
         values = np.conj(values) if self.conjugate else values
@@ -66,12 +65,12 @@ class Measured:
 
     name: str
     source: str
-    node: NDArray[np.int64]
-    direction: NDArray[np.int64]
+    node: IntArray
+    direction: IntArray
     frequency: Array
-    velocity: NDArray[np.complex128]
+    velocity: ComplexArray
     std: Array | None
-    missing: NDArray[np.bool_]
+    missing: BoolArray
     geometry: Geometry | None
     length: float
     told: dict[str, str]

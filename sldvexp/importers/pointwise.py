@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING
 from omegaconf import MISSING
 
 from sldvexp.errors import Checks
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
 from sldvexp.units import LengthUnit
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from sldvexp.importers.measured import Measured
-    from sldvexp.laser.two_mirror import TwoMirror
 
 
 class Directions(Enum):

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
+from sldvexp.lazy import xarray as xr
 
 NEEDED = ("velocity", "velocity_std", "dac", "flags")
 

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
+from sldvexp.importers.measured import Measured
 from sldvexp.importers.pointwise import Directions, Pointwise
-
-if TYPE_CHECKING:
-    from sldvexp.importers.measured import Measured
 
 #: What a column may be.
 ROLES = ("index", "x", "y", "z", "frequency", "status", "real", "imag", "magnitude", "phase")

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
 from sldvexp.importers.motion_units import motion_of
 from sldvexp.importers.pointwise import Quantity
+from sldvexp.typing import Array
 
 DELIMITERS = ("\t", ";", ",", None)
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
@@ -47,7 +47,7 @@ class Table:
     """
 
     path: Path
-    values: NDArray[np.float64]
+    values: Array
     line: list[int]
     names: list[str]
     units: list[str]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sldvexp.config.paths import locate
 from sldvexp.errors import UserError
-from sldvexp.importers.measured import Array, Conventions, Measured, same_frequencies
+from sldvexp.importers.measured import Conventions, Measured, same_frequencies
 from sldvexp.importers.motion_units import motion_of
 from sldvexp.importers.pointwise import PointView, Quantity, Zeros
 from sldvexp.importers.scan_columns import by_rows
@@ -17,6 +17,7 @@ from sldvexp.importers.scan_export import ScanExport
 from sldvexp.importers.scan_table import ANGLES, Table, fields, frequencies_in, read_table
 from sldvexp.io.uff.geometry import Geometry
 from sldvexp.io.uff.systems import WORLD
+from sldvexp.typing import Array, BoolArray, IndexArray, IntArray
 
 
 def measured(settings: ScanExport) -> Iterator[Measured]:
@@ -68,7 +69,7 @@ def _view(settings: ScanExport, name: str, view: PointView) -> Measured:
 
 def _grid(
     settings: ScanExport, table: Table, roles: dict[str, int]
-) -> tuple[NDArray[np.int64], Array, NDArray[np.intp]]:
+) -> tuple[IntArray, Array, IndexArray]:
     """Points, frequencies, and the row of each of their pairs, shape (point, frequency)."""
     rows = len(table.values)
     if "frequency" not in roles:
@@ -96,7 +97,7 @@ def _grid(
     return node, frequency, row
 
 
-def _whole(table: Table, column: int) -> NDArray[np.int64]:
+def _whole(table: Table, column: int) -> IntArray:
     """A column of integers."""
     values = table.values[:, column]
     wrong = np.flatnonzero((values != np.round(values)) | (np.abs(values) > 1e15))
@@ -125,7 +126,7 @@ def _one_frequency(settings: ScanExport, table: Table) -> float:
     return stated[0]
 
 
-def _chosen(settings: ScanExport, table: Table, frequency: Array) -> NDArray[np.intp]:
+def _chosen(settings: ScanExport, table: Table, frequency: Array) -> IndexArray:
     """Places of the wanted frequencies."""
     if not settings.frequency:
         return np.arange(len(frequency))
@@ -156,9 +157,9 @@ def _missing(
     settings: ScanExport,
     table: Table,
     roles: dict[str, int],
-    row: NDArray[np.intp],
+    row: IndexArray,
     values: NDArray,
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Points that are not to be trusted by their status, or are zero throughout."""
     zero = np.asarray(~values.any(axis=1))
     if settings.zeros is Zeros.refuse and zero.any():

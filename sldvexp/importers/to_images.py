@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import xarray as xr
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
@@ -14,6 +13,7 @@ from sldvexp.importers.pointwise import Pointwise
 from sldvexp.importers.to_line_of_sight import pose_of, positions, record
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
 
 
 def read_images(

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from sldvexp import dataset
@@ -17,8 +16,8 @@ from sldvexp.io.uff.geometry import Geometry
 from sldvexp.io.velocities.table import LineOfSight
 from sldvexp.laser.model import direction_cosines, project
 from sldvexp.laser.two_mirror import TwoMirror
-
-Array = NDArray[np.float64]
+from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array, IndexArray, IntArray
 
 #: How far one node's positions in two files may be apart, relative to the object's size.
 SAME_PLACE = 1e-4
@@ -67,7 +66,7 @@ def record(views: list[Measured]) -> dict[str, str]:
     }
 
 
-def positions(views: list[Measured], node: NDArray[np.int64]) -> Array | None:
+def positions(views: list[Measured], node: IntArray) -> Array | None:
     """Positions of nodes in the world, m, shape (point, 3); None if no file has any.
 
     Raises
@@ -104,7 +103,7 @@ def _geometry(views: list[Measured]) -> Geometry:
     return next(view.geometry for view in views if view.geometry is not None)
 
 
-def _common(settings: Pointwise, views: list[Measured]) -> NDArray[np.int64]:
+def _common(settings: Pointwise, views: list[Measured]) -> IntArray:
     """The nodes that all views have."""
     everywhere = views[0].node
     measured_by = [view.node[~view.missing] for view in views]
@@ -126,8 +125,8 @@ def _common(settings: Pointwise, views: list[Measured]) -> NDArray[np.int64]:
 def _directions(
     settings: Pointwise,
     view: Measured,
-    node: NDArray[np.int64],
-    at: NDArray[np.intp],
+    node: IntArray,
+    at: IndexArray,
     position: Array | None,
     tree: Mapping[str, xr.Dataset],
     laser: TwoMirror | None,
@@ -151,7 +150,7 @@ def _directions(
     return direction_cosines(angles, rotation)
 
 
-def _of_dofs(view: Measured, node: NDArray[np.int64], codes: NDArray[np.int64]) -> Array:
+def _of_dofs(view: Measured, node: IntArray, codes: IntArray) -> Array:
     """The response directions in the world."""
     if view.geometry is None:
         raise UserError(
@@ -187,14 +186,14 @@ def pose_of(
     return pose["rotation"].values, pose["origin"].values, laser
 
 
-def _shape(geometry: Geometry, node: NDArray[np.int64], position: Array) -> xr.Dataset:
+def _shape(geometry: Geometry, node: IntArray, position: Array) -> xr.Dataset:
     """Positions of points, and triangles and lines between them, for those who draw."""
     place = {label: i for i, label in enumerate(node.tolist())}
     q = geometry.quadrilaterals
     corners = np.concatenate([geometry.triangles, q[:, [0, 1, 2]], q[:, [0, 2, 3]]])
     ends = [(a, b) for line in geometry.lines for a, b in pairwise(line)]
 
-    def between_points(indices: NDArray) -> NDArray[np.int64] | None:
+    def between_points(indices: NDArray) -> IntArray | None:
         named = [[place.get(int(geometry.label[i]), -1) for i in row] for row in indices]
         kept = [row for row in named if min(row) >= 0]
         return np.array(kept, np.int64) if kept else None

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
+from sldvexp.importers.measured import Measured
 from sldvexp.importers.pointwise import Pointwise
-
-if TYPE_CHECKING:
-    from sldvexp.importers.measured import Measured
 
 
 class Kind(Enum):

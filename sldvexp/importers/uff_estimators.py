@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
-from sldvexp.importers.measured import Array, close
+from sldvexp.importers.measured import close
 from sldvexp.importers.uff import Estimator, Uff
 from sldvexp.io.uff.functions import DIRECTIONS, Function
 from sldvexp.io.uff.reader import UniversalFile
+from sldvexp.typing import Array, ComplexArray, IndexArray
 
 AUTO = 2
 #: By how much rounded spectra may make a coherence larger than 1.
@@ -20,10 +20,10 @@ def estimated(
     settings: Uff,
     file: UniversalFile,
     crosses: list[Function],
-    values: NDArray[np.complex128],
+    values: ComplexArray,
     frequency: Array,
-    lines: NDArray[np.intp],
-) -> NDArray[np.complex128]:
+    lines: IndexArray,
+) -> ComplexArray:
     """Response functions ``H1 = G_xf / G_ff`` or ``H2 = G_xx / G_fx``.
 
     Parameters
@@ -72,7 +72,7 @@ def coherence(
     file: UniversalFile,
     crosses: list[Function],
     frequency: Array,
-    lines: NDArray[np.intp],
+    lines: IndexArray,
 ) -> Array:
     """The coherence ``|G_xf|^2 / (G_xx G_ff)``, shape (function, frequency)."""
     square = np.array([abs(file.values(f)[1][lines]) ** 2 for f in crosses])
@@ -93,7 +93,7 @@ def _autos(
     file: UniversalFile,
     crosses: list[Function],
     frequency: Array,
-    lines: NDArray[np.intp],
+    lines: IndexArray,
     of_reference: bool,
 ) -> Array:
     """Auto spectra that belong to cross spectra, shape (function, frequency)."""

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
-from sldvexp.importers.measured import Array
 from sldvexp.importers.uff import Kind, Uff
 from sldvexp.io.uff.functions import Function
 from sldvexp.io.uff.reader import UniversalFile
+from sldvexp.typing import Array, ComplexArray
 
 #: What `time_reference` says of records that begin at one phase of the excitation.
 TRIGGER = "trigger"
@@ -45,7 +44,7 @@ def reference_of(settings: Uff, file: UniversalFile) -> Function | None:
 
 def phasors(
     settings: Uff, file: UniversalFile, functions: list[Function], reference: Function | None
-) -> tuple[Array, NDArray[np.complex128], Array]:
+) -> tuple[Array, ComplexArray, Array]:
     """Peak phasors of the records, of exp(+i omega t), relative to the reference's phase.
 
     Returns
@@ -77,7 +76,7 @@ def phasors(
 
 def _phasor(
     file: UniversalFile, function: Function, frequency: Array
-) -> tuple[NDArray[np.complex128], Array]:
+) -> tuple[ComplexArray, Array]:
     """Least-squares phasors of one record ``a + sum Re(Z exp(i omega t))``, and their errors."""
     t, y = file.values(function)
     unknowns = 1 + 2 * len(frequency)

@@ -7,11 +7,10 @@ from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.config.paths import locate
 from sldvexp.errors import UserError
-from sldvexp.importers.measured import Array, Measured, close, same_frequencies
+from sldvexp.importers.measured import Measured, close, same_frequencies
 from sldvexp.importers.pointwise import Directions, PointView, Quantity, Zeros
 from sldvexp.importers.uff import Kind, NodalAxes, Uff
 from sldvexp.importers.uff_conventions import conventions, length_unit
@@ -29,6 +28,7 @@ from sldvexp.io.uff.functions import (
 from sldvexp.io.uff.geometry import Geometry
 from sldvexp.io.uff.reader import UniversalFile, universal_file
 from sldvexp.io.uff.systems import CARTESIAN, WORLD
+from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 
 COHERENCE = 6
 #: Quantities that are, or may be, a motion; others are of a reference.
@@ -100,8 +100,8 @@ def _view(
 
 
 def _at_lines(
-    file: UniversalFile, functions: list[Function], frequency: Array, lines: NDArray[np.intp]
-) -> NDArray[np.complex128]:
+    file: UniversalFile, functions: list[Function], frequency: Array, lines: IndexArray
+) -> ComplexArray:
     """Values at some lines of all functions, shape (function, frequency)."""
     found = np.empty((len(functions), len(frequency)), complex)
     for row, function in zip(found, functions, strict=True):
@@ -184,7 +184,7 @@ def _restricted(settings: Uff, view: PointView) -> str:
 
 def _lines(
     settings: Uff, file: UniversalFile, function: Function, quantity: Quantity
-) -> tuple[Array, NDArray[np.intp]]:
+) -> tuple[Array, IndexArray]:
     """Frequencies that are read, and their places in the abscissa."""
     abscissa, _ = file.values(function)
     if (abscissa < 0).any() or len(np.unique(abscissa)) != len(abscissa):
@@ -211,7 +211,7 @@ def _lines(
 
 
 def _check_zeros(
-    settings: Uff, file: UniversalFile, functions: list[Function], zero: NDArray[np.bool_]
+    settings: Uff, file: UniversalFile, functions: list[Function], zero: BoolArray
 ) -> None:
     if settings.zeros is Zeros.refuse and zero.any():
         function = functions[int(np.argmax(zero))]
@@ -227,9 +227,9 @@ def _std(
     view: PointView,
     file: UniversalFile,
     functions: list[Function],
-    velocity: NDArray[np.complex128],
+    velocity: ComplexArray,
     frequency: Array,
-    lines: NDArray[np.intp],
+    lines: IndexArray,
 ) -> Array | None:
     """Standard errors of real and imaginary part each: as set, or from the coherence g^2.
 
@@ -262,7 +262,7 @@ def _std(
     return _part(velocity, square, settings.averages)
 
 
-def _part(velocity: NDArray[np.complex128], square: Array, averages: int) -> Array:
+def _part(velocity: ComplexArray, square: Array, averages: int) -> Array:
     part = np.abs(velocity) * np.sqrt((1 - square) / (2 * averages * square))
     return np.maximum(part, np.finfo(float).tiny)  # a coherence of 1 is no error of 0
 

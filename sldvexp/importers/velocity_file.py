@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
+import numpy as np
 from omegaconf import MISSING
 
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, nearest
 from sldvexp.importers.pointwise import Amplitude, Phase, Positive
+from sldvexp.io.velocities.layout import KNOWN, ORDER, Layout
+from sldvexp.io.velocities.read import read
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
 from sldvexp.units import VelocityUnit
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from sldvexp.laser.two_mirror import TwoMirror
 
 
 @register("instrument", "file")
@@ -57,8 +56,6 @@ class File:
     group: str = ""
 
     def __post_init__(self) -> None:
-        from sldvexp.io.velocities.layout import KNOWN, ORDER
-
         checks = Checks()
         for theirs, own in self.mapping.items():
             turned = theirs in KNOWN and own not in KNOWN
@@ -91,11 +88,6 @@ class File:
         UserError
             If the file is missing or is not what it should be.
         """
-        import numpy as np
-
-        from sldvexp.io.velocities.layout import Layout
-        from sldvexp.io.velocities.read import read
-
         layout = Layout(self.mapping, tuple(self.order), self.group)
         group = read(locate(self.path), self.unit, layout).group()
         factor = self.positive.value * self.amplitude.value

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-if TYPE_CHECKING:
-    from sldvexp.instrument.protocol import Instrument
-    from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.targets.base import Target
+from sldvexp.instrument.protocol import Instrument
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.targets.base import Target
 
 
 class ScanningPlugin(ABC):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sldvexp.instrument.connection import DisturbanceError
 from sldvexp.instrument.profile import Data, Layout, SampleType
 from sldvexp.instrument.protocol import CHANNELS, Samples, Status
+from sldvexp.typing import Array
 
 #: Counts on each side of zero.
 HALF_COUNTS = 2**15
@@ -72,7 +73,7 @@ def decoded(
 
 
 def _rounded(
-    volts: NDArray[np.floating], scale: NDArray[np.float64]
+    volts: NDArray[np.floating], scale: Array
 ) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
     """Volts as counts, and the status of pixels whose volts are beyond them."""
     if not np.isfinite(volts).all():

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.instrument.blocks import block_size, decoded
 from sldvexp.instrument.connection import DisturbanceError, Line
@@ -15,6 +14,7 @@ from sldvexp.instrument.dialogue import Dialogue
 from sldvexp.instrument.persistence import Persistence
 from sldvexp.instrument.profile import Profile
 from sldvexp.instrument.protocol import CHANNELS, Acquisition, InstrumentError, Samples, Status
+from sldvexp.typing import IntArray
 
 log = logging.getLogger(__name__)
 
@@ -106,7 +106,7 @@ class CommandedInstrument:
         """Sample one pixel where the beam stands."""
         return self._persistently("sampling", self._acquire)
 
-    def scan(self, dac: NDArray[np.int64], stream: int | None = None) -> Samples:
+    def scan(self, dac: IntArray, stream: int | None = None) -> Samples:
         """Move to and sample a list of pixels.
 
         Parameters

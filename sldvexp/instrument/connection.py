@@ -5,12 +5,10 @@ from __future__ import annotations
 import os
 import select
 import socket
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from sldvexp.instrument.protocol import InstrumentError
-
-if TYPE_CHECKING:
-    from pyvisa.resources import MessageBasedResource
+from sldvexp.lazy import pyvisa
 
 #: Bytes read at once; each such part may take as long as a whole answer.
 CHUNK = 2**16
@@ -57,8 +55,6 @@ class VisaLine:
     """
 
     def __init__(self, resource: str, backend: str, timeout: float) -> None:
-        import pyvisa
-
         self._timeout = timeout
         milliseconds = max(1, round(1000 * timeout))
         try:
@@ -68,7 +64,7 @@ class VisaLine:
             raise DisturbanceError(f"{resource} cannot be reached: {_first_line(error)}") from error
         except Exception as error:  # backends raise what they like for what they do not know
             raise InstrumentError(f"{resource} cannot be opened: {_first_line(error)}") from error
-        self._session: MessageBasedResource = opened
+        self._session: pyvisa.resources.MessageBasedResource = opened
         self._session.timeout = milliseconds
         self._errors = (pyvisa.VisaIOError, OSError)
         self._socket = _socket_of(opened)

@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from sldvexp.instrument.connection import DisturbanceError, Line
-from sldvexp.instrument.profile import Device, Header, Profile
+from sldvexp.instrument.profile import Commands, Device, Header, Profile
 from sldvexp.instrument.protocol import InstrumentError
-
-if TYPE_CHECKING:
-    from sldvexp.instrument.profile import Commands
 
 #: Errors that are read from a queue at most.
 QUEUE = 20

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-import numpy as np
-from numpy.typing import NDArray
+from sldvexp.typing import Array
 
 Steps = tuple[int, int]
 Place = tuple[float, float, float]
@@ -26,8 +25,8 @@ class Mark:
     """
 
     number: int
-    position: NDArray[np.float64]
-    std: NDArray[np.float64]
+    position: Array
+    std: Array
 
 
 class Person(Protocol):

@@ -10,6 +10,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from sldvexp.typing import Array, IntArray
+
 #: Order of the channels in every block of samples.
 CHANNELS = ("velocity", "reference")
 
@@ -59,7 +61,7 @@ class Samples:
     """
 
     counts: NDArray[np.int16]
-    volts_per_count: NDArray[np.float64]
+    volts_per_count: Array
     rate: float
     status: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
 
@@ -89,7 +91,7 @@ class Instrument(Protocol):
     def acquire(self) -> Samples:
         """Sample one pixel where the beam stands."""
 
-    def scan(self, dac: NDArray[np.int64], stream: int | None = None) -> Samples:
+    def scan(self, dac: IntArray, stream: int | None = None) -> Samples:
         """Move and sample a whole list, shape (pixel, 2), buffered by the instrument.
 
         A simulated instrument draws the noise of scan line `stream` again whenever it is given the

@@ -7,20 +7,18 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import whole_or_nothing
 from sldvexp.instrument.protocol import Acquisition, InstrumentError, Samples
 from sldvexp.instrument.recorded_person import RecordedPerson
+from sldvexp.typing import Array, IntArray
 
 #: Folder of a run in which finished scan lines are kept, one folder a view.
 JOURNAL = "journal"
 
 
-def write_line(
-    path: Path, dac: NDArray[np.int64], acquisition: Acquisition, samples: Samples
-) -> None:
+def write_line(path: Path, dac: IntArray, acquisition: Acquisition, samples: Samples) -> None:
     """Keep a scan line, whole or not at all.
 
     Parameters
@@ -45,7 +43,7 @@ def write_line(
         )
 
 
-def read_line(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64], Samples] | None:
+def read_line(path: Path) -> tuple[IntArray, Array, Samples] | None:
     """Pixels, sampling as asked, and samples of a kept line; None if its file is damaged."""
     try:
         with np.load(path) as kept:
@@ -58,7 +56,7 @@ def read_line(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64], Sampl
         return None
 
 
-def asked(acquisition: Acquisition) -> NDArray[np.float64]:
+def asked(acquisition: Acquisition) -> Array:
     """An acquisition as numbers that can be kept and compared."""
     a = acquisition
     return np.array([a.rate, a.samples, a.amplitude, *a.excitation], float)
@@ -80,7 +78,7 @@ class Recording:
             told = nearest(view, views) if views else "it has no scan lines at all"
             raise UserError(f"{folder}: has no scan lines of the view {view}; {told}")
         self.folder, self.view = folder, view
-        self._lines: dict[bytes, list[tuple[NDArray[np.float64], Samples]]] = {}
+        self._lines: dict[bytes, list[tuple[Array, Samples]]] = {}
         for path in sorted((folder / JOURNAL / view).glob("*.npz")):
             if (kept := read_line(path)) is not None:
                 dac, how, samples = kept
@@ -111,7 +109,7 @@ class Recording:
         """The recorded pixel, if a line of one pixel there was recorded."""
         return self.scan(self._dac)
 
-    def scan(self, dac: NDArray[np.int64], stream: int | None = None) -> Samples:
+    def scan(self, dac: IntArray, stream: int | None = None) -> Samples:
         """The samples of a line with these very pixels and sampling.
 
         If it was recorded several times, each of them in turn.
@@ -139,5 +137,5 @@ class Recording:
         return line[1]
 
     @staticmethod
-    def _key(dac: NDArray[np.int64]) -> bytes:
+    def _key(dac: IntArray) -> bytes:
         return np.ascontiguousarray(dac, np.int64).tobytes()

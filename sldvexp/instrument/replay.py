@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from omegaconf import MISSING
 
+from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.instrument.base import ScanningPlugin
-
-if TYPE_CHECKING:
-    from sldvexp.instrument.protocol import Instrument
-    from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.targets.base import Target
+from sldvexp.instrument.protocol import Instrument
+from sldvexp.instrument.recording import Recording
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.targets.base import Target
 
 
 @register("instrument", "replay")
@@ -46,7 +46,4 @@ class Replay(ScanningPlugin):
         UserError
             If the run has no scan lines of that view.
         """
-        from sldvexp.config.paths import locate
-        from sldvexp.instrument.recording import Recording
-
         return Recording(locate(self.path), view)

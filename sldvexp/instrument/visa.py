@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import importlib.util
+import logging
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from omegaconf import MISSING
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.instrument.base import ScanningPlugin
-
-if TYPE_CHECKING:
-    from sldvexp.instrument.connection import Line
-    from sldvexp.instrument.profile import Profile
-    from sldvexp.instrument.protocol import Instrument
-    from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.targets.base import Target
+from sldvexp.instrument.command_instrument import CommandedInstrument
+from sldvexp.instrument.connection import Line, VisaLine
+from sldvexp.instrument.profile import Profile
+from sldvexp.instrument.profile_file import load_profile, profile_path
+from sldvexp.instrument.protocol import Instrument
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.targets.base import Target
 
 #: PyVISA's backends: in Python, and the VISA that a maker of interfaces has installed.
 BACKENDS = ("@py", "@ivi")
@@ -51,8 +53,6 @@ class Visa(ScanningPlugin):
     backend: str = "@py"
 
     def __post_init__(self) -> None:
-        from sldvexp.instrument.profile_file import load_profile
-
         checks = Checks()
         checks.positive("timeout", self.timeout)
         checks.require(self.retries >= 0, "retries", f"must be 0 or more, not {self.retries}")
@@ -77,8 +77,6 @@ class Visa(ScanningPlugin):
 
     def inputs(self) -> list[str]:
         """The profile's file."""
-        from sldvexp.instrument.profile_file import profile_path
-
         return [str(profile_path(self.profile))]
 
     def open(
@@ -96,11 +94,6 @@ class Visa(ScanningPlugin):
         UserError
             If PyVISA is not installed.
         """
-        import importlib.util
-        import logging
-
-        from sldvexp.instrument.command_instrument import CommandedInstrument
-
         if importlib.util.find_spec("pyvisa") is None:
             raise UserError("instrument=visa needs the packages pyvisa and pyvisa-py")
         if not self._spoken.tried_on_hardware:
@@ -110,7 +103,5 @@ class Visa(ScanningPlugin):
         return CommandedInstrument(self._spoken, self._line, self.timeout, self.retries, view)
 
     def _line(self, device: str) -> Line:
-        from sldvexp.instrument.connection import VisaLine
-
         named = self.resource[device] if isinstance(self.resource, dict) else self.resource
         return VisaLine(named, self.backend, self.timeout)

@@ -5,15 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
 from sldvexp.io.text_fields import csv_lines, number, unit_of_columns
+from sldvexp.typing import Array, IntArray
 from sldvexp.units import LengthUnit
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 AXES = ("x", "y", "z")
 

@@ -9,20 +9,18 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.files import read_text, require_file, whole_or_nothing
+from sldvexp.typing import IntArray
 
-Steps = NDArray[np.int64]
 
-
-def read_centres(path: Path) -> Steps:
+def read_centres(path: Path) -> IntArray:
     """Rough centres of the circles (`Scan6pt`), shape (circle, 2), one pair a line."""
     return _pairs(list(_rows(path)), path)
 
 
-def read_rectangle(path: Path) -> tuple[int, int, Steps]:
+def read_rectangle(path: Path) -> tuple[int, int, IntArray]:
     """Rows, columns and the four corners (`ScanRect`), the corners of shape (4, 2)."""
     rows = list(_rows(path))
     if len(rows) != 5:
@@ -35,7 +33,7 @@ def read_rectangle(path: Path) -> tuple[int, int, Steps]:
     return first, second, corners
 
 
-def read_list(path: Path) -> Steps:
+def read_list(path: Path) -> IntArray:
     """All pixels of a scan in their order (`ScanList`), shape (pixel, 2)."""
     return _pairs(list(_rows(path)), path)
 
@@ -68,7 +66,7 @@ def _rows(path: Path) -> Iterator[tuple[int, tuple[int, int]]]:
         yield line, (first, second)
 
 
-def _pairs(rows: list[tuple[int, tuple[int, int]]], path: Path) -> Steps:
+def _pairs(rows: list[tuple[int, tuple[int, int]]], path: Path) -> IntArray:
     """Pairs with up_down first."""
     if not rows:
         raise UserError(f"{path}: has no pixels")

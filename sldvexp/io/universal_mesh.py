@@ -5,13 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.io.uff.reader import universal_file
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from sldvexp.typing import Array, IntArray
 
 SUFFIXES = (".uff", ".unv", ".uf", ".bunv")
 #: How far the file's unit of length may be from the one of the configuration.

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
 from sldvexp.laser.two_mirror import MIRRORS
+from sldvexp.typing import Array
 
 if TYPE_CHECKING:
     from sldvexp.laser.two_mirror import TwoMirror
 
-Array = NDArray[np.float64]
 
 #: Of the range: lets a limit pass that a conversion of units has rounded.
 ROUNDING = 1e-12

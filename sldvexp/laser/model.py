@@ -7,9 +7,9 @@ vectorised; the last dimension of angles is (up_down, left_right), that of point
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 
 def project(points: ArrayLike, mirror_offset: ArrayLike = 0.0) -> Array:

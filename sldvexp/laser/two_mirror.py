@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
+from sldvexp.typing import Array
 from sldvexp.units import AngleUnit
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
 
 MIRRORS = ("up_down", "left_right")
 
@@ -120,24 +119,18 @@ class TwoMirror:
         checks.done()
 
     @property
-    def step(self) -> NDArray[np.float64]:
+    def step(self) -> Array:
         """Angle of one DAC step at step 0, shape (mirror,), rad; always positive."""
-        import numpy as np
-
         largest = self.board.value[1]
         return np.array([abs(getattr(self, m).coefficients[1]) / largest for m in MIRRORS])
 
-    def angle_from_dac(
-        self, dac: ArrayLike, labels: ArrayLike | None = None
-    ) -> NDArray[np.float64]:
+    def angle_from_dac(self, dac: ArrayLike, labels: ArrayLike | None = None) -> Array:
         """Mirror angles of DAC steps; see `sldvexp.laser.mirror.angle_from_dac`."""
         from sldvexp.laser import mirror
 
         return mirror.angle_from_dac(self, dac, labels)
 
-    def dac_from_angle(
-        self, angle: ArrayLike, labels: ArrayLike | None = None
-    ) -> NDArray[np.float64]:
+    def dac_from_angle(self, angle: ArrayLike, labels: ArrayLike | None = None) -> Array:
         """DAC steps (not rounded) of mirror angles; see `sldvexp.laser.mirror.dac_from_angle`."""
         from sldvexp.laser import mirror
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+from matplotlib.figure import Figure
 
 from sldvexp.dataset.run_data import Shown, Source, shown
 from sldvexp.plot import (
@@ -21,9 +23,6 @@ from sldvexp.plot import (
     view_residuals,
     volume_views,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 class Entry(NamedTuple):

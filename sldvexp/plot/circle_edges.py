@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sldvexp.dataset.needed import require
 from sldvexp.dataset.recorded import plugin
 from sldvexp.dataset.run_data import Shown, Source, one_of, shown
+from sldvexp.geometry.conic import boundary
+from sldvexp.geometry.conic_fit import ConicFit
+from sldvexp.image.conics import fit_circle
+from sldvexp.image.pinhole import dac_from_pinhole, pinhole_edges
 from sldvexp.plot import sheet, style
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from sldvexp.geometry.conic_fit import ConicFit
-
-Array = NDArray[np.float64]
+from sldvexp.session.circles import edges_of
+from sldvexp.typing import Array
 
 NO_EDGES = (
     "the run has no edges of circles (groups edge/<view>); they come from a scan of a calibration "
@@ -189,11 +189,6 @@ def conic_residuals(source: Source | Shown) -> Figure:
 
 def fitted(run: Shown, view: str) -> dict[int, tuple[ConicFit, Array, Array, Array]]:
     """Of each circle its fit, the edges' turn around it, the edges and the curve, DAC steps."""
-    from sldvexp.geometry.conic import boundary
-    from sldvexp.image.conics import fit_circle
-    from sldvexp.image.pinhole import dac_from_pinhole, pinhole_edges
-    from sldvexp.session.circles import edges_of
-
     laser = _laser(run)
     found = {}
     for number, edge in enumerate(edges_of(run.groups[f"edge/{view}"]), 1):

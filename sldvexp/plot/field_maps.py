@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.tri import Triangulation
 
 from sldvexp.dataset.needed import require
 from sldvexp.dataset.run_data import Shown, Source, shown
 from sldvexp.plot import sheet, style
 from sldvexp.plot.layer import Layer, layer_of, missing_field
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 missing = missing_field
 
@@ -104,8 +103,6 @@ def _map(
 
 def _phase(axes: Axes, layer: Layer, component: str) -> Any:
     """Phases of triangles, where they are larger than their bound."""
-    from matplotlib.tri import Triangulation
-
     style.hatched(axes)
     mesh, velocity = layer.mesh(), layer.values("velocity", component)
     mean = velocity[mesh.triangles].mean(axis=1)

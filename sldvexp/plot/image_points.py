@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from sldvexp.dataset.needed import require
 from sldvexp.dataset.run_data import Shown, Source, one_of, shown
+from sldvexp.lazy import scipy
+from sldvexp.lazy import xarray as xr
 from sldvexp.plot import sheet, style
 from sldvexp.plot.circle_edges import COLUMNS, fitted, panels_of_views, ratio_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 NO_POINTS = (
     "the run has no image points of the object (group registration); they come from pose=bitangent "
@@ -247,10 +244,8 @@ def repeatability(source: Source | Shown) -> Figure:
 
 def _scatter(axes: Axes, examined: xr.Dataset, repeats: int, numbers: np.ndarray) -> None:
     """Standard deviations, with the 95 % intervals that chi square gives them."""
-    from scipy.special import chdtri
-
     dof = repeats - 1
-    low, high = np.sqrt(dof / chdtri(dof, [0.025, 0.975]))
+    low, high = np.sqrt(dof / scipy.special.chdtri(dof, [0.025, 0.975]))
     for (mirror, text), look, shift in zip(
         MIRRORS.items(), style.looks(2), (-0.12, 0.12), strict=True
     ):

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from sldvexp.dataset.run_data import Shown, at_frequency, one_of
 from sldvexp.errors import UserError
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.tri import Triangulation
-
-Array = NDArray[np.float64]
+from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array, ComplexArray, IndexArray
 
 AXES = "xyz"
 
@@ -54,13 +50,13 @@ class Layer:
     """
 
     group: xr.Dataset
-    node: NDArray[np.intp]
+    node: IndexArray
     position: Array
-    triangle: NDArray[np.intp]
+    triangle: IndexArray
     plane: tuple[int, int]
     depth: float
     frequency: str
-    truth: dict[str, NDArray[np.complex128]]
+    truth: dict[str, ComplexArray]
 
     @property
     def components(self) -> list[str]:
@@ -97,8 +93,6 @@ class Layer:
 
     def mesh(self) -> Triangulation:
         """The layer's triangles in its plane, mm."""
-        from matplotlib.tri import Triangulation
-
         x, y = 1000 * self.position[:, self.plane].T
         return Triangulation(x, y, self.triangle)
 
@@ -181,10 +175,10 @@ def layer_of(
 def _truth(
     run: Shown,
     field: xr.Dataset,
-    node: NDArray[np.intp],
+    node: IndexArray,
     depths: Array,
     plane: tuple[int, int],
-) -> dict[str, NDArray[np.complex128]]:
+) -> dict[str, ComplexArray]:
     """True velocities at the nodes by component, as far as they are of this layer."""
     if not run.has("truth", "velocity", "height"):
         return {}

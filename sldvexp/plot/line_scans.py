@@ -5,21 +5,24 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from sldvexp.dataset.needed import require
 from sldvexp.dataset.recorded import plugin, settings
 from sldvexp.dataset.run_data import Shown, Source, one_of, shown
 from sldvexp.errors import UserError
+from sldvexp.image.edge_detection import gradient_edges
+from sldvexp.image.scan_lines import Edges, ScanLines
+from sldvexp.instrument.protocol import Status
+from sldvexp.instrument.recording import JOURNAL, read_line
+from sldvexp.lazy import scipy
 from sldvexp.plot import style
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from sldvexp.image.scan_lines import Edges, ScanLines
+from sldvexp.scan.calibration import EdgeMethod
+from sldvexp.session.circles import PLACE
 
 #: Kinds of scan lines, and how many edges each of their lines crosses.
 KINDS = {"coarse": 2, "fine": 1}
@@ -166,13 +169,6 @@ def _lines(
 
 def _take(run: Shown, view: str, circle: str, kind: str) -> Taken:
     """Demodulate the kept samples of some lines, and look for edges as the session did."""
-    from scipy.ndimage import median_filter
-
-    from sldvexp.image.edge_detection import gradient_edges
-    from sldvexp.image.scan_lines import ScanLines
-    from sldvexp.scan.calibration import EdgeMethod
-    from sldvexp.session.circles import PLACE
-
     image, dac = _image(run, view, f"{circle}_{kind}")
     shape = dac.shape[:2]
     lines = ScanLines.of_velocity(
@@ -185,16 +181,13 @@ def _take(run: Shown, view: str, circle: str, kind: str) -> Taken:
     scan = _scan_settings(run)
     window = int(scan[kind]["window"])
     place = PLACE[EdgeMethod[scan["edge"]]] if kind == "fine" else gradient_edges
-    filtered = median_filter(lines.filled(), size=(1, window), mode="mirror")
+    filtered = scipy.ndimage.median_filter(lines.filled(), size=(1, window), mode="mirror")
     gradient = np.gradient(filtered, axis=1) / lines.pitch[:, None]
     return Taken(lines, filtered, gradient, place(lines, KINDS[kind], window), window)
 
 
 def _image(run: Shown, view: str, name: str) -> tuple[Any, np.ndarray]:
     """Complex pixels of the kept lines of a name, and their DAC steps (line, pixel, mirror)."""
-    from sldvexp.instrument.protocol import Status
-    from sldvexp.instrument.recording import read_line
-
     kept = [read_line(path) for path in sorted(_journal(run, view).glob(f"{name}_*.npz"))]
     whole = [line for line in kept if line is not None]
     if not whole:
@@ -222,8 +215,6 @@ def _scan_settings(run: Shown) -> dict[str, Any]:
 
 
 def _journal(run: Shown, view: str) -> Path:
-    from sldvexp.instrument.recording import JOURNAL
-
     return (run.folder or Path()) / JOURNAL / view
 
 

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import xarray as xr
-from numpy.typing import NDArray
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from sldvexp.dataset.needed import require
 from sldvexp.dataset.run_data import Shown, Source, shown
 from sldvexp.errors import UserError
+from sldvexp.lazy import xarray as xr
 from sldvexp.plot import sheet, style
 from sldvexp.plot.layer import AXES, Layer, layer_of, missing_field
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from sldvexp.typing import Array, IndexArray
 
 missing = missing_field
 
@@ -86,9 +84,7 @@ def nodal(
     return made
 
 
-def _chosen(
-    layer: Layer, nodes: str | Sequence[int]
-) -> tuple[NDArray[np.intp], NDArray[np.float64], str]:
+def _chosen(layer: Layer, nodes: str | Sequence[int]) -> tuple[IndexArray, Array, str]:
     """Which of the layer's nodes, where they are drawn, and what that axis is called."""
     if isinstance(nodes, str) and nodes not in ("line", "all"):
         raise UserError(f"plot: nodal: nodes is line, all or numbers, not {nodes}")
@@ -105,7 +101,7 @@ def _chosen(
     return own, layer.node[own].astype(float), "node"
 
 
-def line_nodes(layer: Layer) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+def line_nodes(layer: Layer) -> tuple[IndexArray, Array]:
     """Nodes along the layer's longer side through its largest velocity, and their place, m."""
     flat = layer.position[:, layer.plane]
     longer = int(np.ptp(flat, axis=0).argmax())
@@ -120,7 +116,7 @@ def line_nodes(layer: Layer) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     return own, flat[own, longer]
 
 
-def _line_label(layer: Layer, own: NDArray[np.intp]) -> str:
+def _line_label(layer: Layer, own: IndexArray) -> str:
     flat = layer.position[own][:, layer.plane]
     longer = int(np.ptp(flat, axis=0).argmax())
     other = layer.plane[1 - longer]
@@ -128,9 +124,7 @@ def _line_label(layer: Layer, own: NDArray[np.intp]) -> str:
     return f"{AXES[layer.plane[longer]]}, mm (at {AXES[other]} = {beside:.1f} mm)"
 
 
-def part_bound(
-    group: xr.Dataset, component: str, part: str, own: NDArray[np.intp]
-) -> NDArray[np.float64] | None:
+def part_bound(group: xr.Dataset, component: str, part: str, own: IndexArray) -> Array | None:
     """Half-widths of the intervals of one part, else of the larger part, else standard errors."""
     if "confidence_by_part" in group and part in group["part"].values:
         return np.asarray(
@@ -154,8 +148,8 @@ def _truth(layer: Layer) -> str:
 def _values(
     axes: Axes,
     layer: Layer,
-    own: NDArray[np.intp],
-    place: NDArray[np.float64],
+    own: IndexArray,
+    place: Array,
     component: str,
     part: str,
     take: Any,

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sldvexp.dataset.needed import require
 from sldvexp.dataset.run_data import Shown, Source, one_of, shown
+from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
 from sldvexp.plot.layer import AXES, fields
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 NO_POINT = "the run has no velocity of a point (group point); see experiment=point"
 NO_SPECTRUM = "the run has no velocity field at several frequencies; see experiment=plate_frf"

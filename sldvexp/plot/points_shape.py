@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import xarray as xr
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
 
 from sldvexp.dataset.run_data import Shown, at_frequency
+from sldvexp.lazy import xarray as xr
 from sldvexp.plot import sheet, style
 from sldvexp.plot.layer import AXES
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from sldvexp.typing import Array, ComplexArray, IntArray
 
 NO_SHAPE = (
     "the run has no velocity field (group field), as in experiment=plate, and no velocities of "
@@ -99,7 +96,7 @@ def _largest(velocity: NDArray) -> int:
     return int(np.nansum(np.abs(velocity) ** 2, axis=0).argmax())
 
 
-def at_largest(velocity: NDArray[np.complex128], index: int) -> tuple[str, Array]:
+def at_largest(velocity: ComplexArray, index: int) -> tuple[str, Array]:
     """All components at the moment when one of them is as positive as it gets."""
     own = velocity[:, index]
     phase = float(np.angle(own[int(np.nanargmax(np.abs(own)))]))
@@ -110,8 +107,6 @@ def _draw(
     axes: Any, rest: Array, place: Array, triangles: IntArray, lines: IntArray, values: Array
 ) -> Any:
     """Surface, lines and points, coloured by their values; grey lines where they rest."""
-    from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
-
     limit = float(np.nanmax(np.abs(values))) or 1.0
     look = {"cmap": style.SIGN_MAP, "clim": (-limit, limit)}
     ends = lines if len(lines) else _sides(triangles)

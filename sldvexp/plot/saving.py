@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import matplotlib
+from matplotlib.figure import Figure
 
 from sldvexp.errors import UserError
 from sldvexp.files import whole_or_nothing
 from sldvexp.plot.style import SETTINGS
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Formats with what each would say of the moment and the program, which is left out.
 FORMATS = {"png": {"Software": None}, "svg": {"Date": None, "Creator": None}}
@@ -39,8 +38,6 @@ def save(figure: Figure, path: str | Path, title: str = "") -> list[Path]:
     UserError
         If they cannot be written.
     """
-    import matplotlib
-
     path = Path(path)
     files = [path.with_name(f"{path.name}.{suffix}") for suffix in FORMATS]
     try:

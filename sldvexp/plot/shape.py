@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from matplotlib.figure import Figure
 
 from sldvexp.dataset.needed import require
 from sldvexp.dataset.run_data import Shown, Source, shown
@@ -14,9 +13,7 @@ from sldvexp.errors import UserError
 from sldvexp.plot import sheet, style
 from sldvexp.plot.layer import AXES, fields, layer_of
 from sldvexp.plot.points_shape import NO_SHAPE, missing_points, points_surface
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from sldvexp.typing import Array, ComplexArray
 
 
 def missing(run: Shown) -> str:
@@ -109,7 +106,7 @@ def _only(component: str | None, known: Iterable[str]) -> None:
         )
 
 
-def at_largest(velocity: NDArray[np.complex128]) -> tuple[str, NDArray[np.float64]]:
+def at_largest(velocity: ComplexArray) -> tuple[str, Array]:
     """Velocities at the moment of the largest one, which is then as positive as it gets."""
     largest = velocity[int(np.nanargmax(np.abs(velocity)))]
     phase = float(np.angle(largest))

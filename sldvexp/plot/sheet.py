@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sldvexp.plot import style
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Inches for the names and numbers of axes at the left and below, and for titles.
 LEFT, BOTTOM, TOP, BETWEEN = 0.82, 0.55, 0.6, 0.5

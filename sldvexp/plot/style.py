@@ -7,15 +7,19 @@ import io
 import itertools
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, ParamSpec
+from typing import Any, ParamSpec
 
+import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.container import Container
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
+from sldvexp.typing import Array
 
 P = ParamSpec("P")
 
@@ -70,8 +74,6 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        import matplotlib
-
         with matplotlib.rc_context():
             matplotlib.rcdefaults()
             matplotlib.rcParams.update(SETTINGS)
@@ -85,8 +87,6 @@ def figure(width: float, height: float, title: str = "") -> Figure:
 
     It belongs to no window, so that none has to be closed; a notebook shows it all the same.
     """
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
-
     layout = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06)
     made: Figure = _picture()(figsize=(width, height), layout=layout)
     if title:
@@ -97,9 +97,6 @@ def figure(width: float, height: float, title: str = "") -> Figure:
 @functools.cache
 def _picture() -> type[Figure]:
     """A figure that a notebook can show without pyplot, and that keeps its style."""
-    import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
     class Picture(Figure):
         def draw(self, renderer: Any) -> None:
@@ -131,7 +128,7 @@ def looks(number: int) -> Iterator[dict[str, Any]]:
         yield {"color": colour, "marker": marker, "linestyle": line}
 
 
-def imaginary(values: NDArray) -> NDArray[np.float64]:
+def imaginary(values: NDArray) -> Array:
     """Imaginary part; NaN of what is not determined, whose imaginary part may be stored as 0."""
     return np.where(np.isnan(values), np.nan, np.imag(values))
 
@@ -175,15 +172,11 @@ def joined(*parts: str) -> str:
 
 def ticks(number: int) -> Any:
     """At most so many intervals between ticks."""
-    from matplotlib.ticker import MaxNLocator
-
     return MaxNLocator(nbins=number)
 
 
 def whole_numbers() -> Any:
     """Ticks of a count."""
-    from matplotlib.ticker import MaxNLocator
-
     return MaxNLocator(integer=True)
 
 
@@ -192,8 +185,6 @@ def legend_below(made: Any, *axes: Any, title: str = "", columns: int = 9, **loo
 
     What has error bars or is a bar was measured, and stands before what it is compared with.
     """
-    from matplotlib.container import Container
-
     once: dict[str, Any] = {}
     for one in axes:
         handles, labels = one.get_legend_handles_labels()

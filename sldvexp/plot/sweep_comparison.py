@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import xarray as xr
+from matplotlib.figure import Figure
 
 from sldvexp.dataset.needed import require
 from sldvexp.dataset.run_data import Shown, Source, shown
 from sldvexp.errors import UserError, nearest
+from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 NO_SWEEP = "this is no sweep (a dataset sweep.nc with state and headline results of its runs)"
 NO_RESULT = "no run of the sweep has a result that can be compared"

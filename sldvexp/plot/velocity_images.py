@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sldvexp.dataset.needed import require
 from sldvexp.dataset.run_data import Shown, Source, at_frequency, one_of, shown
+from sldvexp.lazy import xarray as xr
 from sldvexp.plot import sheet, style
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-Complex = NDArray[np.complex128]
+from sldvexp.typing import BoolArray, ComplexArray
 
 NO_IMAGE = (
     "the run has no velocity image (groups image/<view>); choose a scan of pixels, as in "
@@ -45,7 +42,7 @@ def missing_raw(run: Shown) -> str:
 def images(
     source: Source | Shown, view: str | None = None, frequency: float | None = None
 ) -> Figure:
-    """Complex velocity of the pixels, a row for each view.
+    """ComplexArray velocity of the pixels, a row for each view.
 
     Flagged pixels are hatched, and phases where the velocity is less than `CERTAIN` of its standard
     deviations.
@@ -117,7 +114,7 @@ def phase_correction(
     return _rows(dict.fromkeys(values, group), values, title)
 
 
-def _rows(groups: dict[str, xr.Dataset], velocities: dict[str, Complex], title: str) -> Figure:
+def _rows(groups: dict[str, xr.Dataset], velocities: dict[str, ComplexArray], title: str) -> Figure:
     """A row of four maps for each image, with a common scale for each column."""
     dac = next(iter(groups.values()))["dac"].values
     tall = np.clip(np.ptp(dac[:, 0]) / max(np.ptp(dac[:, 1]), 1), 0.4, 1.6)
@@ -146,7 +143,7 @@ def _rows(groups: dict[str, xr.Dataset], velocities: dict[str, Complex], title: 
     return made
 
 
-def _good(group: xr.Dataset) -> NDArray[np.bool_]:
+def _good(group: xr.Dataset) -> BoolArray:
     """Pixels that nothing is wrong with."""
     if "flags" not in group:
         return np.ones(group.sizes["pixel"], bool)
@@ -154,7 +151,7 @@ def _good(group: xr.Dataset) -> NDArray[np.bool_]:
 
 
 def _part(
-    axes: Axes, group: xr.Dataset, velocity: Complex, part: str, factor: float, limit: float
+    axes: Axes, group: xr.Dataset, velocity: ComplexArray, part: str, factor: float, limit: float
 ) -> Any:
     """One map of an image, in the unit that the factor makes."""
     style.hatched(axes)
@@ -185,7 +182,7 @@ def _ends(steps: NDArray) -> tuple[float, float]:
 
 
 def _pixels(
-    axes: Axes, group: xr.Dataset, values: NDArray, good: NDArray[np.bool_], look: dict[str, Any]
+    axes: Axes, group: xr.Dataset, values: NDArray, good: BoolArray, look: dict[str, Any]
 ) -> Any:
     """Good pixels as quadrilaterals around their DAC steps, or as dots if they are on no grid."""
     up_down, left_right = group["dac"].values.T

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from sldvexp.dataset.needed import require
 from sldvexp.dataset.run_data import Shown, Source, shown
+from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
 from sldvexp.plot.layer import fields
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 NO_RESIDUALS = (
     "the run has no residuals of a field by view (group field, variable residual_std_by_view); "

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import xarray as xr
-from numpy.typing import NDArray
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from sldvexp.dataset.needed import require
 from sldvexp.dataset.run_data import Shown, Source, shown
+from sldvexp.lazy import xarray as xr
 from sldvexp.plot import sheet, style
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from mpl_toolkits.mplot3d.axes3d import Axes3D
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, IndexArray
 
 NO_VOLUME = (
     "the run has no volume with poses around it (groups volume and pose); choose volume=grid, as "
@@ -108,7 +104,7 @@ def volume(source: Source | Shown) -> Figure:
     return made
 
 
-def _surface(group: xr.Dataset) -> NDArray[np.intp]:
+def _surface(group: xr.Dataset) -> IndexArray:
     """Nodes of the layer nearest to the given surface."""
     depth = group["depth"].values if "depth" in group else np.zeros(1)
     per_layer = group.sizes["node"] // len(depth)
@@ -167,7 +163,7 @@ def _apart(edges: Array) -> Array:
     return np.concatenate([edges, gap], axis=1).reshape(-1, edges.shape[2])
 
 
-def outline(group: xr.Dataset) -> NDArray[np.intp]:
+def outline(group: xr.Dataset) -> IndexArray:
     """Edges of the surface's rim, on the first and the last layer and between, (edge, 2)."""
     element = group["element"].values.astype(np.intp)
     depths = group.sizes.get("layer", 2)
@@ -183,7 +179,7 @@ def outline(group: xr.Dataset) -> NDArray[np.intp]:
     return np.concatenate([rim, rim + last, through])
 
 
-def _corners(position: Array, rim: NDArray[np.intp]) -> NDArray[np.intp]:
+def _corners(position: Array, rim: IndexArray) -> IndexArray:
     """Nodes at which the rim turns by more than 30 deg."""
     found = []
     for node in np.unique(rim):

@@ -18,9 +18,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 #: Information in the worst direction, as a part of that with all else known: rounding errors below,
 #: of a block and of the Schur complement, which is a difference.

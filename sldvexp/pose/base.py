@@ -7,13 +7,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    import xarray as xr
-    from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike
 
-    from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp import dataset
+from sldvexp.geometry.rotation import euler_from_rotation
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
+from sldvexp.pose.uncertainty import euler_standard_error, half_width, standard_error
+from sldvexp.targets.base import Target
+
+if TYPE_CHECKING:
     from sldvexp.pose.joint import JointCovariance
-    from sldvexp.targets.base import Target
 
 #: The six extrinsics: a small rotation vector of the laser frame (rad) and the origin (m).
 EXTRINSICS = ("rotation_x", "rotation_y", "rotation_z", "x", "y", "z")
@@ -87,12 +92,6 @@ def pose_group(
     coords, **more
         Further coordinates and variables of the group.
     """
-    import numpy as np
-
-    from sldvexp import dataset
-    from sldvexp.geometry.rotation import euler_from_rotation
-    from sldvexp.pose.uncertainty import euler_standard_error, half_width, standard_error
-
     rotation, covariance = np.asarray(rotation, float), np.asarray(covariance, float)
     euler_std, std = euler_standard_error(rotation, covariance), standard_error(covariance)
     origin_std = std[:, 3:6]

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from sldvexp.config.registry import register
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
+from sldvexp.pose.bitangent_bounds import bitangent_errors
+from sldvexp.pose.correlated_errors import with_errors
+from sldvexp.pose.from_points import estimate
 from sldvexp.pose.from_scans import FromScans
-
-if TYPE_CHECKING:
-    import numpy as np
-    import xarray as xr
-    from numpy.typing import NDArray
-
-    from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.pose.single_view import PoseSolution
-    from sldvexp.targets.base import Target
-
+from sldvexp.pose.images import circles_of, registration_table
+from sldvexp.pose.single_view import PoseSolution
+from sldvexp.targets.base import Target
+from sldvexp.typing import Array
 
 #: Probability of residuals below which they are noted.
 UNLIKELY = 1e-4
@@ -43,18 +42,13 @@ class Bitangent(FromScans):
         self, laser: TwoMirror, target: Target | None, tree: Mapping[str, xr.Dataset]
     ) -> dict[str, xr.Dataset]:
         """Groups ``registration`` and ``pose`` of all scanned views."""
-        from sldvexp.pose.bitangent_bounds import bitangent_errors
-        from sldvexp.pose.correlated_errors import with_errors
-        from sldvexp.pose.from_points import estimate
-        from sldvexp.pose.images import circles_of, registration_table
-
         circles = circles_of(target, self.name)
         images = self.images(circles, laser, tree, self.pinhole)
         tables = [registration_table(i, circles) for i in images]
 
         def judge(
             solutions: Sequence[PoseSolution],
-        ) -> tuple[list[PoseSolution], NDArray[np.float64], list[str]]:
+        ) -> tuple[list[PoseSolution], Array, list[str]]:
             errors = [bitangent_errors(i.view, i.bitangents, circles) for i in images]
             judged, joint, probability = with_errors(
                 solutions, errors, laser, self.adjust, self.shared

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.geometry.bitangent import Bitangents
 from sldvexp.laser.two_mirror import TwoMirror
@@ -18,8 +17,7 @@ from sldvexp.pose.correlated_errors import Errors, with_errors
 from sldvexp.pose.single_view import PoseSolution
 from sldvexp.targets.base import std_of_bound
 from sldvexp.targets.circles import Circles
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 #: Change of a circle's number for its derivative, as a part of the circle's diameter.
 SMALL = 1e-5

@@ -7,11 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Generic, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.pose.arrow import Arrow
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 #: Damping to begin with and the least one, relative to the curvature.
 DAMPING, LEAST_DAMPING = 1e-6, 1e-14

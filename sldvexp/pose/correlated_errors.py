@@ -13,19 +13,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import block_diag
-from scipy.special import chdtrc
 
 from sldvexp.geometry.rotation import skew
 from sldvexp.laser.model import project, project_jacobian
 from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import scipy
 from sldvexp.pose.base import EXTRINSICS
 from sldvexp.pose.joint import JointCovariance
 from sldvexp.pose.least_squares import INTRINSICS
 from sldvexp.pose.single_view import PoseSolution
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 #: Least noise of solved angles, DAC steps: noise-free data must not void what is known beforehand.
 LEAST = 1e-4
@@ -91,7 +88,7 @@ def with_errors(
     jacobian = _arrow([by_unknown for by_unknown, _ in sights], len(shared))
     by_object = np.concatenate([by_object for _, by_object in sights])
     weight = np.concatenate([_weight(s, e) for s, e in zip(solutions, errors, strict=True)])
-    of_angles = block_diag(*(e.of_image for e in errors)) + by_object @ by_object.T
+    of_angles = scipy.linalg.block_diag(*(e.of_image for e in errors)) + by_object @ by_object.T
 
     each = [*np.zeros(len(EXTRINSICS)), *(std**-2.0 for std in adjusted.values())]
     prior = np.diag([*each * len(errors), *(std**-2.0 for std in shared.values())])
@@ -143,7 +140,7 @@ def _by_intrinsic(name: str, angle: Array, by_offset: Array) -> Array:
 
 def _arrow(jacobians: Sequence[Array], shared: int) -> Array:
     """Jacobian of all views: own unknowns side by side, the shared ones last."""
-    own = block_diag(*(j[:, : j.shape[1] - shared] for j in jacobians))
+    own = scipy.linalg.block_diag(*(j[:, : j.shape[1] - shared] for j in jacobians))
     return np.hstack([own, np.concatenate([j[:, j.shape[1] - shared :] for j in jacobians])])
 
 
@@ -174,5 +171,5 @@ def _probabilities(solutions: Sequence[PoseSolution], covariance: Array) -> list
             found.append(1.0)
             continue
         dof = expected**2 / np.sum(block**2)
-        found.append(float(chdtrc(dof, dof * residual @ residual / expected)))
+        found.append(float(scipy.special.chdtrc(dof, dof * residual @ residual / expected)))
     return found

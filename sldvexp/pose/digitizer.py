@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from omegaconf import MISSING
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import PoseMethod
+from sldvexp.targets.base import Target
 from sldvexp.units import LengthUnit
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.targets.base import Target
 
 
 @register("pose", "digitizer")

@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.laser.model import rays
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.intrinsics import true_angles
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, IndexArray
 
 #: Numbers in which a machined circle errs: its centre along three axes and its radius.
 ERRORS = 4
@@ -50,7 +48,7 @@ class EdgePoints:
     normal: Array
     radius: Array
     in_plane: Array
-    circle: NDArray[np.intp]
+    circle: IndexArray
 
     @property
     def axes(self) -> Array:

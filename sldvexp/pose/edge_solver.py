@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.geometry.rotation import rotation_from_vector
@@ -27,8 +26,7 @@ from sldvexp.pose.edge_model import (
     spread,
 )
 from sldvexp.pose.intrinsics import named, nominal_intrinsics, places
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 #: Standard deviations of a circle's errors over that of a coordinate: a radius is half a diameter.
 CIRCLE = np.array([1.0, 1.0, 1.0, 0.5])

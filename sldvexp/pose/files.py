@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
-
-import xarray as xr
+from statistics import NormalDist
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.files import read_text, require_file
 from sldvexp.geometry.known_pose import KnownPose
 from sldvexp.io.text_fields import number
+from sldvexp.lazy import xarray as xr
 from sldvexp.pose.given import known_poses
+from sldvexp.pose.uncertainty import half_width
 
 _LINE = re.compile(r"^\s*(phi[123]|x0_[xyz])\s*=\s*(\S+)(?:\s*\+-\s*(\S+))?")
 _NEEDED = ("view", "rotation", "origin", "covariance")
@@ -54,8 +55,6 @@ def read_poses(path: Path, confidence: float) -> xr.Dataset:
 
 def _at_level(pose: xr.Dataset, confidence: float) -> xr.Dataset:
     """The pose with its intervals at another level, from standard errors and their freedom."""
-    from sldvexp.pose.uncertainty import half_width
-
     for name in ("euler", "origin", "intrinsic"):
         if f"{name}_confidence" in pose:
             width = half_width(pose[f"{name}_std"].values, pose["dof"].values, confidence)
@@ -66,8 +65,6 @@ def _at_level(pose: xr.Dataset, confidence: float) -> xr.Dataset:
 
 def _parse(lines: list[str], path: Path, confidence: float) -> dict[str, KnownPose]:
     """Poses of a text, by view."""
-    from statistics import NormalDist
-
     quantile = NormalDist().inv_cdf(0.5 + confidence / 2)
     found: dict[str, dict[str, tuple[float, float]]] = {}
     view = path.stem

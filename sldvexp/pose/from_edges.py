@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import pose_group
 from sldvexp.pose.edge_model import EdgePoints, angles_along
 from sldvexp.pose.edge_solver import EdgePoses, solve_edges
@@ -18,15 +18,12 @@ from sldvexp.pose.images import MISFIT, CircleImages, circles_of, registration_t
 from sldvexp.pose.intrinsics import adjusted_notes, places
 from sldvexp.pose.joint import JointCovariance
 from sldvexp.pose.single_view import solve_pose
-from sldvexp.targets.base import std_of_bound
+from sldvexp.targets.base import Target, std_of_bound
+from sldvexp.targets.circles import Circles
+from sldvexp.typing import Array
 
 if TYPE_CHECKING:
-    from sldvexp.laser.two_mirror import TwoMirror
     from sldvexp.pose.edge import Edge
-    from sldvexp.targets.base import Target
-    from sldvexp.targets.circles import Circles
-
-Array = NDArray[np.float64]
 
 
 def estimate(

@@ -9,30 +9,28 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from sldvexp.errors import UserError
 from sldvexp.io.registration.netcdf import to_dataset
+from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import pose_group
 from sldvexp.pose.intrinsics import adjusted_notes
 from sldvexp.pose.joint import JointCovariance
 from sldvexp.pose.multi_view import Sight, solve_together
 from sldvexp.pose.point_notes import point_notes
 from sldvexp.pose.single_view import PoseSolution, solve_pose
+from sldvexp.targets.base import Target
+from sldvexp.typing import Array
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from sldvexp.io.registration.table import RegistrationTable
-    from sldvexp.laser.two_mirror import TwoMirror
     from sldvexp.pose.registration import FromPoints, MirrorName
-    from sldvexp.targets.base import Target
 
-    Array = NDArray[np.float64]
 
 #: Gives solutions the covariance that they deserve where the points' errors are not independent:
 #: solutions, joint covariance of all views, notes.
-Judge = Callable[[Sequence[PoseSolution]], tuple[list[PoseSolution], "Array", list[str]]]
+Judge = Callable[[Sequence[PoseSolution]], tuple[list[PoseSolution], Array, list[str]]]
 
 
 def estimate(

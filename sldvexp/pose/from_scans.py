@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
+from sldvexp.pose.images import CircleImages, edge_views, image_notes, match_images
 from sldvexp.pose.registration import FromPoints
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.pose.images import CircleImages
-    from sldvexp.targets.circles import Circles
+from sldvexp.session.circles import edges_of
+from sldvexp.targets.circles import Circles
 
 
 @dataclass
@@ -60,9 +58,7 @@ class FromScans(FromPoints):
             If nothing was scanned, the mirrors look wired wrongly, or a circle makes no ellipse or
             the ellipses fit the object in no way or in two.
         """
-        from sldvexp.pose.images import edge_views, match_images
         from sldvexp.pose.wiring import recognised
-        from sldvexp.session.circles import edges_of
 
         found = []
         for view, group in edge_views(tree, self.name).items():
@@ -75,7 +71,6 @@ class FromScans(FromPoints):
 
     def notes(self, images: Sequence[CircleImages]) -> list[str]:
         """What to mind about the images of all views."""
-        from sldvexp.pose.images import image_notes
         from sldvexp.pose.wiring import phase_notes
 
         return [*(n for i in images for n in image_notes(i)), *phase_notes(images)]

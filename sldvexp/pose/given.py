@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.geometry.known_pose import KnownPose
+from sldvexp.geometry.rotation import euler_jacobian, rotation_from_euler
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import PoseMethod, pose_group
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.targets.base import Target
+from sldvexp.targets.base import Target
 
 
 @register("pose", "given")
@@ -77,7 +77,6 @@ class Given(PoseMethod):
 
     def group(self) -> xr.Dataset:
         """The known poses, whatever they come from."""
-        from sldvexp.config.paths import locate
         from sldvexp.pose.files import read_poses
 
         if self.path:
@@ -87,10 +86,6 @@ class Given(PoseMethod):
 
 def known_poses(views: dict[str, KnownPose], confidence: float) -> xr.Dataset:
     """The group ``pose`` of poses given as Euler angles and origins with standard deviations."""
-    import numpy as np
-
-    from sldvexp.geometry.rotation import euler_jacobian, rotation_from_euler
-
     poses = list(views.values())
     rotation = rotation_from_euler([p.euler for p in poses])
     covariance = np.full((len(poses), 6, 6), np.nan)

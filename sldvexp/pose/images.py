@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-import xarray as xr
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.geometry.bitangent import Bitangents
@@ -17,10 +15,10 @@ from sldvexp.image.pinhole import dac_bitangents, dac_edges, pinhole_edges
 from sldvexp.image.scan_lines import Edges
 from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
 from sldvexp.targets.base import Target
 from sldvexp.targets.circles import Circles
-
-Array = NDArray[np.float64]
+from sldvexp.typing import BoolArray
 
 #: Residual of the conics, in standard errors of the edges, that is noted.
 MISFIT = 3.0
@@ -136,9 +134,7 @@ def image_notes(images: CircleImages) -> list[str]:
     return notes
 
 
-def _used(edges: Edges, used: NDArray[np.bool_]) -> Edges:
+def _used(edges: Edges, used: BoolArray) -> Edges:
     """The edges that are no outliers."""
-    from dataclasses import replace
-
     parts = ("position", "std", "direction", "width", "line", "rising", "phase")
     return replace(edges, **{p: getattr(edges, p)[used] for p in parts})

@@ -13,12 +13,10 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.geometry.rotation import rotation_from_euler
 from sldvexp.pose.least_squares import SKEW, solve, turned
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 #: Viewing directions over the sphere and turns about each: about 30 deg from one to the next.
 DIRECTIONS, TURNS = 50, 12

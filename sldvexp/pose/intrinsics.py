@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
-import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import EXTRINSICS
 from sldvexp.pose.least_squares import INTRINSICS
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 #: Share of an intrinsic in an undetermined direction from which it is named.
 NOTABLE = 0.1

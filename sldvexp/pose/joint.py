@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import EXTRINSICS
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 
 @dataclass(frozen=True, eq=False)

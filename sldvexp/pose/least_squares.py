@@ -11,12 +11,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.geometry.rotation import skew
+from sldvexp.typing import Array, BoolArray, IndexArray
 
-Array = NDArray[np.float64]
-Index = NDArray[np.bool_] | NDArray[np.intp]
+Index = BoolArray | IndexArray
 
 #: Names of the intrinsics, in the order of their arrays.
 INTRINSICS = ("mirror_offset", "gain_up_down", "zero_up_down", "gain_left_right", "zero_left_right")
@@ -85,7 +84,7 @@ def take(stack: Stack, index: Index) -> Stack:
     return type(stack)(*(field[index] for field in stack))
 
 
-def choose(first: NDArray[np.bool_], a: Stack, b: Stack) -> Stack:
+def choose(first: BoolArray, a: Stack, b: Stack) -> Stack:
     """Entries of `a` where `first`, of `b` elsewhere."""
     if first.all():
         return a
@@ -201,7 +200,7 @@ def normal_equations(problem: Problem, pose: Pose, at: Linearisation) -> tuple[A
 
 def levenberg_marquardt(
     problem: Problem, pose: Pose, starts: int, max_iterations: int
-) -> tuple[Pose, Array, NDArray[np.bool_]]:
+) -> tuple[Pose, Array, BoolArray]:
     """Follow every start down to its least weighted sum of squares.
 
     Parameters

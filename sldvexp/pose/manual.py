@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
+from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.pose.from_points import Judge
 from sldvexp.pose.registration import Registration
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from sldvexp.io.registration.table import RegistrationTable
-    from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.pose.from_points import Judge
-    from sldvexp.targets.base import Target, TargetPoints
+from sldvexp.targets.base import Target, TargetPoints
+from sldvexp.typing import Array, IntArray
 
 
 @register("pose", "manual")
@@ -42,14 +39,12 @@ class Manual(Registration):
 
     def angle_std(
         self,
-        number: NDArray[np.int64],
-        distance: NDArray[np.float64],
-        step: NDArray[np.float64],
+        number: IntArray,
+        distance: Array,
+        step: Array,
         points: TargetPoints | None,
-    ) -> NDArray[np.float64]:
+    ) -> Array:
         """Pointing and, for points that the target has, the uncertainty of their position."""
-        import numpy as np
-
         position_std = np.zeros(len(number))
         if points is not None:
             _, mine, theirs = np.intersect1d(number, points.number, return_indices=True)

@@ -6,20 +6,18 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.correlated_errors import Errors, with_errors
+from sldvexp.pose.from_points import Judge
 from sldvexp.pose.point_notes import unlikely_residuals
+from sldvexp.pose.single_view import PoseSolution
+from sldvexp.targets.base import TargetPoints
+from sldvexp.typing import Array
 
 if TYPE_CHECKING:
-    from sldvexp.io.registration.table import RegistrationTable
-    from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.pose.from_points import Judge
     from sldvexp.pose.manual import Manual
-    from sldvexp.pose.single_view import PoseSolution
-    from sldvexp.targets.base import TargetPoints
-
-Array = NDArray[np.float64]
 
 
 def mark_judge(

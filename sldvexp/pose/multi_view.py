@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.pose.base import EXTRINSICS
@@ -16,8 +15,7 @@ from sldvexp.pose.least_squares import INTRINSICS, Pose, Problem, linearise
 from sldvexp.pose.observations import observations
 from sldvexp.pose.single_view import PoseSolution, solve_pose
 from sldvexp.pose.uncertainty import origin_jacobian
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 #: Starts of all views anew, with the intrinsics that the last ones gave.
 STARTS = 5

@@ -7,12 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.pose.least_squares import INTRINSICS
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Points whose second largest spread is below this part of the largest lie on one line.
 COLLINEAR = 1e-6
@@ -117,7 +116,7 @@ def observations(
     )
 
 
-def place(index: NDArray[np.intp], batch: int) -> str:
+def place(index: IndexArray, batch: int) -> str:
     """Say of which problem, or which point (problem, point); the problem only if there are many."""
     point = f" of point {index[1] + 1}" if len(index) > 1 else ""
     return point + (f" of pose {index[0] + 1} of {batch}" if batch > 1 else "")
@@ -142,7 +141,7 @@ def _check_shapes(points: Array, angles: Array) -> None:
         raise UserError("there is no pose to solve: the batch is empty")
 
 
-def _check_all(ok: NDArray[np.bool_], what: str, right: str) -> None:
+def _check_all(ok: BoolArray, what: str, right: str) -> None:
     """Raise about the first (problem, point) that is not `ok`."""
     if not ok.all():
         raise UserError(f"{what}{place(np.argwhere(~ok)[0], len(ok))} {right}")

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.lazy import scipy
 from sldvexp.pose.single_view import PoseSolution
+from sldvexp.targets.base import Target
 
 if TYPE_CHECKING:
-    from sldvexp.io.registration.table import RegistrationTable
     from sldvexp.pose.registration import FromPoints
-    from sldvexp.targets.base import Target
 
 #: A file's object point further than this from the target's (and than its errors) is noted, m.
 ROUNDING = 5e-6
@@ -40,14 +41,12 @@ def point_notes(
     judged : bool
         Whether the residuals have been judged already.
     """
-    from scipy.special import fdtri
-
     view = f"view {table.name}"
     if solution.dof <= 0:
         yield f"{view}: as many unknowns as angles, so that no bound can be given"
     elif solution.has_other and solution.cost > 0:
         ratio = float(solution.other_cost / solution.cost)
-        if ratio < fdtri(solution.dof, solution.dof, method.confidence):
+        if ratio < scipy.special.fdtri(solution.dof, solution.dof, method.confidence):
             x, y, z = solution.other_origin
             yield (
                 f"{view}: a second pose at ({x:.3f}, {y:.3f}, {z:.3f}) m fits nearly as well "
@@ -77,10 +76,8 @@ def unlikely_residuals(view: str, probability: float) -> str:
 
 def _residual_notes(method: FromPoints, view: str, solution: PoseSolution) -> Iterator[str]:
     """Residuals larger than stated errors, or than any method's, explain."""
-    from scipy.special import chdtrc
-
     if solution.noise_known and solution.dof > 0:
-        probability = float(chdtrc(solution.dof, solution.cost))
+        probability = float(scipy.special.chdtrc(solution.dof, solution.cost))
         if probability < 1 - method.confidence:
             yield unlikely_residuals(view, probability)
     elif np.isfinite(solution.s) and solution.s > LARGE:

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
+from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
-from sldvexp.errors import Checks, nearest
+from sldvexp.errors import Checks, ConfigError, Problem, UserError, nearest
+from sldvexp.io.registration import read
+from sldvexp.io.registration.netcdf import from_dataset
+from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import PoseMethod
+from sldvexp.pose.measured import measured_points
+from sldvexp.targets.base import Target, TargetPoints
+from sldvexp.typing import Array, IntArray
+from sldvexp.units import LengthUnit
 
 if TYPE_CHECKING:
-    import numpy as np
-    import xarray as xr
-    from numpy.typing import NDArray
-
-    from sldvexp.io.registration.table import RegistrationTable
-    from sldvexp.laser.two_mirror import TwoMirror
     from sldvexp.pose.from_points import Judge
-    from sldvexp.targets.base import Target, TargetPoints
 
 #: What may be adjusted besides the pose.
 ADJUSTABLE = (
@@ -83,11 +86,11 @@ class FromPoints(PoseMethod):
 
     def angle_std(
         self,
-        number: NDArray[np.int64],
-        distance: NDArray[np.float64],
-        step: NDArray[np.float64],
+        number: IntArray,
+        distance: Array,
+        step: Array,
         points: TargetPoints | None,
-    ) -> NDArray[np.float64] | None:
+    ) -> Array | None:
         """Standard deviation of each point's angles, DAC steps, if it is known beforehand.
 
         Parameters
@@ -147,8 +150,6 @@ class Registration(FromPoints):
     inverted: list[MirrorName] = field(default_factory=list)
 
     def _check(self, checks: Checks) -> None:
-        from sldvexp.units import LengthUnit
-
         super()._check(checks)
         paths = self.path.values() if isinstance(self.path, dict) else [self.path]
         named = bool(self.path) and all(isinstance(p, str) and p for p in paths)
@@ -173,7 +174,6 @@ class Registration(FromPoints):
     ) -> dict[str, xr.Dataset]:
         """Groups ``registration`` and ``pose``."""
         from sldvexp.pose.from_points import estimate
-        from sldvexp.pose.measured import measured_points
 
         if self.path is None:
             tables = _scanned(tree)
@@ -183,13 +183,6 @@ class Registration(FromPoints):
 
     def _tables(self) -> list[Any]:
         """Registration data of all views."""
-        from dataclasses import replace
-
-        from sldvexp.config.paths import locate
-        from sldvexp.errors import UserError
-        from sldvexp.io.registration import read
-        from sldvexp.units import LengthUnit
-
         unit = LengthUnit[self.unit] if self.unit else None
         tables = []
         for view, path in self.files().items():
@@ -208,9 +201,6 @@ class Registration(FromPoints):
 
 def _scanned(tree: Mapping[str, xr.Dataset]) -> list[RegistrationTable]:
     """Registration data of all views that a person pointed or digitised in this run."""
-    from sldvexp.errors import ConfigError, Problem
-    from sldvexp.io.registration.netcdf import from_dataset
-
     if "registration" not in tree:
         told = f"{NAME_A_FILE}, unless scan=by_hand or scan=by_digitizer gives the points"
         raise ConfigError([Problem("pose.path", told)])

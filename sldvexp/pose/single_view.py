@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
 from sldvexp.pose.base import EXTRINSICS
@@ -21,8 +21,7 @@ from sldvexp.pose.least_squares import (
 )
 from sldvexp.pose.observations import Observations, observations, place
 from sldvexp.pose.uncertainty import about_origin, worth
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray
 
 #: Two solutions whose rotations differ by less, in rad, are one.
 DISTINCT = 1e-3
@@ -84,8 +83,8 @@ class PoseSolution:
     dof: Array
     s: Array
     noise_known: bool
-    converged: NDArray[np.bool_]
-    has_other: NDArray[np.bool_]
+    converged: BoolArray
+    has_other: BoolArray
     other_rotation: Array
     other_origin: Array
     other_cost: Array
@@ -208,7 +207,7 @@ def _origin(given: Observations, pose: Pose) -> Array:
 
 def _settle_noise(
     problem: Problem, pose: Pose, max_iterations: int
-) -> tuple[Problem, Pose, Array, NDArray[np.bool_]]:
+) -> tuple[Problem, Pose, Array, BoolArray]:
     """Follow two starts of each problem while the noise, and so the priors' weight, settles."""
     of_unit_noise = problem.prior_weight
     variance = np.ones(len(pose.centre))
@@ -224,7 +223,7 @@ def _settle_noise(
 
 
 def _evaluated(
-    given: Observations, problem: Problem, pose: Pose, converged: NDArray[np.bool_]
+    given: Observations, problem: Problem, pose: Pose, converged: BoolArray
 ) -> dict[str, Array]:
     """Fields of `PoseSolution` about the better solution, and what it leaves `undetermined`."""
     found = worth(problem, pose)

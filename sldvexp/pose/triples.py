@@ -6,19 +6,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
-from numpy.typing import NDArray
 
 from sldvexp.config.paths import locate
 from sldvexp.errors import ConfigError, Problem, UserError, nearest
 from sldvexp.files import read_text, require_file
 from sldvexp.geometry.rotation import nearest_rotation, rigid_transform, vector_from_rotation
 from sldvexp.io.text_fields import csv_lines, number, unit_of_columns
+from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import pose_group
 from sldvexp.pose.digitizer import Digitizer
+from sldvexp.typing import Array
 from sldvexp.units import LengthUnit
-
-Array = NDArray[np.float64]
 
 #: Three points whose smaller extent is below this fraction of their larger one lie on a line.
 COLLINEAR = 1e-3

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.geometry.rotation import euler_jacobian
 from sldvexp.pose.least_squares import Pose, Problem, cross_matrix, linearise, normal_equations
 from sldvexp.statistics.student import student_factor
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 #: Information in the worst direction, as a part of the average: nothing but rounding errors below.
 UNDETERMINED = 1e-13

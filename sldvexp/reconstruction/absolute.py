@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from sldvexp.config.registry import register
+from sldvexp.reconstruction import rows
 from sldvexp.reconstruction.base import Reconstruction
-
-if TYPE_CHECKING:
-    from sldvexp.reconstruction.rows import RowChoice
+from sldvexp.reconstruction.rows import RowChoice
 
 
 @register("reconstruction", "absolute")
@@ -20,7 +18,5 @@ class Absolute(Reconstruction):
 
     def row_choice(self, view_names: Sequence[str]) -> RowChoice:
         """Every view by itself."""
-        from sldvexp.reconstruction import rows
-
         views = rows.views(view_names)
         return rows.RowChoice(candidates=views, every=views)

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
+
+from numpy.typing import ArrayLike
 
 from sldvexp.errors import Checks
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from numpy.typing import ArrayLike
-
-    from sldvexp.reconstruction.result import PointVelocity
-    from sldvexp.reconstruction.rows import RowChoice, RowSet
+from sldvexp.lazy import xarray as xr
+from sldvexp.reconstruction.result import PointVelocity
+from sldvexp.reconstruction.rows import RowChoice, RowSet
+from sldvexp.reconstruction.views import Views
 
 
 class Model(Enum):
@@ -126,7 +125,6 @@ class Reconstruction:
             length, or the rows cannot be formed from these views.
         """
         from sldvexp.reconstruction.solve import solve
-        from sldvexp.reconstruction.views import Views
 
         views = Views.checked(directions, velocity, std, view_names)
         rows = self.row_set(views.directions, views.names)

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
+from sldvexp.reconstruction import rows
 from sldvexp.reconstruction.base import Reconstruction
-
-if TYPE_CHECKING:
-    from sldvexp.reconstruction.rows import RowChoice
+from sldvexp.reconstruction.rows import RowChoice
 
 
 @register("reconstruction", "combined")
@@ -29,6 +27,4 @@ class Combined(Reconstruction):
 
     def row_choice(self, view_names: Sequence[str]) -> RowChoice:
         """Every view and every difference of two views."""
-        from sldvexp.reconstruction import rows
-
         return rows.RowChoice(candidates=rows.views(view_names) + rows.differences(view_names))

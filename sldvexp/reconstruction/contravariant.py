@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from sldvexp.config.registry import register
+from sldvexp.reconstruction import rows
 from sldvexp.reconstruction.base import Model, Reconstruction
-
-if TYPE_CHECKING:
-    from sldvexp.reconstruction.rows import RowChoice
+from sldvexp.reconstruction.rows import RowChoice
 
 
 @register("reconstruction", "contravariant")
@@ -31,8 +30,6 @@ class Contravariant(Reconstruction):
 
     def row_choice(self, view_names: Sequence[str]) -> RowChoice:
         """As many views and differences of two views as there are unknowns, or every view."""
-        from sldvexp.reconstruction import rows
-
         views = rows.views(view_names)
         candidates = views + rows.differences(view_names)
         if self.rows.strip() == "all":

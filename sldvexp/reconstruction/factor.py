@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Counts = NDArray[np.int_]
+from sldvexp.typing import Array, IntArray
 
 #: Squared ratio of singular values below which a Gram determinant, rounded, proves nothing.
 GRAM_LIMIT = 1e-12
@@ -35,7 +33,7 @@ class Factor:
     null: Array | None
 
 
-def rank_of(matrices: Array, tolerance: float) -> Counts:
+def rank_of(matrices: Array, tolerance: float) -> IntArray:
     """Number of singular values above `tolerance` times the largest.
 
     Parameters
@@ -59,7 +57,7 @@ def rank_of(matrices: Array, tolerance: float) -> Counts:
     return np.sum(sigma > tolerance * sigma[..., :1], axis=-1)
 
 
-def factorise(matrices: Array, rank: Counts) -> Factor:
+def factorise(matrices: Array, rank: IntArray) -> Factor:
     """Pseudo-inverse and bases of the residual and the null space of each matrix.
 
     Parameters
@@ -77,7 +75,7 @@ def factorise(matrices: Array, rank: Counts) -> Factor:
     return _by_singular_values(matrices, rank)
 
 
-def _by_singular_values(matrices: Array, rank: Counts) -> Factor:
+def _by_singular_values(matrices: Array, rank: IntArray) -> Factor:
     """``G = U S V^T``: the pseudo-inverse ``V S^+ U^T``, the rest of U^T, the rest of V^T."""
     rows, parameters = matrices.shape[-2:]
     u, sigma, vt = np.linalg.svd(matrices)

@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.reconstruction.factor import factorise, rank_of
 from sldvexp.reconstruction.model import design, row_basis, whitening
-
-Array = NDArray[np.float64]
-Counts = NDArray[np.int_]
+from sldvexp.typing import Array, IntArray
 
 
 @dataclass(frozen=True)
@@ -44,7 +41,7 @@ class PointFit:
     std: Array | None
     redundancy: Array
     dof: Array
-    rank: Counts
+    rank: IntArray
     null: Array | None
 
     @property

@@ -9,15 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.reconstruction.system import System
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray
 
 #: A component counts as determined if the undetermined directions lean towards it by less (cosine).
 LEAN = 1e-3
 AXES = ("x", "y", "z")
 
 
-def blank(values: NDArray[Any], where: NDArray[np.bool_]) -> None:
+def blank(values: NDArray[Any], where: BoolArray) -> None:
     """Make numbers NaN, of complex ones both parts: numpy's NaN alone has the imaginary part 0."""
     values[where] = complex(np.nan, np.nan) if np.iscomplexobj(values) else np.nan
 
@@ -60,12 +59,12 @@ def undetermined(null: Array) -> Array:
     return np.swapaxes(kept, -1, -2) @ kept
 
 
-def determined_intercept(null: Array) -> NDArray[np.bool_]:
+def determined_intercept(null: Array) -> BoolArray:
     """Whether the full model's intercept is determined, shape (point,)."""
     return np.linalg.norm(null[..., 3], axis=-1) <= LEAN
 
 
-def determined_components(null: Array) -> NDArray[np.bool_]:
+def determined_components(null: Array) -> BoolArray:
     """Which of x, y and z are determined, shape (point, component)."""
     return np.sqrt(np.diagonal(undetermined(null), axis1=-2, axis2=-1)) <= LEAN
 

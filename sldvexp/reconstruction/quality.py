@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.reconstruction.model import design
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 
 def solved_matrix(directions: Array, rows: Array, intercept: bool) -> Array:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
+from sldvexp.reconstruction import rows
 from sldvexp.reconstruction.base import Model, Reconstruction
-
-if TYPE_CHECKING:
-    from sldvexp.reconstruction.rows import RowChoice
+from sldvexp.reconstruction.rows import RowChoice
 
 
 @register("reconstruction", "relative")
@@ -29,8 +27,6 @@ class Relative(Reconstruction):
 
     def row_choice(self, view_names: Sequence[str]) -> RowChoice:
         """Every difference of two views; ``all`` subtracts the first view from the others."""
-        from sldvexp.reconstruction import rows
-
         return rows.RowChoice(
             candidates=rows.differences(view_names), every=rows.differences_from_first(view_names)
         )

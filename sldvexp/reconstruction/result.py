@@ -21,9 +21,7 @@ from sldvexp.reconstruction.system import System
 from sldvexp.reconstruction.views import Points
 from sldvexp.statistics.chi_square import chi_square_p_value
 from sldvexp.statistics.f_test import FTest, f_test
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from sldvexp.typing import Array, BoolArray
 
 
 @dataclass(frozen=True)
@@ -78,8 +76,8 @@ class PointVelocity:
     expected_squares: Array
     dof: Array
     factor: Array
-    observable: Flags
-    bounded: Flags
+    observable: BoolArray
+    bounded: BoolArray
     noise_from: str
     along: ObservedSubspace | None
     messages: tuple[str, ...]

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError, nearest
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 
 @dataclass(frozen=True)

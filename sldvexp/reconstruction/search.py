@@ -12,8 +12,7 @@ from sldvexp.errors import UserError
 from sldvexp.reconstruction.factor import rank_of
 from sldvexp.reconstruction.model import design
 from sldvexp.reconstruction.rows import RowSet
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 #: Sets beyond this number are not searched: it would take longer than reading the data.
 LARGEST_SEARCH = 3_000_000

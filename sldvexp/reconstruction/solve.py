@@ -23,8 +23,7 @@ from sldvexp.reconstruction.rows import RowSet
 from sldvexp.reconstruction.system import GIVEN, NOWHERE, ROWS, VIEWS, System
 from sldvexp.reconstruction.views import Views
 from sldvexp.statistics.student import student_factor
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray
 
 #: Systems whose matrices are computed at once.
 SYSTEMS_PER_BLOCK = 8192
@@ -45,7 +44,7 @@ class _Results:
     factor: Array
     dof: Array
     rank: NDArray[np.int_]
-    observable: NDArray[np.bool_]
+    observable: BoolArray
     intercept: NDArray[np.inexact] | None
     intercept_std: Array | None
 

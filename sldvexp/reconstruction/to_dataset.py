@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike
 
 from sldvexp import dataset
+from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.reconstruction.result import PointVelocity
 

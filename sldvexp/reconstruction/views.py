@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.errors import UserError
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 #: Some points of a data set.
 Points = slice | NDArray[np.int_]

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
-import xarray as xr
 from rich.markup import escape
 from rich.table import Table
 
+from sldvexp.lazy import xarray as xr
 from sldvexp.report.image_text import MOST_FREQUENCIES
 from sldvexp.report.numbers import number
 

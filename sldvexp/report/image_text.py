@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import xarray as xr
+
+from sldvexp.lazy import xarray as xr
 
 #: Frequencies that a line tells of, those of the largest amplitudes.
 MOST_FREQUENCIES = 4

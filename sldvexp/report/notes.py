@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import xarray as xr
+from sldvexp.lazy import xarray as xr
 
 
 def notes(tree: Mapping[str, xr.Dataset]) -> list[str]:

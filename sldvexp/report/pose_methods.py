@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import xarray as xr
 from rich.table import Table
 
+from sldvexp.lazy import xarray as xr
 from sldvexp.report.numbers import number
 
 

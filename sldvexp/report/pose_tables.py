@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import xarray as xr
+
+from sldvexp.lazy import xarray as xr
 
 
 def pose_text(pose: xr.Dataset) -> str:

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from sldvexp.lazy import xarray as xr
 from sldvexp.report.field_tables import field_tables
 from sldvexp.report.fitting import fitted
 from sldvexp.report.image_text import image_text

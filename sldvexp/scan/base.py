@@ -5,13 +5,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from sldvexp.errors import Checks
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from sldvexp.typing import IntArray
 
 
 @dataclass
@@ -102,7 +99,7 @@ class ScanPart(Scan):
         """
 
     @abstractmethod
-    def known_pixels(self, view: str) -> NDArray[np.int64]:
+    def known_pixels(self, view: str) -> IntArray:
         """Where the beam goes in a view, as far as it is known beforehand, shape (pixel, 2)."""
 
     def seconds(self, view: str) -> float:

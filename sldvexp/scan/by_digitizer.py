@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
+import numpy as np
+
+from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
+from sldvexp.io.scan_files import read_centres
 from sldvexp.scan.base import check_pairs, check_view_names
 from sldvexp.scan.person_part import PersonPart
+from sldvexp.typing import IntArray
 from sldvexp.units import LengthUnit
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
 
 
 @dataclass
@@ -61,12 +62,7 @@ class ByDigitizer(PersonPart):
         checks.require(self.samples >= 1, "samples", f"must be at least 1, not {self.samples}")
         checks.done()
 
-    def known_pixels(self, view: str) -> NDArray[np.int64]:
+    def known_pixels(self, view: str) -> IntArray:
         """See `ScanPart`."""
-        import numpy as np
-
-        from sldvexp.config.paths import locate
-        from sldvexp.io.scan_files import read_centres
-
         given = self.views[view]
         return read_centres(locate(given.path)) if given.path else np.array(given.dac, np.int64)

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
+
+import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.scan.base import check_view_names
 from sldvexp.scan.person_part import PersonPart
 from sldvexp.targets.points import Point, Points
+from sldvexp.typing import IntArray
 from sldvexp.units import LengthUnit
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
 
 
 @dataclass
@@ -73,8 +72,6 @@ class ByHand(PersonPart):
         """See `Scan`."""
         return []
 
-    def known_pixels(self, view: str) -> NDArray[np.int64]:
+    def known_pixels(self, view: str) -> IntArray:
         """See `ScanPart`; a person finds them all."""
-        import numpy as np
-
         return np.zeros((0, 2), np.int64)

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
+import numpy as np
+
+from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
+from sldvexp.io.scan_files import read_centres
 from sldvexp.scan.base import Sampling, ScanPart, check_pairs, check_view_names
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from sldvexp.typing import IntArray
 
 #: Steps of the smaller range of a mirror's board: no line has more pixels.
 MOST_PIXELS = 8193
@@ -111,17 +112,12 @@ class Calibration(ScanPart):
         self.sampling.check(checks, "sampling")
         checks.done()
 
-    def centres(self, view: str) -> NDArray[np.int64]:
+    def centres(self, view: str) -> IntArray:
         """Rough centres of a view's circles, shape (circle, 2), steps."""
-        import numpy as np
-
-        from sldvexp.config.paths import locate
-        from sldvexp.io.scan_files import read_centres
-
         given = self.views[view]
         return read_centres(locate(given.path)) if given.path else np.array(given.dac, np.int64)
 
-    def known_pixels(self, view: str) -> NDArray[np.int64]:
+    def known_pixels(self, view: str) -> IntArray:
         """See `ScanPart`; the rough centres."""
         return self.centres(view)
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
+
+import numpy as np
 
 from sldvexp.scan.base import ScanPart
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from sldvexp.typing import IntArray
 
 
 class ImageScan(ScanPart):
@@ -18,7 +17,7 @@ class ImageScan(ScanPart):
     kind: ClassVar[str] = "image"
 
     @abstractmethod
-    def lines(self, view: str) -> list[NDArray[np.int64]]:
+    def lines(self, view: str) -> list[IntArray]:
         """Pixels of a view line by line; a session that was cut off repeats at most one line.
 
         Returns
@@ -36,10 +35,8 @@ class ImageScan(ScanPart):
         """Rows and columns, if the pixels are a grid."""
         return None
 
-    def known_pixels(self, view: str) -> NDArray[np.int64]:
+    def known_pixels(self, view: str) -> IntArray:
         """See `ScanPart`; all of them."""
-        import numpy as np
-
         return np.concatenate(self.lines(view))
 
     def pixel_count(self, view: str) -> int:

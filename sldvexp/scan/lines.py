@@ -6,13 +6,12 @@ Pixels are whole steps, (up_down, left_right).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
-Steps = NDArray[np.int64]
+from sldvexp.typing import Array, IntArray
 
 
-def across(centre: ArrayLike, lines: int, pixels: int, stride: int = 1) -> Steps:
+def across(centre: ArrayLike, lines: int, pixels: int, stride: int = 1) -> IntArray:
     """Lines through a rough centre, turned evenly against one another.
 
     Parameters
@@ -37,7 +36,7 @@ def across(centre: ArrayLike, lines: int, pixels: int, stride: int = 1) -> Steps
 
 def along_ellipse(
     centre: ArrayLike, axes: ArrayLike, lines: int, pixels: int, stride: int = 1
-) -> Steps:
+) -> IntArray:
     """Short lines across an ellipse, normal to it, spaced evenly in its parameter.
 
     Parameters
@@ -68,7 +67,7 @@ def along_ellipse(
     return _whole(point[:, None, :] + offset[:, None] * normal[:, None, :])
 
 
-def rectangle(corners: ArrayLike, rows: int, columns: int) -> Steps:
+def rectangle(corners: ArrayLike, rows: int, columns: int) -> IntArray:
     """Grid over the box that holds four corners (Section 3.2.1).
 
     Parameters
@@ -89,7 +88,7 @@ def rectangle(corners: ArrayLike, rows: int, columns: int) -> Steps:
     return _grid(axes)
 
 
-def strided(corners: ArrayLike, stride: int) -> Steps:
+def strided(corners: ArrayLike, stride: int) -> IntArray:
     """Grid of every so many steps over the box that holds four corners.
 
     Parameters
@@ -105,16 +104,16 @@ def strided(corners: ArrayLike, stride: int) -> Steps:
     return _grid([np.arange(a, b + 1, stride) for a, b in zip(*_box(corners), strict=True)])
 
 
-def _box(corners: ArrayLike) -> tuple[Steps, Steps]:
+def _box(corners: ArrayLike) -> tuple[IntArray, IntArray]:
     """Smallest and largest up_down and left_right."""
     return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
-def _grid(axes: list[Steps]) -> Steps:
+def _grid(axes: list[IntArray]) -> IntArray:
     """All pairs of an up_down and a left_right."""
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
-def _whole(steps: Array) -> Steps:
+def _whole(steps: Array) -> IntArray:
     """The nearest whole steps."""
     return np.rint(steps).astype(np.int64)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
+from sldvexp.io.scan_files import read_list
 from sldvexp.scan.base import Sampling, check_pairs, check_view_names
 from sldvexp.scan.image import ImageScan
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from sldvexp.typing import IntArray
 
 #: Pixels that are scanned and kept at a time.
 LINE = 64
@@ -55,13 +55,8 @@ class PixelList(ImageScan):
         self.sampling.check(checks, "sampling")
         checks.done()
 
-    def lines(self, view: str) -> list[NDArray[np.int64]]:
+    def lines(self, view: str) -> list[IntArray]:
         """See `ImageScan`; every `LINE` pixels are a line."""
-        import numpy as np
-
-        from sldvexp.config.paths import locate
-        from sldvexp.io.scan_files import read_list
-
         given = self.views[view]
         dac = read_list(locate(given.path)) if given.path else np.array(given.dac, np.int64)
         return [dac[first : first + LINE] for first in range(0, len(dac), LINE)]

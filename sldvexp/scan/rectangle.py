@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
+from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
+from sldvexp.io.scan_files import read_rectangle
 from sldvexp.scan.base import Sampling, check_pairs, check_view_names
 from sldvexp.scan.image import ImageScan
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from sldvexp.scan.lines import rectangle, strided
+from sldvexp.typing import IntArray
 
 
 @dataclass
@@ -71,7 +70,7 @@ class Rectangle(ImageScan):
         self.sampling.check(checks, "sampling")
         checks.done()
 
-    def grid(self, view: str) -> NDArray[np.int64]:
+    def grid(self, view: str) -> IntArray:
         """Pixels of a view, shape (row, column, 2), DAC steps.
 
         Raises
@@ -79,10 +78,6 @@ class Rectangle(ImageScan):
         UserError
             If the box has fewer steps than there should be rows or columns.
         """
-        from sldvexp.config.paths import locate
-        from sldvexp.io.scan_files import read_rectangle
-        from sldvexp.scan.lines import rectangle, strided
-
         region = self.views[view]
         corners, pixels = region.corners, self.pixels
         if region.path:
@@ -99,7 +94,7 @@ class Rectangle(ImageScan):
                 )
         return grid
 
-    def lines(self, view: str) -> list[NDArray[np.int64]]:
+    def lines(self, view: str) -> list[IntArray]:
         """See `ImageScan`; every row is a line."""
         return list(self.grid(view))
 

@@ -4,26 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.instrument.person import Attended, Mark, Person, Steps
 from sldvexp.instrument.recorded_person import mark_name, spot_name
 from sldvexp.io.registration.netcdf import from_dataset, to_dataset
 from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.lazy import xarray as xr
+from sldvexp.scan.by_digitizer import ByDigitizer
+from sldvexp.scan.by_hand import ByHand
+from sldvexp.session.standpoint import Standpoint
 from sldvexp.session.terminal import AtTerminal
 from sldvexp.targets.base import Target
 from sldvexp.targets.circles import Circles
+from sldvexp.typing import Array, IntArray
 from sldvexp.units import LengthUnit
-
-if TYPE_CHECKING:
-    from sldvexp.scan.by_digitizer import ByDigitizer
-    from sldvexp.scan.by_hand import ByHand
-    from sldvexp.session.standpoint import Standpoint
 
 GROUP = "registration"
 HOME: Steps = (0, 0)
@@ -132,10 +129,10 @@ def _digitise(
 
 def _group(
     at: Standpoint,
-    number: NDArray[np.int64],
-    position: NDArray[np.float64],
-    std: NDArray[np.float64] | None,
-    dac: NDArray[np.float64],
+    number: IntArray,
+    position: Array,
+    std: Array | None,
+    dac: Array,
 ) -> dict[str, xr.Dataset]:
     """Registration data of one view."""
     angle = at.laser.angle_from_dac(dac)

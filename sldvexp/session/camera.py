@@ -5,21 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sldvexp.instrument.protocol import Acquisition, Samples, Status
+from sldvexp.instrument.protocol import Acquisition, Instrument, Samples, Status
+from sldvexp.scan.base import Sampling
 from sldvexp.session.interruption import undisturbed
 from sldvexp.session.journal import Journal
 from sldvexp.signal.complex_image import ComplexImage
 from sldvexp.signal.pixel_quality import Flag
-
-if TYPE_CHECKING:
-    from sldvexp.instrument.protocol import Instrument
-    from sldvexp.scan.base import Sampling
-    from sldvexp.signal.sine_fit import SineFit
+from sldvexp.signal.sine_fit import SineFit
+from sldvexp.typing import IntArray
 
 
 class Camera:
@@ -74,7 +70,7 @@ class Camera:
         s = sampling
         self._wanted = Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude)
 
-    def image(self, name: str, lines: Sequence[NDArray[np.int64]]) -> ComplexImage:
+    def image(self, name: str, lines: Sequence[IntArray]) -> ComplexImage:
         """Complex pixels of some scan lines.
 
         Parameters
@@ -102,7 +98,7 @@ class Camera:
         over = np.where(status & Status.over_range, Flag.saturated, 0).astype(np.uint8)
         return replace(image, flags=image.flags | over)
 
-    def _line(self, name: str, dac: NDArray[np.int64]) -> Samples:
+    def _line(self, name: str, dac: IntArray) -> Samples:
         """One scan line; its number in the view makes a repeated one the same on a virtual lab."""
         number, self._taken = self._taken, self._taken + 1
         assert self._wanted is not None

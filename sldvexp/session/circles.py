@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
-from numpy.typing import NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
@@ -15,16 +12,16 @@ from sldvexp.geometry.conic import principal_axes
 from sldvexp.image.conics import fit_circle
 from sldvexp.image.edge_detection import gradient_edges, pixel_edges, profile_edges
 from sldvexp.image.scan_lines import Edges, ScanLines
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
 from sldvexp.scan.calibration import Calibration, EdgeMethod
 from sldvexp.scan.lines import across, along_ellipse
+from sldvexp.session.camera import Camera
 from sldvexp.session.looks import MANY, Look, require_circles, require_instrument
+from sldvexp.session.standpoint import Standpoint
 from sldvexp.signal.complex_image import ComplexImage
 from sldvexp.targets.circles import Circles
-
-if TYPE_CHECKING:
-    from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.session.camera import Camera
-    from sldvexp.session.standpoint import Standpoint
+from sldvexp.typing import IntArray
 
 PLACE = {
     EdgeMethod.pixel: pixel_edges,
@@ -50,7 +47,7 @@ def take_circles(scan: Calibration, at: Standpoint) -> dict[str, xr.Dataset]:
 
 
 def scan_circles(
-    camera: Camera, scan: Calibration, centres: NDArray[np.int64], laser: TwoMirror
+    camera: Camera, scan: Calibration, centres: IntArray, laser: TwoMirror
 ) -> list[Edges]:
     """Scan every circle of a view, coarsely and then finely, and find its edge points.
 
@@ -78,7 +75,7 @@ def scan_circles(
     return [_edges(camera, scan, k, look, laser) for k, look in enumerate(looks, 1)]
 
 
-def _other_board(centres: NDArray[np.int64], laser: TwoMirror) -> str:
+def _other_board(centres: IntArray, laser: TwoMirror) -> str:
     """A board with coarser steps whose centres these may be, as all lie in its range; or none."""
     own = laser.board.value[1]
     for board in type(laser.board):
@@ -92,7 +89,7 @@ def _other_board(centres: NDArray[np.int64], laser: TwoMirror) -> str:
 
 
 def _look(
-    camera: Camera, scan: Calibration, number: int, centre: NDArray[np.int64], laser: TwoMirror
+    camera: Camera, scan: Calibration, number: int, centre: IntArray, laser: TwoMirror
 ) -> Look:
     """Coarse lines across one circle, and the ellipse that they show."""
     name = f"the circle around DAC steps ({centre[0]}, {centre[1]})"
@@ -127,7 +124,7 @@ def _edges(camera: Camera, scan: Calibration, number: int, look: Look, laser: Tw
     return found
 
 
-def _on_board(dac: NDArray[np.int64], laser: TwoMirror) -> NDArray[np.int64]:
+def _on_board(dac: IntArray, laser: TwoMirror) -> IntArray:
     """Lines that leave the board's range are moved back into it as a whole."""
     low, high = laser.board.value
     under = np.minimum(dac.min(axis=1, keepdims=True) - low, 0)
@@ -135,7 +132,7 @@ def _on_board(dac: NDArray[np.int64], laser: TwoMirror) -> NDArray[np.int64]:
     return dac - under - over
 
 
-def _lines(image: ComplexImage, dac: NDArray[np.int64], name: str) -> ScanLines:
+def _lines(image: ComplexImage, dac: IntArray, name: str) -> ScanLines:
     """Scan lines of the velocity at the first frequency."""
     shape = dac.shape[:2]
     return ScanLines.of_velocity(

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
+from sldvexp.lazy import xarray as xr
+from sldvexp.scan.image import ImageScan
+from sldvexp.session.standpoint import Standpoint
 from sldvexp.signal.complex_image import ComplexImage
 from sldvexp.signal.instrument_faults import instrument_fault
 from sldvexp.signal.pixel_quality import Flag
-
-if TYPE_CHECKING:
-    from sldvexp.scan.image import ImageScan
-    from sldvexp.session.standpoint import Standpoint
+from sldvexp.typing import Array, IntArray
 
 #: Of an image's lines in the journal.
 NAME = "image"
@@ -48,8 +45,8 @@ def take_image(scan: ImageScan, at: Standpoint) -> dict[str, xr.Dataset]:
 
 def image_group(
     image: ComplexImage,
-    dac: NDArray[np.int64],
-    angle: NDArray[np.float64],
+    dac: IntArray,
+    angle: Array,
     frequency: list[float],
 ) -> xr.Dataset:
     """A velocity image as the group ``image/<view>``.

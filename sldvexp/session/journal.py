@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.files import whole_or_nothing
 from sldvexp.instrument.protocol import Acquisition, Samples
 from sldvexp.instrument.recorded_person import read_answer, write_answer
 from sldvexp.instrument.recording import asked, read_line, write_line
+from sldvexp.typing import IntArray
 
 #: Digest of all that decides what is measured, in the folder of the lines.
 CONFIGURATION = "configuration.sha256"
@@ -35,7 +35,7 @@ class Journal:
     def line(
         self,
         name: str,
-        dac: NDArray[np.int64],
+        dac: IntArray,
         acquisition: Acquisition,
         measure: Callable[[], Samples],
     ) -> Samples:

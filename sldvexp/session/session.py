@@ -6,11 +6,12 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import xarray as xr
+from typing import Any
 
 from sldvexp.errors import ConfigError, Problem, UserError
+from sldvexp.instrument.protocol import Instrument
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
 from sldvexp.scan.base import Scan
 from sldvexp.session.by_person import joined, take_marks, take_spots
 from sldvexp.session.camera import Camera
@@ -19,10 +20,6 @@ from sldvexp.session.images import take_image
 from sldvexp.session.journal import Journal, require_same
 from sldvexp.session.operator import Operator
 from sldvexp.session.standpoint import Standpoint
-
-if TYPE_CHECKING:
-    from sldvexp.instrument.protocol import Instrument
-    from sldvexp.laser.two_mirror import TwoMirror
 
 #: Of the dissertation's instrument (Section 3.2.1).
 PIXELS_PER_SECOND = 6.0

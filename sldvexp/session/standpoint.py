@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.session.camera import Camera
 from sldvexp.session.operator import Operator
-
-if TYPE_CHECKING:
-    from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.targets.base import Target
+from sldvexp.targets.base import Target
 
 
 @dataclass(frozen=True)

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sldvexp.instrument.person import Mark, Place, Steps
+from sldvexp.instrument.protocol import Instrument
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.session.operator import Operator
 from sldvexp.units import LengthUnit
-
-if TYPE_CHECKING:
-    from sldvexp.instrument.protocol import Instrument
-    from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.session.operator import Operator
 
 HIDDEN = "hidden"
 

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 from sldvexp.signal.pixel_quality import Intercept
 from sldvexp.signal.sine_model import SineModel
 from sldvexp.statistics.f_test import FTest, f_test
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 #: Share of |V|^2 below which a residual sum of squares is rounding of double precision.
 RESOLUTION = 1e-15
@@ -40,7 +38,7 @@ class ChannelFit:
     phasor: ComplexArray
     sample_variance: Array
     f_intercept: Array
-    intercept: NDArray[np.bool_]
+    intercept: BoolArray
     full_dof: int
     phasor_map: ComplexArray
 
@@ -50,7 +48,7 @@ class ChannelFit:
         return np.sqrt(self.sample_variance)
 
     @property
-    def dof(self) -> NDArray[np.int64]:
+    def dof(self) -> IntArray:
         """Degrees of freedom of each pixel's residuals, shape (pixel,)."""
         return self.full_dof + ~self.intercept
 

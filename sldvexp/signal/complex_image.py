@@ -21,9 +21,7 @@ from sldvexp.signal.frequency import Refined
 from sldvexp.signal.pixel_quality import FlagRules, Intercept
 from sldvexp.signal.projection import project
 from sldvexp.signal.sine_model import SineModel
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from sldvexp.typing import Array, ComplexArray
 
 #: Variance of a phase that is not known at all: uniform over the circle.
 UNKNOWN_PHASE = np.pi**2 / 3

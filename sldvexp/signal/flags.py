@@ -11,6 +11,7 @@ from sldvexp.errors import UserError
 from sldvexp.signal.channel import ChannelFit, squared
 from sldvexp.signal.pixel_quality import Flag, FlagRules
 from sldvexp.signal.projection import Projection
+from sldvexp.typing import Array, BoolArray
 
 #: A residual below this share of the image's largest sine is arithmetic, not a dead channel.
 NOISE_FLOOR = 1e-6
@@ -68,9 +69,7 @@ def find_flags(
     return flags
 
 
-def _dropped_out(
-    velocity: ChannelFit, usable: NDArray[np.bool_], rules: FlagRules
-) -> NDArray[np.bool_]:
+def _dropped_out(velocity: ChannelFit, usable: BoolArray, rules: FlagRules) -> BoolArray:
     """Pixels whose residual stands out from the usable ones' median, either way."""
     if not usable.any():
         return np.zeros(usable.shape, bool)
@@ -80,12 +79,12 @@ def _dropped_out(
     return (noise > rules.dropout_factor * typical) | (noise * rules.dropout_factor < typical)
 
 
-def _reference_missing(reference: ChannelFit, rules: FlagRules) -> NDArray[np.bool_]:
+def _reference_missing(reference: ChannelFit, rules: FlagRules) -> BoolArray:
     """Pixels whose reference is too small or too noisy to give a phase at every frequency."""
     least = np.maximum(rules.reference_minimum**2, rules.reference_snr**2 * reference.variance / 2)
     return np.any(~(squared(reference.phasor) >= least), axis=1)
 
 
-def _sine_rms(fit: ChannelFit) -> NDArray[np.float64]:
+def _sine_rms(fit: ChannelFit) -> Array:
     """Root mean square of the fitted sines, shape (pixel,)."""
     return np.sqrt(squared(fit.phasor).sum(axis=1) / 2)

@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from sldvexp.errors import UserError
 from sldvexp.signal.projection import project
 from sldvexp.signal.sine_model import SineModel, design_matrix, sine_model
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 #: Trial frequencies for each resolution cell 1/T of a record, and how many are tried at a time.
 TRIALS_PER_CELL = 8

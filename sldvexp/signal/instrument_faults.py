@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from sldvexp.signal.complex_image import ComplexImage
 from sldvexp.signal.pixel_quality import Flag
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray
 
 #: Share of the pixels from which a fault is the instrument's, whatever the scene.
 MOST = 0.5
@@ -70,7 +69,7 @@ def instrument_fault(image: ComplexImage, share: float = MOST) -> str:
     return ""
 
 
-def moving(image: ComplexImage) -> NDArray[np.bool_]:
+def moving(image: ComplexImage) -> BoolArray:
     """Pixels that clearly move, flagged ones among them, shape (pixel,)."""
     return np.asarray((np.abs(image.velocity) > CLEAR * image.std).any(axis=1))
 

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.errors import UserError
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray
 
 #: Samples of one channel that a thread holds in double precision at a time: 1 MB, near the cache.
 CHUNK_SAMPLES = 2**17
@@ -48,7 +47,7 @@ class Projection:
 
     coefficients: Array
     square: Array
-    at_limit: NDArray[np.bool_]
+    at_limit: BoolArray
 
 
 def project(

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
+from sldvexp.signal.complex_image import ComplexImage, demodulate, records
+from sldvexp.signal.frequency import refine_frequencies
 from sldvexp.signal.pixel_quality import Flag, FlagRules, Intercept
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from sldvexp.signal.complex_image import ComplexImage
+from sldvexp.signal.sine_model import sine_model
 
 
 @register("signal", "sine_fit")
@@ -99,13 +99,6 @@ class SineFit:
         UserError
             If the samples cannot carry what is asked of them.
         """
-        from dataclasses import replace
-
-        import numpy as np
-
-        from sldvexp.signal.complex_image import demodulate, records
-        from sldvexp.signal.frequency import refine_frequencies
-        from sldvexp.signal.sine_model import sine_model
 
         def image_at(hertz: ArrayLike) -> ComplexImage:
             return demodulate(

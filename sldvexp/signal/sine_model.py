@@ -11,12 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from sldvexp.typing import Array, ComplexArray
 
 #: Beyond this condition number of S two columns are the same for a record of that length.
 LARGEST_CONDITION = 100.0

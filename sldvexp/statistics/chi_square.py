@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array
 
 
-def chi_square_p_value(chi_square: ArrayLike, dof: ArrayLike) -> NDArray[np.float64]:
+def chi_square_p_value(chi_square: ArrayLike, dof: ArrayLike) -> Array:
     """Probability of a larger chi-square if the stated noise is right; NaN without freedom.
 
     Parameters
@@ -19,8 +22,6 @@ def chi_square_p_value(chi_square: ArrayLike, dof: ArrayLike) -> NDArray[np.floa
     -------
     ndarray
     """
-    from scipy.special import chdtrc
-
     nu = np.asarray(dof, float)
-    p_value = chdtrc(np.where(nu > 0, nu, 1.0), np.asarray(chi_square, float))
+    p_value = scipy.special.chdtrc(np.where(nu > 0, nu, 1.0), np.asarray(chi_square, float))
     return np.where(nu > 0, p_value, np.nan)

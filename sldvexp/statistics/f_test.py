@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, BoolArray
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class FTest:
     dof: tuple[Array, Array]
     p_value: Array
     critical: Array
-    reject: NDArray[np.bool_]
+    reject: BoolArray
 
 
 def f_test(
@@ -52,8 +53,6 @@ def f_test(
     -------
     FTest
     """
-    from scipy.special import chdtrc, chdtri, fdtrc, fdtri
-
     f, p, q = np.broadcast_arrays(
         np.asarray(statistic, float),
         np.asarray(numerator_dof, float),
@@ -61,8 +60,12 @@ def f_test(
     )
     known, none = np.isinf(q), ~(q > 0)
     finite = np.where(known | none, 1.0, q)
-    p_value = np.where(known, chdtrc(p, p * f), fdtrc(p, finite, f))
-    critical = np.where(known, chdtri(p, 1 - confidence) / p, fdtri(p, finite, confidence))
+    p_value = np.where(known, scipy.special.chdtrc(p, p * f), scipy.special.fdtrc(p, finite, f))
+    critical = np.where(
+        known,
+        scipy.special.chdtri(p, 1 - confidence) / p,
+        scipy.special.fdtri(p, finite, confidence),
+    )
     p_value, critical = np.where(none, np.nan, p_value), np.where(none, np.nan, critical)
     with np.errstate(invalid="ignore"):
         return FTest(f, (p, q), p_value, critical, f > critical)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array
 
 
 def student_factor(confidence: float, dof: ArrayLike) -> Array:
@@ -24,12 +25,12 @@ def student_factor(confidence: float, dof: ArrayLike) -> Array:
     ndarray, shape of `dof`
         NaN where there are no degrees of freedom: there is no bound to give.
     """
-    from scipy.special import ndtri, stdtrit
-
     # Many points share few values, and the quantile is slow.
     nu, where = np.unique(np.asarray(dof, float), return_inverse=True)
     upper = 0.5 + confidence / 2
     known = np.isinf(nu)
     none = ~(nu > 0)
-    t = stdtrit(np.where(known | none, 1.0, nu), upper)
-    return np.where(none, np.nan, np.where(known, ndtri(upper), t))[where].reshape(np.shape(dof))
+    t = scipy.special.stdtrit(np.where(known | none, 1.0, nu), upper)
+    return np.where(none, np.nan, np.where(known, scipy.special.ndtri(upper), t))[where].reshape(
+        np.shape(dof)
+    )

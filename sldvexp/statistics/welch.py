@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sldvexp.statistics.student import student_factor
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class WelchTest:
     statistic: Array
     dof: Array
     critical: Array
-    reject: NDArray[np.bool_]
+    reject: BoolArray
 
 
 def welch(

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from sldvexp import dataset
 from sldvexp.config.paths import RUN_FILE
+from sldvexp.lazy import xarray as xr
 from sldvexp.sweep import record
 from sldvexp.sweep.headlines import PARENTS, headlines
 from sldvexp.sweep.plan import labels

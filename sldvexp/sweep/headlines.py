@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import xarray as xr
 
 from sldvexp.check.field_pattern import OUT_OF_PLANE
+from sldvexp.lazy import xarray as xr
 
 #: Variables of each group, and its attributes behind an @; dimensions such as view are kept.
 HEADLINES: dict[str, tuple[str, ...]] = {

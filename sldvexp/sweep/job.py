@@ -14,6 +14,7 @@ from sldvexp.config.paths import RUN_FILE, locate
 from sldvexp.config.schema import Retry
 from sldvexp.errors import UserError
 from sldvexp.instrument.recording import JOURNAL
+from sldvexp.lazy import netCDF4
 from sldvexp.pipeline import provenance, runner
 from sldvexp.sweep import record
 from sldvexp.sweep.lock import LOCK_FILE, locked
@@ -120,7 +121,5 @@ def _unchanged(inputs: dict[str, str]) -> bool:
 
 
 def _attribute(path: Path, name: str) -> str:
-    import netCDF4
-
     with netCDF4.Dataset(path) as file:
         return str(file.getncattr(name))

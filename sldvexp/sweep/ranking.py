@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from rich.markup import escape
 from rich.table import Table
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import whole_or_nothing
+from sldvexp.lazy import xarray as xr
 from sldvexp.report.fitting import fitted
 from sldvexp.report.numbers import LARGEST, first, number
 from sldvexp.sweep import headlines

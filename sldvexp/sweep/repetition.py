@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
+
+from sldvexp.lazy import xarray as xr
 
 #: Largest difference that another order of operations makes, of a variable's largest entry.
 ROUNDING = 1e-10

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from omegaconf import DictConfig, OmegaConf
 
 from sldvexp import dataset
@@ -24,6 +23,7 @@ from sldvexp.config import schema
 from sldvexp.config.paths import locate
 from sldvexp.errors import UserError
 from sldvexp.files import whole_or_nothing
+from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline import provenance
 from sldvexp.pipeline.steps import Run, Step
 from sldvexp.sweep.lock import locked

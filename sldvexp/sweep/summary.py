@@ -8,12 +8,12 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 from rich.console import Console
 
 from sldvexp import dataset
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError
+from sldvexp.lazy import xarray as xr
 from sldvexp.report.base import REPORT_FILE, Report, attempt
 from sldvexp.report.terminal import NARROWEST
 from sldvexp.sweep import ranking

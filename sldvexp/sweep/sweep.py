@@ -12,11 +12,14 @@ from pathlib import Path
 from types import TracebackType
 
 from sldvexp.errors import UserError
+from sldvexp.pipeline.provenance import about_program
 from sldvexp.report.base import Report
 from sldvexp.sweep import record
+from sldvexp.sweep.collect import collect
 from sldvexp.sweep.lock import LOCK_FILE, locked
 from sldvexp.sweep.plan import RESOLVER, Plan, folder_name, register_resolver
 from sldvexp.sweep.progress import Progress
+from sldvexp.sweep.summary import write_summary
 from sldvexp.sweep.watch import Watch
 
 SWEEPS = Path("outputs/sweeps")
@@ -148,10 +151,6 @@ class Sweep:
         set of str
             States that runs are in, see `sldvexp.sweep.record.State`.
         """
-        from sldvexp.pipeline.provenance import about_program
-        from sldvexp.sweep.collect import collect
-        from sldvexp.sweep.summary import write_summary
-
         table = collect(self.plan.names, self.plan.cells(), self.folders)
         table.attrs |= {"command": self._command, **about_program()}
         write_summary(table, self.plan.names, self.folder, rank, report)

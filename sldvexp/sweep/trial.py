@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import xarray as xr
 from omegaconf import DictConfig, open_dict
 
 from sldvexp import dataset
@@ -20,12 +19,15 @@ from sldvexp.config.sources import COMMAND_LINE, Origins
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
 from sldvexp.instrument.base import ScanningPlugin
+from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline import runner
 from sldvexp.pipeline.steps import STEPS
 from sldvexp.report.numbers import number
 from sldvexp.sweep.matrix import Cell, as_setting
 from sldvexp.sweep.plan import folder_name
 from sldvexp.sweep.shared_steps import SHARED, Store
+from sldvexp.virtual_lab.lab import VirtualLab
+from sldvexp.virtual_lab.server import LabServer
 
 
 @dataclass(frozen=True)
@@ -118,8 +120,6 @@ def _lab(cell: Cell, arguments: list[str], settings: list[str]) -> Iterator[list
     if not cell.lab:
         yield []
         return
-    from sldvexp.virtual_lab.lab import VirtualLab
-    from sldvexp.virtual_lab.server import LabServer
 
     origins = Origins(arguments, [*settings, f"{cell.lab}=unknown"])
     e = schema.build(_composed(origins))

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    import numpy as np
-    import xarray as xr
-    from numpy.typing import NDArray
+from sldvexp import dataset
+from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +25,9 @@ class TargetPoints:
         What each point is, for people.
     """
 
-    number: NDArray[np.int64]
-    position: NDArray[np.float64]
-    std: NDArray[np.float64]
+    number: IntArray
+    position: Array
+    std: Array
     label: tuple[str, ...]
 
 
@@ -42,8 +40,6 @@ class Target(ABC):
 
     def group(self) -> xr.Dataset:
         """The points as the group ``target`` of a run."""
-        from sldvexp import dataset
-
         points = self.points()
         return dataset.group(
             "target",

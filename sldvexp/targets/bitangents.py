@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sldvexp.geometry.circles import bitangent_jacobian, bitangent_points
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 
 def bitangents_in_space(a: ArrayLike, b: ArrayLike, origin: ArrayLike, axes: ArrayLike) -> Array:

@@ -6,19 +6,18 @@ import itertools
 import math
 import re
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, nearest
+from sldvexp.geometry.circles import LINES
 from sldvexp.targets.base import Target, TargetPoints, std_of_bound
+from sldvexp.targets.bitangents import bitangents_in_space, bitangents_std
 from sldvexp.targets.plane import Plane
+from sldvexp.typing import Array
 from sldvexp.units import LengthUnit
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
 
 #: The first lines of a pair are the external ones; they carry the points of Figure 4.1.
 EXTERNAL = 2
@@ -166,11 +165,6 @@ class Circles(Target):
 
     def _bitangents(self, pairs: list[tuple[int, int]]) -> tuple[Array, Array, NDArray[np.str_]]:
         """Positions, standard deviations and labels, each of shape (pair, line, circle[, 3]), m."""
-        import numpy as np
-
-        from sldvexp.geometry.circles import LINES
-        from sldvexp.targets.bitangents import bitangents_in_space, bitangents_std
-
         a, b = (np.array([self._numbers(pair[side]) for pair in pairs]) for side in (0, 1))
         planes = [self.planes[self.circles[one].plane] for one, _ in pairs]
         origin = np.array([plane.origin for plane in planes])
@@ -190,8 +184,6 @@ class Circles(Target):
 
 def _numbered(position: Array, std: Array, label: NDArray[np.str_]) -> TargetPoints:
     """Number points from 1 in the order in which they stand."""
-    import numpy as np
-
     return TargetPoints(
         number=np.arange(1, label.size + 1),
         position=position.reshape(-1, 3),

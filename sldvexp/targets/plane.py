@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from sldvexp.errors import Checks
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from sldvexp.typing import Array
 
 #: Sine of the angle between a normal and the object's x axis below which x has no projection.
 PARALLEL = 1e-6
@@ -54,10 +52,8 @@ class Plane:
             "must not be along the object's x axis, whose projection is the plane's own x axis",
         )
 
-    def axes(self) -> NDArray[np.float64]:
+    def axes(self) -> Array:
         """The plane's own x, y and normal as unit rows in the object's axes, shape (3, 3)."""
-        import numpy as np
-
         normal = np.array(self.normal, float)
         normal /= np.linalg.norm(normal)
         x = np.array([1.0, 0.0, 0.0]) - normal[0] * normal

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.targets.base import Target, TargetPoints, std_of_bound
@@ -58,8 +60,6 @@ class Points(Target):
 
     def points(self) -> TargetPoints:
         """The fiducials in the order in which the configuration has them."""
-        import numpy as np
-
         position = self.unit.value * np.array([[p.x, p.y, p.z] for p in self.fiducials.values()])
         std = np.full(position.shape, self.unit.value * std_of_bound(self.accuracy))
         number = np.array(list(self.fiducials), np.int64)

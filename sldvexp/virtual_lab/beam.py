@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtr
+from numpy.typing import ArrayLike
 
 from sldvexp.laser.model import rays
 from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array
 from sldvexp.virtual_lab.scene import Spot
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,4 +93,4 @@ def part_inside(
     z = depth / sigma
     sag = c_tt - c_ot**2 / sigma**2 + (c_ot / sigma * z) ** 2
     density = np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * sigma)
-    return ndtr(z) - 0.5 * curvature * sag * density
+    return scipy.special.ndtr(z) - 0.5 * curvature * sag * density

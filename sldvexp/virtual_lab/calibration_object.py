@@ -6,15 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.targets.circles import Circles
+from sldvexp.typing import Array, ComplexArray, IntArray
 from sldvexp.virtual_lab.beam import Beams, part_inside
 from sldvexp.virtual_lab.calibration_scene import Speaker
 from sldvexp.virtual_lab.scene_object import SceneObject
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +34,11 @@ class CalibrationObject(SceneObject):
         Of the rims, along the world's z.
     """
 
-    number: NDArray[np.int64]
+    number: IntArray
     center: Array
     axes: Array
     radius: Array
-    velocity: Complex
+    velocity: ComplexArray
     washer: float
     residual: float
 
@@ -75,7 +72,7 @@ class CalibrationObject(SceneObject):
             residual=residual,
         )
 
-    def seen(self, beams: Beams, frequency: Array) -> tuple[Array, Complex]:
+    def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:
         """Distance to the nearest washer, mean velocity under the spot; see `SceneObject`."""
         distance, circle = self._nearest(beams)
         hit = np.where(np.isfinite(distance), distance, 0.0)
@@ -107,7 +104,7 @@ class CalibrationObject(SceneObject):
         angle = np.asarray(azimuth, float)[..., None]
         return self.center[i] + self.radius[i] * (np.cos(angle) * x + np.sin(angle) * y)
 
-    def _nearest(self, beams: Beams) -> tuple[Array, NDArray[np.int64]]:
+    def _nearest(self, beams: Beams) -> tuple[Array, IntArray]:
         """Distance to the nearest washer that each beam hits, and which one it is."""
         normal = self.axes[:, 2]
         height = np.einsum("bcj,cj->bc", self.center - beams.origin[:, None], normal)

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError, nearest
+from sldvexp.targets.base import Target
 from sldvexp.targets.circles import Circles
 from sldvexp.virtual_lab.scene import Scene
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from sldvexp.targets.base import Target
-    from sldvexp.virtual_lab.scene_object import SceneObject
+from sldvexp.virtual_lab.scene_object import SceneObject
 
 
 @dataclass

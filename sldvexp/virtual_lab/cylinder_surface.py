@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sldvexp.virtual_lab.surface import Array, Surface
+from sldvexp.typing import Array
+from sldvexp.virtual_lab.surface import Surface
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.instrument.protocol import Acquisition, Status
+from sldvexp.typing import Array, BoolArray, ComplexArray
 from sldvexp.virtual_lab.scene import Digitizer, Vibrometer
 
-Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
-Complex = NDArray[np.complex128]
 
 #: Counts of the converter on each side of zero.
 HALF_COUNTS = 2**15
@@ -62,7 +61,7 @@ class Electronics:
         self.volts_per_count: Array = ranges / HALF_COUNTS
 
     def record(
-        self, velocity: Complex, lit: NDArray[np.bool_], uniform: Array, normal: Array32
+        self, velocity: ComplexArray, lit: BoolArray, uniform: Array, normal: Array32
     ) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
         """Counts of some pixels.
 
@@ -109,7 +108,7 @@ class Electronics:
         angle = 2 * np.pi * np.outer(frequency, np.arange(a.samples) / a.rate)
         return np.concatenate([np.cos(angle), np.sin(angle)]).astype(np.float32)
 
-    def _velocity_phasors(self, velocity: Complex) -> Complex:
+    def _velocity_phasors(self, velocity: ComplexArray) -> ComplexArray:
         """Voltages of the fundamentals, their harmonics and the hum, shape (pixel, tone), V.
 
         A distorted cosine cos(w t + phi) has the harmonics r_n cos(n (w t + phi)).
@@ -122,7 +121,7 @@ class Electronics:
         ]
         return np.concatenate([*parts, np.full((len(velocity), 1), complex(v.hum))], axis=1)
 
-    def _lost(self, lit: NDArray[np.bool_], uniform: Array) -> NDArray[np.bool_]:
+    def _lost(self, lit: BoolArray, uniform: Array) -> BoolArray:
         """Samples without light: those of a speckle's burst, or all; shape (pixel, sample)."""
         samples = self._acquisition.samples
         lost = np.repeat(~lit[:, None], samples, axis=1)
@@ -145,7 +144,7 @@ class Electronics:
         return limited[: len(noise)].astype(np.float32)
 
     def _converted(
-        self, volts: Array32, lost: NDArray[np.bool_], over: NDArray[np.bool_]
+        self, volts: Array32, lost: BoolArray, over: BoolArray
     ) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
         """Counts and status of voltages; beyond its range the converter stays at its last count."""
         volts /= self.volts_per_count.astype(np.float32)[:, None]
@@ -159,7 +158,9 @@ class Electronics:
         return counts, status
 
 
-def _sum_of_tones(phasors: Complex, frequency: Array, start: Array, carrier: Array32) -> Array32:
+def _sum_of_tones(
+    phasors: ComplexArray, frequency: Array, start: Array, carrier: Array32
+) -> Array32:
     """Time series ``Re sum_k phasor_k exp(i w_k (start + t))``, shape (pixel, sample)."""
     turned = phasors * np.exp(2j * np.pi * frequency * start[:, None])
     parts = np.concatenate([turned.real, -turned.imag], axis=1).astype(np.float32)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sldvexp.virtual_lab.surface import Array, Surface
+from sldvexp.typing import Array
+from sldvexp.virtual_lab.surface import Surface
 
 
 class FlatSurface(Surface):

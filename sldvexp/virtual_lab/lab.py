@@ -14,6 +14,7 @@ from sldvexp.instrument.protocol import Acquisition, InstrumentError, Samples
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
 from sldvexp.targets.base import Target
+from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 from sldvexp.virtual_lab.beam import Beams, beams
 from sldvexp.virtual_lab.calibration_object import CalibrationObject
 from sldvexp.virtual_lab.electronics import Electronics
@@ -21,8 +22,6 @@ from sldvexp.virtual_lab.noise import PixelNoise
 from sldvexp.virtual_lab.person import SimulatedPerson
 from sldvexp.virtual_lab.plate import VibratingPlate
 from sldvexp.virtual_lab.scene import Scene
-
-Array = NDArray[np.float64]
 
 #: Pixels computed at once, filled up if they are fewer: arithmetic in arrays of one shape gives a
 #: pixel the same last bits wherever it stands in a list.
@@ -243,7 +242,7 @@ class VirtualLab:
             raise UserError("the virtual lab has no plate; choose scene=plate")
         return found[0]
 
-    def _checked(self, dac: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _checked(self, dac: IntArray) -> IntArray:
         """The steps, if the board has them."""
         if dac.ndim != 2 or dac.shape[1] != len(MIRRORS) or dac.dtype.kind not in "iu":
             raise InstrumentError(
@@ -260,7 +259,7 @@ class VirtualLab:
             )
         return dac
 
-    def _block(self, dac: NDArray[np.int64]) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
+    def _block(self, dac: IntArray) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
         """Counts and status of at most BLOCK pixels."""
         assert self._acquisition is not None
         n, samples = len(dac), self._acquisition.samples
@@ -271,7 +270,7 @@ class VirtualLab:
         velocity *= self._acquisition.amplitude
         return self._electronics.record(velocity, lit, uniform, normal)
 
-    def _look(self, dac: NDArray[np.int64]) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
+    def _look(self, dac: IntArray) -> tuple[ComplexArray, BoolArray]:
         """Velocity (pixel, tone), m/s per V, along the beams, and whether light comes back."""
         light = self.light(dac)
         seen = [o.seen(light, self._frequency) for o in self.objects]

@@ -14,12 +14,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sldvexp.typing import Array, ComplexArray, IntArray
 from sldvexp.virtual_lab.plate_scene import Direction, Edges, Mode
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +38,7 @@ class Modes:
 
     wave_number: Array
     phase: Array
-    direction: NDArray[np.int64]
+    direction: IntArray
     frequency: Array
     damping: Array
     velocity: Array
@@ -60,7 +57,7 @@ class Modes:
             velocity=np.array([m.velocity for m in modes]),
         )
 
-    def response(self, frequency: Array) -> Complex:
+    def response(self, frequency: Array) -> ComplexArray:
         """Modal velocity ``v 2i zeta r / (1 - r^2 + 2i zeta r)``, r = frequency / own frequency.
 
         Parameters

@@ -13,7 +13,9 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
+
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array
 
 #: Uniform numbers a pixel; a multiple of what the generator makes at once.
 UNIFORMS = 4
@@ -40,7 +42,7 @@ class PixelNoise:
 
     def draw(
         self, stream: int, first: int, pixels: int, samples: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    ) -> tuple[Array, NDArray[np.float32]]:
         """Random numbers of successive pixels.
 
         Parameters
@@ -73,5 +75,5 @@ class PixelNoise:
 @cache
 def _normal_levels() -> NDArray[np.float32]:
     """Middle quantiles of the normal distribution, scaled to unit variance."""
-    levels = ndtri((np.arange(LEVELS) + 0.5) / LEVELS)
+    levels = scipy.special.ndtri((np.arange(LEVELS) + 0.5) / LEVELS)
     return (levels / levels.std()).astype(np.float32)

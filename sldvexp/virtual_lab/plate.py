@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sldvexp.geometry.rotation import rotation_from_euler
+from sldvexp.typing import Array, ComplexArray
 from sldvexp.virtual_lab.beam import Beams
 from sldvexp.virtual_lab.cylinder_surface import CylinderSurface
 from sldvexp.virtual_lab.flat_surface import FlatSurface
@@ -15,9 +16,6 @@ from sldvexp.virtual_lab.modes import Modes
 from sldvexp.virtual_lab.plate_scene import Plate
 from sldvexp.virtual_lab.scene_object import SceneObject
 from sldvexp.virtual_lab.surface import Surface
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +51,7 @@ class VibratingPlate(SceneObject):
             center=unit * np.array(plate.center),
         )
 
-    def seen(self, beams: Beams, frequency: Array) -> tuple[Array, Complex]:
+    def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:
         """Distance to the surface and the velocity at the beam's axis; see `SceneObject`."""
         direction = beams.direction @ self.rotation.T
         origin = (beams.origin - self.center) @ self.rotation.T
@@ -63,7 +61,7 @@ class VibratingPlate(SceneObject):
         response = self.modes.response(frequency)
         return distance, np.einsum("bm,mf->bf", along_sight, response)
 
-    def velocity(self, points: ArrayLike, frequency: float) -> Complex:
+    def velocity(self, points: ArrayLike, frequency: float) -> ComplexArray:
         """True velocity of the measured surface at the places nearest to points of the world.
 
         Parameters
@@ -80,7 +78,7 @@ class VibratingPlate(SceneObject):
         local = np.einsum("pmi,m->pi", self._motion(place), self._response(frequency))
         return np.einsum("pij,pi->pj", self.surface.frame(place) @ self.rotation, local)
 
-    def strain(self, points: ArrayLike, frequency: float) -> Complex:
+    def strain(self, points: ArrayLike, frequency: float) -> ComplexArray:
         """True strain of the measured surface at the places nearest to points of the world.
 
         Parameters
@@ -135,5 +133,5 @@ class VibratingPlate(SceneObject):
     def _motion(self, place: Array) -> Array:
         return self.modes.motion(place, self.surface.height, self.surface.curvature)
 
-    def _response(self, frequency: float) -> Complex:
+    def _response(self, frequency: float) -> ComplexArray:
         return self.modes.response(np.array([frequency]))[:, 0]

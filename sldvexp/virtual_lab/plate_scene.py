@@ -5,19 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
+from sldvexp.targets.base import Target
 from sldvexp.targets.circles import Circles
 from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.calibration_scene import Calibration
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from sldvexp.targets.base import Target
-    from sldvexp.virtual_lab.scene_object import SceneObject
+from sldvexp.virtual_lab.scene_object import SceneObject
 
 
 class Edges(Enum):

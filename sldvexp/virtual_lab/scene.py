@@ -7,14 +7,14 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from sldvexp.errors import Checks
 from sldvexp.geometry.known_pose import KnownPose
+from sldvexp.targets.base import Target
 from sldvexp.virtual_lab.true_mirrors import MirrorErrors
 
 if TYPE_CHECKING:
-    import numpy as np
-
-    from sldvexp.targets.base import Target
     from sldvexp.virtual_lab.scene_object import SceneObject
 
 

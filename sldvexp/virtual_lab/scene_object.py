@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-import numpy as np
-from numpy.typing import NDArray
-
+from sldvexp.typing import Array, ComplexArray
 from sldvexp.virtual_lab.beam import Beams
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 class SceneObject(ABC):
     """Something that the beam can hit. A new object implements the one hook `seen`."""
 
     @abstractmethod
-    def seen(self, beams: Beams, frequency: Array) -> tuple[Array, Complex]:
+    def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:
         """What the instrument sees of this object.
 
         Parameters

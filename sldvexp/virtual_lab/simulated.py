@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
 from sldvexp.instrument.base import ScanningPlugin
-
-if TYPE_CHECKING:
-    from sldvexp.instrument.protocol import Instrument
-    from sldvexp.laser.two_mirror import TwoMirror
-    from sldvexp.targets.base import Target
+from sldvexp.instrument.protocol import Instrument
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.targets.base import Target
+from sldvexp.virtual_lab.lab import VirtualLab
 
 
 @register("instrument", "simulated")
@@ -38,8 +37,6 @@ class Simulated(ScanningPlugin):
         UserError
             If there is no scene, or it has no such view or does not fit the target.
         """
-        from sldvexp.virtual_lab.lab import VirtualLab
-
         if scene is None:
             raise UserError("instrument=simulated needs a scene; choose scene=calibration or plate")
         lab = VirtualLab(scene, laser, target, seed)

@@ -6,9 +6,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +58,6 @@ class Surface(ABC):
     def position(self, coordinates: Array) -> Array:
         """Places on the upper surface, shape (..., 3), m."""
 
-    def inside(self, coordinates: Array) -> NDArray[np.bool_]:
+    def inside(self, coordinates: Array) -> BoolArray:
         """Whether coordinates are on the plate, shape (...)."""
         return np.all((coordinates >= 0) & (coordinates <= self.size), axis=-1)

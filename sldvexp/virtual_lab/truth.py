@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sldvexp import dataset
+from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array
 from sldvexp.virtual_lab.plate import VibratingPlate
 from sldvexp.virtual_lab.plate_scene import PlateScene
 
 
 def truth_group(
-    scene: PlateScene, points: NDArray[np.float64], frequency: ArrayLike, amplitude: float
+    scene: PlateScene, points: Array, frequency: ArrayLike, amplitude: float
 ) -> xr.Dataset:
     """True velocity of the plate near points, as the group ``truth``.
 

@@ -6,20 +6,22 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from sldvexp.errors import Checks
+from sldvexp.geometry.rotation import rotation_from_euler
 from sldvexp.image.interpolation.methods import Interpolation
+from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array
 from sldvexp.units import LengthUnit
-
-if TYPE_CHECKING:
-    import numpy as np
-    import xarray as xr
-    from numpy.typing import NDArray
-
-    from sldvexp.volume.prisms import Prisms
-    from sldvexp.volume.samples import SampleRule
-    from sldvexp.volume.surface import Surface
+from sldvexp.volume.checks import check_prisms, check_surface
+from sldvexp.volume.prisms import Prisms, extruded
+from sldvexp.volume.rules import tensor_rule
+from sldvexp.volume.samples import SampleRule
+from sldvexp.volume.surface import Surface, node_frames, vertex_normals
+from sldvexp.volume.to_dataset import volume_group
 
 #: How many symmetric points inside the triangle there can be; see `sldvexp.volume.rules`.
 TRIANGLE_COUNTS = (1, 3, 6, 7, 12)
@@ -62,11 +64,6 @@ class Samples:
 
     def rule(self) -> SampleRule:
         """The samples' parameters."""
-        import numpy as np
-
-        from sldvexp.volume.rules import tensor_rule
-        from sldvexp.volume.samples import SampleRule
-
         if self.parameters:
             return SampleRule(np.array(self.parameters, float))
         return tensor_rule(self.triangle, self.line)
@@ -181,13 +178,6 @@ class Volume(ABC):
         UserError
             If the surface is unsound, or the layers fold.
         """
-        import numpy as np
-
-        from sldvexp.geometry.rotation import rotation_from_euler
-        from sldvexp.volume.checks import check_prisms, check_surface
-        from sldvexp.volume.prisms import extruded
-        from sldvexp.volume.surface import node_frames, vertex_normals
-
         own = self.surface()
         check_surface(own)
         normal = vertex_normals(own) if own.normal is None else own.normal
@@ -201,10 +191,8 @@ class Volume(ABC):
         """Where the samples lie in every prism."""
         return self.samples.rule()
 
-    def depths(self) -> NDArray[np.float64]:
+    def depths(self) -> Array:
         """Depth of every layer, ascending, m."""
-        import numpy as np
-
         if self.depth:
             return self.unit.value * np.array(self.depth, float)
         half = self.thickness / 2
@@ -212,8 +200,6 @@ class Volume(ABC):
 
     def group(self) -> xr.Dataset:
         """The volume as the group ``volume`` of a run."""
-        from sldvexp.volume.to_dataset import volume_group
-
         return volume_group(self.prisms(), self.rule())
 
     def _check_depth(self, checks: Checks) -> None:

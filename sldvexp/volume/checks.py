@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sldvexp.volume.prisms import Array
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array
 from sldvexp.volume.surface import Surface, area_vectors
 
 #: Nodes nearer to one another than this fraction of the surface's extent stand in one place.
@@ -53,11 +54,9 @@ def _check_numbers(surface: Surface) -> None:
 
 def _check_apart(surface: Surface) -> None:
     """No two nodes in one place."""
-    from scipy.spatial import KDTree
-
     position = surface.position
     extent = float(np.linalg.norm(np.ptp(position, axis=0)))
-    pairs = KDTree(position).query_pairs(TOGETHER * extent, output_type="ndarray")
+    pairs = scipy.spatial.KDTree(position).query_pairs(TOGETHER * extent, output_type="ndarray")
     if len(pairs):
         first, second = sorted(map(int, min(pairs.tolist())))
         raise surface.wrong(
@@ -115,13 +114,12 @@ def _check_edges(surface: Surface) -> None:
 
 def _check_connected(surface: Surface) -> None:
     """All nodes hang together."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     nodes = len(surface.position)
     start, end = surface.triangles.ravel(), np.roll(surface.triangles, 1, axis=1).ravel()
-    graph = coo_array((np.ones(len(start), np.int8), (start, end)), shape=(nodes, nodes))
-    parts, part = connected_components(graph, directed=False)
+    graph = scipy.sparse.coo_array(
+        (np.ones(len(start), np.int8), (start, end)), shape=(nodes, nodes)
+    )
+    parts, part = scipy.sparse.csgraph.connected_components(graph, directed=False)
     if parts > 1:
         other = int(np.flatnonzero(part != part[0])[0])
         raise surface.wrong(

@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.volume.base import Volume, vector
-
-if TYPE_CHECKING:
-    from sldvexp.volume.surface import Surface
+from sldvexp.volume.surface import Surface
 
 
 class Diagonals(Enum):

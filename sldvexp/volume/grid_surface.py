@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from sldvexp.typing import IntArray
 from sldvexp.volume.grid import Diagonals
-from sldvexp.volume.prisms import IntArray
 from sldvexp.volume.surface import Surface
 
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from omegaconf import MISSING
 
+from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.volume.base import Volume
-
-if TYPE_CHECKING:
-    from sldvexp.volume.surface import Surface
+from sldvexp.volume.mesh_file import read_mesh
+from sldvexp.volume.surface import Surface
 
 
 @register("volume", "mesh")
@@ -40,7 +39,4 @@ class Mesh(Volume):
 
     def surface(self) -> Surface:
         """The mesh in its own axes."""
-        from sldvexp.config.paths import locate
-        from sldvexp.volume.mesh_file import read_mesh
-
         return read_mesh(locate(self.path), self.unit.value, self.flip)

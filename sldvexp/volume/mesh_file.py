@@ -13,7 +13,7 @@ import numpy as np
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
 from sldvexp.io.universal_mesh import SUFFIXES, read_universal
-from sldvexp.volume.prisms import Array, IntArray
+from sldvexp.typing import Array, IntArray
 from sldvexp.volume.surface import Surface
 
 #: Corners of meshio's surface cells; nodes beyond them are inside of edges and faces.

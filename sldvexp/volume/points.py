@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from omegaconf import MISSING
 
+from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
+from sldvexp.io.points_file import read_points
 from sldvexp.volume.base import Volume, vector
-
-if TYPE_CHECKING:
-    from sldvexp.volume.surface import Surface
+from sldvexp.volume.surface import Surface
+from sldvexp.volume.triangulation import triangulated
 
 
 @register("volume", "points")
@@ -49,9 +49,5 @@ class Points(Volume):
 
     def surface(self) -> Surface:
         """The triangulated points."""
-        from sldvexp.config.paths import locate
-        from sldvexp.io.points_file import read_points
-        from sldvexp.volume.triangulation import triangulated
-
         position, line = read_points(path := locate(self.path))
         return triangulated(position, line, str(path), self.towards, self.slivers)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from sldvexp.volume.prisms import Array
+from sldvexp.typing import Array
 from sldvexp.volume.samples import SampleRule
 
 #: Generators of symmetric Gauss points of the triangle (Dunavant 1985; degrees 1, 2, 4, 5

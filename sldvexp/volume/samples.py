@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.volume.prisms import Array, Prisms
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array
+from sldvexp.volume.prisms import Prisms
 
 WHOLE = slice(None)
 
@@ -110,7 +108,7 @@ def sample_frames(
     return np.broadcast_to(frame, (prisms.gaps, *frame.shape))
 
 
-def shape_matrix(prisms: Prisms, rule: SampleRule) -> csr_array:
+def shape_matrix(prisms: Prisms, rule: SampleRule) -> scipy.sparse.csr_array:
     """The matrix N of Eq 5.32: a sample's value from the nodal values.
 
     Parameters
@@ -123,15 +121,13 @@ def shape_matrix(prisms: Prisms, rule: SampleRule) -> csr_array:
     scipy.sparse.csr_array, shape (sample, node)
         ``sample = (gap * triangles + triangle) * points + point``.
     """
-    from scipy.sparse import csr_array
-
     element, shape = prisms.element, rule.shape()
     samples = len(element) * rule.points
     index = np.int32 if 6 * samples < np.iinfo(np.int32).max else np.int64
     columns = np.repeat(element.astype(index), rule.points, axis=0).ravel()
     rows = np.arange(0, 6 * samples + 1, 6, dtype=index)
     values = np.tile(shape.ravel(), len(element))
-    matrix = csr_array((values, columns, rows), shape=(samples, prisms.nodes))
+    matrix = scipy.sparse.csr_array((values, columns, rows), shape=(samples, prisms.nodes))
     matrix.sort_indices()
     return matrix
 

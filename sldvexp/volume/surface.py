@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.volume.prisms import Array, IntArray
+from sldvexp.typing import Array, IntArray
 from sldvexp.volume.samples import orthonormal
 
 #: Sine of the angle between a tangent's wish and a normal below which it has no projection.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import xarray as xr
 
 from sldvexp import dataset
+from sldvexp.lazy import xarray as xr
 from sldvexp.volume.prisms import Prisms
 from sldvexp.volume.samples import SampleRule
 

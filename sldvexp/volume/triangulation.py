@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.volume.prisms import Array, IntArray
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, BoolArray, IntArray
 from sldvexp.volume.surface import Surface
 
 #: Points whose second extent is below this fraction of the first lie on one line.
@@ -42,8 +43,6 @@ def triangulated(
         If there are fewer than three points, or all lie on one line, or `towards` lies in their
         plane.
     """
-    from scipy.spatial import Delaunay
-
     kind = ("point of line", "points of lines")
     points = Surface(position, np.empty((0, 3), np.int64), None, source, line, kind)
     if len(position) < 3:
@@ -64,7 +63,7 @@ def triangulated(
     normal = normal * np.sign(side)
     plane = np.stack([axes[0], np.cross(normal, axes[0])])
     flat = (position - position.mean(axis=0)) @ plane.T
-    net = Delaunay(flat)
+    net = scipy.spatial.Delaunay(flat)
     triangles = net.simplices[kept(flat, net.simplices, net.neighbors, slivers)].astype(np.int64)
     clockwise = _double_area(flat, triangles) < 0
     triangles[clockwise] = triangles[clockwise][:, ::-1]
@@ -73,7 +72,7 @@ def triangulated(
 
 def kept(
     flat: Array, triangles: NDArray[np.int32], neighbours: NDArray[np.int32], slivers: float
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Which triangles stay when those are peeled off that a convex hull adds along a dented rim.
 
     A triangle goes if its longest side is of the rim, the opposite corner is not, and its height

@@ -28,3 +28,15 @@ def test_no_module_is_too_long():
 
 def test_configurations_name_no_code():
     assert [p for p in (ROOT / "conf").rglob("*.yaml") if "_target_" in p.read_text()] == []
+
+
+def test_plugins_load_nothing_heavy(loaded_by):
+    """Composing a configuration imports what it chooses, which must not take a second."""
+    code = (
+        "import importlib; from sldvexp.config.registry import BUILT_IN\n"
+        "for group in BUILT_IN.values(): [importlib.import_module(m) for m in group.values()]\n"
+        "print(len(BUILT_IN))"
+    )
+    libraries, said = loaded_by(code)
+    assert int(said) > 10
+    assert libraries == ""

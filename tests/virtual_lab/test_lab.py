@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from itertools import pairwise
 
 import numpy as np
@@ -187,11 +185,3 @@ def test_what_the_instrument_refuses(lab):
     fresh = VirtualLab(ours.scene, ours.mirrors, circles)
     with pytest.raises(InstrumentError, match="not configured; call configure first"):
         fresh.acquire()
-
-
-def test_scenes_import_nothing_heavy():
-    code = (
-        "import sys, sldvexp.virtual_lab.plate_scene; "
-        "sys.exit(any(m in sys.modules for m in ('numpy', 'scipy', 'xarray')))"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

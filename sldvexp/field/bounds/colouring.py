@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
-Indices = NDArray[np.intp]
+from sldvexp.lazy import scipy
+from sldvexp.typing import IndexArray
 
 
-def within(neighbours: csr_array, rings: int) -> csr_array:
+def within(neighbours: scipy.sparse.csr_array, rings: int) -> scipy.sparse.csr_array:
     """Nodes within so many rings of each, itself among them, sorted.
 
     Parameters
@@ -29,7 +28,7 @@ def within(neighbours: csr_array, rings: int) -> csr_array:
     return reached
 
 
-def colours(near: csr_array) -> Indices:
+def colours(near: scipy.sparse.csr_array) -> IndexArray:
     """A colour for every node that no node near it has, few of them in all.
 
     Parameters

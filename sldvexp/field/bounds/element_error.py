@@ -9,9 +9,9 @@ twice the error. The same holds along each direction of a surface.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csr_array, diags_array
 
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, ComplexArray
 from sldvexp.volume.prisms import Prisms
 from sldvexp.volume.samples import SampleRule
 
@@ -19,9 +19,7 @@ from sldvexp.volume.samples import SampleRule
 WORTH_TELLING = 0.5
 
 
-def element_error(
-    prisms: Prisms, rule: SampleRule, velocity: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
+def element_error(prisms: Prisms, rule: SampleRule, velocity: ComplexArray) -> ComplexArray:
     """Estimated error of nodal values along the surface, ``(u_h - L^-1 M u_h) / 2``.
 
     Parameters
@@ -41,11 +39,11 @@ def element_error(
     from_inside = _from_inside(prisms, mass)
     by_layer = velocity.reshape(prisms.layers, prisms.surface_nodes, -1)
     twice = [layer - np.asarray(mass @ layer) for layer in by_layer]
-    error: NDArray[np.complex128] = np.array([from_inside @ t for t in twice], complex)
+    error: ComplexArray = np.array([from_inside @ t for t in twice], complex)
     return np.asarray(error.reshape(velocity.shape) / 2)
 
 
-def _surface_mass(prisms: Prisms, rule: SampleRule) -> csr_array:
+def _surface_mass(prisms: Prisms, rule: SampleRule) -> scipy.sparse.csr_array:
     """``L^-1 M`` of the surface's triangles, shape (surface_node, surface_node)."""
     shape = rule.parameter[:, :3]
     local = shape.T @ shape
@@ -53,29 +51,31 @@ def _surface_mass(prisms: Prisms, rule: SampleRule) -> csr_array:
     rows, columns = np.repeat(corners, 3, axis=1), np.tile(corners, (1, 3))
     data = np.tile(local.ravel(), len(corners))
     size = (prisms.surface_nodes, prisms.surface_nodes)
-    return _rows_to_one(csr_array((data, (rows.ravel(), columns.ravel())), shape=size))
+    return _rows_to_one(scipy.sparse.csr_array((data, (rows.ravel(), columns.ravel())), shape=size))
 
 
-def _from_inside(prisms: Prisms, mass: csr_array) -> csr_array:
+def _from_inside(prisms: Prisms, mass: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
     """Keeps the values of inner nodes; a rim node gets the mean of the inner ones beside it."""
     edges = np.sort(prisms.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     unique, count = np.unique(edges, axis=0, return_counts=True)
     rim = np.zeros(prisms.surface_nodes, bool)
     rim[unique[count == 1]] = True
-    inner = csr_array(diags_array(1.0 - rim))
-    beside = csr_array(diags_array(rim.astype(float)) @ mass.astype(bool).astype(float) @ inner)
-    return csr_array(_rows_to_one(beside) + inner)
+    inner = scipy.sparse.csr_array(scipy.sparse.diags_array(1.0 - rim))
+    beside = scipy.sparse.csr_array(
+        scipy.sparse.diags_array(rim.astype(float)) @ mass.astype(bool).astype(float) @ inner
+    )
+    return scipy.sparse.csr_array(_rows_to_one(beside) + inner)
 
 
-def _rows_to_one(matrix: csr_array) -> csr_array:
+def _rows_to_one(matrix: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
     """Rows divided by their sums; empty ones stay empty."""
     sums = np.asarray(matrix.sum(axis=1)).ravel()
-    return csr_array(diags_array(1 / np.where(sums == 0, 1.0, sums)) @ matrix)
+    return scipy.sparse.csr_array(
+        scipy.sparse.diags_array(1 / np.where(sums == 0, 1.0, sums)) @ matrix
+    )
 
 
-def mean_squares(
-    error: NDArray[np.complex128], confidence: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def mean_squares(error: ComplexArray, confidence: Array) -> Array:
     """Of the elements' error and of the bounds, shape (2, component), m2/s2.
 
     Parameters
@@ -86,14 +86,14 @@ def mean_squares(
     return np.stack([_mean_square(np.abs(error)), _mean_square(confidence)])
 
 
-def _mean_square(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _mean_square(values: Array) -> Array:
     """Of what is determined, shape (component,); NaN where nothing is."""
     count = np.isfinite(values).sum(axis=(0, 2))
     total = np.nansum(values**2, axis=(0, 2))
     return np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
 
 
-def told(squares: NDArray[np.float64]) -> list[str]:
+def told(squares: Array) -> list[str]:
     """A sentence if the elements' error, see `mean_squares`, is not small against the bounds."""
     size, bound = np.sqrt(squares)
     worst = int(np.nanargmax(size / bound))

@@ -12,17 +12,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import xarray as xr
-from numpy.typing import NDArray
 
 from sldvexp.field.visibility.view import View
 from sldvexp.geometry.rotation import rotation_from_vector
+from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import EXTRINSICS
 from sldvexp.pose.intrinsics import places
 from sldvexp.pose.joint import cross_covariance, label
 from sldvexp.pose.least_squares import INTRINSICS
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 POSE = len(EXTRINSICS)
 #: Variance, over the largest, below which a combination of the intrinsics has no error of its own.

@@ -7,13 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import bsr_array, hstack
 
 from sldvexp.field.equations.regions import Part
 from sldvexp.field.equations.system import System
-
-Array = NDArray[np.float64]
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array
 
 
 class InverseRows(ABC):
@@ -25,7 +23,7 @@ class InverseRows(ABC):
 
     @abstractmethod
     def variances(
-        self, influences: Sequence[bsr_array], variances: Sequence[Array]
+        self, influences: Sequence[scipy.sparse.bsr_array], variances: Sequence[Array]
     ) -> tuple[Array, Array]:
         """Diagonals of ``sum_k K_k S_k K_k^T`` and ``sum_k K_k S_k R_k^T``, with ``K = M^-1 R``.
 
@@ -72,10 +70,10 @@ class WholeInverse(InverseRows):
         return (self.inverse @ x.reshape(len(self.inverse), -1)).reshape(x.shape)
 
     def variances(
-        self, influences: Sequence[bsr_array], variances: Sequence[Array]
+        self, influences: Sequence[scipy.sparse.bsr_array], variances: Sequence[Array]
     ) -> tuple[Array, Array]:
         """See `InverseRows`."""
-        rows, p = hstack(influences, format="csr"), self.parameters
+        rows, p = scipy.sparse.hstack(influences, format="csr"), self.parameters
         rows = rows * np.sqrt(np.concatenate(variances))
         apart = p if len(self.inverse) < rows.shape[0] else 1  # components that do not couple
         nodal, fitted = np.empty(rows.shape[0]), np.empty(rows.shape[0])

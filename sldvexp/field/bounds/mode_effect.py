@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.field.bounds.pose_uncertainty import PoseEffect
 from sldvexp.field.streaming.frequency_modes import FrequencyModes
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 
 class ModeEffect(PoseEffect):

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import bsr_array
 
 from sldvexp.field.bounds.block_rows import block_rows, diagonal_blocks, kronecker_identity
 from sldvexp.field.bounds.inverse import InverseRows
@@ -16,9 +14,8 @@ from sldvexp.field.equations.regions import Part
 from sldvexp.field.equations.system import System
 from sldvexp.field.solvers.kronecker import KroneckerInverse
 from sldvexp.field.threads import side_by_side
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: A node is odd if its own information differs by this part from that of the Kronecker product, in
 #: any direction.
@@ -48,9 +45,9 @@ class NearInverse:
 
     system: System
     line: Array
-    surface: bsr_array
+    surface: scipy.sparse.bsr_array
     turn: Array
-    odd: NDArray[np.bool_]
+    odd: BoolArray
     rings: int
 
     @classmethod
@@ -71,7 +68,9 @@ class NearInverse:
         place[nodes] = np.arange(len(nodes))
         surface = block_rows(self.surface, own)
         shape = surface.shape[0], len(nodes) * self.system.block
-        surface = bsr_array((surface.data, place[surface.indices], surface.indptr), shape=shape)
+        surface = scipy.sparse.bsr_array(
+            (surface.data, place[surface.indices], surface.indptr), shape=shape
+        )
         odd = np.flatnonzero(self.odd[own])
         volume = volume_rows(self.system, own[odd], place, self.rings)
         turn = self.turn[:, own]
@@ -103,11 +102,11 @@ class NearRows(InverseRows):
     """
 
     line: Array
-    surface: bsr_array
-    own: Indices
+    surface: scipy.sparse.bsr_array
+    own: IndexArray
     turn: Array
-    odd: Indices
-    volume: bsr_array
+    odd: IndexArray
+    volume: scipy.sparse.bsr_array
 
     def times(self, x: Array) -> Array:
         """See `InverseRows`."""
@@ -120,14 +119,14 @@ class NearRows(InverseRows):
         return found
 
     def variances(
-        self, influences: Sequence[bsr_array], variances: Sequence[Array]
+        self, influences: Sequence[scipy.sparse.bsr_array], variances: Sequence[Array]
     ) -> tuple[Array, Array]:
         """See `InverseRows`."""
         pairs = list(zip(influences, variances, strict=True))
         nodal, fitted = zip(*side_by_side(lambda pair: self._of_view(*pair), pairs), strict=True)
         return np.sum(nodal, axis=0), np.sum(fitted, axis=0)
 
-    def _of_view(self, influence: bsr_array, variance: Array) -> tuple[Array, Array]:
+    def _of_view(self, influence: scipy.sparse.bsr_array, variance: Array) -> tuple[Array, Array]:
         """Both diagonals of one view."""
         layers, p = len(self.line), influence.blocksize[0]
         nodes = influence.shape[0] // p // layers
@@ -144,10 +143,10 @@ class NearRows(InverseRows):
         return np.diagonal(covariance, axis1=2, axis2=3), fitted
 
 
-def _of_parameters(matrix: bsr_array, parameters: int) -> bsr_array:
+def _of_parameters(matrix: scipy.sparse.bsr_array, parameters: int) -> scipy.sparse.bsr_array:
     """Scalar rows as rows of every parameter."""
     if matrix.blocksize[0] > 1:
         return matrix
     shape = matrix.shape[0] * parameters, matrix.shape[1] * parameters
     entries = matrix.data * np.eye(parameters), matrix.indices, matrix.indptr
-    return bsr_array(entries, shape=shape)
+    return scipy.sparse.bsr_array(entries, shape=shape)

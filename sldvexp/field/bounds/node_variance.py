@@ -11,15 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.field.bounds.inverse import InverseRows
 from sldvexp.field.equations.regions import Part
 from sldvexp.field.equations.sample_model import FieldModel
 from sldvexp.field.visibility.looks import Looks
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from sldvexp.typing import Array, IndexArray
 
 
 @dataclass(eq=False)
@@ -40,14 +37,14 @@ class Bounds:
         Variances at the samples around a node, summed: the least possible, and the method's.
     """
 
-    group: Indices
+    group: IndexArray
     noise: Array
     pose: Array
     expected: Array
     pointwise: Array
 
     @classmethod
-    def empty(cls, looks: Looks, model: FieldModel, group: Indices, columns: int) -> Bounds:
+    def empty(cls, looks: Looks, model: FieldModel, group: IndexArray, columns: int) -> Bounds:
         """Zeros."""
         shape = (looks.prisms.layers, looks.prisms.surface_nodes, model.parameters)
         equations = model.parameters if model.contravariant else 1

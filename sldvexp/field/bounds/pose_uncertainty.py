@@ -10,14 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.field.equations.regions import Part
 from sldvexp.field.streaming.frequency_modes import FrequencyModes
 from sldvexp.field.visibility.view import View
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 #: Parameters of a pose.
 POSE = 6

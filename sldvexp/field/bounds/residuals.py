@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from sldvexp.field.equations.regions import Part
 from sldvexp.field.equations.sample_model import FieldModel
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray
 
 #: Columns that are worked on together.
 COLUMNS_AT_ONCE = 16
@@ -80,7 +79,7 @@ class Residuals:
         part: Part,
         here: slice,
         some: slice,
-        has_row: NDArray[np.bool_],
+        has_row: BoolArray,
         v: Array,
         u: Array,
         left: Array,

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.field.bounds.inverse import WholeInverse
 from sldvexp.field.bounds.mode_effect import kept_columns
@@ -21,8 +20,7 @@ from sldvexp.field.equations.sample_model import FieldModel
 from sldvexp.field.equations.system import Solve, System
 from sldvexp.field.streaming.frequency_modes import FrequencyModes
 from sldvexp.field.visibility.view import View
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray
 
 #: Parts in which bounds of some nodes are verified.
 VERIFIED_PARTS = 2
@@ -69,7 +67,7 @@ def with_bounds(
     solve: Solve,
     theta: Array,
     data: list[Array],
-    determined: NDArray[np.bool_],
+    determined: BoolArray,
     factor: Array,
     pose: PoseEffect | None,
 ) -> Second:

@@ -8,17 +8,13 @@ ring: then rows are exact for a field that is the same everywhere.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import bsr_array, csc_array, csr_array
-from scipy.sparse.linalg import SuperLU
 
 from sldvexp.field.bounds.colouring import colours, within
 from sldvexp.field.equations.system import HOLD, PAIRS, System
 from sldvexp.field.solvers.kronecker import factorised, solved
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, BoolArray, IndexArray
 from sldvexp.volume.samples import SampleRule
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 #: Rings around a node that its row reaches: of samples that are a tensor product, and of others,
 #: whose matrices are worse conditioned and decay more slowly.
@@ -32,7 +28,9 @@ def rings_of(rule: SampleRule) -> int:
     return MORE_RINGS if rule.triangle is None else RINGS
 
 
-def surface_rows(system: System, factor: SuperLU, rings: int) -> bsr_array:
+def surface_rows(
+    system: System, factor: scipy.sparse.linalg.SuperLU, rings: int
+) -> scipy.sparse.bsr_array:
     """Rows of the inverse of the surface's matrix.
 
     Columns of nodes that are more than twice as far apart as rows reach do not meet, so that all
@@ -66,10 +64,12 @@ def surface_rows(system: System, factor: SuperLU, rings: int) -> bsr_array:
     last = _last_ring(reach, within(neighbours, rings - 1), row)
     _close(data, row, np.asarray(reach.indices, np.intp), last, system.surface_sums)
     size = nodes * block
-    return bsr_array((data, reach.indices, reach.indptr), shape=(size, size))
+    return scipy.sparse.bsr_array((data, reach.indices, reach.indptr), shape=(size, size))
 
 
-def _last_ring(reach: csr_array, inner: csr_array, row: Indices) -> NDArray[np.bool_]:
+def _last_ring(
+    reach: scipy.sparse.csr_array, inner: scipy.sparse.csr_array, row: IndexArray
+) -> BoolArray:
     """Which entries of `reach` are not of `inner`; of a small surface all are, then all count."""
     nodes = reach.shape[0]
     key = row * nodes + reach.indices
@@ -79,9 +79,7 @@ def _last_ring(reach: csr_array, inner: csr_array, row: Indices) -> NDArray[np.b
     return last | alone[row]
 
 
-def _close(
-    data: Array, row: Indices, column: Indices, last: NDArray[np.bool_], sums: Array
-) -> None:
+def _close(data: Array, row: IndexArray, column: IndexArray, last: BoolArray, sums: Array) -> None:
     """Give the last ring what rows lack to be exact for a constant, ``sum_m Z_nm s_m = 1``.
 
     Parameters
@@ -100,7 +98,9 @@ def _close(
     data[last] += share[row[last]]
 
 
-def volume_rows(system: System, nodes: Indices, place: Indices, rings: int) -> bsr_array:
+def volume_rows(
+    system: System, nodes: IndexArray, place: IndexArray, rings: int
+) -> scipy.sparse.bsr_array:
     """Rows of the inverse of the whole matrix, of some nodes in all layers.
 
     Each is that of the matrix of what is near.
@@ -144,17 +144,17 @@ def volume_rows(system: System, nodes: Indices, place: Indices, rings: int) -> b
     return _assembled(data, indices, layers, (len(nodes), count), block)
 
 
-def _factorised(matrix: Array) -> SuperLU:
+def _factorised(matrix: Array) -> scipy.sparse.linalg.SuperLU:
     """Factors of what is near; what nothing determines there is held, as in the whole matrix."""
     try:
-        return factorised(csc_array(matrix))
+        return factorised(scipy.sparse.csc_array(matrix))
     except RuntimeError:
         return factorised(
-            csc_array(matrix + HOLD * np.diagonal(matrix).mean() * np.eye(len(matrix)))
+            scipy.sparse.csc_array(matrix + HOLD * np.diagonal(matrix).mean() * np.eye(len(matrix)))
         )
 
 
-def _blocks_of(system: System, near: Indices) -> Array:
+def _blocks_of(system: System, near: IndexArray) -> Array:
     """Blocks of some nodes, shape (gap, 3, near, near, block, block)."""
     graph = system.graph
     key = near[:, None] * graph.nodes + near
@@ -165,14 +165,14 @@ def _blocks_of(system: System, near: Indices) -> Array:
 
 
 def _assembled(
-    data: list[Array], indices: list[Indices], layers: int, shape: tuple[int, int], block: int
-) -> bsr_array:
+    data: list[Array], indices: list[IndexArray], layers: int, shape: tuple[int, int], block: int
+) -> scipy.sparse.bsr_array:
     """Rows node by node, put layer by layer."""
     length = np.array([len(i) for i in indices], int)
     indptr = np.concatenate([[0], np.cumsum(np.tile(length, layers))])
     by_layer = [rows[layer] for layer in range(layers) for rows in data]
     size = layers * shape[0] * block, layers * shape[1] * block
     if not by_layer:
-        return bsr_array(size, blocksize=(block, block))
+        return scipy.sparse.bsr_array(size, blocksize=(block, block))
     entries = np.concatenate(by_layer), np.tile(np.concatenate(indices), layers), indptr
-    return bsr_array(entries, shape=size)
+    return scipy.sparse.bsr_array(entries, shape=size)

@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.field.bounds.mode_effect import column_variances
 from sldvexp.field.bounds.near_inverse import NearRows
 from sldvexp.field.bounds.pose_uncertainty import PoseEffect
 from sldvexp.field.equations.regions import Part
 from sldvexp.field.equations.system import Solve, System
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Surface nodes of a part that are verified, each in one layer.
 NODES = 4
@@ -42,7 +39,7 @@ class Verification:
     right: Array | None
     noise: Array
     kept: Array
-    determined: NDArray[np.bool_]
+    determined: BoolArray
 
     def largest_error(self, rows: NearRows, system: System, solve: Solve) -> float:
         """Largest relative error of the standard errors of some of the part's nodes."""
@@ -78,7 +75,7 @@ class Verification:
         """Variances of the data's columns, shape (..., column)."""
         return kept if self.pose is None else column_variances(self.pose, kept)
 
-    def _chosen(self, rows: NearRows) -> tuple[Indices, Indices]:
+    def _chosen(self, rows: NearRows) -> tuple[IndexArray, IndexArray]:
         """Some nodes spread over the part, and one with the oddest information."""
         determined = self.determined[:, self.part.region.own]
         layers, count = determined.shape[:2]

@@ -13,8 +13,7 @@ from sldvexp.field.equations.sample_model import Samples
 from sldvexp.field.equations.system import Assembly, System
 from sldvexp.field.visibility.coverage import Coverage, require_coverage
 from sldvexp.field.visibility.view import View
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray
 
 #: Part of a node's samples that must determine something for the node to count as determined.
 SMALLEST_PART = 0.02
@@ -106,7 +105,7 @@ def pixel_data(views: Sequence[View]) -> list[Array]:
     return [real_columns(v.velocity, v.usable) for v in views]
 
 
-def real_columns(velocity: NDArray[np.complexfloating], usable: NDArray[np.bool_]) -> Array:
+def real_columns(velocity: NDArray[np.complexfloating], usable: BoolArray) -> Array:
     """Complex (pixel, frequency) as real (pixel, column); 0 where not usable."""
     columns = np.where(usable[:, None], velocity, 0.0).astype(complex, order="C", copy=False)
     return columns.view(float)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.field.equations.system import Solve, System
 from sldvexp.field.solvers.kronecker import KroneckerInverse
-
-Array = NDArray[np.float64]
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array
 
 #: Relative accuracy of the extreme eigenvalues of larger ones.
 ACCURACY = 1e-3
@@ -58,11 +57,11 @@ def _of_operators(times: Solve, inverse: Solve, size: int) -> tuple[float, float
 
 
 def _largest_eigenvalue(times: Solve, size: int) -> float:
-    from scipy.sparse.linalg import LinearOperator, eigsh
-
-    operator = LinearOperator((size, size), matvec=times, dtype=float)
+    operator = scipy.sparse.linalg.LinearOperator((size, size), matvec=times, dtype=float)
     start = np.random.default_rng(size).normal(size=size)
-    value = eigsh(operator, 1, which="LA", v0=start, tol=ACCURACY, return_eigenvectors=False)
+    value = scipy.sparse.linalg.eigsh(
+        operator, 1, which="LA", v0=start, tol=ACCURACY, return_eigenvectors=False
+    )
     return float(value[0])
 
 

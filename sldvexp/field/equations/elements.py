@@ -10,14 +10,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, IndexArray
 from sldvexp.volume.prisms import Prisms
 from sldvexp.volume.samples import SampleRule
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +29,9 @@ class Graph:
         Where the block of two corners of a triangle is among `indices`.
     """
 
-    indptr: Indices
-    indices: Indices
-    place: Indices
+    indptr: IndexArray
+    indices: IndexArray
+    place: IndexArray
 
     @classmethod
     def of(cls, prisms: Prisms) -> Graph:
@@ -52,18 +49,20 @@ class Graph:
         return len(self.indptr) - 1
 
     @cached_property
-    def row(self) -> Indices:
+    def row(self) -> IndexArray:
         """The row of each entry of `indices`."""
         return np.repeat(np.arange(self.nodes), np.diff(self.indptr))
 
     @cached_property
-    def neighbours(self) -> csr_array:
+    def neighbours(self) -> scipy.sparse.csr_array:
         """Which nodes share a triangle, a node with itself as well, shape (node, node), bool."""
         ones = np.ones(len(self.indices), bool)
-        return csr_array((ones, self.indices, self.indptr), shape=(self.nodes, self.nodes))
+        return scipy.sparse.csr_array(
+            (ones, self.indices, self.indptr), shape=(self.nodes, self.nodes)
+        )
 
     @cached_property
-    def diagonal(self) -> Indices:
+    def diagonal(self) -> IndexArray:
         """Where the block of a node with itself is, shape (surface_node,)."""
         return np.flatnonzero(self.indices == self.row)
 
@@ -84,14 +83,14 @@ class Patch:
         Basis functions of a prism (Eq 5.20) at its samples.
     """
 
-    triangles: Indices
-    nodes: Indices
-    corner: Indices
+    triangles: IndexArray
+    nodes: IndexArray
+    corner: IndexArray
     layers: int
     shape: Array
 
     @classmethod
-    def over(cls, prisms: Prisms, rule: SampleRule, triangles: Indices) -> Patch:
+    def over(cls, prisms: Prisms, rule: SampleRule, triangles: IndexArray) -> Patch:
         """The patch over these triangles of a volume."""
         nodes, corner = np.unique(prisms.triangles[triangles], return_inverse=True)
         return cls(triangles, nodes, corner.reshape(-1, 3), prisms.layers, rule.shape())
@@ -125,14 +124,14 @@ class Patch:
         return np.stack([self._gather @ layer for layer in flat])
 
     @cached_property
-    def _gather(self) -> csr_array:
+    def _gather(self) -> scipy.sparse.csr_array:
         """Sums corners of triangles at their nodes."""
         corners = self.corner.size
         entries = (np.ones(corners), (self.corner.ravel(), np.arange(corners)))
-        return csr_array(entries, shape=(len(self.nodes), corners))
+        return scipy.sparse.csr_array(entries, shape=(len(self.nodes), corners))
 
     @cached_property
-    def transposed(self) -> csr_array:
+    def transposed(self) -> scipy.sparse.csr_array:
         """``B^T``, shape (node, sample), whose data says where `shape` has the entry."""
         gaps, triangles, points = self.sample_shape
         step = len(self.nodes) * np.arange(gaps)[:, None, None]
@@ -141,5 +140,5 @@ class Patch:
         columns = np.repeat(element.reshape(-1, 6), points, axis=0).ravel().astype(np.int32)
         where = np.tile(np.arange(6 * points, dtype=np.int32), gaps * triangles)
         rows = np.arange(0, 6 * samples + 1, 6, dtype=np.int32)
-        matrix = csr_array((where, columns, rows), shape=(samples, self.count))
+        matrix = scipy.sparse.csr_array((where, columns, rows), shape=(samples, self.count))
         return matrix.T.tocsr()

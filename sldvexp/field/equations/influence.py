@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import bsr_array, csr_array
-
 from sldvexp.field.equations.elements import Patch
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array
 
-Array = NDArray[np.float64]
 
-
-def influence(patch: Patch, estimator: Array, weights: csr_array) -> bsr_array:
+def influence(
+    patch: Patch, estimator: Array, weights: scipy.sparse.csr_array
+) -> scipy.sparse.bsr_array:
     """``R = sum_s B_s^T (x) T_s W_s`` of one view over a patch.
 
     Parameters
@@ -31,5 +29,8 @@ def influence(patch: Patch, estimator: Array, weights: csr_array) -> bsr_array:
     data = patch.shape.ravel()[basis.data, None] * estimator[basis.indices]
     shape = (patch.count * parameters, len(estimator))
     if not estimator.any():  # the rows leave this view out
-        return bsr_array((shape[0], weights.shape[1]), blocksize=(parameters, 1))
-    return bsr_array((data[..., None], basis.indices, basis.indptr), shape=shape) @ weights
+        return scipy.sparse.bsr_array((shape[0], weights.shape[1]), blocksize=(parameters, 1))
+    return (
+        scipy.sparse.bsr_array((data[..., None], basis.indices, basis.indptr), shape=shape)
+        @ weights
+    )

@@ -13,9 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.reconstruction.factor import rank_of
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from sldvexp.typing import Array, BoolArray
 
 #: Fewest rows that make a sample worth keeping.
 FEWEST_ROWS = 2
@@ -43,7 +41,7 @@ class Pointwise:
     rows: NDArray[np.int_]
 
     @property
-    def kept(self) -> Bools:
+    def kept(self) -> BoolArray:
         """Which samples have a part in the field, shape (sample,)."""
         return self.rows > 0
 
@@ -86,7 +84,7 @@ class RowModel:
         """Unknowns at a point."""
         return 4 if self.intercept else 3
 
-    def at(self, directions: Array, valid: Bools, std: Array) -> Pointwise:
+    def at(self, directions: Array, valid: BoolArray, std: Array) -> Pointwise:
         """Set up the rows' least squares at samples.
 
         A row that needs a view which does not see the sample drops out. Weighted by their
@@ -122,7 +120,7 @@ class RowModel:
         weight[rows == 0] = 0
         return Pointwise(design, weight, rank, rows)
 
-    def _rows_of(self, seen: Bools) -> Array:
+    def _rows_of(self, seen: BoolArray) -> Array:
         """Rows that need none of the views that do not see a sample."""
         if not self.generalised:
             return self.rows[~np.any(self.rows[:, ~seen] != 0, axis=1)]
@@ -134,7 +132,7 @@ class RowModel:
         left[:, ~seen] = 0
         return left[np.abs(left).max(axis=1) > 1e-9]
 
-    def _weights(self, basis: Array, left: Array, valid: Bools, std: Array) -> Array:
+    def _weights(self, basis: Array, left: Array, valid: BoolArray, std: Array) -> Array:
         """``A^T A``, or ``A^T (A Sigma A^T)^-1 A`` with Sigma of the views.
 
         With a basis C of what the rows do not see, the latter is

@@ -6,14 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from sldvexp.field.equations.elements import Graph
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, IndexArray
 from sldvexp.volume.prisms import Prisms
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +27,9 @@ class Region:
         All triangles that touch the support, ascending.
     """
 
-    own: Indices
-    support: Indices
-    triangles: Indices
+    own: IndexArray
+    support: IndexArray
+    triangles: IndexArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,37 +45,37 @@ class Surface:
     """
 
     prisms: Prisms
-    neighbours: csr_array
-    touching: csr_array
+    neighbours: scipy.sparse.csr_array
+    touching: scipy.sparse.csr_array
 
     @classmethod
     def of(cls, prisms: Prisms, graph: Graph) -> Surface:
         """The surface of a volume."""
         nodes, count = prisms.surface_nodes, len(prisms.triangles)
         corner = prisms.triangles.ravel(), np.repeat(np.arange(count), 3)
-        touching = csr_array((np.ones(3 * count, bool), corner), shape=(nodes, count))
+        touching = scipy.sparse.csr_array((np.ones(3 * count, bool), corner), shape=(nodes, count))
         return cls(prisms, graph.neighbours, touching)
 
-    def around(self, own: Indices, rings: int) -> Region:
+    def around(self, own: IndexArray, rings: int) -> Region:
         """The region of these nodes."""
         support = own
         for _ in range(rings):
             support = np.unique(self.neighbours[support].indices)
         return Region(own, support, np.unique(self.touching[support].indices).astype(np.intp))
 
-    def of_own(self, own: Indices) -> Region:
+    def of_own(self, own: IndexArray) -> Region:
         """The region of these nodes, with the triangles whose first corner is one of them."""
         first = np.isin(self.prisms.triangles[:, 0], own)
         return Region(own, own, np.flatnonzero(first))
 
-    def parts(self, largest: int) -> Iterator[Indices]:
+    def parts(self, largest: int) -> Iterator[IndexArray]:
         """All nodes, in compact parts of so many or fewer."""
         position = self.prisms.position.reshape(self.prisms.layers, -1, 3)[0]
         for nodes in _halved(np.arange(len(position)), position, largest):
             yield np.sort(nodes)
 
 
-def _halved(nodes: Indices, position: Array, largest: int) -> Iterator[Indices]:
+def _halved(nodes: IndexArray, position: Array, largest: int) -> Iterator[IndexArray]:
     """Parts of the nodes, cut across their longest extent until each is small enough."""
     if len(nodes) <= largest:
         yield nodes

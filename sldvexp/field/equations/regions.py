@@ -8,16 +8,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import bsr_array
 
 from sldvexp.field.equations.elements import Graph, Patch
 from sldvexp.field.equations.influence import influence
 from sldvexp.field.equations.region import Region, Surface
 from sldvexp.field.equations.sample_model import FieldModel, Samples
 from sldvexp.field.visibility.looks import Look, Looks
-
-Array = NDArray[np.float64]
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, BoolArray
 
 #: Samples up to which a volume is one part.
 SAMPLES_IN_ALL = 200_000
@@ -55,14 +53,14 @@ class Part:
         return cls(looks, model, region, patch, look, model.at(look))
 
     @cached_property
-    def owned(self) -> NDArray[np.bool_]:
+    def owned(self) -> BoolArray:
         """Samples that belong to this region and no other, shape (sample,)."""
         first = self.looks.prisms.triangles[self.region.triangles, 0]
         mine = np.isin(first, self.region.own)
         return np.broadcast_to(mine[None, :, None], self.patch.sample_shape).ravel()
 
     @cached_property
-    def influences(self) -> list[bsr_array]:
+    def influences(self) -> list[scipy.sparse.bsr_array]:
         """The matrices R of every view's pixels, ``b = sum_k R_k v_k``."""
         return [
             influence(self.patch, self.at.estimator[:, :, k], seen.weights)

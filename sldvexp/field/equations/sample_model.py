@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.field.equations.pointwise import Pointwise, RowModel
@@ -15,8 +14,7 @@ from sldvexp.field.visibility.view import View
 from sldvexp.field.visibility.visibility import Seen
 from sldvexp.reconstruction.base import Model, Reconstruction, Weights
 from sldvexp.reconstruction.rows import RowSet
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, IndexArray
 
 #: Triangles that are looked at to choose the best rows.
 TRIANGLES_FOR_ROWS = 200
@@ -178,7 +176,7 @@ def _mean_std(seen: Seen, pixel_std: Array) -> Array:
     return np.sqrt(mean)
 
 
-def _spread(count: int) -> NDArray[np.intp]:
+def _spread(count: int) -> IndexArray:
     """Some triangles, evenly spread."""
     number = min(count, TRIANGLES_FOR_ROWS)
     return np.unique(np.linspace(0, count - 1, number).round().astype(np.intp))

@@ -14,15 +14,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrf, dpotri
-from scipy.sparse import bsr_array, csr_array
 
 from sldvexp.field.equations.elements import Graph, Patch
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, BoolArray
 from sldvexp.volume.samples import SampleRule
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 #: From real right-hand sides (layer, surface_node, block, column) to the solutions.
 Solve = Callable[[Array], Array]
@@ -99,7 +95,7 @@ class Assembly:
         column = information.reshape(gaps, triangles, -1, len(self.rule.triangle), square)
         return bool(np.all(column == column[:1, :, :1]))
 
-    def system(self, ranked: Bools) -> System:
+    def system(self, ranked: BoolArray) -> System:
         """The matrix.
 
         A node around which too few samples determine anything is held at zero: by an equation of
@@ -163,7 +159,7 @@ class System:
     pairs: Array
     line: Array
     lumped: Array
-    active: Bools
+    active: BoolArray
     exact: bool
 
     @property
@@ -197,7 +193,7 @@ class System:
         return _row_sums(self.graph, self.pairs)
 
     @cached_property
-    def surface(self) -> bsr_array:
+    def surface(self) -> scipy.sparse.bsr_array:
         """`surface_blocks` as a matrix over the surface's unknowns."""
         return self._over_surface(self.surface_blocks)
 
@@ -224,7 +220,7 @@ class System:
         return y.reshape(x.shape)
 
     @cached_property
-    def _layer_matrices(self) -> list[tuple[int, int, bsr_array]]:
+    def _layer_matrices(self) -> list[tuple[int, int, scipy.sparse.bsr_array]]:
         """Blocks of M over the layers."""
         sums: dict[tuple[int, int], Array] = {}
         for gap, layer, other, k in _entries(self.layers - 1):
@@ -249,13 +245,13 @@ class System:
     @cached_property
     def inverse(self) -> Array:
         """Its inverse."""
-        factor, failed = dpotrf(self.dense, lower=True)
+        factor, failed = scipy.linalg.lapack.dpotrf(self.dense, lower=True)
         if failed:
             return np.linalg.inv(self.dense).astype(float)
-        inverse: Array = dpotri(factor, lower=True, overwrite_c=True)[0]
+        inverse: Array = scipy.linalg.lapack.dpotri(factor, lower=True, overwrite_c=True)[0]
         return np.tril(inverse) + np.tril(inverse, -1).T
 
-    def matrix(self) -> csr_array:
+    def matrix(self) -> scipy.sparse.csr_array:
         """M itself, unknowns node by node, layer by layer."""
         size = self.graph.nodes * self.block
         rows, columns, values = [], [], []
@@ -266,11 +262,13 @@ class System:
             values.append(entries.data)
         places = np.concatenate(rows), np.concatenate(columns)
         shape = (self.layers * size, self.layers * size)
-        return csr_array((np.concatenate(values), places), shape=shape)
+        return scipy.sparse.csr_array((np.concatenate(values), places), shape=shape)
 
-    def _over_surface(self, blocks: Array) -> bsr_array:
+    def _over_surface(self, blocks: Array) -> scipy.sparse.bsr_array:
         size = self.graph.nodes * self.block
-        return bsr_array((blocks, self.graph.indices, self.graph.indptr), shape=(size, size))
+        return scipy.sparse.bsr_array(
+            (blocks, self.graph.indices, self.graph.indptr), shape=(size, size)
+        )
 
 
 def solution(right: Array, system: System, solve: Solve) -> Array:

@@ -13,9 +13,7 @@ from sldvexp.reconstruction.observability import (
     determined_intercept,
     undetermined,
 )
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from sldvexp.typing import Array, BoolArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +32,8 @@ class Flags:
         Orthonormal; the first `rank` are determined.
     """
 
-    observable: Bools
-    determined: Bools
+    observable: BoolArray
+    determined: BoolArray
     node: NDArray[np.int_]
     rank: NDArray[np.int_]
     direction: Array

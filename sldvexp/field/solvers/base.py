@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from sldvexp.field.equations.system import Solve, System
+from sldvexp.field.equations.system import Solve, System
 
 
 @dataclass

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
+from sldvexp.field.equations.system import Solve, System
 from sldvexp.field.solvers.base import Solver
-
-if TYPE_CHECKING:
-    from sldvexp.field.equations.system import Solve, System
+from sldvexp.field.solvers.cholmod import solve_with
+from sldvexp.field.solvers.kronecker import KroneckerInverse
 
 
 @register("solver", "cholesky")
@@ -31,9 +30,6 @@ class Cholesky(Solver):
     def prepare(self, system: System) -> Solve:
         """Factors of the matrix."""
         import cholespy
-
-        from sldvexp.field.solvers.cholmod import solve_with
-        from sldvexp.field.solvers.kronecker import KroneckerInverse
 
         inverse = KroneckerInverse.of(system)  # which says what is singular
         if system.exact:

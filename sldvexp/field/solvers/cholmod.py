@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.field.equations.system import Solve
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 #: Right-hand sides that cholespy takes at once.
 COLUMNS_AT_ONCE = 128

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
+from sldvexp.typing import Array
 
-Array = NDArray[np.float64]
 Operator = Callable[[Array], Array]
 
 #: Right-hand sides that are iterated together.

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from sldvexp.config.registry import register
+from sldvexp.field.equations.system import Solve, System
 from sldvexp.field.solvers.base import Solver
-
-if TYPE_CHECKING:
-    from sldvexp.field.equations.system import Solve, System
+from sldvexp.field.solvers.kronecker import KroneckerInverse, factorised, solved
 
 
 @register("solver", "direct")
@@ -19,8 +17,6 @@ class Direct(Solver):
 
     def prepare(self, system: System) -> Solve:
         """Factors of the matrix."""
-        from sldvexp.field.solvers.kronecker import KroneckerInverse, factorised, solved
-
         inverse = KroneckerInverse.of(system)  # which says what is singular
         if system.exact:
             return inverse.times

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
+from sldvexp.field.equations.system import Solve, System
 from sldvexp.field.solvers.base import Solver
-
-if TYPE_CHECKING:
-    from sldvexp.field.equations.system import Solve, System
+from sldvexp.field.solvers.conjugate_gradients import solve
+from sldvexp.field.solvers.kronecker import KroneckerInverse
 
 
 @register("solver", "iterative")
@@ -44,9 +43,6 @@ class Iterative(Solver):
 
     def prepare(self, system: System) -> Solve:
         """Factors of the preconditioner: a problem over the surface and one over the layers."""
-        from sldvexp.field.solvers.conjugate_gradients import solve
-        from sldvexp.field.solvers.kronecker import KroneckerInverse
-
         inverse = KroneckerInverse.of(system)
         if system.exact:
             return inverse.times

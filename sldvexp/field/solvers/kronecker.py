@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csc_array, eye_array
-from scipy.sparse.linalg import SuperLU, splu
 
 from sldvexp.errors import UserError
 from sldvexp.field.equations.system import System
-
-Array = NDArray[np.float64]
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array
 
 #: Right-hand sides that are solved together: more do not stay in the cache.
 COLUMNS_AT_ONCE = 32
@@ -22,7 +19,7 @@ SINGULAR = 1e-14
 NAMED = 5
 
 
-def factorised(matrix: csc_array) -> SuperLU:
+def factorised(matrix: scipy.sparse.csc_array) -> scipy.sparse.linalg.SuperLU:
     """LU factors of a symmetric positive definite matrix, with an ordering for those.
 
     Raises
@@ -31,14 +28,16 @@ def factorised(matrix: csc_array) -> SuperLU:
         If it is singular.
     """
     options = {"SymmetricMode": True}
-    factor = splu(matrix, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    factor = scipy.sparse.linalg.splu(
+        matrix, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
+    )
     pivots = np.abs(factor.U.diagonal())
     if not pivots.min() > SINGULAR * pivots.max():
         raise RuntimeError("the matrix is singular")
     return factor
 
 
-def solved(factor: SuperLU, right: Array) -> Array:
+def solved(factor: scipy.sparse.linalg.SuperLU, right: Array) -> Array:
     """Solutions of real right-hand sides, shape (unknown, column)."""
     solution = np.empty_like(right)
     for first in range(0, right.shape[1], COLUMNS_AT_ONCE):
@@ -60,7 +59,7 @@ class KroneckerInverse:
     """
 
     line: Array
-    surface: SuperLU
+    surface: scipy.sparse.linalg.SuperLU
 
     @classmethod
     def of(cls, system: System) -> KroneckerInverse:
@@ -78,7 +77,7 @@ class KroneckerInverse:
                 "above and below them one by one; use samples.line=2 or more"
             )
         try:
-            surface = factorised(csc_array(system.surface))
+            surface = factorised(scipy.sparse.csc_array(system.surface))
         except RuntimeError:
             raise UserError(
                 "field: the samples are too few to determine the surface nodes "
@@ -99,9 +98,12 @@ class KroneckerInverse:
 
 def _undetermined(system: System) -> str:
     """Nodes where the matrix's weakest vector is, by inverse iteration with a shift."""
-    matrix = csc_array(system.surface)
+    matrix = scipy.sparse.csc_array(system.surface)
     shift = 1e-8 * matrix.diagonal().mean()
-    factor = splu(csc_array(matrix + shift * eye_array(matrix.shape[0])), "MMD_AT_PLUS_A")
+    factor = scipy.sparse.linalg.splu(
+        scipy.sparse.csc_array(matrix + shift * scipy.sparse.eye_array(matrix.shape[0])),
+        "MMD_AT_PLUS_A",
+    )
     vector = np.random.default_rng(len(system.surface_blocks)).normal(size=matrix.shape[0])
     for _ in range(5):
         vector = factor.solve(vector)

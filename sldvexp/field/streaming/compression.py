@@ -9,22 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.field.equations.assembly import real_columns
 from sldvexp.field.streaming.frequency_modes import FrequencyModes
+from sldvexp.field.streaming.work import Work
 from sldvexp.field.visibility.view import require_same
-
-if TYPE_CHECKING:
-    from sldvexp.field.streaming.work import Work
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array, BoolArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +60,7 @@ class _Sums:
         Products of the velocities' columns.
     """
 
-    known: Bools
+    known: BoolArray
     square: Array
     by_frequency: Array
     gram: Array
@@ -114,7 +110,7 @@ def _pieces(image: xr.Dataset) -> Iterator[slice]:
     return slices(image["velocity"], "pixel")
 
 
-def _usable(image: xr.Dataset) -> Bools:
+def _usable(image: xr.Dataset) -> BoolArray:
     return np.asarray(image["flags"].values == 0)
 
 
@@ -132,7 +128,7 @@ def _sums(image: xr.Dataset, work: Work) -> _Sums:
     return _Sums(known, square, found[-1].by_frequency, found[-1].gram)
 
 
-def _sums_of(velocity: NDArray[np.complexfloating], std: Array, usable: Bools) -> _Sums:
+def _sums_of(velocity: NDArray[np.complexfloating], std: Array, usable: BoolArray) -> _Sums:
     std = std.reshape(len(std), -1).astype(float)
     known = np.isfinite(velocity).all(axis=1) & (np.isfinite(std) & (std >= 0)).all(axis=1)
     columns, square = real_columns(velocity, usable & known), std**2
@@ -162,5 +158,7 @@ def _reduced(image: xr.Dataset, sums: _Sums, modes: FrequencyModes, work: Work) 
     return kept.assign(small).assign_coords(frequency=np.arange(values.shape[1], dtype=float))
 
 
-def _of_modes(modes: FrequencyModes, velocity: NDArray[np.complexfloating], usable: Bools) -> Array:
+def _of_modes(
+    modes: FrequencyModes, velocity: NDArray[np.complexfloating], usable: BoolArray
+) -> Array:
     return modes.of_columns(real_columns(velocity, usable))

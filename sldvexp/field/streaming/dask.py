@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from importlib import import_module
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-
-if TYPE_CHECKING:
-    from sldvexp.field.streaming.work import Work
-
+from sldvexp.field.streaming.work import Work
 
 #: A parameter of glibc's `mallopt`, and the bytes from which on arrays have pages of their own.
 MMAP_THRESHOLD, LARGE = -3, 1 << 20
@@ -75,7 +72,6 @@ class Dask:
             If a package is not installed, the scheduler does not answer, or workers keep dying.
         """
         _require("dask.array")
-        from sldvexp.field.streaming.work import Work
 
         if not (self.workers or self.scheduler):
             _give_memory_back()
@@ -117,8 +113,6 @@ def _give_memory_back() -> None:
 
 def _require(package: str) -> None:
     """Complain in a sentence if an optional package is missing."""
-    from importlib import import_module
-
     try:
         import_module(package)
     except ImportError:

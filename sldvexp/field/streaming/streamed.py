@@ -10,10 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from sldvexp import dataset
@@ -30,18 +29,15 @@ from sldvexp.field.equations.undetermined import Flags
 from sldvexp.field.estimate import NO_COVARIANCE, check_views, solved_with
 from sldvexp.field.fit import Fit
 from sldvexp.field.outcome import Outcome
+from sldvexp.field.solvers.base import Solver
 from sldvexp.field.streaming.compression import Compressed, slices
+from sldvexp.field.streaming.work import Work
 from sldvexp.field.to_dataset import field_group, pooled
 from sldvexp.field.visibility.looks import Looks
-from sldvexp.volume.base import Coordinates
-
-if TYPE_CHECKING:
-    from sldvexp.field.solvers.base import Solver
-    from sldvexp.field.streaming.work import Work
-    from sldvexp.reconstruction.base import Reconstruction
-    from sldvexp.volume.base import Volume
-
-Array = NDArray[np.float64]
+from sldvexp.lazy import xarray as xr
+from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.typing import Array
+from sldvexp.volume.base import Coordinates, Volume
 
 
 @dataclass(frozen=True, eq=False)

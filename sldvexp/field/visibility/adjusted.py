@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.laser.two_mirror import MIRRORS, Mirror, TwoMirror
+from sldvexp.typing import Array
 from sldvexp.units import AngleUnit
-
-Array = NDArray[np.float64]
 
 
 def adjusted(laser: TwoMirror, intrinsics: Array, where: str) -> TwoMirror:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.field.visibility.flagged import NOTABLE, why
@@ -21,8 +20,7 @@ from sldvexp.field.visibility.visibility import (
     Seen,
 )
 from sldvexp.laser.two_mirror import MIRRORS
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 #: What may be wrong if a view sees nothing, by the reason of most samples.
 REMEDIES = {

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.field.threads import side_by_side
 from sldvexp.field.visibility.flagged import require_usable
@@ -18,11 +17,9 @@ from sldvexp.field.visibility.visibility import GRAZING, Seen, look
 from sldvexp.image.interpolation.base import Interpolator
 from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.typing import Array, BoolArray, IndexArray
 from sldvexp.volume.prisms import Prisms
 from sldvexp.volume.samples import SampleRule, sample_frames, sample_positions
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 #: Samples of a volume up to which what the views see of them is remembered.
 REMEMBERED = 200_000
@@ -42,13 +39,13 @@ class Look:
         Unit rows t1, t2, n.
     """
 
-    triangles: Indices
+    triangles: IndexArray
     seen: tuple[Seen, ...]
     position: Array
     frame: Array
 
     @property
-    def valid(self) -> NDArray[np.bool_]:
+    def valid(self) -> BoolArray:
         """Which view has a velocity of which sample, shape (sample, view)."""
         return np.stack([s.valid for s in self.seen], axis=1)
 
@@ -108,7 +105,7 @@ class Looks:
         return tuple(v.name for v in self.views)
 
     @property
-    def triangles(self) -> Indices:
+    def triangles(self) -> IndexArray:
         """All of them."""
         return np.arange(len(self.prisms.triangles))
 
@@ -117,7 +114,7 @@ class Looks:
         """Whether a look at all of it is remembered."""
         return self.prisms.gaps * len(self.prisms.triangles) * self.rule.points <= REMEMBERED
 
-    def at(self, triangles: Indices) -> Look:
+    def at(self, triangles: IndexArray) -> Look:
         """Look at the samples of some triangles' prisms, in all gaps."""
         if self._whole is not None and np.array_equal(triangles, self._whole.triangles):
             return self._whole
@@ -144,7 +141,7 @@ class Looks:
         moved._occlusions = [moved._occlusion(v) for v in views]
         return moved
 
-    def _look(self, triangles: Indices) -> Look:
+    def _look(self, triangles: IndexArray) -> Look:
         position = sample_positions(self.prisms, self.rule, triangles).reshape(-1, 3)
         frame = sample_frames(self.prisms, self.rule, triangles).reshape(-1, 3, 3)
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.field.visibility.two_mirror_projection import to_laser
@@ -19,10 +18,7 @@ from sldvexp.field.visibility.view import View
 from sldvexp.geometry.bins import Bins
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import TwoMirror
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Indices = NDArray[np.intp]
+from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Of its size: how far the image of a triangle may bulge out of the box of its corners.
 BULGE = 0.02
@@ -55,7 +51,7 @@ class Occlusion:
 
     @classmethod
     def prepare(
-        cls, view: View, laser: TwoMirror, nodes: Array, triangles: Indices, clearance: float
+        cls, view: View, laser: TwoMirror, nodes: Array, triangles: IndexArray, clearance: float
     ) -> Occlusion:
         """Sort the triangles of a surface into bins.
 
@@ -81,7 +77,7 @@ class Occlusion:
         bins = Bins.of(plane.min(axis=1) - bulge, plane.max(axis=1) + bulge)
         return cls(view, laser.mirror_offset, corner, clearance, bins)
 
-    def hides(self, points: Array) -> Bools:
+    def hides(self, points: Array) -> BoolArray:
         """Which points stand behind the surface, shape (point,).
 
         Parameters
@@ -94,7 +90,7 @@ class Occlusion:
             hidden[k : k + BLOCK] = self._hides(to_laser(self.view, points[k : k + BLOCK]))
         return hidden
 
-    def _hides(self, end: Array) -> Bools:
+    def _hides(self, end: Array) -> BoolArray:
         angles = project(end, self.mirror_offset)
         beam, triangle = self.bins.pairs(_plane(angles))
         begin = np.zeros_like(end)
@@ -106,7 +102,7 @@ class Occlusion:
         return np.bincount(beam[met], minlength=len(end)) > 0
 
 
-def _meets(begin: Array, way: Array, part: Array, corner: Array, triangle: Indices) -> Bools:
+def _meets(begin: Array, way: Array, part: Array, corner: Array, triangle: IndexArray) -> BoolArray:
     """Whether each beam ``begin + s way``, 0 < s < part, meets its triangle."""
     a, b, c = np.moveaxis(corner, 1, 0)
     normal = np.cross(b - a, c - a)

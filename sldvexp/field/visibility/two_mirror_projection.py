@@ -6,15 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import polynomial
-from numpy.typing import NDArray
 
 from sldvexp.field.visibility.view import View
 from sldvexp.geometry.rotation import skew
 from sldvexp.laser.model import direction_cosines, project, project_jacobian
 from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from sldvexp.typing import Array, BoolArray
 
 
 class Sight(NamedTuple):
@@ -30,8 +27,8 @@ class Sight(NamedTuple):
     """
 
     dac: Array
-    behind: Bools
-    off_board: Bools
+    behind: BoolArray
+    off_board: BoolArray
     directions: Array
 
 

@@ -6,16 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.field.visibility.adjusted import adjusted
 from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import EXTRINSICS
 from sldvexp.pose.intrinsics import nominal_intrinsics, places
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, BoolArray, ComplexArray
 
 #: How far ``R R'`` of a rotation may be from the identity.
 ORTHOGONAL = 1e-9
@@ -62,9 +61,9 @@ class View:
     origin: Array
     covariance: Array | None
     dac: Array
-    velocity: NDArray[np.complex128]
+    velocity: ComplexArray
     std: Array
-    flags: NDArray[np.integer] | NDArray[np.bool_]
+    flags: NDArray[np.integer] | BoolArray
     shape: tuple[int, int] | None = None
     intrinsics: Array | None = None
 
@@ -74,7 +73,7 @@ class View:
         self._check_pixels()
 
     @property
-    def usable(self) -> NDArray[np.bool_]:
+    def usable(self) -> BoolArray:
         """Which pixels have no flag, shape (pixel,)."""
         return np.asarray(self.flags == 0)
 

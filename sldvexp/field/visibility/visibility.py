@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from sldvexp.field.visibility.occlusion import Occlusion
 from sldvexp.field.visibility.two_mirror_projection import pose_derivative, sight
@@ -14,9 +12,8 @@ from sldvexp.field.visibility.view import View
 from sldvexp.image.interpolation.base import Interpolator
 from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.laser.two_mirror import TwoMirror
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 
 #: Steepest accepted angle between the surface's normal and the direction to the instrument, rad.
 GRAZING = np.radians(75.0)
@@ -49,14 +46,14 @@ class Seen:
         How many samples have no velocity, by the reason.
     """
 
-    valid: Bools
+    valid: BoolArray
     directions: Array
-    weights: csr_array
-    gradient: tuple[csr_array, csr_array]
+    weights: scipy.sparse.csr_array
+    gradient: tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]
     dac: Array
     lost: dict[str, int]
 
-    def velocity(self, view: View) -> NDArray[np.complex128]:
+    def velocity(self, view: View) -> ComplexArray:
         """Interpolated velocities, shape (sample, frequency), m/s; 0 where not `valid`."""
         return np.asarray(self.weights @ view.velocity)
 
@@ -149,11 +146,13 @@ def look(
     return Seen(valid, found.directions, value, (up_down, left_right), found.dac, lost)
 
 
-def _spread(weights: csr_array, rows: NDArray[np.intp], count: int) -> csr_array:
+def _spread(
+    weights: scipy.sparse.csr_array, rows: IndexArray, count: int
+) -> scipy.sparse.csr_array:
     """The rows of a matrix as these rows of one with `count` rows, the others empty."""
     length = np.zeros(count + 1, weights.indptr.dtype)
     length[rows + 1] = np.diff(weights.indptr)
     start = np.cumsum(length, dtype=weights.indptr.dtype)
     # Of its own: some of scipy's methods sort a matrix in place, which others would share.
     indices = weights.indices.copy()
-    return csr_array((weights.data, indices, start), shape=(count, weights.shape[1]))
+    return scipy.sparse.csr_array((weights.data, indices, start), shape=(count, weights.shape[1]))

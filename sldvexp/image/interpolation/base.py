@@ -10,11 +10,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csr_array
-
-Array = NDArray[np.float64]
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, BoolArray, ComplexArray
 
 
 class Pixels(Protocol):
@@ -27,11 +24,11 @@ class Pixels(Protocol):
     @property
     def dac(self) -> Array: ...
     @property
-    def velocity(self) -> NDArray[np.complex128]: ...
+    def velocity(self) -> ComplexArray: ...
     @property
     def std(self) -> Array: ...
     @property
-    def usable(self) -> NDArray[np.bool_]: ...
+    def usable(self) -> BoolArray: ...
     @property
     def shape(self) -> tuple[int, int] | None: ...
 
@@ -50,10 +47,10 @@ class Weights:
         Why there is no value.
     """
 
-    value: csr_array
-    gradient: tuple[csr_array, csr_array]
-    outside: NDArray[np.bool_]
-    flagged: NDArray[np.bool_]
+    value: scipy.sparse.csr_array
+    gradient: tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]
+    outside: BoolArray
+    flagged: BoolArray
 
 
 class Interpolator(ABC):

@@ -8,14 +8,12 @@ the Catmull-Rom cubic; on a lattice of even steps it is that of both directions.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csr_array, vstack
 
 from sldvexp.image.interpolation.base import Interpolator, Weights
 from sldvexp.image.interpolation.mesh import Located, Mesh
 from sldvexp.image.interpolation.patches import TERMS, fit_patches, monomials
-
-Array = NDArray[np.float64]
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array
 
 #: How many places are weighted at once.
 BLOCK = 65536
@@ -43,7 +41,7 @@ class Cubic(Interpolator):
         if len(blocks) == 1:
             return blocks[0]
         value, up_down, left_right = (
-            vstack(each, format="csr")
+            scipy.sparse.vstack(each, format="csr")
             for each in zip(*((b.value, *b.gradient) for b in blocks), strict=True)
         )
         return Weights(
@@ -66,7 +64,7 @@ class Cubic(Interpolator):
         both = up_down, left_right
         return Weights(self._over_pixels(at, value), both, at.outside, at.flagged)
 
-    def _over_pixels(self, at: Located, weight: Array) -> csr_array:
+    def _over_pixels(self, at: Located, weight: Array) -> scipy.sparse.csr_array:
         """Weights of the pixels from those (found, k, term) of the patches' coefficients."""
         vertices = len(self.mesh.vertices)
         column = at.corner[..., None] + vertices * np.arange(TERMS)

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.image.interpolation.base import Pixels
 from sldvexp.image.interpolation.mesh import Mesh, cross
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Indices = NDArray[np.intp]
+from sldvexp.typing import Array, BoolArray, IndexArray
 
 
 class Lattice(Mesh):
@@ -24,7 +20,7 @@ class Lattice(Mesh):
 
     biquadratic = True
 
-    def __init__(self, grid: Array, usable: Bools) -> None:
+    def __init__(self, grid: Array, usable: BoolArray) -> None:
         super().__init__(grid.reshape(-1, 2), corners_of_cells(grid), usable)
         self.grid = grid
 
@@ -39,7 +35,7 @@ class Lattice(Mesh):
         dv = np.stack([-along_u[:, 1], along_u[:, 0]], axis=-1) / area[:, None]
         return weight, by_u[..., None] * du[:, None] + by_v[..., None] * dv[:, None]
 
-    def neighbours(self) -> tuple[Indices, Indices]:
+    def neighbours(self) -> tuple[IndexArray, IndexArray]:
         """The eight around each pixel; at the lattice's border of the 3 x 3 pixels next to it."""
         rows, columns = self.grid.shape[:2]
         number = np.arange(rows * columns)
@@ -59,7 +55,7 @@ class Lattice(Mesh):
 class StraightLattice(Lattice):
     """Rows of one up_down step each and columns of one left_right step each."""
 
-    def find(self, places: Array) -> Indices:
+    def find(self, places: Array) -> IndexArray:
         """The cell of each place, by bisection."""
         rows, columns = self.grid[:, 0, 0], self.grid[0, :, 1]
         (row, above), (column, beside) = (
@@ -87,7 +83,7 @@ def lattice_of(image: Pixels) -> Lattice | None:
     return (StraightLattice if straight else Lattice)(grid, image.usable)
 
 
-def corners_of_cells(grid: Array) -> Indices:
+def corners_of_cells(grid: Array) -> IndexArray:
     """Pixels round each cell, counterclockwise, shape (cell, 4)."""
     rows, columns = grid.shape[:2]
     number = np.arange(rows * columns).reshape(rows, columns)
@@ -121,7 +117,7 @@ def _cell_coordinates(corners: Array, places: Array) -> tuple[Array, Array]:
     return u, v
 
 
-def _interval(axis: Array, x: Array) -> tuple[Indices, Bools]:
+def _interval(axis: Array, x: Array) -> tuple[IndexArray, BoolArray]:
     """The interval of a monotonic axis that holds each x, and whether it is beside them all."""
     way = np.sign(axis[-1] - axis[0])
     k = np.searchsorted(way * axis, way * x, side="right") - 1
@@ -129,7 +125,7 @@ def _interval(axis: Array, x: Array) -> tuple[Indices, Bools]:
     return np.clip(k, 0, len(axis) - 2), beside
 
 
-def _block(number: Indices, size: int) -> Indices:
+def _block(number: IndexArray, size: int) -> IndexArray:
     """The three numbers around each, within 0 to size - 1, shape (..., 3); two if that is all."""
     width = min(3, size)
     return np.clip(number - 1, 0, size - width)[:, None] + np.arange(width)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.image.interpolation.base import Interpolator, Weights
 from sldvexp.image.interpolation.mesh import Mesh
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 
 class Linear(Interpolator):

@@ -6,14 +6,10 @@ from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from sldvexp.geometry.bins import Bins
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Indices = NDArray[np.intp]
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: In cell sizes: by how much a place may be beside a cell and count as on its edge. Rounding only.
 ROUNDING = 1e-10
@@ -36,19 +32,21 @@ class Located(NamedTuple):
         Places that are in no cell, or in one with a flagged pixel.
     """
 
-    place: Indices
-    corner: Indices
+    place: IndexArray
+    corner: IndexArray
     weight: Array
     gradient: Array
-    outside: Bools
-    flagged: Bools
+    outside: BoolArray
+    flagged: BoolArray
 
-    def rows(self, column: Indices, weight: Array, columns: int) -> csr_array:
+    def rows(self, column: IndexArray, weight: Array, columns: int) -> scipy.sparse.csr_array:
         """A matrix with these weights (found, n) in each found place's row, the others empty."""
         length = np.zeros(len(self.outside) + 1, np.intp)
         length[self.place + 1] = column.shape[1]
         shape = len(self.outside), columns
-        return csr_array((weight.ravel(), column.ravel(), np.cumsum(length)), shape=shape)
+        return scipy.sparse.csr_array(
+            (weight.ravel(), column.ravel(), np.cumsum(length)), shape=shape
+        )
 
 
 class Mesh(ABC):
@@ -73,7 +71,11 @@ class Mesh(ABC):
     biquadratic = False
 
     def __init__(
-        self, vertices: Array, cells: Indices, usable: Bools, merge: csr_array | None = None
+        self,
+        vertices: Array,
+        cells: IndexArray,
+        usable: BoolArray,
+        merge: scipy.sparse.csr_array | None = None,
     ) -> None:
         self.vertices = vertices
         self.cells = cells
@@ -99,7 +101,7 @@ class Mesh(ABC):
         """
 
     @abstractmethod
-    def neighbours(self) -> tuple[Indices, Indices]:
+    def neighbours(self) -> tuple[IndexArray, IndexArray]:
         """Pairs of a usable vertex and each usable one near it, in ascending order of the first."""
 
     @abstractmethod
@@ -118,7 +120,7 @@ class Mesh(ABC):
         weight, gradient = self.shape_functions(self.vertices[corner], places[place])
         return Located(place, corner, weight, gradient, ~inside & ~flagged, flagged)
 
-    def find(self, places: Array) -> Indices:
+    def find(self, places: Array) -> IndexArray:
         """The cell of each place, shape (place,), -1 where there is none."""
         place, cell = self._bins.pairs(places)
         corners = self.vertices[self.cells[cell]]
@@ -131,11 +133,11 @@ class Mesh(ABC):
         found[place[inside][::-1]] = cell[inside][::-1]
         return found
 
-    def over_pixels(self, weights: csr_array) -> csr_array:
+    def over_pixels(self, weights: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
         """Weights of the pixels from weights of the vertices, shape (place, pixel)."""
         return weights if self.merge is None else weights @ self.merge
 
-    def in_hole(self, places: Array) -> Bools:
+    def in_hole(self, places: Array) -> BoolArray:
         """Which of the places outside of all cells are in a hole that flags have made."""
         return np.zeros(len(places), bool)
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from enum import Enum
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from sldvexp.image.interpolation.base import Interpolator, Pixels
+from sldvexp.image.interpolation.base import Interpolator, Pixels
+from sldvexp.image.interpolation.cubic import Cubic
+from sldvexp.image.interpolation.image_mesh import mesh_of
+from sldvexp.image.interpolation.linear import Linear
 
 
 class Interpolation(Enum):
@@ -39,9 +40,5 @@ class Interpolation(Enum):
             If the image has fewer than three usable pixels, all on a line, or differing
             velocities at one place.
         """
-        from sldvexp.image.interpolation.cubic import Cubic
-        from sldvexp.image.interpolation.image_mesh import mesh_of
-        from sldvexp.image.interpolation.linear import Linear
-
         mesh = mesh_of(image)
         return Linear(mesh) if self is Interpolation.linear else Cubic(mesh)

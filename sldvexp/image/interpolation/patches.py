@@ -8,12 +8,9 @@ linear in the values: a sparse matrix gives them.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csr_array, eye_array, vstack
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Indices = NDArray[np.intp]
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Powers of the two coordinates, the constant first: linear, quadratic, biquadratic.
 POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (2, 1), (1, 2), (2, 2))
@@ -50,8 +47,8 @@ def monomials(place: Array) -> tuple[Array, Array]:
 
 
 def fit_patches(
-    vertices: Array, frame: Array, first: Indices, second: Indices, biquadratic: bool
-) -> csr_array:
+    vertices: Array, frame: Array, first: IndexArray, second: IndexArray, biquadratic: bool
+) -> scipy.sparse.csr_array:
     """The coefficients of every vertex' patch from the values of the vertices.
 
     Parameters
@@ -82,16 +79,18 @@ def fit_patches(
         found, determined = _fit(first[pair], term[pair, 1:size], weight[pair], size == LINEAR)
         coefficient[pair[determined], 1:size] = found[determined]
         left[pair[determined]] = False
-    blocks = [eye_array(count, format="csr")]
+    blocks = [scipy.sparse.eye_array(count, format="csr")]
     for m in range(1, TERMS):
         used = np.flatnonzero(np.abs(coefficient[:, m]) > NOTHING)
         values, i = coefficient[used, m], first[used]
         rows, columns = np.append(i, i), np.append(second[used], i)
-        blocks.append(csr_array((np.append(values, -values), (rows, columns)), (count, count)))
-    return vstack(blocks, format="csr")
+        blocks.append(
+            scipy.sparse.csr_array((np.append(values, -values), (rows, columns)), (count, count))
+        )
+    return scipy.sparse.vstack(blocks, format="csr")
 
 
-def _fit(first: Indices, term: Array, weight: Array, last: bool) -> tuple[Array, Bools]:
+def _fit(first: IndexArray, term: Array, weight: Array, last: bool) -> tuple[Array, BoolArray]:
     """Coefficients by each pair's value, shape (pair, term), and whether they are determined."""
     start = np.flatnonzero(np.diff(first, prepend=-1))
     patch = np.cumsum(np.diff(first, prepend=first[0]) > 0)

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.spatial import Delaunay, KDTree, QhullError
 
 from sldvexp.errors import UserError
 from sldvexp.image.interpolation.base import Pixels
 from sldvexp.image.interpolation.mesh import Mesh, cross
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Indices = NDArray[np.intp]
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Triangles with a side this much longer than the median triangle's longest span a hole.
 HOLE = 3.0
@@ -37,10 +32,15 @@ class Triangles(Mesh):
     """
 
     def __init__(
-        self, vertices: Array, cells: Indices, merge: csr_array, pixels: Array, flagged: Bools
+        self,
+        vertices: Array,
+        cells: IndexArray,
+        merge: scipy.sparse.csr_array,
+        pixels: Array,
+        flagged: BoolArray,
     ) -> None:
         super().__init__(vertices, cells, np.ones(len(vertices), bool), merge)
-        self._every_pixel = KDTree(pixels)
+        self._every_pixel = scipy.spatial.KDTree(pixels)
         self._flagged_pixel = flagged
 
     def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:
@@ -52,12 +52,14 @@ class Triangles(Mesh):
         aside = cross(opposite, places[:, None] - np.roll(corners, -1, axis=1))
         return aside / area[:, None], gradient
 
-    def neighbours(self) -> tuple[Indices, Indices]:
+    def neighbours(self) -> tuple[IndexArray, IndexArray]:
         """All that are two sides of triangles away or less."""
         sides = np.concatenate([self.cells, np.roll(self.cells, 1, axis=1)]).reshape(2, -1)
         first, second = np.concatenate([sides, sides[::-1]], axis=1)
         n = len(self.vertices)
-        near = csr_array((np.ones(len(first), np.int32), (first, second)), shape=(n, n))
+        near = scipy.sparse.csr_array(
+            (np.ones(len(first), np.int32), (first, second)), shape=(n, n)
+        )
         near = (near + near @ near).tocsr()
         near.sort_indices()
         one, other = np.repeat(np.arange(n), np.diff(near.indptr)), near.indices.astype(np.intp)
@@ -72,7 +74,7 @@ class Triangles(Mesh):
         mean = np.bincount(first, square, n) / np.maximum(many, 1)
         return np.eye(2) / np.sqrt(np.where(many > 0, mean, 1.0))[:, None, None]
 
-    def in_hole(self, places: Array) -> Bools:
+    def in_hole(self, places: Array) -> BoolArray:
         """Which places are nearest to a flagged pixel."""
         return self._flagged_pixel[self._every_pixel.query(places)[1]]
 
@@ -90,8 +92,8 @@ def triangulate(image: Pixels) -> Triangles:
     vertices, vertex = np.unique(image.dac[image.usable], axis=0, return_inverse=True)
     merge = _merge(image, vertex.ravel(), len(vertices))
     try:
-        cells = Delaunay(vertices - vertices.mean(axis=0)).simplices.astype(np.intp)
-    except (QhullError, ValueError):
+        cells = scipy.spatial.Delaunay(vertices - vertices.mean(axis=0)).simplices.astype(np.intp)
+    except (scipy.spatial.QhullError, ValueError):
         cells = np.empty((0, 3), np.intp)
     corners = vertices[cells]
     edge = np.roll(corners, -1, axis=1) - corners
@@ -107,7 +109,7 @@ def triangulate(image: Pixels) -> Triangles:
     return Triangles(vertices, cells[kept], merge, image.dac, ~image.usable)
 
 
-def _merge(image: Pixels, vertex: Indices, vertices: int) -> csr_array:
+def _merge(image: Pixels, vertex: IndexArray, vertices: int) -> scipy.sparse.csr_array:
     """Mean of the usable pixels at each vertex, weighted by their accuracy."""
     pixel = np.flatnonzero(image.usable)
     _require_agreement(image, pixel, vertex, vertices)
@@ -115,10 +117,10 @@ def _merge(image: Pixels, vertex: Indices, vertices: int) -> csr_array:
     exact = np.bincount(vertex, variance == 0, vertices)[vertex] > 0
     accuracy = np.where(exact, 1.0, 1.0 / np.where(exact, 1.0, variance))
     share = accuracy / np.bincount(vertex, accuracy, vertices)[vertex]
-    return csr_array((share, (vertex, pixel)), shape=(vertices, len(image.dac)))
+    return scipy.sparse.csr_array((share, (vertex, pixel)), shape=(vertices, len(image.dac)))
 
 
-def _require_agreement(image: Pixels, pixel: Indices, vertex: Indices, vertices: int) -> None:
+def _require_agreement(image: Pixels, pixel: IndexArray, vertex: IndexArray, vertices: int) -> None:
     """Pixels at one place agree with the first of them within their errors."""
     if vertices == len(pixel):
         return

@@ -9,14 +9,11 @@ import importlib
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
 
 from sldvexp.errors import UserError
 from sldvexp.files import require_file, whole_or_nothing
-
-if TYPE_CHECKING:
-    from sldvexp.io.registration.table import RegistrationTable
-    from sldvexp.units import LengthUnit
+from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.units import LengthUnit
 
 #: Suffix of a file to the module that reads and writes it.
 FORMATS = {

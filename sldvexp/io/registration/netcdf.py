@@ -13,13 +13,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
-from numpy.typing import NDArray
 
 from sldvexp import dataset as run
 from sldvexp.errors import UserError
 from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.io.text_fields import stated_or_given
+from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array
 from sldvexp.units import AngleUnit, LengthUnit, unit_named
 
 GROUP = "registration"
@@ -33,8 +33,6 @@ ARRAYS = {
     "angle": ("angle", 2),
     "dac": ("dac", 2),
 }
-
-Array = NDArray[np.float64]
 
 
 def read(path: Path, unit: LengthUnit | None = None) -> list[RegistrationTable]:

@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
-from sldvexp.laser.two_mirror import MIRRORS
+from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
+from sldvexp.typing import Array, IntArray
 from sldvexp.units import LengthUnit
-
-if TYPE_CHECKING:
-    from sldvexp.laser.two_mirror import TwoMirror
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +44,7 @@ class RegistrationTable:
     """
 
     name: str
-    number: NDArray[np.int64]
+    number: IntArray
     object_point: Array
     angle: Array | None = None
     dac: Array | None = None

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.io.uff.index import Entry, shown
 from sldvexp.io.uff.source import Source
+from sldvexp.typing import Array
 
 #: A number as Fortran writes it: ``1.5``, ``1.5E3``, ``1.5D+03``, and ``1.5-101``: an exponent
 #: of three digits has no letter.
@@ -105,9 +105,7 @@ def numbers(line: bytes, width: int) -> list[float] | None:
     return None
 
 
-def table(
-    source: Source, entry: Entry, start: int, widths: Sequence[int], count: int
-) -> NDArray[np.float64]:
+def table(source: Source, entry: Entry, start: int, widths: Sequence[int], count: int) -> Array:
     """All numbers from `start` to the end of a data set, which must be `count` of them.
 
     Parameters
@@ -136,7 +134,7 @@ def table(
     return values
 
 
-def between_blanks(text: bytes) -> NDArray[np.float64] | None:
+def between_blanks(text: bytes) -> Array | None:
     """Numbers between blanks, fast; None if they are not all numbers."""
     if NO_NUMBERS.search(text):
         return None
@@ -148,7 +146,7 @@ def between_blanks(text: bytes) -> NDArray[np.float64] | None:
 
 def _in_columns(
     source: Source, entry: Entry, start: int, text: bytes, widths: Sequence[int]
-) -> NDArray[np.float64]:
+) -> Array:
     """Numbers in columns of fixed widths, as where a sign fills the last blank between them."""
     edges = np.concatenate([[0], np.cumsum(widths)])
     found: list[float] = []

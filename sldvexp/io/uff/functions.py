@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sldvexp.io.uff.fortran import columns, integers, number, table
 from sldvexp.io.uff.index import ASCII_LINES, Entry, shown
 from sldvexp.io.uff.source import Source
+from sldvexp.typing import Array
 
 #: Types of functions by their number in the file, as far as they are spoken of; and of those that
 #: values at nodes, one data set a frequency, are put together to.
@@ -194,7 +195,7 @@ def read_values(source: Source, function: Function) -> tuple[NDArray, NDArray]:
     return abscissa, ordinate.reshape(function.size)
 
 
-def _binary_values(source: Source, function: Function) -> NDArray[np.float64]:
+def _binary_values(source: Source, function: Function) -> Array:
     """The values of a 58b, shape (value, numbers of each)."""
     entry = function.entry
     assert entry.binary is not None

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sldvexp.io.uff.fortran import Lines
-from sldvexp.io.uff.index import Entry
+from sldvexp.io.uff.fortran import Lines, integers, numbers
+from sldvexp.io.uff.index import Entry, shown
 from sldvexp.io.uff.source import Source
 from sldvexp.io.uff.systems import WORLD, System, read_systems
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array, IntArray
 
 #: Elements of data set 2412 that have a line about their orientation.
 BEAMS = (11, 21, 22, 23, 24)
@@ -42,11 +40,11 @@ class Geometry:
         Indices of nodes that a line joins.
     """
 
-    label: NDArray[np.int64]
+    label: IntArray
     position: Array
     system: tuple[System, ...]
-    triangles: NDArray[np.int64]
-    quadrilaterals: NDArray[np.int64]
+    triangles: IntArray
+    quadrilaterals: IntArray
     lines: tuple[tuple[int, ...], ...]
 
     def index(self) -> dict[int, int]:
@@ -115,9 +113,6 @@ def _nodes(
 
 def _node_15(lines: Lines) -> tuple[list[int], list[float]]:
     """Label, systems and coordinates of data set 15: 4I10, 3E13.5."""
-    from sldvexp.io.uff.fortran import integers, numbers
-    from sldvexp.io.uff.index import shown
-
     line = lines.next("a node")
     for head, rest in ((line[:40], line[40:]), _split(line)):
         whole, real = integers(head, 10), numbers(rest, 13)

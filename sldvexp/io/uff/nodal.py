@@ -12,6 +12,7 @@ from sldvexp.io.uff.fortran import Lines, between_blanks
 from sldvexp.io.uff.functions import NODAL, Axis, Function
 from sldvexp.io.uff.index import Entry
 from sldvexp.io.uff.source import Source
+from sldvexp.typing import Array, IntArray
 
 #: What an analysis is called by its number; only a frequency response has values of one frequency.
 ANALYSES = {
@@ -51,7 +52,7 @@ class Nodal(NamedTuple):
     text: tuple[str, ...]
     quantity: int
     frequency: float
-    node: NDArray[np.int64]
+    node: IntArray
     values: NDArray
 
 
@@ -95,7 +96,7 @@ def read_nodal(source: Source, entry: Entry, containing: str = "") -> Nodal | No
     return Nodal(entry, text, quantity, frequency, node, values)
 
 
-def _rows(lines: Lines, count: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _rows(lines: Lines, count: int) -> tuple[IntArray, Array]:
     """Numbers of nodes and their values, to the end of the data set."""
     start = lines.at
     flat = between_blanks(b"\n".join(lines.text[start:]))

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.io.uff.fortran import Lines
 from sldvexp.io.uff.index import Entry
 from sldvexp.io.uff.source import Source
-
-Array = NDArray[np.float64]
+from sldvexp.typing import Array
 
 CARTESIAN, CYLINDRICAL, SPHERICAL = 0, 1, 2
 #: How far from orthonormal axes may be that are written with six digits.

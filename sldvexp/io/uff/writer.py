@@ -7,8 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from sldvexp.typing import Array, IntArray
 
 DELIMITER = "    -1"
 #: Descriptors of finite elements: thin shell linear triangle, solid linear wedge.

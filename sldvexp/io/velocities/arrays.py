@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import xarray as xr
-
 from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.io.velocities.foreign import ordered, renamed
 from sldvexp.io.velocities.from_arrays import REQUIRED, from_arrays
 from sldvexp.io.velocities.layout import KNOWN, ORDER, OWN, Layout
 from sldvexp.io.velocities.table import LineOfSight
+from sldvexp.lazy import xarray as xr
 from sldvexp.units import VelocityUnit
 
 

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import read_text
 from sldvexp.io.velocities.layout import OWN, Layout
 from sldvexp.io.velocities.table import LineOfSight
+from sldvexp.lazy import pandas as pd
+from sldvexp.typing import IndexArray
 from sldvexp.units import VelocityUnit
 
 REQUIRED = ("view", "dx", "dy", "dz", "real")
@@ -77,9 +77,7 @@ def read(path: Path, unit: VelocityUnit, layout: Layout = OWN) -> LineOfSight:
     )
 
 
-def _cells(
-    table: pd.DataFrame, path: Path
-) -> tuple[list[list[Any]], tuple[int, ...], NDArray[np.intp]]:
+def _cells(table: pd.DataFrame, path: Path) -> tuple[list[list[Any]], tuple[int, ...], IndexArray]:
     """Labels along `AXES`, how many there are of each, and the cell of every row.
 
     Raises

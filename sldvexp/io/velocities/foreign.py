@@ -6,10 +6,10 @@ import re
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
 from sldvexp.errors import UserError
 from sldvexp.io.velocities.layout import ORDER, Layout
+from sldvexp.lazy import xarray as xr
 
 DIMENSIONS = (*ORDER, "axis")
 #: Dimensions that each variable may have; the first is needed.

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.io.velocities.table import LineOfSight
+from sldvexp.typing import Array
 from sldvexp.units import VelocityUnit
 
 REQUIRED = ("direction_cosines", "velocity")
@@ -84,7 +84,7 @@ def _labels(values: Mapping[str, Any], dim: str, size: int, path: Path) -> list[
     return names
 
 
-def _frequencies(values: Mapping[str, Any], size: int, path: Path) -> NDArray[np.float64] | None:
+def _frequencies(values: Mapping[str, Any], size: int, path: Path) -> Array | None:
     """The frequencies of the velocities; None for a single one that is not stated."""
     if "frequency" not in values:
         if size > 1:

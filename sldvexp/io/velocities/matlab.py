@@ -11,6 +11,7 @@ from sldvexp.errors import UserError
 from sldvexp.io.velocities.from_arrays import REQUIRED, from_arrays, with_velocity
 from sldvexp.io.velocities.layout import ORDER, OWN, Layout
 from sldvexp.io.velocities.table import LineOfSight
+from sldvexp.lazy import netCDF4, scipy
 from sldvexp.units import VelocityUnit
 
 
@@ -40,10 +41,8 @@ def read_matlab(path: Path, unit: VelocityUnit, layout: Layout = OWN) -> LineOfS
 
 def _arrays(path: Path) -> dict[str, Any]:
     """The file's arrays by name."""
-    from scipy.io import loadmat
-
     try:
-        found = loadmat(path)
+        found = scipy.io.loadmat(path)
     except NotImplementedError:
         return _of_version_7_3(path)
     except Exception:  # whatever the reader stumbles over in a file that is none, or is damaged
@@ -57,8 +56,6 @@ def _of_version_7_3(path: Path) -> dict[str, Any]:
     MATLAB writes the last dimension first there, complex numbers as pairs, and text as numbers.
     Cells are not among what the netCDF library reads.
     """
-    import netCDF4
-
     try:
         with netCDF4.Dataset(path, auto_complex=True) as file:
             file.set_auto_mask(False)

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
+from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array, BoolArray, ComplexArray
 
 #: Unit vectors may be printed with three digits.
 LARGEST_LENGTH_ERROR = 5e-3
@@ -46,10 +47,10 @@ class LineOfSight:
     source: str
     view: list[str]
     point: list[str] | None
-    frequency: NDArray[np.float64] | None
-    direction_cosines: NDArray[np.float64]
-    velocity: NDArray[np.float64] | NDArray[np.complex128]
-    std: NDArray[np.float64] | None = None
+    frequency: Array | None
+    direction_cosines: Array
+    velocity: Array | ComplexArray
+    std: Array | None = None
 
     def __post_init__(self) -> None:
         cosines, velocity, std = self.direction_cosines, self.velocity, self.std
@@ -68,7 +69,7 @@ class LineOfSight:
         if self.frequency is not None:
             self._check_frequencies(self.frequency)
 
-    def _check(self, what: str, values: NDArray, good: NDArray[np.bool_], right: str) -> None:
+    def _check(self, what: str, values: NDArray, good: BoolArray, right: str) -> None:
         """Complain about the first bad entry of an array that starts with (view, point)."""
         if good.all():
             return
@@ -81,7 +82,7 @@ class LineOfSight:
         shown = f"the {what} of {', '.join(at)} is {values[index]:.6g}"
         raise UserError(f"{self.source}: {shown}, but {right}")
 
-    def _check_frequencies(self, frequency: NDArray[np.float64]) -> None:
+    def _check_frequencies(self, frequency: Array) -> None:
         """Frequencies are finite, not negative, and differ."""
         bad = frequency[~(np.isfinite(frequency) & (frequency >= 0))]
         if bad.size:
@@ -91,7 +92,7 @@ class LineOfSight:
 
     def group(self) -> xr.Dataset:
         """The run's group ``line_of_sight``; unnamed single points and frequencies are dropped."""
-        coords: dict[str, list[str] | NDArray[np.float64]] = {"view": self.view}
+        coords: dict[str, list[str] | Array] = {"view": self.view}
         sight, velocity, std = self.direction_cosines, self.velocity, self.std
         if self.point is None:
             sight, velocity = sight[:, 0], velocity[:, 0]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-if TYPE_CHECKING:
-    from rich.table import Table as TerminalTable
+from rich.table import Table as TerminalTable
+from rich.text import Text as Marked
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,6 @@ class Table:
     @classmethod
     def of(cls, shown: TerminalTable, wide: Sequence[int] = ()) -> Table:
         """The same as a table that the terminal shows."""
-        from rich.text import Text as Marked
-
         columns = [[Marked.from_markup(str(c)).plain for c in of.cells] for of in shown.columns]
         headers = [Marked.from_markup(str(of.header)).plain for of in shown.columns]
         rows = list(zip(*columns, strict=True))

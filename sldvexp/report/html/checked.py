@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
+from sldvexp.lazy import xarray as xr
 from sldvexp.report.field_tables import strongest, truth_table
 from sldvexp.report.html.blocks import More, Section, Table, Text
 from sldvexp.report.html.page_data import Subject

@@ -5,13 +5,16 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import matplotlib
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure as Drawn
+
+from sldvexp.plot import figures_of
+from sldvexp.plot.style import SETTINGS
 from sldvexp.report.html.blocks import Figure, Text
 from sldvexp.report.html.page_data import Subject
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Drawn
 
 #: Which figures stand in which part of a page, with what they show. A page is made in seconds, so
 #: that it has none of scan lines and of single views; `sldvexp plot` has those.
@@ -59,8 +62,6 @@ def figures(run: Subject, part: str) -> Iterator[Figure | Text]:
 
 def sweep_figures(table: Any) -> Iterator[Figure | Text]:
     """The figure of a sweep, if it can be drawn."""
-    from sldvexp.plot import figures_of
-
     for name, draw in figures_of(table).items():
         if name == "sweep":
             yield _figure(name, draw, SWEEP_CAPTION)
@@ -79,11 +80,6 @@ def _figure(
 
 def _address(drawn: Drawn) -> str:
     """A picture as a ``data:`` address, the same from the same data."""
-    import matplotlib
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-
-    from sldvexp.plot.style import SETTINGS
-
     content = io.BytesIO()
     settings: dict[Any, Any] = {name: SETTINGS[name] for name in OF_FILES}
     with matplotlib.rc_context(settings):

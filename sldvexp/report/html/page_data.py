@@ -8,17 +8,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import xarray as xr
 import yaml
+from matplotlib.figure import Figure as Drawn
 
 from sldvexp import dataset
 from sldvexp.dataset.recorded import as_read
 from sldvexp.errors import UserError
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Drawn
+from sldvexp.lazy import xarray as xr
+from sldvexp.plot import figures_of
 
 
 @dataclass(frozen=True)
@@ -51,8 +50,6 @@ class Subject:
     @cached_property
     def drawable(self) -> dict[str, Callable[..., Drawn]]:
         """The figures that can be drawn of it."""
-        from sldvexp.plot import figures_of
-
         return figures_of(self.tree)
 
     def below(self, name: str) -> dict[str, xr.Dataset]:

@@ -6,8 +6,8 @@ import json
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-import xarray as xr
 
+from sldvexp.lazy import xarray as xr
 from sldvexp.report.html.blocks import More, Section, Table, Text, having
 from sldvexp.report.html.figures import figures
 from sldvexp.report.html.page_data import Subject

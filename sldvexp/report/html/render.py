@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sldvexp.files import whole_or_nothing
+from sldvexp.lazy import jinja2, markupsafe, plotly
 from sldvexp.report.html.blocks import Link, More, Section, Shape
 
 
@@ -41,11 +42,8 @@ def render(title: str, subtitle: str, sections: Sequence[Section]) -> str:
     title, subtitle : str
     sections : sequence of Section
     """
-    from jinja2 import Environment, StrictUndefined
-    from markupsafe import Markup
-
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["number_like"] = number_like
     moves = any(isinstance(block, Shape) for block in _flat(sections))
@@ -53,10 +51,10 @@ def render(title: str, subtitle: str, sections: Sequence[Section]) -> str:
         title=title,
         subtitle=subtitle,
         sections=sections,
-        style=Markup(_own("page.css")),
-        script=Markup(_own("shape.js")) if moves else "",
-        plotly=Markup(_own("canvas.js") + _plotly()) if moves else "",
-        as_json=lambda data: Markup(_json(data)),
+        style=markupsafe.Markup(_own("page.css")),
+        script=markupsafe.Markup(_own("shape.js")) if moves else "",
+        plotly=markupsafe.Markup(_own("canvas.js") + _plotly()) if moves else "",
+        as_json=lambda data: markupsafe.Markup(_json(data)),
     )
 
 
@@ -81,9 +79,7 @@ def _own(name: str) -> str:
 @functools.cache
 def _plotly() -> str:
     """The drawing library's script, as its package has it."""
-    from plotly.offline import get_plotlyjs
-
-    return str(get_plotlyjs()).replace("</script", "<\\/script")
+    return str(plotly.offline.get_plotlyjs()).replace("</script", "<\\/script")
 
 
 def _flat(sections: Sequence[Section]) -> Iterator[Any]:

@@ -6,9 +6,9 @@ import base64
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
+from sldvexp.lazy import xarray as xr
 from sldvexp.plot.points_shape import joined_points, normals
 
 #: Frequencies are left out beyond so many bytes, the strongest are kept.

@@ -10,9 +10,9 @@ from typing import Any
 from urllib.parse import quote
 
 import numpy as np
-import xarray as xr
 
 from sldvexp.errors import UserError
+from sldvexp.lazy import xarray as xr
 from sldvexp.report.html import render
 from sldvexp.report.html.blocks import Code, Facts, Link, Listing, Section, Table, Text, having
 from sldvexp.report.html.figures import sweep_figures
