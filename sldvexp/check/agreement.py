@@ -8,8 +8,8 @@ import numpy as np
 
 from sldvexp.check.base import Examined
 from sldvexp.errors import UserError
-from sldvexp.field.run import looks_of
-from sldvexp.field.visibility.looks import Looks
+from sldvexp.field.estimate import looks_of
+from sldvexp.field.visibility.visibility import Looks
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Depths that are tried for the smallest misfit; between them a parabola is used.

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sldvexp import dataset
-from sldvexp.config.expectation import Expectation
+from sldvexp.config.schema import Expectation
 from sldvexp.errors import ConfigError, Problem, UserError, nearest
 from sldvexp.lazy import xarray as xr
 

@@ -10,11 +10,10 @@ from sldvexp import dataset
 from sldvexp.check.base import Check, Examined
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-from sldvexp.geometry.known_pose import KnownPose
+from sldvexp.geometry.rotation import KnownPose
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.given import Given
-from sldvexp.statistics.student import student_factor
-from sldvexp.statistics.welch import welch
+from sldvexp.statistics import student_factor, welch
 
 
 @register("check", "pose_equivalence")

@@ -1,4 +1,9 @@
-"""`check=printed`: numbers of Section 5.2 by the conventions that explain the print."""
+"""`check=printed`: numbers of Section 5.2 by the conventions that explain the print.
+
+The conventions that explain numbers printed in Section 5.2; none is used for a result.
+
+LINPACK's estimate of the reciprocal condition number, only to explain printed numbers.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +11,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sldvexp import dataset
 from sldvexp.check.base import Check, Examined
-from sldvexp.check.conventions import printed_f, printed_half_width, sample_std
-from sldvexp.check.linpack import linpack_rcond
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError, nearest
 from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array
 
 
 @register("check", "printed")
@@ -72,3 +77,73 @@ def _conventions(point: xr.Dataset) -> dict[str, Any]:
         "std": std,
         "half_width": width,
     }
+
+
+def sample_std(residuals: ArrayLike) -> float:
+    """The std of Tables 5.5 and 5.6: mean removed, divisor n - 1, modulus of complex residuals."""
+    return float(np.std(np.asarray(residuals), ddof=1))
+
+
+def printed_f(sse_partial: float, sse_full: float, std_full: float) -> float:
+    """F of Eq 5.17: the drop of the sum of squares over the full model's squared `sample_std`.
+
+    That counts the intercept once and leaves n - 1 degrees of freedom; a complex intercept has two
+    and leaves 2 (n - 4). The print follows from the numbers as tabulated, to four decimals.
+    """
+    return (sse_partial - sse_full) / std_full**2
+
+
+def printed_half_width(s: float, v_ii: ArrayLike) -> Array:
+    """Half-widths of Section 5.2.6 as printed: 1.96 s v_ii, without the square root of Eq 5.18.
+
+    Parameters
+    ----------
+    s : float
+        Sample standard deviation of the residuals.
+    v_ii : array_like
+        Diagonal of the inverse of ``D^T D``.
+    """
+    return 1.96 * s * np.asarray(v_ii, float)
+
+
+def linpack_rcond(matrix: ArrayLike) -> float:
+    """Reciprocal condition number as `dgeco` estimated it, hence MATLAB 5's ``rcond``.
+
+    With ``A = P L U`` it solves ``A^T y = e`` and ``A z = y``, choosing the signs of ``e = +-1``
+    one by one so that y grows, and returns ``|y| / (|A| |z|)`` in the 1-norm. ``|z| / |y|`` is a
+    lower bound of the inverse's norm: the estimate is never below the true value.
+
+    Parameters
+    ----------
+    matrix : array_like, shape (n, n)
+
+    Returns
+    -------
+    float
+        0 for a singular matrix.
+    """
+    a = np.asarray(matrix, float)
+    permutation, lower, upper = scipy.linalg.lu(a)
+    if not np.all(np.diag(upper)):
+        return 0.0
+    w = _growing_solution(upper)
+    y = permutation @ scipy.linalg.solve_triangular(lower.T, w, unit_diagonal=True)
+    z = scipy.linalg.solve_triangular(lower, permutation.T @ y, lower=True, unit_diagonal=True)
+    z = scipy.linalg.solve_triangular(upper, z)
+    return float(np.abs(y).sum() / (np.abs(a).sum(axis=0).max() * np.abs(z).sum()))
+
+
+def _growing_solution(upper: np.ndarray) -> np.ndarray:
+    """Solution of ``U^T w = e`` with each sign of e taken so that what follows is larger."""
+    n = len(upper)
+    w = np.zeros(n)
+    done = np.zeros(n)  # what the w found so far contribute to each equation
+    for k in range(n):
+        sign = -1.0 if done[k] > 0 else 1.0
+        trials = []
+        for e in (sign, -sign):
+            w_k = (e - done[k]) / upper[k, k]
+            following = done[k + 1 :] + w_k * upper[k, k + 1 :]
+            trials.append((abs(e - done[k]) + np.abs(following).sum(), w_k, following))
+        _, w[k], done[k + 1 :] = max(trials, key=lambda trial: trial[0])
+    return w

@@ -13,7 +13,7 @@ from pathlib import Path
 from sldvexp.cli.list import files, folders
 from sldvexp.errors import UserError, nearest
 from sldvexp.sweep.matrix import Cell, read_matrix
-from sldvexp.sweep.progress import span
+from sldvexp.sweep.sweep import span
 from sldvexp.sweep.trial import Trials, Verdict
 
 EXPERIMENT, MATRIX = "experiment", "matrix"

@@ -1,15 +1,27 @@
-"""Commands: a word in the place of the first setting, as in ``sldvexp list pose``."""
+"""Commands: a word in the place of the first setting, as in ``sldvexp list pose``.
+
+``sldvexp resume=<run folder>``: go on with a run that was cut off.
+"""
 
 from __future__ import annotations
 
 import importlib
+import os
 import re
 import sys
 from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
+import yaml
+from hydra.core.override_parser.types import Quote, QuotedString
+
+from sldvexp.config import security
+from sldvexp.config.conf_files import displayed
+from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError, nearest
+from sldvexp.files import read_text
 
 #: The module of each; its `run` gets the words after the command and the user's folder.
 COMMANDS = {
@@ -67,3 +79,77 @@ def run(options: Namespace) -> int:
     status: int = importlib.import_module(COMMANDS[name]).run(words, options.config_dir)
     sys.stdout.flush()
     return status
+
+
+KEY = "resume="
+
+
+def arguments_of(arguments: Sequence[str]) -> list[str]:
+    """The command line that goes on with a run: what it was started with, into the same folder.
+
+    Paths of a configuration are relative to where its run was started, so this changes to that
+    folder.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        One of them is ``resume=<folder>``; others are added to the run's own.
+
+    Raises
+    ------
+    UserError
+        If the folder is no run's folder, its run is finished, or what is recorded there is more
+        than settings of a run.
+    """
+    folder = Path(next(a for a in arguments if a.startswith(KEY)).removeprefix(KEY)).resolve()
+    kept, hydra = (folder / ".hydra" / name for name in ("overrides.yaml", "hydra.yaml"))
+    if not kept.is_file() or not hydra.is_file():
+        raise UserError(
+            f"command line: resume={folder} is not the folder of a run; it would have a folder "
+            ".hydra with the configuration, and the scan lines in journal"
+        )
+    if (folder / RUN_FILE).is_file():
+        raise UserError(
+            f"command line: resume={folder}: this run is finished; sldvexp rerun {folder} repeats "
+            "it into a new folder"
+        )
+    overrides, settings = _read(kept), _read(hydra)
+    if not isinstance(overrides, list):
+        raise UserError(f"{displayed(kept)}: must be a list of settings")
+    security.check_recorded(displayed(kept), overrides)
+    cwd = _recorded(settings, "hydra.runtime.cwd", str, hydra)
+    name = _recorded(settings, "hydra.job.config_name", str, hydra)
+    sources = _recorded(settings, "hydra.runtime.config_sources", list, hydra)
+    try:
+        os.chdir(cwd)
+    except (OSError, ValueError):
+        raise UserError(
+            f"{displayed(hydra)}: the run was started in {cwd}, which is gone"
+        ) from None
+    user = [s["path"] for s in sources if s.get("provider") == "command-line"]
+    others = [a for a in arguments if not a.startswith(KEY)]
+    added = [part for path in user for part in ("--config-dir", path)]
+    if name != "config":
+        added += ["--config-name", name]
+    where = QuotedString(str(folder), Quote.single).with_quotes()
+    return [*overrides, *others, f"hydra.run.dir={where}", *added]
+
+
+def _read(path: Path) -> Any:
+    """The content of a file that Hydra left, as data."""
+    try:
+        return yaml.safe_load(read_text(path))
+    except (yaml.YAMLError, RecursionError):
+        raise UserError(f"{displayed(path)}: is not YAML, as Hydra left it") from None
+
+
+def _recorded(settings: Any, key: str, kind: type, path: Path) -> Any:
+    """What Hydra recorded under a dotted key."""
+    found = settings
+    for part in key.split("."):
+        found = found.get(part) if isinstance(found, dict) else None
+    if isinstance(found, list):
+        found = [s for s in found if isinstance(s, dict) and isinstance(s.get("path"), str)]
+    if not isinstance(found, kind) or (isinstance(found, str) and found.startswith("-")):
+        raise UserError(f"{displayed(path)}: {key} must be there as Hydra left it")
+    return found

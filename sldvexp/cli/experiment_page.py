@@ -11,7 +11,7 @@ from omegaconf import DictConfig
 from sldvexp.cli.list import WIDTH
 from sldvexp.config import docs
 from sldvexp.config.conf_files import displayed
-from sldvexp.config.parameters import as_yaml
+from sldvexp.config.docs import as_yaml
 from sldvexp.config.paths import conf_dir
 from sldvexp.config.schema import SINGLE_GROUPS
 from sldvexp.config.sources import Layer, Origins

@@ -104,7 +104,7 @@ class Command:
         """Run every job; the worst exit status of them."""
         try:
             if any(a.startswith("resume=") for a in self.arguments):
-                from sldvexp.cli.resume import arguments_of
+                from sldvexp.cli.commands import arguments_of
 
                 self.arguments = arguments_of(self.arguments)
                 self.recorded = True
@@ -272,7 +272,7 @@ class Command:
             if self.sweep:
                 self.sweep.tell(job.runtime.output_dir, computed)
             elif job.mode is RunMode.MULTIRUN:  # this is another process than the sweep's
-                from sldvexp.sweep.watch import leave_sign
+                from sldvexp.sweep.sweep import leave_sign
 
                 leave_sign(Path(job.runtime.output_dir), computed)
 

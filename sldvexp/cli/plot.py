@@ -6,8 +6,7 @@ from pathlib import Path
 
 from sldvexp import dataset
 from sldvexp.config.paths import RUN_FILE
-from sldvexp.dataset.needed import require
-from sldvexp.dataset.run_data import Shown, shown
+from sldvexp.dataset.run_data import Shown, require, shown
 from sldvexp.errors import UserError, nearest
 from sldvexp.plot.catalogue import FIGURES, figures_of
 from sldvexp.plot.saving import save

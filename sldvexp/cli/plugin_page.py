@@ -11,7 +11,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from sldvexp.cli.list import WIDTH, origin
-from sldvexp.config import docs, parameters, registry
+from sldvexp.config import docs, registry
 from sldvexp.config.conf_files import displayed
 from sldvexp.errors import UserError, nearest
 
@@ -42,11 +42,11 @@ def lines(group: str, node: DictConfig, file: Path | None) -> Iterator[str]:
         yield f"file    {displayed(file.resolve())}: {docs.of_file(file)}"
     yield from ["", "Settings:"]
     values: Any = OmegaConf.to_container(node, resolve=False, enum_to_str=True)
-    for parameter in parameters.of(plugin, values):
+    for parameter in docs.of(plugin, values):
         yield from _setting(parameter)
 
 
-def _setting(parameter: parameters.Parameter) -> Iterator[str]:
+def _setting(parameter: docs.Parameter) -> Iterator[str]:
     """A setting as in a file, and below it what it means."""
     yield docs.shortened(f"  {parameter.key}: {parameter.value}", WIDTH)
     told = ". ".join(filter(None, [parameter.kind, parameter.meaning]))

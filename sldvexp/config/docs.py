@@ -1,10 +1,20 @@
-"""What can be chosen, in its own words: a file's comment, a plugin's docstring."""
+"""What can be chosen, in its own words: a file's comment, a plugin's docstring.
+
+The fields of a plugin as its configuration has them: value, type with unit, meaning.
+"""
 
 from __future__ import annotations
 
 import inspect
 import re
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass
+from enum import Enum
 from pathlib import Path
+from typing import Any, TypeGuard, get_args, get_origin, get_type_hints
+
+import yaml
+from omegaconf import MISSING, OmegaConf
 
 
 def of_file(file: Path) -> str:
@@ -46,3 +56,124 @@ def sentence(words: str) -> str:
     """Up to the first full stop that ends a sentence."""
     end = words.find(". ")
     return (words if end < 0 else words[:end]).rstrip(".")
+
+
+#: Headings of numpydoc under which a class describes its fields.
+HEADINGS = ("Parameters", "Attributes")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One field, or one of a table that is the value of a field.
+
+    Parameters
+    ----------
+    key : str
+        Dotted, below the plugin; what a user names is in angle brackets, ``views.<name>.euler``.
+    value : str
+        As a configuration file would have it; empty if the fields below say it.
+    kind : str
+        Type and unit.
+    meaning : str
+    """
+
+    key: str
+    value: str
+    kind: str
+    meaning: str
+
+
+def of(plugin: type, values: dict[str, Any], above: str = "") -> Iterator[Parameter]:
+    """All fields of a plugin, those of tables below them.
+
+    Parameters
+    ----------
+    plugin : type
+        A dataclass.
+    values : dict
+        What its fields are set to, as a container of plain values.
+    above : str
+        The dotted key of the table, with a dot at its end.
+    """
+    described = documented(plugin)
+    hints = get_type_hints(plugin)
+    for field in fields(plugin):
+        key, hint = f"{above}{field.name}", hints[field.name]
+        kind, meaning = described.get(field.name, ("", ""))
+        value = values.get(field.name)
+        if _is_table(hint):
+            yield Parameter(key, "", "", _told(meaning, hint))
+            yield from of(hint, value if isinstance(value, dict) else {}, f"{key}.")
+            continue
+        entries = list(_entries(hint))
+        told = _told(meaning, *(entry for entry, _ in entries))
+        yield Parameter(key, as_yaml(value), _kind(hint, kind), told)
+        for entry, label in entries:
+            # What an entry of the user's has where it says nothing.
+            yield from of(entry, _defaults(entry), f"{key}{label}.")
+
+
+def documented(plugin: type) -> dict[str, tuple[str, str]]:
+    """Type and meaning of each field by its name, from the docstrings of a class and its bases."""
+    found: dict[str, tuple[str, str]] = {}
+    for cls in reversed(plugin.__mro__):
+        found |= _described(inspect.cleandoc(cls.__dict__.get("__doc__") or ""))
+    return found
+
+
+def as_yaml(value: Any) -> str:
+    """A plain value on one line."""
+    if value == MISSING:
+        return "(must be given)"
+    text: str = yaml.safe_dump(value, default_flow_style=True, width=float("inf"), sort_keys=False)
+    return text.removesuffix("\n").removesuffix("\n...")
+
+
+def _described(docstring: str) -> dict[str, tuple[str, str]]:
+    """The entries of the sections that describe fields."""
+    found: dict[str, tuple[str, str]] = {}
+    for heading in HEADINGS:
+        section = re.search(rf"^{heading}\n-+\n(.*?)(?=^\w[^\n]*\n-+$|\Z)", docstring, re.M | re.S)
+        entries = re.split(r"^(?=\S)", section[1], flags=re.M) if section else []
+        for entry in filter(str.strip, entries):
+            head, _, body = entry.partition("\n")
+            names, _, kind = head.partition(" : ")
+            meaning = " ".join(body.split()).replace("`", "")
+            found |= {name.strip(): (kind.strip(), meaning) for name in names.split(",")}
+    return found
+
+
+def _told(meaning: str, *tables: type) -> str:
+    """What a field means, and what the tables in it are."""
+    return " ".join(filter(None, [meaning, *("".join(description(t)[:1]) for t in tables)]))
+
+
+def _kind(hint: Any, kind: str) -> str:
+    """Type and unit: of an enumeration its members, else as documented."""
+    for part in (hint, *get_args(hint)):
+        if inspect.isclass(part) and issubclass(part, Enum):
+            _, comma, unit = kind.partition(", ")
+            many = "any of" if get_origin(hint) in (dict, list) else "one of"
+            return f"{many} {', '.join(part.__members__)}{comma}{unit}"
+    return kind or getattr(hint, "__name__", str(hint))
+
+
+def _entries(hint: Any) -> Iterator[tuple[type, str]]:
+    """The dataclasses in a table or list of them, with what stands for their place in it."""
+    arguments = get_args(hint)
+    for argument in filter(_is_table, arguments):
+        if get_origin(hint) is dict:
+            label = ".<number>" if arguments[0] is int else ".<name>"
+        else:
+            label = "[i]" if get_origin(hint) is list else ""
+        yield argument, label
+
+
+def _is_table(hint: Any) -> TypeGuard[type]:
+    return inspect.isclass(hint) and is_dataclass(hint)
+
+
+def _defaults(entry: type) -> dict[str, Any]:
+    """What an entry's fields are if nothing is said."""
+    values: Any = OmegaConf.to_container(OmegaConf.structured(entry), enum_to_str=True)
+    return dict(values)

@@ -48,7 +48,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
     "instrument": {
         "file": "sldvexp.importers.velocity_file",
         "images": "sldvexp.importers.image_file",
-        "replay": "sldvexp.instrument.replay",
+        "replay": "sldvexp.instrument.recording",
         "scan_export": "sldvexp.importers.scan_export",
         "simulated": "sldvexp.virtual_lab.simulated",
         "uff": "sldvexp.importers.uff",
@@ -104,7 +104,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
     },
     "report": {
         "html": "sldvexp.report.html.page",
-        "none": "sldvexp.report.none",
+        "none": "sldvexp.report.base",
     },
 }
 

@@ -1,16 +1,25 @@
-"""What a figure shows: the groups of a run, from whatever the user has in hand."""
+"""What a figure shows: the groups of a run, from whatever the user has in hand.
+
+Plugins of a run as its own file records them, for what a figure computes anew.
+
+What a figure cannot do without, said in one sentence.
+"""
 
 from __future__ import annotations
 
 import functools
+import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
+import yaml
+from omegaconf import OmegaConf
 
 from sldvexp import dataset
+from sldvexp.config import registry
 from sldvexp.errors import UserError, nearest
 from sldvexp.lazy import xarray as xr
 
@@ -144,3 +153,58 @@ def at_frequency(
     else:
         index = int(np.abs(hertz - frequency).argmin())
     return group.isel(frequency=index), f"{hertz[index]:g} Hz"
+
+
+def settings(run: Shown, figure: str) -> dict[str, Any]:
+    """The configuration that the run's file records.
+
+    Raises
+    ------
+    UserError
+        If there is none, or it refers to something else: a run's file has values only.
+    """
+    if "config" not in run.attributes:
+        raise UserError(f"plot: {figure}: needs the run's configuration; give an opened run.nc")
+    text = str(run.attributes["config"])
+    if "${" in text:
+        raise UserError(f"plot: {figure}: the run's configuration refers to something; it must not")
+    found: dict[str, Any] = as_read(text)
+    return found
+
+
+def as_read(text: str) -> Any:
+    """What a text in YAML says; no object of a class is made, and libyaml reads if it is there."""
+    return yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+
+
+def plugin(run: Shown, group: str, figure: str) -> Any:
+    """The plugin of one group with its settings; only registered ones can be named.
+
+    Raises
+    ------
+    UserError
+        If the run had none.
+    """
+    names = json.loads(str(run.attributes.get("plugins", "{}")))
+    if group not in names:
+        raise UserError(f"plot: {figure}: the run has no {group}")
+    schema = registry.schema_of(registry.get(group, names[group]))
+    return OmegaConf.to_object(OmegaConf.merge(schema, settings(run, figure)[group] or {}))
+
+
+def require(figure: str, missing: str) -> None:
+    """Refuse a figure whose data is missing.
+
+    Parameters
+    ----------
+    figure : str
+    missing : str
+        What is missing; empty if nothing is.
+
+    Raises
+    ------
+    UserError
+        If anything is missing.
+    """
+    if missing:
+        raise UserError(f"plot: {figure}: {missing}")

@@ -10,9 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sldvexp.config.paths import RUN_FILE
-from sldvexp.dataset.examined import EXAMINED
-from sldvexp.dataset.variable import Variable
-from sldvexp.dataset.variables import STAGES
+from sldvexp.dataset.variables import EXAMINED, STAGES, Variable
 from sldvexp.errors import UserError
 from sldvexp.files import whole_or_nothing
 from sldvexp.lazy import netCDF4

@@ -1,35 +1,41 @@
-"""The velocity field over a volume of prisms (Section 5.3), from views to values with bounds."""
+"""The velocity field over a volume of prisms (Section 5.3), from views to values with bounds.
+
+The field of a run: from its poses and images to nodal velocities.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+import hashlib
+import pickle
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
 from sldvexp.errors import UserError
+from sldvexp.field.bounds.element_error import element_error, mean_squares, told
 from sldvexp.field.bounds.intrinsic_effect import PoseErrors
 from sldvexp.field.bounds.pose_uncertainty import pose_covariance
-from sldvexp.field.bounds.residuals_and_bounds import (
-    pose_effect,
-    residuals_only,
-    variance_factors,
-)
+from sldvexp.field.bounds.residuals_and_bounds import pose_effect, residuals_only, variance_factors
 from sldvexp.field.equations.assembly import normal_equations, pixel_data
 from sldvexp.field.equations.conditioning import condition_numbers
-from sldvexp.field.equations.held import prepared
 from sldvexp.field.equations.regions import Parts
 from sldvexp.field.equations.sample_model import FieldModel
 from sldvexp.field.equations.system import solution
-from sldvexp.field.equations.undetermined import flags
-from sldvexp.field.fit import Fit
-from sldvexp.field.outcome import Outcome
+from sldvexp.field.equations.undetermined import flags, prepared
+from sldvexp.field.fit import Fit, Outcome
 from sldvexp.field.result import FieldResult
 from sldvexp.field.solvers.base import Solver
-from sldvexp.field.visibility.looks import Looks
-from sldvexp.field.visibility.view import View
+from sldvexp.field.to_dataset import field_group
+from sldvexp.field.visibility.view import View, views_of
+from sldvexp.field.visibility.visibility import Looks
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.typing import Array
+from sldvexp.volume.base import Coordinates, Volume
+from sldvexp.volume.prisms import Prisms
 
 NO_COVARIANCE = "the poses have no covariance: bounds are those of the velocities' noise"
 
@@ -128,3 +134,89 @@ def check_views(looks: Looks) -> None:
 def _same_image(a: View, b: View) -> bool:
     """Whether one image is a copy of the other: noise is never the same twice."""
     return np.array_equal(a.dac, b.dac) and np.array_equal(a.velocity, b.velocity, equal_nan=True)
+
+
+#: Images of more bytes are not kept for another look at them.
+REMEMBERED = 2**26
+
+
+def looks_of(tree: Mapping[str, xr.Dataset], laser: TwoMirror, volume: Volume) -> Looks:
+    """What the views of a run see of a volume.
+
+    Parameters
+    ----------
+    tree : mapping of str to xarray.Dataset
+        With the groups ``pose`` and ``image/<view>``.
+    laser : TwoMirror
+    volume : Volume
+
+    Raises
+    ------
+    UserError
+        If an image has no pose, or the volume is unsound.
+    """
+    prisms = volume.prisms()
+    needed = {k: g for k, g in tree.items() if k == "pose" or k.startswith("image/")}
+    if sum(group.nbytes for group in needed.values()) > REMEMBERED:
+        return _looks(needed, laser, volume, prisms)
+    digest = hashlib.sha256(repr((laser, volume)).encode())
+    for array in (prisms.position, prisms.triangles, prisms.depth):
+        digest.update(array.tobytes())
+    for name in sorted(needed):
+        digest.update(pickle.dumps((name, needed[name].to_dict(data="array"))))
+    return _remembered(Content(digest.digest(), needed, laser, volume, prisms))
+
+
+@dataclass(frozen=True)
+class Content:
+    """What looks are made of, known by its digest."""
+
+    digest: bytes
+    tree: Mapping[str, xr.Dataset] = field(compare=False)
+    laser: TwoMirror = field(compare=False)
+    volume: Volume = field(compare=False)
+    prisms: Prisms = field(compare=False)
+
+
+@lru_cache(maxsize=2)
+def _remembered(of: Content) -> Looks:
+    """Looks for the checks of a run, and for the next runs of a sweep over methods."""
+    return _looks(of.tree, of.laser, of.volume, of.prisms)
+
+
+def _looks(
+    tree: Mapping[str, xr.Dataset], laser: TwoMirror, volume: Volume, prisms: Prisms
+) -> Looks:
+    sight = volume.sight
+    thickness = float(np.ptp(prisms.depth))
+    grazing = np.radians(sight.grazing)
+    return Looks(
+        views_of(tree, laser),
+        laser,
+        prisms,
+        volume.rule(),
+        sight.interpolation,
+        grazing,
+        one_sided=not sight.both_sides,
+        clearance=thickness / 2 / np.cos(grazing) if sight.occlusion else None,
+    )
+
+
+def reconstruct(
+    tree: Mapping[str, xr.Dataset],
+    looks: Looks,
+    volume: Volume,
+    method: Reconstruction,
+    solver: Solver,
+) -> xr.Dataset:
+    """The group ``field`` of a run by one method; see `sldvexp.field.estimate.estimate_field`."""
+    local = volume.coordinates is Coordinates.local
+    errors = PoseErrors.of(tree["pose"], looks.names)
+    result = estimate_field(looks, method, solver, local=local, errors=errors)
+    image = tree[f"image/{looks.names[0]}"]
+    frequency = image["frequency"].values if "frequency" in image.coords else None
+    error = element_error(looks.prisms, looks.rule, result.velocity)
+    if result.confidence is not None:
+        coarse = told(mean_squares(error, result.confidence))
+        result = replace(result, messages=(*result.messages, *coarse))
+    return field_group(result, looks.prisms, method, frequency, error)

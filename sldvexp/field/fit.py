@@ -1,24 +1,31 @@
-"""A field that is solved, before its residuals and bounds are known."""
+"""A field that is solved, before its residuals and bounds are known.
+
+All that is known of a field at the end, put into its result.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.field.bounds.pose_uncertainty import PoseEffect
 from sldvexp.field.bounds.residuals_and_bounds import Second, with_bounds
 from sldvexp.field.equations.assembly import Equations, normal_equations
-from sldvexp.field.equations.held import prepared
 from sldvexp.field.equations.regions import Parts
 from sldvexp.field.equations.sample_model import FieldModel
 from sldvexp.field.equations.system import Solve, solution
-from sldvexp.field.equations.undetermined import Flags, described, flags
-from sldvexp.field.result import LOCAL, WORLD
+from sldvexp.field.equations.undetermined import Flags, described, flags, prepared
+from sldvexp.field.result import LOCAL, WORLD, FieldResult
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.visibility.coverage import flagged
-from sldvexp.field.visibility.looks import Looks
+from sldvexp.field.visibility.visibility import Looks
 from sldvexp.reconstruction.base import Reconstruction
-from sldvexp.typing import Array
+from sldvexp.reconstruction.observability import blank
+from sldvexp.statistics import FTest, nested_f_test, student_factor
+from sldvexp.typing import Array, BoolArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,3 +92,145 @@ def _messages(parts: Parts, equations: Equations, found: Flags) -> list[str]:
     told = described(found, parts.looks.prisms.position, axes)
     lost = flagged(equations.coverage)
     return [*told, lost] if told and lost else told
+
+
+#: Error of bounds above which the user is told.
+WORTH_TELLING = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """A solved field.
+
+    Parameters
+    ----------
+    looks : Looks
+    model : FieldModel
+    equations : Equations
+    flags : Flags
+    theta : ndarray, shape (layer, surface_node, parameter, column)
+    second : Second
+    solver : Solver
+    """
+
+    looks: Looks
+    model: FieldModel
+    equations: Equations
+    flags: Flags
+    theta: Array
+    second: Second
+    solver: Solver
+
+    @classmethod
+    def of(cls, fit: Fit, second: Second, solver: Solver) -> Outcome:
+        """That of a fit."""
+        parts, equations = fit.parts, fit.equations
+        return cls(parts.looks, parts.model, equations, fit.flags, fit.theta, second, solver)
+
+    def result(
+        self, messages: list[str], condition: tuple[float, float] = (np.nan, np.nan)
+    ) -> FieldResult:
+        """The result, without what is not determined."""
+        nodal = self._by_node(self.theta).view(complex).copy()
+        known, seen = self.flags.determined[..., None], self.second
+        blank(nodal, ~self.flags.determined)
+        error = seen.error
+        if error > WORTH_TELLING:
+            messages.append(
+                f"standard errors are approximations here: exact ones differ by up to {error:.0%}"
+            )
+        return FieldResult(
+            components=LOCAL if self.model.local else WORLD,
+            velocity=nodal[:, :3],
+            observable=self.flags.observable,
+            flagged_node=self.flags.node,
+            flagged_rank=self.flags.rank,
+            flagged_direction=self.flags.direction,
+            rows=self.model.rows,
+            intercept=nodal[:, 3] if self.model.intercept else None,
+            cond=condition[0],
+            rcond=condition[1],
+            intercept_test=self._intercept_test(),
+            efficiency=self._efficiency(),
+            bounds_error=error,
+            coverage=self.equations.coverage,
+            messages=tuple(messages),
+            **self._bounds(known),
+            **self._statistics(),
+        )
+
+    def _by_node(self, values: Array) -> Array:
+        """(layer, surface_node, ...) to (node, ...)."""
+        return np.ascontiguousarray(values.reshape(-1, *values.shape[2:]))
+
+    def _bounds(self, known: BoolArray) -> dict[str, Any]:
+        """Standard errors; NaN where nothing is determined."""
+        names = ("std_noise", "std_pose", "std_by_part", "confidence_by_part", "intercept_std")
+        if self.second.noise is None:
+            return dict.fromkeys(names)
+        noise = np.where(known, self._by_node(self.second.noise), np.nan)
+        pose = np.zeros((2, *noise.shape))
+        if self.second.pose is not None:
+            columns = self._by_node(self.second.pose)
+            pose = np.where(known, np.stack([columns[..., ::2], columns[..., 1::2]]), np.nan)
+        std = np.sqrt(noise + pose)
+        factor = float(student_factor(self.model.method.confidence, np.inf))
+        return {
+            "std_noise": np.sqrt(noise[:, :3]),
+            "std_pose": None if self.second.pose is None else np.sqrt(pose[:, :, :3]),
+            "std_by_part": std[:, :, :3],
+            "confidence_by_part": factor * std[:, :, :3],
+            "intercept_std": std[:, :, 3].max(axis=0) if self.model.intercept else None,
+        }
+
+    def _efficiency(self) -> Array | None:
+        if self.second.efficiency is None:
+            return None
+        return np.where(self.flags.observable, self._by_node(self.second.efficiency), np.nan)
+
+    def _statistics(self) -> dict[str, Any]:
+        """What Tables 5.7 and 5.8 state."""
+        left, equations, model = self.second.residuals, self.equations, self.model
+        active = int(equations.system.active.sum())
+        unknowns = active * model.block
+        real_rows = 2 * (equations.samples if model.contravariant else equations.rows)
+        count = real_rows if model.contravariant else equations.rows
+        freedom, sse = real_rows - 2 * unknowns, _by_frequency(left.squares)
+        by_view, by_row = _by_frequency(left.by_view), _by_frequency(left.by_row)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            expected = self.second.expected
+            return {
+                "unknowns": unknowns,
+                "samples": count,
+                "sse": sse,
+                "residual_std": np.sqrt(sse / count),
+                "s": np.sqrt(sse / freedom) if freedom > 0 else np.full_like(sse, np.nan),
+                "residual_std_by_view": np.sqrt(by_view / left.view_count[:, None]),
+                "residual_std_by_row": np.sqrt(by_row / left.row_count[:, None]),
+                "chi2_ratio": None if expected is None else sse / expected,
+            }
+
+    def _intercept_test(self) -> FTest | None:
+        """F of the full against the partial model (Eq 5.17); None if there is no such comparison.
+
+        ``SSE_partial - SSE_full = theta_full . b - theta_partial . b``: a least-squares fit takes
+        ``theta . b`` off the sum of squares of the data.
+        """
+        equations, model = self.equations, self.model
+        if not model.intercept or model.contravariant:
+            return None
+        partial = equations.system.part(3)
+        right = np.ascontiguousarray(equations.right[:, :, :3])
+        without = solution(right, partial, self.solver.prepare(partial))
+        drop = np.einsum("lnpc,lnpc->c", self.theta, equations.right)
+        drop -= np.einsum("lnpc,lnpc->c", without, right)
+        sse, fewer = _by_frequency(self.second.residuals.squares)[0], _by_frequency(drop)
+        added = 2 * int(equations.system.active.sum())
+        freedom = 2 * equations.rows - 4 * added
+        with np.errstate(divide="ignore", invalid="ignore"):  # velocities may all be zero
+            return nested_f_test(sse + fewer, sse, added, freedom, model.method.confidence)
+
+
+def _by_frequency(squares: Array) -> Array:
+    """Squares of real and imaginary parts added up, (..., column) to (..., frequency)."""
+    return squares[..., ::2] + squares[..., 1::2]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sldvexp.field.visibility.coverage import Coverage
 from sldvexp.reconstruction.rows import RowSet
-from sldvexp.statistics.f_test import FTest
+from sldvexp.statistics import FTest
 from sldvexp.typing import Array, BoolArray, ComplexArray
 
 #: Components of velocities, and parts of complex numbers.

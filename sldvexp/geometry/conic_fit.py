@@ -1,22 +1,32 @@
-"""Ellipses fitted to edge points: outliers, covariance, and what the points do not tell."""
+"""Ellipses fitted to edge points: outliers, covariance, and what the points do not tell.
+
+Estimators of an ellipse from edge points: Eq 4.19, maximum likelihood, and a robust start.
+
+They work in coordinates moved to the points' mean and scaled by their spread. Around the origin of
+the mirrors, thousands of steps away, the columns of Eq 4.19 differ by seven orders of magnitude and
+F = 1 weighs the points by where the origin happens to be (an ellipse through it has F = 0); inside
+the ellipse F cannot vanish.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError, nearest
-from sldvexp.geometry.conic import Ellipse, signed_distance
-from sldvexp.geometry.conic_estimators import (
-    METHODS,
-    NUMBERS,
-    EdgePoints,
-    NoEllipseError,
-    gain,
-    least_quantile,
-    quantile,
+from sldvexp.geometry.conic import (
+    Ellipse,
+    coefficients_jacobian,
+    distance_jacobian,
+    from_point_conic,
+    is_ellipse,
+    point_conic,
+    semi_axes,
+    shape_matrix,
+    signed_distance,
 )
 from sldvexp.typing import Array, BoolArray
 
@@ -212,3 +222,167 @@ def _seen(position: Array, arc: float) -> str:
         f"{len(position)} edge points, over {np.degrees(arc):.0f} deg of arc and between steps "
         f"({low[0]:.0f}, {low[1]:.0f}) and ({high[0]:.0f}, {high[1]:.0f})"
     )
+
+
+#: Numbers of an ellipse, hence the least number of edge points.
+NUMBERS = 5
+#: Sets of five points from which the robust start takes the best.
+SUBSETS = 50
+#: Steps of Gauss-Newton, and the change at which it has settled, in units of the points' spread.
+STEPS, SETTLED = 50, 1e-10
+#: Smallest cosine between a scan line and the edge's normal for which an error along the line is
+#: one across the edge; nearer to tangential the edge's curvature counts.
+GRAZING = 0.1
+#: Semi-axes beyond this ratio to the points' spread belong to a parabola or a pair of lines.
+EXTREME = 1e3
+
+
+class NoEllipseError(Exception):
+    """The points fit a hyperbola or a parabola."""
+
+
+@dataclass(frozen=True, eq=False)
+class EdgePoints:
+    """Edge points in units of their spread, relative to their mean.
+
+    Parameters
+    ----------
+    position : ndarray, shape (n, 2)
+    std : ndarray, shape (n,)
+        Standard error along the scan line.
+    direction : ndarray, shape (n, 2), or None
+        Unit vector of the scan line; without it the error is the same in every direction.
+    """
+
+    position: Array
+    std: Array
+    direction: Array | None
+
+    def __getitem__(self, used: BoolArray) -> EdgePoints:
+        direction = None if self.direction is None else self.direction[used]
+        return EdgePoints(self.position[used], self.std[used], direction)
+
+    def across(self, normal: Array) -> Array:
+        """Standard error across an edge with these normals, shape (n,)."""
+        if self.direction is None:
+            return self.std
+        cosine = np.abs((normal * self.direction).sum(axis=-1))
+        return self.std * np.maximum(cosine, GRAZING)
+
+
+def algebraic_conic(position: Array, std: ArrayLike = 1.0) -> Array:
+    """Least-squares solution of Eq 4.19, rows over the points' standard errors.
+
+    Parameters
+    ----------
+    position : ndarray, shape (..., n, 2)
+        Relative to a point inside the ellipse.
+    std : array_like, broadcastable to (..., n)
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        The matrix of Eq 4.22 with F = 1.
+    """
+    weight = 1.0 / np.broadcast_to(std, position.shape[:-1])
+    rows = weight[..., None] * _data(position)
+    a, b, c, d, e = np.moveaxis(-(np.linalg.pinv(rows) @ weight[..., None])[..., 0], -1, 0)
+    matrix = [[a, c / 2, d / 2], [c / 2, b, e / 2], [d / 2, e / 2, np.ones_like(a)]]
+    return np.stack([np.stack(row, axis=-1) for row in matrix], axis=-2)
+
+
+def algebraic(points: EdgePoints, start: Array) -> Array:
+    """Five numbers by Eq 4.19; `start` only tells how the scan lines cross the edge."""
+    _, normal = signed_distance(points.position, start)
+    return _ellipse(from_point_conic(algebraic_conic(points.position, points.across(normal))))
+
+
+def likelihood(points: EdgePoints, start: Array) -> Array:
+    """Five numbers by least squares of the orthogonal distances over their standard errors.
+
+    Gauss-Newton; a step that leaves the ellipses is halved until it does not.
+    """
+    parameters = start
+    for _ in range(STEPS):
+        distance, normal = signed_distance(points.position, parameters)
+        weight = 1.0 / points.across(normal)
+        jacobian = weight[:, None] * distance_jacobian(normal, parameters)
+        step = -np.linalg.lstsq(jacobian, weight * distance, rcond=None)[0]
+        while not is_ellipse(parameters + step) and np.abs(step).max() > SETTLED:
+            step /= 2.0
+        parameters = _ellipse(parameters + step)
+        if np.abs(step).max() < SETTLED:
+            return parameters
+    raise NoEllipseError
+
+
+#: The conic fits by name.
+METHODS: dict[str, Callable[[EdgePoints, Array], Array]] = {
+    "likelihood": likelihood,
+    "algebraic": algebraic,
+}
+
+
+def gain(points: EdgePoints, parameters: Array, method: str) -> Array:
+    """Change of the five numbers by each point's error in standard errors, shape (5, n).
+
+    Of the likelihood, the pseudoinverse of the distances' derivative; of Eq 4.19, where a point
+    that moves by d across the edge changes its row by ``|gradient| d``, that of [Data].
+    """
+    _, normal = signed_distance(points.position, parameters)
+    weight = 1.0 / points.across(normal)
+    if method == "likelihood":
+        jacobian = weight[:, None] * distance_jacobian(normal, parameters)
+        return np.asarray(np.linalg.pinv(jacobian))
+    conic = point_conic(parameters)
+    homogeneous = np.concatenate([points.position, np.ones_like(normal[:, :1])], axis=-1)
+    gradient = 2.0 * (homogeneous @ conic)[:, :2] / conic[2, 2]
+    by_row = np.linalg.pinv(weight[:, None] * _data(points.position))
+    by_coefficient = np.linalg.inv(coefficients_jacobian(parameters))
+    change: Array = by_coefficient @ by_row * np.linalg.norm(gradient, axis=-1)
+    return change
+
+
+def least_quantile(position: Array) -> Array:
+    """The ellipse through five points that has the least median distance from all others.
+
+    One point comes from each fifth of the turn about the mean, so that every ellipse is well
+    determined; the members follow an additive recurrence, spread evenly and the same every time.
+    """
+    turn = np.argsort(np.arctan2(position[:, 1], position[:, 0]))
+    sectors = np.array_split(turn, NUMBERS)
+    fraction = np.outer(np.arange(SUBSETS), np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0])) % 1.0
+    member = [s[(f * len(s)).astype(int)] for s, f in zip(sectors, fraction.T, strict=True)]
+    subset = position[np.stack(member, axis=-1)]
+    conics = np.concatenate([algebraic_conic(subset), algebraic_conic(position)[None]])
+    candidates = from_point_conic(conics)
+    candidates = candidates[np.isfinite(candidates).all(axis=-1) & is_ellipse(candidates)]
+    if not len(candidates):
+        raise NoEllipseError
+    away = position - candidates[:, None, :2]
+    pull = away @ np.linalg.inv(shape_matrix(candidates))
+    radius = np.sqrt((away * pull).sum(axis=-1))
+    distance = np.abs(radius - 1.0) * radius / np.linalg.norm(pull, axis=-1)
+    best: Array = candidates[np.argmin(quantile(distance))]
+    return best
+
+
+def quantile(size: Array) -> Array:
+    """Median of residuals that does not count those which the five numbers make small."""
+    rank = (size.shape[-1] + NUMBERS + 1) // 2 - 1
+    return np.asarray(np.sort(size, axis=-1)[..., rank])
+
+
+def _data(position: Array) -> Array:
+    """The matrix [Data] of Eq 4.20, shape (..., n, 5)."""
+    x, y = np.moveaxis(position, -1, 0)
+    return np.stack([x**2, y**2, x * y, x, y], axis=-1)
+
+
+def _ellipse(parameters: Array) -> Array:
+    if not is_ellipse(parameters):
+        raise NoEllipseError
+    larger, smaller = semi_axes(parameters)
+    if not (larger < EXTREME and smaller > 1.0 / EXTREME):
+        raise NoEllipseError
+    return parameters

@@ -2,15 +2,20 @@
 
 A rotation `R` takes world vectors into the laser frame, ``P_laser = R (P_world - origin)``.
 All functions work on stacks: leading dimensions are carried through.
+
+A pose as a configuration states it.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array
+from sldvexp.units import LengthUnit
 
 #: Below this sine of phi2, only the sum or difference of the other angles is determined.
 GIMBAL_LOCK = 1e-6
@@ -142,3 +147,30 @@ def rigid_transform(source: ArrayLike, destination: ArrayLike) -> tuple[Array, A
     covariance = np.swapaxes(b - b_mean[..., None, :], -1, -2) @ (a - a_mean[..., None, :])
     rotation = nearest_rotation(covariance)
     return rotation, b_mean - np.einsum("...ij,...j->...i", rotation, a_mean)
+
+
+@dataclass
+class KnownPose:
+    """One view's pose as numbers.
+
+    Parameters
+    ----------
+    euler : list of float, rad
+        phi1, phi2, phi3 in the x-convention, world to laser.
+    origin : list of float
+        x, y, z of the laser frame's origin in the world.
+    euler_std, origin_std : list of float
+        Standard deviations; empty if unknown.
+    samples : int
+        With samples, the deviations are those of a sample of that size and the pose is its mean;
+        with 0 they are the standard errors of the pose itself, exactly known.
+    unit : LengthUnit
+        Of origin and origin_std.
+    """
+
+    euler: list[float] = field(default_factory=list)
+    origin: list[float] = field(default_factory=list)
+    euler_std: list[float] = field(default_factory=list)
+    origin_std: list[float] = field(default_factory=list)
+    samples: int = 0
+    unit: LengthUnit = LengthUnit.m

@@ -3,16 +3,17 @@
 All start from the steepest places of the median-filtered magnitude. `pixel_edges` takes the pixel,
 `gradient_edges` puts a parabola through the largest gradient and its neighbours; `profile_edges`
 fits what a finite spot sees.
+
+Steepest places of median-filtered scan lines, and whether each can be an edge.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.image.candidates import Candidates, candidates
 from sldvexp.image.edge_profile import NARROWEST, Profiles, fit_profiles
 from sldvexp.image.scan_lines import Edges, Reason, ScanLines, is_edge
 from sldvexp.lazy import scipy
@@ -154,3 +155,190 @@ def _edges(
         lines=len(lines.magnitude),
         name=lines.name,
     )
+
+
+#: Pixels on each side of an edge that are looked at: as many as a fine line has.
+REACH = 12
+#: Pixels next to the edge that belong to neither side, and the least number on a side.
+GAP, LEAST_SIDE = 2, 3
+#: Least difference between the two sides of an edge, in standard deviations of a pixel.
+CONTRAST = 6.0
+#: Largest fraction of flagged pixels within reach of an edge.
+FLAGGED = 0.5
+#: Gradient, as a fraction of the contrast a pixel, above which the spot is not resolved.
+UNRESOLVED = 0.4
+#: Root mean square error, in pixels, of a parabola through samples of a resolved gradient.
+LOCKING = 0.03
+#: Keeps a line without any gradient from dividing by zero.
+TINY = np.finfo(float).tiny
+#: Median of the absolute value of a standard normal variable.
+NORMAL_MEDIAN = 0.6745
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Steepest places of scan lines, and what is around them.
+
+    Parameters
+    ----------
+    line, pixel : ndarray of int, shape (n,)
+    rising : ndarray of bool, shape (n,)
+        Whether the magnitude grows along the line.
+    around : ndarray of int, shape (n, 2 REACH + 1)
+        Pixels within reach, on the same line.
+    counts : ndarray of bool, shape (n, 2 REACH + 1)
+        Which of those are there and not flagged.
+    edge, std : ndarray, shape (n,), steps
+        Place along the line by the parabola, and its standard error.
+    width : ndarray, shape (n,), steps
+        Width of the profile that has this largest gradient.
+    before, after : ndarray, shape (n,)
+        Median magnitudes on the two sides.
+    reason : ndarray of Reason or None, shape (n,)
+    """
+
+    line: IndexArray
+    pixel: IndexArray
+    rising: BoolArray
+    around: IndexArray
+    counts: BoolArray
+    edge: Array
+    std: Array
+    width: Array
+    before: Array
+    after: Array
+    reason: NDArray[np.object_]
+
+
+def candidates(lines: ScanLines, edges_per_line: int, window: int) -> Candidates:
+    """The steepest rise and the steepest fall of every line (or, for one edge, the steeper).
+
+    Parameters
+    ----------
+    lines : ScanLines
+    edges_per_line : int
+        1 or 2.
+    window : int
+        Of the median filter along the line, pixels.
+    """
+    filtered = scipy.ndimage.median_filter(lines.filled(), size=(1, window), mode="mirror")
+    along, even = _evenly(lines.along, filtered)
+    gradient = np.gradient(even, axis=1) / lines.pitch[:, None]
+    line, pixel, rising = _steepest(gradient, edges_per_line)
+    around, inside = _surroundings(lines.flag.shape[1], pixel)
+    counts = inside & ~lines.flag[line[:, None], around]
+    std = _std(lines)
+    place = line[:, None], around
+    before, after, noise = _sides(lines.filled()[place], std[place], counts)
+    difference = np.where(rising, after - before, before - after)
+
+    reason = np.full(len(line), None, object)
+    reason[~(difference > CONTRAST * noise)] = Reason.contrast
+    reason[np.isnan(difference)] = Reason.end
+    flat = np.ptp(filtered, axis=1) < CONTRAST * np.median(std, axis=1)
+    reason[flat[line]] = Reason.contrast
+    reason[(inside & ~counts).sum(axis=1) > FLAGGED * inside.sum(axis=1)] = Reason.flagged
+    if edges_per_line == 2:
+        reason[_swapped(pixel, is_edge(reason))] = Reason.order
+
+    edge, slope = _parabola(along, gradient, line, pixel)
+    pitch = lines.pitch[line]
+    contrast = np.where(is_edge(reason), difference, np.nan)
+    error = _parabola_std(pitch, std, line, pixel, np.abs(slope), contrast)
+    # differences over two pixels widen the profile by the variance of a box of that length
+    square = (contrast / (np.abs(slope) + TINY)) ** 2 / (2.0 * np.pi) - pitch**2 / 3.0
+    width = np.sqrt(np.maximum(square, 0.0))
+    return Candidates(
+        line, pixel, rising, around, counts, edge, error, width, before, after, reason
+    )
+
+
+def _std(lines: ScanLines) -> Array:
+    """Standard errors, those of flagged pixels replaced by their line's median, shape as given."""
+    good = ~lines.flag
+    usual = _median(np.where(good, lines.std, 1.0), good)
+    return np.where(good, lines.std, usual[:, None])
+
+
+def _swapped(pixel: IndexArray, good: BoolArray) -> BoolArray:
+    """Candidates of the lines that, as far as they are good, fall before they rise."""
+    rise, fall = slice(0, None, 2), slice(1, None, 2)
+    return np.repeat(good[rise] & good[fall] & (pixel[fall] < pixel[rise]), 2)
+
+
+def _evenly(along: Array, values: Array) -> tuple[Array, Array]:
+    """Evenly spaced places and the values there; on an oblique line whole steps are not even."""
+    grid = np.linspace(along[:, 0], along[:, -1], along.shape[1], axis=1)
+    even = [np.interp(g, t, v) for g, t, v in zip(grid, along, values, strict=True)]
+    return grid, np.array(even)
+
+
+def _steepest(gradient: Array, edges_per_line: int) -> tuple[IndexArray, IndexArray, BoolArray]:
+    """Line, pixel and sense of the candidates: of two, the rise and then the fall of each line."""
+    lines = np.arange(len(gradient))
+    if edges_per_line == 1:
+        pixel = np.argmax(np.abs(gradient), axis=1)
+        return lines, pixel, gradient[lines, pixel] > 0
+    pixel = np.stack([np.argmax(gradient, axis=1), np.argmin(gradient, axis=1)], axis=1).ravel()
+    return np.repeat(lines, 2), pixel, np.tile([True, False], len(lines))
+
+
+def _surroundings(pixels: int, pixel: IndexArray) -> tuple[IndexArray, BoolArray]:
+    """Pixels within reach, and which of them there are."""
+    around = pixel[:, None] + np.arange(-REACH, REACH + 1)
+    inside = (around >= 0) & (around < pixels)
+    return np.clip(around, 0, pixels - 1), inside
+
+
+def _sides(values: Array, std: Array, counts: BoolArray) -> tuple[Array, Array, Array]:
+    """Median on each side, NaN for a side of too few pixels, and the noise around both.
+
+    The noise is the pixels' standard error or, where that is larger, their scatter.
+    """
+    offset = np.arange(-REACH, REACH + 1)
+    left, right = (counts & side for side in (offset < -GAP, offset > GAP))
+    enough = (left.sum(axis=1) >= LEAST_SIDE) & (right.sum(axis=1) >= LEAST_SIDE)
+    before, after = (np.where(enough, _median(values, side), np.nan) for side in (left, right))
+    scatter = np.abs(values - np.where(offset < 0, before[:, None], after[:, None]))
+    noise = np.maximum(_median(scatter, left | right) / NORMAL_MEDIAN, _median(std, left | right))
+    return before, after, noise
+
+
+def _median(values: Array, counts: BoolArray) -> Array:
+    """Median of the values that count in each row; of none, the largest number there is."""
+    return np.asarray(np.ma.median(np.ma.array(values, mask=~counts), axis=1).filled(np.inf))
+
+
+def _parabola(
+    along: Array, gradient: Array, line: IndexArray, pixel: IndexArray
+) -> tuple[Array, Array]:
+    """Top of the parabola through the gradient at a pixel and its neighbours, and the gradient.
+
+    Where the three are level, as a median filter may leave them, the pixel itself.
+    """
+    k = np.clip(pixel, 1, along.shape[1] - 2)
+    before, at, after = (gradient[line, k + i] for i in (-1, 0, 1))
+    bend = before - 2.0 * at + after
+    peaked = bend * at < 0
+    shift = np.where(peaked, (before - after) / np.where(peaked, 2.0 * bend, 1.0), 0.0)
+    return along[line, k] + shift * (along[line, 1] - along[line, 0]), at
+
+
+def _parabola_std(
+    pitch: Array,
+    std: Array,
+    line: IndexArray,
+    pixel: IndexArray,
+    slope: Array,
+    contrast: Array,
+) -> Array:
+    """Standard error of the parabola's top to first order.
+
+    The slope of the gradient is ``(m[+2] - 2 m[0] + m[-2]) / 4`` a pixel^2; the bend at the top of
+    a Gaussian whose peak is `slope` and whose area is `contrast` is ``2 pi slope^3 / contrast^2``.
+    """
+    place = np.clip(pixel[:, None] + np.array([-2, 0, 2]), 0, std.shape[1] - 1)
+    noise = np.sqrt((std[line[:, None], place] ** 2) @ np.array([1.0, 4.0, 1.0])) / (4 * pitch**2)
+    unresolved = slope * pitch > UNRESOLVED * contrast
+    sampling = pitch * np.where(unresolved, 1.0 / np.sqrt(12.0), LOCKING)
+    return np.hypot(noise * contrast**2 / (2.0 * np.pi * slope**3 + TINY), sampling)

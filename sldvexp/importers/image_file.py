@@ -1,16 +1,22 @@
-"""`instrument=images`: velocity images that were made before."""
+"""`instrument=images`: velocity images that were made before.
+
+Reading velocity images, at once or in chunks.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import PurePath
+from pathlib import Path, PurePath
 
+import numpy as np
 from omegaconf import MISSING
 
+from sldvexp import dataset
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
-from sldvexp.importers.read_images import read_images
+from sldvexp.errors import UserError
+from sldvexp.files import require_file
 from sldvexp.lazy import xarray as xr
 
 
@@ -46,3 +52,69 @@ class Images:
             If the file is missing or is not what it should be.
         """
         return read_images(locate(*self.inputs()), chunks)
+
+
+NEEDED = ("velocity", "velocity_std", "dac", "flags")
+
+
+def read_images(path: Path, chunks: Mapping[str, int] | None = None) -> dict[str, xr.Dataset]:
+    """The groups ``image/<view>`` of a file.
+
+    Parameters
+    ----------
+    path : Path
+    chunks : mapping of str to int, optional
+        Along pixel and frequency. With it, variables are Dask arrays of the file.
+
+    Raises
+    ------
+    UserError
+        If the file is missing, has no images, or an image lacks a variable.
+    """
+    require_file(path)
+    tree = dataset.load(path)
+    if "image" not in tree.children:
+        raise UserError(f"{path}: has no velocity images; it needs a group image/<view> for each")
+    found = {}
+    for view, node in tree["image"].children.items():
+        group = _checked(node.to_dataset(inherit=False), f"{path}: the group image/{view}")
+        found[f"image/{view}"] = group.load() if chunks is None else in_chunks(group, chunks)
+    if chunks is None:
+        tree.close()
+    return found
+
+
+def _checked(image: xr.Dataset, where: str) -> xr.Dataset:
+    """An image with all variables, pixels first."""
+    if missing := [name for name in NEEDED if name not in image]:
+        raise UserError(f"{where} lacks {', '.join(missing)}")
+    if not set(image["velocity"].dims) <= {"pixel", "frequency"} or "pixel" not in image.dims:
+        dims = ", ".join(map(str, image["velocity"].dims))
+        raise UserError(f"{where} has velocities over {dims}; they must be over pixel, frequency")
+    image = image.transpose("pixel", "frequency", ..., missing_dims="ignore")
+    flagged = np.count_nonzero(image["flags"].values)
+    image.attrs.setdefault("summary", f"{flagged} of {image.sizes['pixel']} pixels are flagged")
+    return image
+
+
+def in_chunks(image: xr.Dataset, chunks: Mapping[str, int]) -> xr.Dataset:
+    """An image whose velocities and their errors are Dask arrays, all else being in memory.
+
+    Parameters
+    ----------
+    image : xarray.Dataset
+        A group ``image/<view>``, in memory or in a file.
+    chunks : mapping of str to int
+        Along pixel and frequency.
+    """
+    large = [n for n, v in image.data_vars.items() if "frequency" in v.dims and v.ndim > 1]
+    small = image.drop_vars(large).load()
+    return small.assign(
+        {n: image[n].chunk({d: chunks[str(d)] for d in image[n].dims}) for n in large}
+    )
+
+
+def spilled(image: xr.Dataset, path: Path, chunks: Mapping[str, int]) -> xr.Dataset:
+    """An image that is written to a file and read from there, see `in_chunks`."""
+    dataset.save_table(image, path)
+    return in_chunks(xr.open_dataset(path, engine="netcdf4", auto_complex=True), chunks)

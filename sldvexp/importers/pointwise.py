@@ -1,22 +1,29 @@
-"""What instruments that measured point by point have in common: views, conventions, directions."""
+"""What instruments that measured point by point have in common: views, conventions, directions.
+
+What one view says, and how its values become velocities.
+
+Units of motion as programs write them: what is measured, and in which unit of length.
+"""
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
 from omegaconf import MISSING
 
-from sldvexp.errors import Checks
+from sldvexp.errors import Checks, UserError
+from sldvexp.io.uff.geometry import Geometry
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 from sldvexp.units import LengthUnit
-
-if TYPE_CHECKING:
-    from sldvexp.importers.measured import Measured
 
 
 class Directions(Enum):
@@ -245,3 +252,130 @@ class Pointwise(ABC):
         from sldvexp.importers.to_images import read_images
 
         return read_images(self, tree, laser)
+
+
+@dataclass(frozen=True)
+class Conventions:
+    """How a file's values become peak velocities towards the instrument, exp(+i omega t).
+
+    Parameters
+    ----------
+    quantity : Quantity
+    factor : float
+        Of units, amplitude, reference and sign together.
+    conjugate : bool
+    told : dict of str to str
+        What was decided and by what, for the record.
+    """
+
+    quantity: Quantity
+    factor: float
+    conjugate: bool
+    told: dict[str, str]
+
+    def velocity(self, values: NDArray, frequency: Array) -> ComplexArray:
+        """Velocities of the file's values, m/s, of any shape that ends with frequency."""
+        omega = 2j * np.pi * frequency
+        values = np.conj(values) if self.conjugate else values
+        return np.asarray(self.factor * values * omega**self.quantity.value, complex)
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What one view says.
+
+    Parameters
+    ----------
+    name : str
+    source : str
+    node : ndarray of int, shape (point,)
+        Ascending.
+    direction : ndarray of int, shape (point,)
+        Code of each function's response direction.
+    frequency : ndarray, shape (frequency,), Hz
+    velocity : ndarray of complex, shape (point, frequency), m/s
+    std : ndarray or None, shape of `velocity`, m/s
+    missing : ndarray of bool, shape (point,)
+        Where zeros stand for what was not measured.
+    geometry : Geometry or None
+    length : float
+        One of the geometry's units in m.
+    told : dict of str to str
+        Conventions, for the record.
+    """
+
+    name: str
+    source: str
+    node: IntArray
+    direction: IntArray
+    frequency: Array
+    velocity: ComplexArray
+    std: Array | None
+    missing: BoolArray
+    geometry: Geometry | None
+    length: float
+    told: dict[str, str]
+
+
+def close(one: Array, two: Array) -> bool:
+    """Whether two lists of frequencies are the same."""
+    return one.shape == two.shape and bool(np.allclose(one, two, rtol=1e-9, atol=0.0))
+
+
+def same_frequencies(view: Measured, first: Measured | None) -> None:
+    """Complain unless a view has the frequencies of the first one."""
+    if first is not None and not close(view.frequency, first.frequency):
+        raise UserError(
+            f"{view.source}: view {view.name} has other frequencies than view {first.name}; choose "
+            "those that all views have with instrument.frequency"
+        )
+
+
+#: ``mm/s^2``, ``(m/s)/N``, ``[in/sec]``: a length and how often it is divided by a time.
+UNIT = re.compile(
+    r"[\s\[(]*(?P<length>nm|[uµμ]m|mm|cm|m|inch|in|ft|g)"
+    r"(?P<time>\s*/\s*s(ec)?\s*(\^\s*2|\*\*\s*2|2|²|/\s*s(ec)?)?)?(?![a-zA-Z²^*])"
+)
+NAMES = {"in": "inch", "µm": "um", "μm": "um"}
+SQUARED = re.compile(r"2|²|/.*/")
+
+
+class Motion(NamedTuple):
+    """What a unit is one of.
+
+    Parameters
+    ----------
+    quantity : Quantity
+    unit : MotionUnit
+    rest : str
+        What follows, as ``/N`` of a response function.
+    """
+
+    quantity: Quantity
+    unit: MotionUnit
+    rest: str
+
+
+def motion_in_product(text: str) -> Motion | None:
+    """The motion in a cross spectrum's unit, as ``(m/s)*N/Hz``; None unless one factor is one."""
+    bare = re.sub(r"\s*/\s*Hz[\s\])]*$", "", text.strip()).replace("**", "^")
+    factors = [factor.strip(" ()[]") for factor in re.split(r"[*·⋅×]", bare)]
+    found = {motion for factor in factors if (motion := motion_of(factor))}
+    others = [factor for factor in factors if not motion_of(factor)]
+    return found.pop() if len(found) == 1 and "/" not in "".join(others) else None
+
+
+def motion_of(text: str) -> Motion | None:
+    """The motion that a unit is one of; None if it is none."""
+    found = UNIT.match(text)
+    if not found:
+        return None
+    unit = MotionUnit[NAMES.get(found["length"], found["length"])]
+    time = found["time"] or ""
+    if unit is MotionUnit.g:
+        quantity = Quantity.acceleration
+    elif not time:
+        quantity = Quantity.displacement
+    else:
+        quantity = Quantity.acceleration if SQUARED.search(time) else Quantity.velocity
+    return Motion(quantity, unit, text[found.end() :].strip(" )]"))

@@ -8,8 +8,7 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.importers.measured import Measured
-from sldvexp.importers.pointwise import Pointwise
+from sldvexp.importers.pointwise import Measured, Pointwise
 from sldvexp.importers.to_line_of_sight import pose_of, positions, record
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import TwoMirror

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError, nearest
-from sldvexp.importers.measured import Measured
-from sldvexp.importers.pointwise import Directions, Pointwise
+from sldvexp.importers.pointwise import Directions, Measured, Pointwise
 from sldvexp.io.uff.geometry import Geometry
 from sldvexp.io.velocities.table import LineOfSight
 from sldvexp.laser.model import direction_cosines, project

@@ -8,8 +8,7 @@ from enum import Enum
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.importers.measured import Measured
-from sldvexp.importers.pointwise import Pointwise
+from sldvexp.importers.pointwise import Measured, Pointwise
 
 
 class Kind(Enum):

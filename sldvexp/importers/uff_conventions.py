@@ -5,12 +5,27 @@ from __future__ import annotations
 from typing import Any
 
 from sldvexp.errors import UserError
-from sldvexp.importers.measured import Conventions
-from sldvexp.importers.motion_units import motion_in_product, motion_of
-from sldvexp.importers.pointwise import Amplitude, Directions, MotionUnit, Phase, Quantity
+from sldvexp.importers.pointwise import (
+    Amplitude,
+    Conventions,
+    Directions,
+    MotionUnit,
+    Phase,
+    Quantity,
+    motion_in_product,
+    motion_of,
+)
 from sldvexp.importers.uff import Kind, Uff
-from sldvexp.io.uff.functions import ACCELERATION, DISPLACEMENT, KINDS, VELOCITY, Function
-from sldvexp.io.uff.qualifiers import HALF_PEAK, PEAK, RMS
+from sldvexp.io.uff.functions import (
+    ACCELERATION,
+    DISPLACEMENT,
+    HALF_PEAK,
+    KINDS,
+    PEAK,
+    RMS,
+    VELOCITY,
+    Function,
+)
 from sldvexp.io.uff.reader import UniversalFile
 
 BY_NUMBER = {

@@ -10,12 +10,18 @@ import numpy as np
 
 from sldvexp.config.paths import locate
 from sldvexp.errors import UserError
-from sldvexp.importers.measured import Measured, close, same_frequencies
-from sldvexp.importers.pointwise import Directions, PointView, Quantity, Zeros
+from sldvexp.importers.pointwise import (
+    Directions,
+    Measured,
+    PointView,
+    Quantity,
+    Zeros,
+    close,
+    same_frequencies,
+)
 from sldvexp.importers.uff import Kind, NodalAxes, Uff
 from sldvexp.importers.uff_conventions import conventions, length_unit
-from sldvexp.importers.uff_estimators import coherence, estimated
-from sldvexp.importers.uff_time import phasors, reference_of
+from sldvexp.importers.uff_estimators import coherence, estimated, phasors, reference_of
 from sldvexp.io.uff.functions import (
     ACCELERATION,
     DIRECTIONS,
@@ -25,9 +31,8 @@ from sldvexp.io.uff.functions import (
     VELOCITY,
     Function,
 )
-from sldvexp.io.uff.geometry import Geometry
+from sldvexp.io.uff.geometry import CARTESIAN, WORLD, Geometry
 from sldvexp.io.uff.reader import UniversalFile, universal_file
-from sldvexp.io.uff.systems import CARTESIAN, WORLD
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 
 COHERENCE = 6

@@ -12,8 +12,8 @@ from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, nearest
 from sldvexp.importers.pointwise import Amplitude, Phase, Positive
-from sldvexp.io.velocities.layout import KNOWN, ORDER, Layout
 from sldvexp.io.velocities.read import read
+from sldvexp.io.velocities.table import KNOWN, ORDER, Layout
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.units import VelocityUnit

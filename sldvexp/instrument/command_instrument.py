@@ -8,10 +8,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from sldvexp.instrument.blocks import block_size, decoded
 from sldvexp.instrument.connection import DisturbanceError, Line
-from sldvexp.instrument.dialogue import Dialogue
-from sldvexp.instrument.persistence import Persistence
+from sldvexp.instrument.dialogue import Dialogue, Persistence, block_size, decoded
 from sldvexp.instrument.profile import Profile
 from sldvexp.instrument.protocol import CHANNELS, Acquisition, InstrumentError, Samples, Status
 from sldvexp.typing import IntArray

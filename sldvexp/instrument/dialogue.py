@@ -1,15 +1,26 @@
-"""Commands, questions and blocks of samples, as a profile says, over lines to its devices."""
+"""Commands, questions and blocks of samples, as a profile says, over lines to its devices.
+
+Steps that are repeated over a new connection when something disturbs them.
+
+Blocks of bytes to samples.
+"""
 
 from __future__ import annotations
 
+import logging
 import math
 import re
-from collections.abc import Callable, Mapping
-from typing import Any
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sldvexp.instrument.connection import DisturbanceError, Line
-from sldvexp.instrument.profile import Commands, Device, Header, Profile
-from sldvexp.instrument.protocol import InstrumentError
+from sldvexp.instrument.profile import Commands, Data, Device, Header, Layout, Profile, SampleType
+from sldvexp.instrument.protocol import CHANNELS, InstrumentError, Samples, Status
+from sldvexp.typing import Array
 
 #: Errors that are read from a queue at most.
 QUEUE = 20
@@ -199,3 +210,163 @@ def _short(text: str) -> str:
     """A text as messages show it."""
     shown = repr(text if len(text) <= SHOWN else f"{text[:SHOWN]}...")
     return shown
+
+
+log = logging.getLogger(__name__)
+
+#: Pause before the connection is made again, s; twice as long every further time.
+PAUSE = 0.1
+
+T = TypeVar("T")
+
+
+class Persistence:
+    """Does steps of a dialogue; one that was disturbed is repeated as a whole.
+
+    Parameters
+    ----------
+    connect : callable
+        Begins a dialogue.
+    restore : callable
+        Brings an instrument that was just connected to where the program believes it is.
+    retries : int
+        How often a step is repeated.
+    """
+
+    def __init__(
+        self, connect: Callable[[], Dialogue], restore: Callable[[Dialogue], None], retries: int
+    ) -> None:
+        self._connect = connect
+        self._restore = restore
+        self._retries = retries
+        self._dialogue: Dialogue | None = None
+
+    def __call__(self, what: str, step: Callable[[Dialogue], T]) -> T:
+        """Do a step.
+
+        Parameters
+        ----------
+        what : str
+            What is being done, for messages.
+        step : callable
+
+        Raises
+        ------
+        InstrumentError
+            If the instrument refuses, or the step was disturbed every time.
+        """
+        for attempt in range(self._retries + 1):
+            try:
+                return self._once(step)
+            except DisturbanceError as error:
+                if attempt == self._retries:
+                    tried = f"{attempt + 1} times" if attempt else "once"
+                    raise InstrumentError(f"{what}: {error} (tried {tried})") from error
+                log.warning("%s: %s; trying again", what, error)
+                time.sleep(PAUSE * 2**attempt)
+            except InstrumentError as error:
+                raise InstrumentError(f"{what}: {error}") from error
+        raise AssertionError
+
+    def hang_up(self) -> None:
+        """End the dialogue."""
+        if self._dialogue is not None:
+            self._dialogue.close()
+            self._dialogue = None
+
+    def _once(self, step: Callable[[Dialogue], T]) -> T:
+        """Do a step, over a new connection if the last step left the old one in disorder."""
+        known, self._dialogue = self._dialogue, None
+        dialogue = known or self._connect()
+        in_order = False
+        try:
+            if known is None:
+                self._restore(dialogue)
+            done = step(dialogue)
+            in_order = True
+            return done
+        except DisturbanceError:
+            raise
+        except InstrumentError:
+            # A refusal leaves nothing unread; whatever else may, also an operator's Ctrl-C.
+            in_order = known is not None
+            raise
+        finally:
+            if in_order:
+                self._dialogue = dialogue
+            else:
+                dialogue.close()
+
+
+#: Counts on each side of zero.
+HALF_COUNTS = 2**15
+
+
+def block_size(data: Data, pixels: int, samples: int) -> int:
+    """Bytes of a block of samples."""
+    return pixels * len(CHANNELS) * samples * np.dtype(data.type.value).itemsize
+
+
+def decoded(
+    data: Data,
+    block: bytes,
+    status: bytes,
+    shape: tuple[int, int],
+    volts_per_count: Sequence[float],
+    rate: float,
+) -> Samples:
+    """Samples of a block.
+
+    Parameters
+    ----------
+    data : Data
+        How the block is written.
+    block : bytes
+    status : bytes
+        One a pixel; empty if there is none.
+    shape : tuple of int
+        Pixels, and samples a pixel and channel.
+    volts_per_count : sequence of float
+        In the order of `CHANNELS`.
+    rate : float, Hz
+
+    Returns
+    -------
+    Samples
+
+    Raises
+    ------
+    DisturbanceError
+        If a sample is not a number.
+    """
+    pixels, samples = shape
+    raw = np.frombuffer(block, np.dtype(data.order.value + data.type.value))
+    if data.layout is Layout.interleaved:
+        by_channel = raw.reshape(pixels, samples, len(CHANNELS)).transpose(0, 2, 1)
+    else:
+        by_channel = raw.reshape(pixels, len(CHANNELS), samples)
+    ordered = by_channel[:, [data.channels.index(c) for c in CHANNELS]]
+    flags = np.frombuffer(status, np.uint8) if status else np.zeros(pixels, np.uint8)
+    scale = np.array(volts_per_count, float)
+    if data.type is SampleType.float32:
+        counts, over = _rounded(ordered, scale)
+        flags = flags | over
+    elif data.type is SampleType.uint16:
+        counts = (ordered.astype(np.int32) - HALF_COUNTS).astype(np.int16)
+    else:
+        counts = ordered.astype(np.int16, copy=False)
+    return Samples(counts, scale, rate, flags)
+
+
+def _rounded(
+    volts: NDArray[np.floating], scale: Array
+) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
+    """Volts as counts, and the status of pixels whose volts are beyond them."""
+    if not np.isfinite(volts).all():
+        pixel = int(np.argwhere(~np.isfinite(volts))[0, 0])
+        raise DisturbanceError(f"pixel {pixel} has a sample that is not a finite number of volts")
+    counts = np.rint(volts / scale[:, None])
+    clipped = np.clip(counts, -HALF_COUNTS, HALF_COUNTS - 1)
+    beyond = (counts != clipped).any(axis=(1, 2))
+    flags = np.where(beyond, Status.over_range, Status.good).astype(np.uint8)
+    return clipped.astype(np.int16), flags

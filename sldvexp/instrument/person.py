@@ -1,10 +1,17 @@
-"""A person beside the instrument, who does what it cannot: see marks, hold a digitizer."""
+"""A person beside the instrument, who does what it cannot: see marks, hold a digitizer.
+
+What a person found in an earlier run, in the place of the person.
+"""
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
 
+from sldvexp.files import whole_or_nothing
+from sldvexp.instrument.protocol import InstrumentError
 from sldvexp.typing import Array
 
 Steps = tuple[int, int]
@@ -65,3 +72,66 @@ class Attended(Protocol):
     @property
     def person(self) -> Person:
         """Who is there."""
+
+
+class RecordedPerson:
+    """A `Person` who gives the answers that a view's folder has kept.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the view.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def aim(self, mark: Mark, start: Steps) -> Steps | None:
+        """See `Person`."""
+        answer = self._answer(mark_name(mark.number))
+        return None if answer is None else (answer[0], answer[1])
+
+    def digitise(self, spot: int, samples: int) -> list[Place]:
+        """See `Person`."""
+        answer = self._answer(spot_name(spot))
+        if len(answer) != samples:
+            raise InstrumentError(
+                f"{self.folder}: spot {spot} was digitised {len(answer)} times; scan.samples must "
+                "say the same"
+            )
+        return [(x, y, z) for x, y, z in answer]
+
+    def _answer(self, name: str) -> Any:
+        kept = read_answer(self.folder / f"{name}.json")
+        if kept is None:
+            raise InstrumentError(
+                f"{self.folder}: has no {name.replace('_', ' ')}; a recording can only be scanned "
+                "as it was"
+            )
+        return kept["answer"]
+
+
+def mark_name(number: int) -> str:
+    """What the answer about a mark is called."""
+    return f"mark_{number}"
+
+
+def spot_name(spot: int) -> str:
+    """What the answer about a digitised spot is called."""
+    return f"spot_{spot}"
+
+
+def write_answer(path: Path, question: Any, answer: Any) -> None:
+    """Keep what a person answered, whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_or_nothing(path) as beside:
+        beside.write_text(json.dumps({"question": question, "answer": answer}))
+
+
+def read_answer(path: Path) -> dict[str, Any] | None:
+    """A kept question and its answer; None if there is none or its file is damaged."""
+    try:
+        kept = json.loads(path.read_text())
+    except (FileNotFoundError, ValueError):
+        return None
+    return kept if isinstance(kept, dict) and {"question", "answer"} <= set(kept) else None

@@ -1,7 +1,7 @@
 """A command profile: how some digitiser and its boards are spoken to, as data instead of code.
 
 Commands may hold placeholders such as ``{rate}`` or ``{up_down:+05d}``, filled as `str.format`
-does; `sldvexp.instrument.profile_checks.PLACEHOLDERS` lists them for each group of commands.
+does; `sldvexp.instrument.profile_file.PLACEHOLDERS` lists them for each group of commands.
 """
 
 from __future__ import annotations

@@ -1,9 +1,15 @@
-"""Command profiles from YAML files, with complaints that name the file and the key."""
+"""Command profiles from YAML files, with complaints that name the file and the key.
+
+What makes a command profile useless, found before anything is sent.
+"""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
+from string import Formatter
 from typing import Any, get_args, get_origin, get_type_hints
 
 import yaml
@@ -11,8 +17,7 @@ import yaml
 from sldvexp.config.paths import conf_dir, locate
 from sldvexp.errors import Checks, ConfigError, UserError, nearest
 from sldvexp.files import read_text
-from sldvexp.instrument.profile import Profile
-from sldvexp.instrument.profile_checks import check
+from sldvexp.instrument.profile import CHANNELS, Commands, Profile
 
 SUFFIXES = (".yaml", ".yml")
 
@@ -132,3 +137,139 @@ def _made_table(kind: Any, node: Any, key: str, checks: Checks) -> Any:
         checks.require(name in node or optional, f"{below}{name}", "must be given")
     values = {n: _made(hints[n], node[n], f"{below}{n}", checks) for n in known if n in node}
     return kind(**values) if len(checks.problems) == before else None
+
+
+SAMPLING = ("rate", "interval", "interval_us", "samples")
+GENERATOR = ("frequencies", "amplitude")
+
+#: What the commands of each group may be filled with.
+PLACEHOLDERS: dict[str, tuple[str, ...]] = {
+    "setup": (),
+    "view": ("view",),
+    "configure": (*SAMPLING, *GENERATOR),
+    "generator_on": GENERATOR,
+    "generator_off": (),
+    "move": ("up_down", "left_right"),
+    "home": (),
+    "acquire": ("samples",),
+    "stream": ("stream",),
+    "scan": ("positions", "pixels", "samples"),
+}
+
+#: Groups without which nothing can be measured, and what they are for.
+NEEDED = {
+    "configure": "sets the sampling",
+    "move": "points the beam",
+    "home": "sends the mirrors home",
+    "acquire": "samples one pixel",
+}
+
+#: Of which placeholders a group must have one each.
+TELLS = {
+    "configure": (("rate", "interval", "interval_us"), ("samples",)),
+    "move": (("up_down",), ("left_right",)),
+    "scan": (("positions",),),
+}
+
+#: A value of each placeholder, to try a command with.
+EXAMPLES = {name: 1 for names in PLACEHOLDERS.values() for name in names} | {
+    "rate": 1.0,
+    "interval": 1.0,
+    "amplitude": 1.0,
+    "frequencies": "1.0",
+    "positions": "1,1",
+    "view": "1",
+}
+
+
+def check(profile: Profile, checks: Checks) -> None:
+    """Note everything that keeps a profile from working."""
+    checks.non_negative("settle", profile.settle)
+    checks.require(bool(profile.devices), "devices", "must be given, as in {name: {...}}")
+    for name, device in profile.devices.items():
+        _expression(checks, f"devices.{name}.identity", device.identity)
+        _expression(checks, f"devices.{name}.errors.answer", device.errors.answer, groups=1)
+        for end in ("sent_end", "answer_end"):
+            text = getattr(device, end)
+            checks.require(bool(text), f"devices.{name}.{end}", 'must be given, as in "\\n"')
+    for group, allowed in PLACEHOLDERS.items():
+        _check_group(profile, checks, group, allowed)
+    for group, purpose in NEEDED.items():
+        given = any(getattr(profile.commands, group).values())
+        message = f"is missing: give the command that {purpose}, as in {{device: [command]}}"
+        checks.require(given, f"commands.{group}", message)
+    off = bool(profile.commands.generator_off) or not profile.commands.generator_on
+    message = "is missing: what turns the generator on must be able to turn it off"
+    checks.require(off, "commands.generator_off", message)
+    for i, question in enumerate(profile.verify):
+        _check_device(profile, checks, f"verify[{i}].device", question.device)
+    _check_data(profile, checks)
+
+
+def _check_group(profile: Profile, checks: Checks, group: str, allowed: tuple[str, ...]) -> None:
+    """Commands address known devices, and say what they must and no more."""
+    commands: Commands = getattr(profile.commands, group)
+    for device, texts in commands.items():
+        _check_device(profile, checks, f"commands.{group}.{device}", device)
+        for i, text in enumerate(texts):
+            _check_placeholders(checks, f"commands.{group}.{device}[{i}]", text, allowed)
+    said = {p for texts in commands.values() for text in texts for p in _named(text)}
+    for among in TELLS.get(group, ()) if commands else ():
+        message = f"must have a command with {' or '.join(f'{{{p}}}' for p in among)}"
+        checks.require(not said.isdisjoint(among), f"commands.{group}", message)
+
+
+def _check_data(profile: Profile, checks: Checks) -> None:
+    """Blocks come from a known device, hold both channels, and have a scale."""
+    data = profile.data
+    _check_device(profile, checks, "data.device", data.device)
+    message = f"must be {' and '.join(CHANNELS)} in the block's order, not {data.channels}"
+    checks.require(sorted(data.channels) == sorted(CHANNELS), "data.channels", message)
+    one = bool(data.scale) != bool(data.volts_per_count)
+    message = "is missing: give either scale, a question, or volts_per_count, its numbers"
+    checks.require(one, "data.scale", message)
+    for channel, volts in data.volts_per_count.items():
+        key = f"data.volts_per_count.{channel}"
+        checks.require(channel in CHANNELS, key, f"is not a channel; {nearest(channel, CHANNELS)}")
+        checks.positive(key, volts)
+    for channel in CHANNELS if data.volts_per_count else ():
+        key = f"data.volts_per_count.{channel}"
+        checks.require(channel in data.volts_per_count, key, "is missing")
+
+
+def _check_device(profile: Profile, checks: Checks, key: str, device: str) -> None:
+    """A device that is named must be one of the profile's."""
+    message = f"addresses the unknown device {device}; {nearest(device, profile.devices)}"
+    checks.require(device in profile.devices or not profile.devices, key, message)
+
+
+def _expression(checks: Checks, key: str, text: str, groups: int = 0) -> None:
+    """Note what is no regular expression or has too few groups."""
+    try:
+        found = re.compile(text).groups
+    except re.error as error:
+        checks.require(False, key, f"is not a regular expression: {error}")
+        return
+    checks.require(found >= groups, key, r"must have the code in parentheses, as in (-?\d+),.*")
+
+
+def _named(text: str) -> Iterator[str]:
+    """The placeholders of a command; those of one that cannot be read are none."""
+    try:
+        parsed = list(Formatter().parse(text))
+    except ValueError:
+        return
+    yield from (name for _, name, _, _ in parsed if name is not None)
+
+
+def _check_placeholders(checks: Checks, key: str, text: str, allowed: tuple[str, ...]) -> None:
+    """Note the first thing that keeps a command from being filled."""
+    for name in _named(text):
+        if name not in allowed:
+            valid = nearest(name, allowed).replace("there are none", "none is allowed here")
+            checks.require(False, key, f"has the unknown placeholder {{{name}}}; {valid}")
+            return
+    try:
+        text.format(**{name: EXAMPLES[name] for name in allowed})
+    except (ValueError, IndexError, KeyError) as error:
+        checks.require(False, key, f"is no command that can be filled: {error}")

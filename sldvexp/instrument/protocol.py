@@ -1,15 +1,22 @@
-"""What every instrument that scans can do; the rest of the program knows no more about it."""
+"""What every instrument that scans can do; the rest of the program knows no more about it.
+
+What every plugin of the group `instrument` that can scan has in common.
+"""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from enum import IntFlag
-from typing import Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.targets.base import Target
 from sldvexp.typing import Array, IntArray
 
 #: Order of the channels in every block of samples.
@@ -96,4 +103,48 @@ class Instrument(Protocol):
 
         A simulated instrument draws the noise of scan line `stream` again whenever it is given the
         same number; to others it means nothing.
+        """
+
+
+class ScanningPlugin(ABC):
+    """Base of the instruments that scan; `open` is what they add.
+
+    Attributes
+    ----------
+    real : bool
+        Whether mirrors move; what only tries a configuration out leaves such an instrument alone.
+    """
+
+    real: ClassVar[bool] = True
+
+    @property
+    def takes_views_itself(self) -> bool:
+        """Whether `open` puts the instrument where a view is; otherwise somebody must move it."""
+        return True
+
+    def inputs(self) -> list[str]:
+        """Files that are read besides the configuration."""
+        return []
+
+    @abstractmethod
+    def open(
+        self,
+        scene: Any,
+        laser: TwoMirror,
+        target: Target | None = None,
+        seed: int = 0,
+        view: str = "",
+    ) -> AbstractContextManager[Instrument]:
+        """The instrument in one view; leaving it sends the mirrors home, the generator off.
+
+        Parameters
+        ----------
+        scene : Scene or None
+            Of the virtual lab; only a simulation looks at it.
+        laser : TwoMirror
+        target : Target, optional
+        seed : int
+            Of everything random in a simulation.
+        view : str
+            Empty stays where the instrument is.
         """

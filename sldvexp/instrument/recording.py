@@ -1,17 +1,34 @@
-"""Scan lines in a folder: how a session keeps them, and how they are played again."""
+"""Scan lines in a folder: how a session keeps them, and how they are played again.
+
+`instrument=replay`: a recorded session in the place of an instrument.
+"""
 
 from __future__ import annotations
 
 import zipfile
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from omegaconf import MISSING
 
+from sldvexp.config.paths import locate
+from sldvexp.config.registry import register
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import whole_or_nothing
-from sldvexp.instrument.protocol import Acquisition, InstrumentError, Samples
-from sldvexp.instrument.recorded_person import RecordedPerson
+from sldvexp.instrument.person import RecordedPerson
+from sldvexp.instrument.protocol import (
+    Acquisition,
+    Instrument,
+    InstrumentError,
+    Samples,
+    ScanningPlugin,
+)
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.targets.base import Target
 from sldvexp.typing import Array, IntArray
 
 #: Folder of a run in which finished scan lines are kept, one folder a view.
@@ -139,3 +156,35 @@ class Recording:
     @staticmethod
     def _key(dac: IntArray) -> bytes:
         return np.ascontiguousarray(dac, np.int64).tobytes()
+
+
+@register("instrument", "replay")
+@dataclass
+class Replay(ScanningPlugin):
+    """The scan lines that an earlier run kept, so that they can be processed anew.
+
+    Parameters
+    ----------
+    path : str
+        Folder of that run.
+    """
+
+    real = False
+    path: str = MISSING
+
+    def open(
+        self,
+        scene: Any,
+        laser: TwoMirror,
+        target: Target | None = None,
+        seed: int = 0,
+        view: str = "",
+    ) -> AbstractContextManager[Instrument]:
+        """See `ScanningPlugin`.
+
+        Raises
+        ------
+        UserError
+            If the run has no scan lines of that view.
+        """
+        return Recording(locate(self.path), view)

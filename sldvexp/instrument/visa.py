@@ -12,12 +12,11 @@ from omegaconf import MISSING
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError, nearest
-from sldvexp.instrument.base import ScanningPlugin
 from sldvexp.instrument.command_instrument import CommandedInstrument
 from sldvexp.instrument.connection import Line, VisaLine
 from sldvexp.instrument.profile import Profile
 from sldvexp.instrument.profile_file import load_profile, profile_path
-from sldvexp.instrument.protocol import Instrument
+from sldvexp.instrument.protocol import Instrument, ScanningPlugin
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.targets.base import Target
 

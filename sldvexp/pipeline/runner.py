@@ -25,8 +25,8 @@ from sldvexp.pipeline.steps import SCAN, STEPS, Run, Step
 from sldvexp.report.base import REPORT_FILE, attempt
 from sldvexp.report.pose_tables import pose_text
 from sldvexp.report.terminal import closing_table
+from sldvexp.session.camera import Operator
 from sldvexp.session.interruption import how_to_go_on, telling_of_the_scan
-from sldvexp.session.operator import Operator
 
 log = logging.getLogger(__name__)
 

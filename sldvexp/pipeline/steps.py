@@ -18,10 +18,10 @@ from sldvexp.check.base import Examined
 from sldvexp.check.expectations import evaluate
 from sldvexp.config import schema
 from sldvexp.errors import UserError
-from sldvexp.instrument.base import ScanningPlugin
+from sldvexp.instrument.protocol import ScanningPlugin
 from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.session.camera import NobodyThereError, Operator
 from sldvexp.session.interruption import has_lines, how_to_go_on, stopping_once
-from sldvexp.session.operator import NobodyThereError, Operator
 
 #: Where the scans lie, in the dataset and in the journal, that pose methods are compared on.
 COMPARED_SCANS = "compare_scan"
@@ -65,7 +65,7 @@ class Run:
         """A scanned group; with a stream an image goes to a file, before the next view comes."""
         if self.experiment.stream is None or not name.startswith("image/"):
             return group
-        from sldvexp.importers.read_images import spilled
+        from sldvexp.importers.image_file import spilled
 
         path = self.blocks / f"{name.replace('/', '_')}.nc"
         return spilled(group, path, self.experiment.stream.chunks)
@@ -176,7 +176,7 @@ def _point(run: Run) -> None:
 
 def _field(run: Run) -> None:
     """Velocity over the volume, by the chosen method and those it is compared with."""
-    from sldvexp.field.run import looks_of, reconstruct
+    from sldvexp.field.estimate import looks_of, reconstruct
 
     e = run.experiment
     if e.laser is None or e.solver is None:
@@ -190,10 +190,10 @@ def _field(run: Run) -> None:
 
 def _streamed_field(run: Run) -> None:
     """The same, with some frequencies in memory at a time."""
-    from sldvexp.field.run import looks_of
+    from sldvexp.field.estimate import looks_of
     from sldvexp.field.streaming.compression import compress
     from sldvexp.field.streaming.streamed import stream_field
-    from sldvexp.importers.read_images import in_chunks
+    from sldvexp.importers.image_file import in_chunks
 
     e = run.experiment
     chunks = e.stream.chunks

@@ -11,13 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sldvexp.dataset.needed import require
-from sldvexp.dataset.recorded import plugin
-from sldvexp.dataset.run_data import Shown, Source, one_of, shown
+from sldvexp.dataset.run_data import Shown, Source, one_of, plugin, require, shown
 from sldvexp.geometry.conic import boundary
 from sldvexp.geometry.conic_fit import ConicFit
-from sldvexp.image.conics import fit_circle
-from sldvexp.image.pinhole import dac_from_pinhole, pinhole_edges
+from sldvexp.image.pinhole import dac_from_pinhole, fit_circle, pinhole_edges
 from sldvexp.plot import sheet, style
 from sldvexp.session.circles import edges_of
 from sldvexp.typing import Array

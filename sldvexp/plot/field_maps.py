@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
-from sldvexp.dataset.needed import require
-from sldvexp.dataset.run_data import Shown, Source, shown
+from sldvexp.dataset.run_data import Shown, Source, require, shown
 from sldvexp.plot import sheet, style
 from sldvexp.plot.layer import Layer, layer_of, missing_field
 

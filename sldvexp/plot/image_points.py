@@ -6,8 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.needed import require
-from sldvexp.dataset.run_data import Shown, Source, one_of, shown
+from sldvexp.dataset.run_data import Shown, Source, one_of, require, shown
 from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import sheet, style

@@ -11,9 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.needed import require
-from sldvexp.dataset.recorded import plugin, settings
-from sldvexp.dataset.run_data import Shown, Source, one_of, shown
+from sldvexp.dataset.run_data import Shown, Source, one_of, plugin, require, settings, shown
 from sldvexp.errors import UserError
 from sldvexp.image.edge_detection import gradient_edges
 from sldvexp.image.scan_lines import Edges, ScanLines

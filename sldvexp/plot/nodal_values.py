@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.needed import require
-from sldvexp.dataset.run_data import Shown, Source, shown
+from sldvexp.dataset.run_data import Shown, Source, require, shown
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import sheet, style

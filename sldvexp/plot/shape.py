@@ -7,8 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.needed import require
-from sldvexp.dataset.run_data import Shown, Source, shown
+from sldvexp.dataset.run_data import Shown, Source, require, shown
 from sldvexp.errors import UserError
 from sldvexp.plot import sheet, style
 from sldvexp.plot.layer import AXES, fields, layer_of

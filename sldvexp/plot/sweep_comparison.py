@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.needed import require
-from sldvexp.dataset.run_data import Shown, Source, shown
+from sldvexp.dataset.run_data import Shown, Source, require, shown
 from sldvexp.errors import UserError, nearest
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style

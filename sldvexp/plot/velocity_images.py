@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sldvexp.dataset.needed import require
-from sldvexp.dataset.run_data import Shown, Source, at_frequency, one_of, shown
+from sldvexp.dataset.run_data import Shown, Source, at_frequency, one_of, require, shown
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import sheet, style
 from sldvexp.typing import BoolArray, ComplexArray

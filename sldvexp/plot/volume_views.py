@@ -8,8 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
-from sldvexp.dataset.needed import require
-from sldvexp.dataset.run_data import Shown, Source, shown
+from sldvexp.dataset.run_data import Shown, Source, require, shown
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import sheet, style
 from sldvexp.typing import Array, IndexArray

@@ -18,8 +18,7 @@ from sldvexp.geometry.rotation import skew
 from sldvexp.laser.model import project, project_jacobian
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import scipy
-from sldvexp.pose.base import EXTRINSICS
-from sldvexp.pose.joint import JointCovariance
+from sldvexp.pose.base import EXTRINSICS, JointCovariance
 from sldvexp.pose.least_squares import INTRINSICS
 from sldvexp.pose.single_view import PoseSolution
 from sldvexp.typing import Array

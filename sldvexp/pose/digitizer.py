@@ -1,18 +1,28 @@
-"""`pose=digitizer`: pose from points digitised on the object and on the instrument itself."""
+"""`pose=digitizer`: pose from points digitised on the object and on the instrument itself.
+
+Poses from digitised triples of points (Section 4.6.3), and the files that hold them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
+import numpy as np
 from omegaconf import MISSING
 
+from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
-from sldvexp.errors import Checks
+from sldvexp.errors import Checks, ConfigError, Problem, UserError, nearest
+from sldvexp.files import read_text, require_file
+from sldvexp.geometry.rotation import nearest_rotation, rigid_transform, vector_from_rotation
+from sldvexp.io.text_fields import csv_lines, number, unit_of_columns
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
-from sldvexp.pose.base import PoseMethod
+from sldvexp.pose.base import PoseMethod, pose_group
 from sldvexp.targets.base import Target
+from sldvexp.typing import Array
 from sldvexp.units import LengthUnit
 
 
@@ -71,6 +81,155 @@ class Digitizer(PoseMethod):
         self, laser: TwoMirror, target: Target | None, tree: Mapping[str, xr.Dataset]
     ) -> dict[str, xr.Dataset]:
         """The group ``pose``: mean and spread of the poses of the single repeats."""
-        from sldvexp.pose.triples import estimate
-
         return {"pose": estimate(self)}
+
+
+#: Three points whose smaller extent is below this fraction of their larger one lie on a line.
+COLLINEAR = 1e-3
+
+
+def estimate(method: Digitizer) -> xr.Dataset:
+    """The pose as the mean of one pose for each repeat, with the covariance of that mean.
+
+    The spread of the repeats knows nothing of errors in the posts' own coordinates.
+
+    Parameters
+    ----------
+    method : Digitizer
+
+    Returns
+    -------
+    xarray.Dataset
+        The group ``pose``; attribute ``fit_rms`` is how well the rigid motions fit, in m.
+    """
+    path = locate(method.path)
+    names = [*method.instrument_points, *method.object_points]
+    digitised = read_repeats(path, names, method.unit)
+    posts = len(method.instrument_points)
+    known = [np.array(list(p.values()), float) * method.unit.value for p in (
+        method.instrument_points, method.object_points)]  # fmt: skip
+    for what, points, measured in zip(
+        ("instrument_points", "object_points"),
+        known,
+        (digitised[:, :posts], digitised[:, posts:]),
+        strict=True,
+    ):
+        if not _is_triangle(points):
+            message = "the points lie on one line; the rotation about it is unknown"
+            raise ConfigError([Problem(f"pose.{what}", message)])
+        for repeat, triple in enumerate(measured, 1):
+            if not _is_triangle(triple):
+                raise UserError(
+                    f"{path}: repeat {repeat} of the {what} lies on one line; digitise it again"
+                )
+    to_laser, laser_shift = rigid_transform(digitised[:, :posts], known[0])
+    to_world, world_shift = rigid_transform(digitised[:, posts:], known[1])
+    rotation = to_laser @ np.swapaxes(to_world, 1, 2)
+    origin = world_shift - np.einsum("kji,kj->ki", rotation, laser_shift)
+    mean_rotation = nearest_rotation(rotation.mean(axis=0))
+    repeats = len(rotation)
+    deviation = np.hstack([vector_from_rotation(rotation @ mean_rotation.T), origin])
+    covariance = np.full((6, 6), np.nan)
+    if repeats > 1:
+        covariance = np.cov(deviation.T) / repeats
+    group = pose_group(
+        [method.view],
+        mean_rotation[None],
+        origin.mean(axis=0)[None],
+        covariance[None],
+        [repeats - 1],
+        method.confidence,
+    )
+    in_laser = np.einsum("kij,knj->kni", to_laser, digitised[:, :posts]) + laser_shift[:, None]
+    in_world = np.einsum("kij,knj->kni", to_world, digitised[:, posts:]) + world_shift[:, None]
+    misfit = np.concatenate([in_laser - known[0], in_world - known[1]], axis=1)
+    group.attrs |= {
+        "repeats": repeats,
+        "fit_rms": float(np.sqrt((misfit**2).sum(-1).mean())),
+        "source": path.name,
+    }
+    if repeats == 1:
+        group.attrs["notes"] = (
+            f"view {method.view}: a single repeat gives no bounds; digitise again"
+        )
+    return group
+
+
+def read_repeats(path: Path, names: list[str], unit: LengthUnit) -> Array:
+    """Digitised coordinates, shape (repeat, point, 3), m, the points in the order of `names`.
+
+    Raises
+    ------
+    UserError
+        If a point is unknown or missing, or the points differ in how often they were digitised.
+    """
+    require_file(path)
+    found: dict[str, list[list[float]]] = {name: [] for name in names}
+    if path.suffix.lower() == ".csv":
+        unit = _read_csv(path, found)
+    else:
+        _read_plain(path, found)
+    counts = {len(rows) for rows in found.values()}
+    if 0 in counts:
+        missing = next(name for name, rows in found.items() if not rows)
+        raise UserError(f"{path}: the point {missing} is not there")
+    if len(counts) > 1:
+        told = ", ".join(f"{name} {len(rows)} times" for name, rows in found.items())
+        raise UserError(f"{path}: every point must be digitised equally often, but there is {told}")
+    return np.swapaxes(np.array(list(found.values())), 0, 1) * unit.value
+
+
+def _read_csv(path: Path, found: dict[str, list[list[float]]]) -> LengthUnit:
+    """Rows of a table with named columns; returns its unit."""
+    lines = csv_lines(path)
+    _, header = next(lines, (0, []))
+    axes = ("x", "y", "z")
+    unit = unit_of_columns(axes, tuple(LengthUnit.__members__), header, str(path))
+    columns = ["point", *(f"{a}_{unit or 'm'}" for a in axes)]
+    for column in columns:
+        if column not in header:
+            raise UserError(
+                f"{path}: the column {column} is missing; needed are point, x_U, y_U, z_U "
+                f"with U one of {', '.join(LengthUnit.__members__)}"
+            )
+    for line, cells in lines:
+        where = f"{path}, line {line}"
+        if len(cells) != len(header):
+            raise UserError(f"{where}: has {len(cells)} values under {len(header)} columns")
+        row = dict(zip(header, cells, strict=True))
+        if row["point"] not in found:
+            raise UserError(
+                f"{where}: no point is called {row['point']}; {nearest(row['point'], found)}"
+            )
+        found[row["point"]].append([number(row[c], c, where) for c in columns[1:]])
+    return LengthUnit[unit or "m"]
+
+
+def _read_plain(path: Path, found: dict[str, list[list[float]]]) -> None:
+    """Rows of three numbers; each point's repeats stand together, in the order of the names."""
+    rows = list(_plain_rows(path))
+    if not rows or len(rows) % len(found):
+        raise UserError(
+            f"{path}: has {len(rows)} lines, which {len(found)} points digitised equally often "
+            "cannot give"
+        )
+    repeats = len(rows) // len(found)
+    for i, name in enumerate(found):
+        found[name] = rows[i * repeats : (i + 1) * repeats]
+
+
+def _plain_rows(path: Path) -> Iterator[list[float]]:
+    """Three numbers a line, separated by blanks or commas."""
+    for line, text in enumerate(read_text(path).splitlines(), 1):
+        cells = text.replace(",", " ").split()
+        if not cells or cells[0].startswith("#"):
+            continue
+        if len(cells) != 3:
+            raise UserError(f"{path}, line {line}: must be x y z, not {text.strip()!r}")
+        yield [number(c, "a coordinate", f"{path}, line {line}") for c in cells]
+
+
+def _is_triangle(points: Array) -> bool:
+    """Whether points span a plane: those on one line leave the rotation about it unknown."""
+    extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(extent[1] > COLLINEAR * extent[0])

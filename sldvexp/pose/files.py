@@ -10,7 +10,7 @@ from statistics import NormalDist
 from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.files import read_text, require_file
-from sldvexp.geometry.known_pose import KnownPose
+from sldvexp.geometry.rotation import KnownPose
 from sldvexp.io.text_fields import number
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.given import known_poses

@@ -10,8 +10,7 @@ import numpy as np
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.geometry.known_pose import KnownPose
-from sldvexp.geometry.rotation import euler_jacobian, rotation_from_euler
+from sldvexp.geometry.rotation import KnownPose, euler_jacobian, rotation_from_euler
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import PoseMethod, pose_group

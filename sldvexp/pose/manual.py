@@ -1,4 +1,7 @@
-"""`pose=manual`: an operator points the beam at fiducials by eye (Section 4.2)."""
+"""`pose=manual`: an operator points the beam at fiducials by eye (Section 4.2).
+
+Where the errors of marks come from: the operator's eye in each view, and the tape measure.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,10 @@ from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.pose.from_points import Judge
+from sldvexp.pose.correlated_errors import Errors, with_errors
+from sldvexp.pose.from_points import Judge, unlikely_residuals
 from sldvexp.pose.registration import Registration
+from sldvexp.pose.single_view import PoseSolution
 from sldvexp.targets.base import Target, TargetPoints
 from sldvexp.typing import Array, IntArray
 
@@ -57,6 +62,63 @@ class Manual(Registration):
         """The marks' errors are the same in every view."""
         if target is None:
             return None
-        from sldvexp.pose.mark_errors import mark_judge
 
         return mark_judge(self, tables, laser, target.points())
+
+
+def mark_judge(
+    method: Manual, tables: Sequence[RegistrationTable], laser: TwoMirror, points: TargetPoints
+) -> Judge:
+    """Bounds from both errors; a mark that stands elsewhere than measured does so in every view.
+
+    Parameters
+    ----------
+    method : Manual
+    tables : sequence of RegistrationTable
+        Of all views.
+    laser : TwoMirror
+    points : TargetPoints
+        The marks.
+    """
+
+    def judge(
+        solutions: Sequence[PoseSolution],
+    ) -> tuple[list[PoseSolution], Array, list[str]]:
+        errors = [
+            _errors(method, table, solution, laser, points)
+            for table, solution in zip(tables, solutions, strict=True)
+        ]
+        judged, joint, probability = with_errors(
+            solutions, errors, laser, method.adjust, method.shared
+        )
+        notes = [
+            unlikely_residuals(f"view {e.view}", p)
+            for e, p in zip(errors, probability, strict=True)
+            if p < 1 - method.confidence
+        ]
+        return judged, joint, notes
+
+    return judge
+
+
+def _errors(
+    method: Manual,
+    table: RegistrationTable,
+    solution: PoseSolution,
+    laser: TwoMirror,
+    points: TargetPoints,
+) -> Errors:
+    """Of one view's marks."""
+    count = len(table.number)
+    _, mine, theirs = np.intersect1d(table.number, points.number, return_indices=True)
+    of_object = np.zeros((count, 3, len(points.number), 3))
+    for axis in range(3):
+        of_object[mine, axis, theirs, axis] = points.std[theirs, axis]
+    distance = np.linalg.norm(table.object_point - solution.origin, axis=1)
+    return Errors(
+        view=table.name,
+        points=table.object_point,
+        of_image=method.pointing**2 * np.eye(2 * count),
+        of_object=of_object.reshape(count, 3, -1),
+        std=method.angle_std(table.number, distance, laser.step, points),
+    )

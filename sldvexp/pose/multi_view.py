@@ -12,8 +12,7 @@ from sldvexp.pose.base import EXTRINSICS
 from sldvexp.pose.bundle_adjustment import Adjusted, Common, Linear, adjust
 from sldvexp.pose.intrinsics import named, nominal_intrinsics, places, true_angles
 from sldvexp.pose.least_squares import INTRINSICS, Pose, Problem, linearise
-from sldvexp.pose.observations import observations
-from sldvexp.pose.single_view import PoseSolution, solve_pose
+from sldvexp.pose.single_view import PoseSolution, observations, solve_pose
 from sldvexp.pose.uncertainty import origin_jacobian
 from sldvexp.typing import Array
 

@@ -1,4 +1,7 @@
-"""`pose=registration`: pose of each view from points and the mirror angles that reach them."""
+"""`pose=registration`: pose of each view from points and the mirror angles that reach them.
+
+Object points as a session measured them, in the place of a calibration object's.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
@@ -16,7 +21,6 @@ from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import PoseMethod
-from sldvexp.pose.measured import measured_points
 from sldvexp.targets.base import Target, TargetPoints
 from sldvexp.typing import Array, IntArray
 from sldvexp.units import LengthUnit
@@ -205,3 +209,32 @@ def _scanned(tree: Mapping[str, xr.Dataset]) -> list[RegistrationTable]:
         told = f"{NAME_A_FILE}, unless scan=by_hand or scan=by_digitizer gives the points"
         raise ConfigError([Problem("pose.path", told)])
     return from_dataset(tree["registration"], "")
+
+
+class MeasuredPoints(Target):
+    """The points of some views' registration data, each under its number.
+
+    Parameters
+    ----------
+    tables : sequence of RegistrationTable
+        With the standard deviations of their object points.
+    """
+
+    def __init__(self, tables: Sequence[RegistrationTable]) -> None:
+        number = np.concatenate([t.number for t in tables])
+        self._number, first = np.unique(number, return_index=True)
+        self._position = np.concatenate([t.object_point for t in tables])[first]
+        stds = [t.object_std for t in tables if t.object_std is not None]
+        self._std = np.concatenate(stds)[first]
+
+    def points(self) -> TargetPoints:
+        """See `Target`."""
+        label = tuple(f"point {n}" for n in self._number)
+        return TargetPoints(self._number, self._position, self._std, label)
+
+
+def measured_points(tables: Sequence[RegistrationTable]) -> MeasuredPoints | None:
+    """The points of some views, None unless the uncertainty of all is known."""
+    if any(table.object_std is None for table in tables):
+        return None
+    return MeasuredPoints(tables)

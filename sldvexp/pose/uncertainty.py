@@ -8,7 +8,7 @@ import numpy as np
 
 from sldvexp.geometry.rotation import euler_jacobian
 from sldvexp.pose.least_squares import Pose, Problem, cross_matrix, linearise, normal_equations
-from sldvexp.statistics.student import student_factor
+from sldvexp.statistics import student_factor
 from sldvexp.typing import Array
 
 #: Information in the worst direction, as a part of the average: nothing but rounding errors below.

@@ -24,9 +24,8 @@ from sldvexp.errors import UserError
 from sldvexp.geometry.bitangent import Bitangents
 from sldvexp.image.scan_lines import Edges
 from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
-from sldvexp.pose.bitangent import UNLIKELY
-from sldvexp.pose.bitangent_bounds import with_shared_errors
-from sldvexp.pose.images import CircleImages, match_images, registration_table
+from sldvexp.pose.bitangent import UNLIKELY, with_shared_errors
+from sldvexp.pose.from_scans import CircleImages, match_images, registration_table
 from sldvexp.pose.single_view import solve_pose
 from sldvexp.targets.circles import Circles
 

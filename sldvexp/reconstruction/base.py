@@ -1,19 +1,29 @@
-"""What all reconstruction methods share: their fields, and the way from views to a velocity."""
+"""What all reconstruction methods share: their fields, and the way from views to a velocity.
+
+From a method's `rows` field to the row matrix of a data set's views.
+
+The best conditioned set of rows: ``rows: best``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from itertools import combinations, islice
+from math import comb
 from typing import ClassVar
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from sldvexp.errors import Checks
+from sldvexp.errors import Checks, UserError
 from sldvexp.lazy import xarray as xr
+from sldvexp.reconstruction.least_squares import design, rank_of
 from sldvexp.reconstruction.result import PointVelocity
-from sldvexp.reconstruction.rows import RowChoice, RowSet
+from sldvexp.reconstruction.rows import RowChoice, RowSet, check, parse
 from sldvexp.reconstruction.views import Views
+from sldvexp.typing import Array
 
 
 class Model(Enum):
@@ -88,8 +98,6 @@ class Reconstruction:
 
     def row_set(self, directions: ArrayLike, view_names: Sequence[str]) -> RowSet:
         """The rows A that this method applies to these views; see `rows.select`."""
-        from sldvexp.reconstruction.select import select_rows
-
         return select_rows(self, directions, view_names)
 
     def reconstruct(
@@ -135,3 +143,126 @@ class Reconstruction:
         from sldvexp.reconstruction.to_dataset import reconstruct_group
 
         return reconstruct_group(self, line_of_sight)
+
+
+def select_rows(method: Reconstruction, directions: ArrayLike, view_names: Sequence[str]) -> RowSet:
+    """The rows that `method` applies to these views, the same for all points.
+
+    Parameters
+    ----------
+    method : Reconstruction
+    directions : array_like, shape (view, point, axis)
+        Direction cosines; only ``best`` looks at them.
+    view_names : sequence of str
+
+    Returns
+    -------
+    RowSet
+
+    Raises
+    ------
+    UserError
+        If the rows name no view, are not the method's, or are too few for its model.
+    """
+    choice = method.row_choice(view_names)
+    intercept = method.model is Model.full
+    # Fewer than three views still determine some components; an intercept needs them all.
+    needed = 4 if intercept else 1
+    text = method.rows.strip()
+    if text == "best":
+        cosines = np.asarray(directions, float)
+        size = 4 if intercept else 3
+        rows = best_rows(choice.candidates, cosines, size, intercept, method.rank_tolerance)
+    elif text == "all" and choice.every is not None:
+        rows = choice.every
+    else:
+        rows = parse(text, view_names)
+    if not len(rows):
+        raise UserError("a difference needs two views, but there is only one")
+    check(rows, choice, needed)
+    if intercept and not rows.has_views:
+        raise UserError(
+            f"the full model cannot be fitted to {rows}: an intercept cancels in every difference; "
+            "use model=partial or add a single view"
+        )
+    return rows
+
+
+#: Sets beyond this number are not searched: it would take longer than reading the data.
+LARGEST_SEARCH = 3_000_000
+#: Condition numbers that a search computes, sets times points, before it looks at fewer points.
+EFFORT = 50_000
+#: Sets whose condition numbers are computed together.
+SETS_AT_ONCE = 2000
+#: Condition numbers equal to this many digits count as equal: the first set of them is taken.
+DIGITS = 10
+
+
+def best_rows(
+    candidates: RowSet, directions: Array, size: int, intercept: bool, tolerance: float
+) -> RowSet:
+    """The set of `size` rows with the largest reciprocal condition number.
+
+    One set serves all points of a data set, so that its results are comparable from point to
+    point: the one whose median over points evenly spread over the data set is largest. Views that
+    determine fewer than all parameters are ranked by the ratio of the singular values that exist.
+
+    Parameters
+    ----------
+    candidates : RowSet
+    directions : ndarray, shape (view, point, axis)
+        Direction cosines.
+    size : int
+        Rows in a set: as many as the model has parameters.
+    intercept : bool
+        Whether the model has an intercept.
+    tolerance : float
+        Relative singular value below which a direction counts as not determined.
+
+    Returns
+    -------
+    RowSet
+
+    Raises
+    ------
+    UserError
+        If there are not enough independent rows, or too many sets to search.
+    """
+    if np.linalg.matrix_rank(candidates.matrix) < size:
+        raise UserError(
+            f"the best {size} rows are asked for, but {directions.shape[0]} views do not have "
+            f"{size} independent rows of this method; more views are needed"
+        )
+    sets = comb(len(candidates), size)
+    if sets > LARGEST_SEARCH:
+        raise UserError(
+            f"{len(candidates)} candidate rows have {sets} sets of {size}, too many to search for "
+            "the best; write the rows, as in 1-5,2,4"
+        )
+    points = _spread(directions.shape[1], max(1, EFFORT // sets))
+    matrices = candidates.matrix @ design(directions[:, points], intercept)
+    rank = int(rank_of(matrices, tolerance).max())
+    best, best_score = np.arange(size), -1.0
+    every_set = combinations(range(len(candidates)), size)
+    while chunk := list(islice(every_set, SETS_AT_ONCE)):
+        indices = np.array(chunk)
+        score = np.round(np.median(_scores(matrices[:, indices], rank), axis=0), DIGITS)
+        if score.max() > best_score:
+            best, best_score = indices[np.argmax(score)], score.max()
+    return candidates.take(best)
+
+
+def _scores(matrices: Array, rank: int) -> Array:
+    """Reciprocal condition of square matrices, in as many dimensions as they can span."""
+    if rank == matrices.shape[-1]:
+        return 1 / np.linalg.cond(matrices, 1)
+    sigma = np.linalg.svd(matrices, compute_uv=False)
+    return sigma[..., rank - 1] / sigma[..., 0]
+
+
+def _spread(count: int, at_most: int) -> NDArray[np.int_]:
+    """Indices of at most so many points, evenly spread, the middle one if there is only one."""
+    if count <= at_most:
+        return np.arange(count)
+    edges = np.linspace(0, count, at_most + 1)
+    return ((edges[:-1] + edges[1:]) / 2).astype(int)

@@ -22,7 +22,7 @@ from sldvexp.reconstruction.result import PointVelocity
 from sldvexp.reconstruction.rows import RowSet
 from sldvexp.reconstruction.system import GIVEN, NOWHERE, ROWS, VIEWS, System
 from sldvexp.reconstruction.views import Views
-from sldvexp.statistics.student import student_factor
+from sldvexp.statistics import student_factor
 from sldvexp.typing import Array, BoolArray
 
 #: Systems whose matrices are computed at once.

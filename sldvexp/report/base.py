@@ -1,4 +1,9 @@
-"""The shared part of all reports: pages that are made of datasets alone, after these are safe."""
+"""The shared part of all reports: pages that are made of datasets alone, after these are safe.
+
+`report=none`: the dataset only.
+
+What the stages of a run noted, with the result that it is about where there are several.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from sldvexp.config.registry import register
 from sldvexp.errors import UserError
+from sldvexp.lazy import xarray as xr
 
 log = logging.getLogger(__name__)
 
@@ -91,3 +98,35 @@ def attempt(make: Callable[[], Path | None], dataset: Path) -> list[Path]:
         )
         return []
     return [page] if page else []
+
+
+@register("report", "none")
+@dataclass
+class NoReport(Report):
+    """No page; `sldvexp report` makes one of the dataset later."""
+
+    def of_run(self, path: Path) -> None:
+        """Nothing, see `Report.of_run`."""
+
+    def of_sweep(self, path: Path, ranking: Sequence[Mapping[str, Any]]) -> None:
+        """Nothing, see `Report.of_sweep`."""
+
+
+def notes(tree: Mapping[str, xr.Dataset]) -> list[str]:
+    """Every note once; one that is not of all results of a run names those that it is of.
+
+    Parameters
+    ----------
+    tree : mapping of str to xarray.Dataset
+    """
+    results = [n for n in tree if n in ("point", "field") or n.startswith("compare/")]
+    found: dict[str, list[str]] = {}
+    for name, group in tree.items():
+        for note in filter(None, str(group.attrs.get("notes", "")).splitlines()):
+            found.setdefault(note, []).append(name)
+    told = []
+    for note, of in found.items():
+        named = set(of) <= set(results) and len(of) < len(results)
+        which = ", ".join(name.removeprefix("compare/") for name in of)
+        told.append(f"{which}: {note}" if named else note)
+    return told

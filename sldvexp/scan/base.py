@@ -1,4 +1,9 @@
-"""What every plugin of the group `scan` has in common."""
+"""What every plugin of the group `scan` has in common.
+
+What scans have in common that give a velocity image of each view.
+
+What scans have in common that a person does: points the beam, or measures where it falls.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +11,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
+
+import numpy as np
 
 from sldvexp.errors import Checks
 from sldvexp.typing import IntArray
@@ -138,3 +145,48 @@ def check_pairs(
     good = all(len(pair) == 2 for pair in pairs) and len(pairs) in (0, count or len(pairs))
     told = f"must be {count or ''} pairs [up_down, left_right]".replace("  ", " ")
     checks.require(good, f"{name}.{key}", told)
+
+
+class ImageScan(ScanPart):
+    """Base of the scans whose pixels are known beforehand; `lines` is what they add."""
+
+    kind: ClassVar[str] = "image"
+
+    @abstractmethod
+    def lines(self, view: str) -> list[IntArray]:
+        """Pixels of a view line by line; a session that was cut off repeats at most one line.
+
+        Returns
+        -------
+        list of ndarray of int, shape (pixel, 2)
+            DAC steps (up_down, left_right).
+
+        Raises
+        ------
+        UserError
+            If a file is not in order, or there are no such pixels.
+        """
+
+    def shape(self, view: str) -> tuple[int, int] | None:
+        """Rows and columns, if the pixels are a grid."""
+        return None
+
+    def known_pixels(self, view: str) -> IntArray:
+        """See `ScanPart`; all of them."""
+        return np.concatenate(self.lines(view))
+
+    def pixel_count(self, view: str) -> int:
+        """See `ScanPart`."""
+        return sum(map(len, self.lines(view)))
+
+
+class PersonPart(ScanPart):
+    """Base of scans without samples: a person at the instrument gives what is asked for."""
+
+    def pixel_count(self, view: str) -> int:
+        """See `ScanPart`; nothing is sampled."""
+        return 0
+
+    def seconds(self, view: str) -> float:
+        """See `ScanPart`; nobody knows how long a person takes."""
+        return 0.0

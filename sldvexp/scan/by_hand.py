@@ -9,8 +9,7 @@ import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.scan.base import check_view_names
-from sldvexp.scan.person_part import PersonPart
+from sldvexp.scan.base import PersonPart, check_view_names
 from sldvexp.targets.points import Point, Points
 from sldvexp.typing import IntArray
 from sldvexp.units import LengthUnit

@@ -10,8 +10,7 @@ from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.io.scan_files import read_list
-from sldvexp.scan.base import Sampling, check_pairs, check_view_names
-from sldvexp.scan.image import ImageScan
+from sldvexp.scan.base import ImageScan, Sampling, check_pairs, check_view_names
 from sldvexp.typing import IntArray
 
 #: Pixels that are scanned and kept at a time.

@@ -1,21 +1,61 @@
-"""An instrument at one view, seen as a camera: scan lines in, complex pixels out."""
+"""An instrument at one view, seen as a camera: scan lines in, complex pixels out.
+
+What is at hand while a session is in one view.
+
+The person at the terminal: asked when something must be done by hand.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack
-from dataclasses import replace
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sldvexp.errors import UserError
 from sldvexp.instrument.protocol import Acquisition, Instrument, Samples, Status
+from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.scan.base import Sampling
 from sldvexp.session.interruption import undisturbed
 from sldvexp.session.journal import Journal
 from sldvexp.signal.complex_image import ComplexImage
 from sldvexp.signal.pixel_quality import Flag
 from sldvexp.signal.sine_fit import SineFit
+from sldvexp.targets.base import Target
 from sldvexp.typing import IntArray
+
+
+class NobodyThereError(UserError):
+    """Something must be done by hand, but there is nobody to ask."""
+
+
+class Operator:
+    """Asks at the terminal.
+
+    Parameters
+    ----------
+    screen : callable, optional
+        Makes a context in which nothing else is drawn there.
+    """
+
+    def __init__(self, screen: Callable[[], AbstractContextManager[object]] = nullcontext) -> None:
+        self._screen = screen
+
+    def ask(self, request: str) -> str:
+        """Show a request and wait for a line, which is returned without spaces around it.
+
+        Raises
+        ------
+        NobodyThereError
+            If the input has ended.
+        """
+        with self._screen():
+            try:
+                return input(request).strip()
+            except EOFError:
+                what = request.strip().splitlines()[-1].rstrip(":")
+                raise NobodyThereError(f"nobody is at the terminal to answer {what!r}") from None
 
 
 class Camera:
@@ -105,3 +145,24 @@ class Camera:
         return self.journal.line(
             name, dac, self._wanted, lambda: self.instrument.scan(dac, stream=number)
         )
+
+
+@dataclass(frozen=True)
+class Standpoint:
+    """One view, from the first pixel to the last.
+
+    Attributes
+    ----------
+    view : str
+    camera : Camera
+        Its `instrument` is opened when something asks for it.
+    laser : TwoMirror
+    target : Target or None
+    operator : Operator
+    """
+
+    view: str
+    camera: Camera
+    laser: TwoMirror
+    target: Target | None
+    operator: Operator

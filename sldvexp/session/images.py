@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
-from sldvexp.scan.image import ImageScan
-from sldvexp.session.standpoint import Standpoint
+from sldvexp.scan.base import ImageScan
+from sldvexp.session.camera import Standpoint
 from sldvexp.signal.complex_image import ComplexImage
 from sldvexp.signal.instrument_faults import instrument_fault
 from sldvexp.signal.pixel_quality import Flag

@@ -14,12 +14,10 @@ from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan.base import Scan
 from sldvexp.session.by_person import joined, take_marks, take_spots
-from sldvexp.session.camera import Camera
+from sldvexp.session.camera import Camera, Operator, Standpoint
 from sldvexp.session.circles import take_circles
 from sldvexp.session.images import take_image
 from sldvexp.session.journal import Journal, require_same
-from sldvexp.session.operator import Operator
-from sldvexp.session.standpoint import Standpoint
 
 #: Of the dissertation's instrument (Section 3.2.1).
 PIXELS_PER_SECOND = 6.0

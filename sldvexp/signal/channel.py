@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sldvexp.signal.pixel_quality import Intercept
 from sldvexp.signal.sine_model import SineModel
-from sldvexp.statistics.f_test import FTest, f_test
+from sldvexp.statistics import FTest, f_test
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 #: Share of |V|^2 below which a residual sum of squares is rounding of double precision.

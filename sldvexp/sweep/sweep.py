@@ -1,13 +1,19 @@
-"""A sweep from the command line: its folder, its lock, and what it leaves behind at the end."""
+"""A sweep from the command line: its folder, its lock, and what it leaves behind at the end.
+
+How far a sweep is: one line on the terminal after every run that was computed.
+
+How far a sweep is whose runs other processes do: each leaves a sign, which is watched for.
+"""
 
 from __future__ import annotations
 
 import os
 import shlex
 import shutil
+import threading
 from argparse import Namespace
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from pathlib import Path
 from types import TracebackType
 
@@ -18,9 +24,8 @@ from sldvexp.sweep import record
 from sldvexp.sweep.collect import collect
 from sldvexp.sweep.lock import LOCK_FILE, locked
 from sldvexp.sweep.plan import RESOLVER, Plan, folder_name, register_resolver
-from sldvexp.sweep.progress import Progress
+from sldvexp.sweep.record import State, Stopwatch
 from sldvexp.sweep.summary import write_summary
-from sldvexp.sweep.watch import Watch
 
 SWEEPS = Path("outputs/sweeps")
 
@@ -162,3 +167,123 @@ def _command(options: Namespace) -> str:
     where = {"--config-dir": options.config_dir, "--config-name": options.config_name}
     given = [word for name, value in where.items() if value for word in (name, value)]
     return shlex.join(["sldvexp", "-m", *given, *options.overrides])
+
+
+#: Largest count of each unit that is told in it.
+MOST = 90
+
+
+class Progress:
+    """Counts the runs of a sweep, as one process does them.
+
+    Parameters
+    ----------
+    total : int
+        Runs of the sweep.
+    folder : Path
+        Of the sweep.
+    """
+
+    def __init__(self, total: int, folder: Path):
+        self.total, self.folder = total, folder
+        self._finished = self._failed = self._computed = 0
+        self._busy = 0.0
+        self._watch = Stopwatch()
+
+    def tell(self, run: Path, computed: bool) -> str:
+        """Count a run; the line about it, empty if it was done already.
+
+        Parameters
+        ----------
+        run : Path
+            Its folder.
+        computed : bool
+            Whether it was done now.
+        """
+        failed = record.read(run).state is State.failed
+        self._finished += not failed
+        self._failed += failed
+        spent, self._watch = self._watch.seconds(), Stopwatch()
+        if not computed:
+            return ""
+        self._computed += 1
+        self._busy += spent
+        open_runs = self.total - self._finished - self._failed
+        told = f"{self._finished} of {self.total} done"
+        told += f", {self._failed} failed" if self._failed else ""
+        told += f"; about {span(open_runs * self._busy / self._computed)} left" if open_runs else ""
+        return f"{told}: {run}"
+
+
+def span(seconds: float) -> str:
+    """A time span in words, such as ``3 min``."""
+    if seconds <= MOST:
+        return f"{seconds:.0f} s"
+    minutes = seconds / 60
+    return f"{minutes:.0f} min" if minutes <= MOST else f"{minutes / 60:.1f} h"
+
+
+#: Folder of the signs, in that of the sweep.
+SIGNS = ".signs"
+PERIOD = 0.5  # s
+
+
+def leave_sign(run: Path, computed: bool) -> None:
+    """Let the process that watches know that a run has come to its end.
+
+    Parameters
+    ----------
+    run : Path
+        Its folder.
+    computed : bool
+        Whether it was done now.
+    """
+    signs = run.parent / SIGNS
+    with suppress(OSError):  # the run itself is not the worse for it
+        signs.mkdir(exist_ok=True)
+        (signs / f"{int(computed)}{run.name}").touch()
+
+
+class Watch:
+    """Looks for signs while it is entered; none is missed at the end.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the sweep.
+    tell : callable
+        Gets the folder of each run that came to its end, and whether it was done now.
+    """
+
+    def __init__(self, folder: Path, tell: Callable[[str, bool], None]):
+        self.folder, self.tell = folder, tell
+        self._seen: set[str] = set()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+
+    def __enter__(self) -> Watch:
+        shutil.rmtree(self.folder / SIGNS, ignore_errors=True)  # of a sweep that was killed
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._over.set()
+        self._thread.join()
+        self._look()
+        shutil.rmtree(self.folder / SIGNS, ignore_errors=True)
+
+    def _watch(self) -> None:
+        while not self._over.wait(PERIOD):
+            self._look()
+
+    def _look(self) -> None:
+        signs = self.folder / SIGNS
+        names = {sign.name for sign in signs.iterdir()} if signs.is_dir() else set()
+        for name in sorted(names - self._seen):
+            self._seen.add(name)
+            self.tell(str(self.folder / name[1:]), name[0] == "1")

@@ -18,7 +18,7 @@ from sldvexp.config.schema import Experiment
 from sldvexp.config.sources import COMMAND_LINE, Origins
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
-from sldvexp.instrument.base import ScanningPlugin
+from sldvexp.instrument.protocol import ScanningPlugin
 from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline import runner
 from sldvexp.pipeline.steps import STEPS

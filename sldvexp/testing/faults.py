@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.virtual_lab.dialect import block
-from sldvexp.virtual_lab.server import LabServer
+from sldvexp.virtual_lab.server import LabServer, block
 
 Send = Callable[[bytes], None]
 

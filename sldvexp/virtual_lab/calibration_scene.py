@@ -1,8 +1,12 @@
-"""`scene=calibration`: the calibration object, its speakers moving behind resting washers."""
+"""`scene=calibration`: the calibration object, its speakers moving behind resting washers.
+
+The calibration object: speakers that move behind resting washers.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -10,6 +14,8 @@ from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.targets.base import Target
 from sldvexp.targets.circles import Circles
+from sldvexp.typing import Array, ComplexArray, IntArray
+from sldvexp.virtual_lab.beam import Beams, part_inside
 from sldvexp.virtual_lab.scene import Scene
 from sldvexp.virtual_lab.scene_object import SceneObject
 
@@ -70,8 +76,6 @@ class Calibration(Scene):
 
     def objects(self, target: Target | None, rng: np.random.Generator) -> list[SceneObject]:
         """The calibration object."""
-        from sldvexp.virtual_lab.calibration_object import CalibrationObject
-
         if not isinstance(target, Circles):
             found = "null" if target is None else type(target).__name__.lower()
             raise UserError(
@@ -89,3 +93,107 @@ class Calibration(Scene):
         errors = rng if self.machine_error else None
         built = CalibrationObject.built(target, speakers, self.washer, self.residual, errors)
         return [built.mirror_image() if self.mirrored else built]
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationObject(SceneObject):
+    """Washers with speakers behind their holes, all infinitely thin.
+
+    Parameters
+    ----------
+    number : ndarray of int, shape (circle,)
+    center : ndarray, shape (circle, 3), m
+    axes : ndarray, shape (circle, 3, 3)
+        x, y and normal of each circle's plane as unit rows.
+    radius : ndarray, shape (circle,), m
+        Of the holes.
+    velocity : ndarray of complex, shape (circle,), m/s per V
+        Of the speakers along the normal.
+    washer : float, m
+        Width of the rims.
+    residual : float, m/s per V
+        Of the rims, along the world's z.
+    """
+
+    number: IntArray
+    center: Array
+    axes: Array
+    radius: Array
+    velocity: ComplexArray
+    washer: float
+    residual: float
+
+    @classmethod
+    def built(
+        cls,
+        circles: Circles,
+        speakers: Mapping[int, Speaker],
+        washer: float,
+        residual: float,
+        rng: np.random.Generator | None,
+    ) -> CalibrationObject:
+        """The object of a configuration, with errors of its machining drawn if there is a `rng`."""
+        known = [circles.circles[n] for n in speakers]
+        planes = [circles.planes[c.plane] for c in known]
+        measured = np.array([[c.x, c.y, 0.0, c.diameter] for c in known])
+        if rng is not None:
+            measured += rng.uniform(-circles.accuracy, circles.accuracy, measured.shape)
+        axes = np.stack([plane.axes() for plane in planes])
+        origin = np.array([plane.origin for plane in planes])
+        center = origin + np.einsum("ck,ckj->cj", measured[:, :3], axes)
+        unit = circles.unit.value
+        velocity = [s.velocity * np.exp(1j * s.phase) for s in speakers.values()]
+        return cls(
+            number=np.array(list(speakers)),
+            center=unit * center,
+            axes=axes,
+            radius=unit * measured[:, 3] / 2,
+            velocity=np.array(velocity),
+            washer=washer,
+            residual=residual,
+        )
+
+    def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:
+        """Distance to the nearest washer, mean velocity under the spot; see `SceneObject`."""
+        distance, circle = self._nearest(beams)
+        hit = np.where(np.isfinite(distance), distance, 0.0)
+        normal, speaker = self.axes[circle, 2], self.velocity[circle]
+        away = beams.origin + hit[:, None] * beams.direction - self.center[circle]
+        from_center = np.linalg.norm(away, axis=-1)
+        outward = away / np.maximum(from_center, np.finfo(float).tiny)[:, None]
+        radius = self.radius[circle]
+        moving = part_inside(
+            radius - from_center, outward, normal, 1.0 / radius, beams.direction, beams.radius(hit)
+        )
+        to_instrument = -beams.direction
+        piston = speaker * (normal * to_instrument).sum(-1)
+        resting = self.residual * to_instrument[:, 2]
+        mean = moving * piston + (1.0 - moving) * resting
+        return distance, np.repeat(mean[:, None], len(frequency), axis=1)
+
+    def mirror_image(self) -> CalibrationObject:
+        """The object with left and right exchanged about the middle of its circles."""
+        middle = self.center[:, 0].mean()
+        flip = np.array([-1.0, 1.0, 1.0])
+        center = self.center * flip + [2 * middle, 0.0, 0.0]
+        return replace(self, center=center, axes=self.axes * flip)
+
+    def edge(self, number: int, azimuth: Array) -> Array:
+        """Points on the edge of a circle, at angles from its plane's x axis, shape (..., 3), m."""
+        i = self.number.tolist().index(number)
+        x, y, _ = self.axes[i]
+        angle = np.asarray(azimuth, float)[..., None]
+        return self.center[i] + self.radius[i] * (np.cos(angle) * x + np.sin(angle) * y)
+
+    def _nearest(self, beams: Beams) -> tuple[Array, IntArray]:
+        """Distance to the nearest washer that each beam hits, and which one it is."""
+        normal = self.axes[:, 2]
+        height = np.einsum("bcj,cj->bc", self.center - beams.origin[:, None], normal)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = height / (beams.direction @ normal.T)
+            hit = beams.origin[:, None] + distance[..., None] * beams.direction[:, None]
+            from_center = np.linalg.norm(hit - self.center, axis=-1)
+            misses = ~((from_center <= self.radius + self.washer) & (distance > 0))
+        distance = np.where(misses, np.inf, distance)
+        circle = distance.argmin(axis=1)
+        return np.take_along_axis(distance, circle[:, None], axis=1)[:, 0], circle

@@ -16,9 +16,8 @@ from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
 from sldvexp.targets.base import Target
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 from sldvexp.virtual_lab.beam import Beams, beams
-from sldvexp.virtual_lab.calibration_object import CalibrationObject
-from sldvexp.virtual_lab.electronics import Electronics
-from sldvexp.virtual_lab.noise import PixelNoise
+from sldvexp.virtual_lab.calibration_scene import CalibrationObject
+from sldvexp.virtual_lab.electronics import Electronics, PixelNoise
 from sldvexp.virtual_lab.person import SimulatedPerson
 from sldvexp.virtual_lab.plate import VibratingPlate
 from sldvexp.virtual_lab.scene import Scene

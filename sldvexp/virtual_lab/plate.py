@@ -1,21 +1,79 @@
-"""The vibrating plate: what the beam sees of it, and its true velocity and strain."""
+"""The vibrating plate: what the beam sees of it, and its true velocity and strain.
+
+The flat plate.
+
+The panel of a cylinder.
+
+What every surface of a plate must tell: where it is, how it is turned, where a beam meets it.
+"""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sldvexp.geometry.rotation import rotation_from_euler
-from sldvexp.typing import Array, ComplexArray
+from sldvexp.typing import Array, BoolArray, ComplexArray
 from sldvexp.virtual_lab.beam import Beams
-from sldvexp.virtual_lab.cylinder_surface import CylinderSurface
-from sldvexp.virtual_lab.flat_surface import FlatSurface
 from sldvexp.virtual_lab.modes import Modes
 from sldvexp.virtual_lab.plate_scene import Plate
 from sldvexp.virtual_lab.scene_object import SceneObject
-from sldvexp.virtual_lab.surface import Surface
+
+
+@dataclass(frozen=True, eq=False)
+class Surface(ABC):
+    """The upper surface of a plate in the plate's own axes, by coordinates of its middle surface.
+
+    Parameters
+    ----------
+    size : ndarray, shape (2,), m
+        Coordinates (s, t) run from 0 to these.
+    height : float, m
+        Of the upper surface above the middle one, along the normal.
+    """
+
+    size: Array
+    height: float
+
+    @property
+    @abstractmethod
+    def curvature(self) -> float:
+        """Of the middle surface along s, 1/m; positive if the normal points away from the axis."""
+
+    @abstractmethod
+    def meet(self, origin: Array, direction: Array) -> tuple[Array, Array]:
+        """Where each beam first meets the upper surface.
+
+        Parameters
+        ----------
+        origin, direction : ndarray, shape (beam, 3)
+
+        Returns
+        -------
+        distance : ndarray, shape (beam,), m
+            Infinite where the beam misses.
+        coordinates : ndarray, shape (beam, 2), m
+            0 where the beam misses.
+        """
+
+    @abstractmethod
+    def coordinates(self, points: Array) -> Array:
+        """Coordinates of the nearest places, shape (..., 2), m; beyond `size` for points beside."""
+
+    @abstractmethod
+    def frame(self, coordinates: Array) -> Array:
+        """Unit rows along s, along t and along the normal, shape (..., 3, 3)."""
+
+    @abstractmethod
+    def position(self, coordinates: Array) -> Array:
+        """Places on the upper surface, shape (..., 3), m."""
+
+    def inside(self, coordinates: Array) -> BoolArray:
+        """Whether coordinates are on the plate, shape (...)."""
+        return np.all((coordinates >= 0) & (coordinates <= self.size), axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,3 +193,93 @@ class VibratingPlate(SceneObject):
 
     def _response(self, frequency: float) -> ComplexArray:
         return self.modes.response(np.array([frequency]))[:, 0]
+
+
+class FlatSurface(Surface):
+    """A plane at z = height in the plate's axes."""
+
+    @property
+    def curvature(self) -> float:
+        """None."""
+        return 0.0
+
+    def meet(self, origin: Array, direction: Array) -> tuple[Array, Array]:
+        """See `Surface`."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = (self.height - origin[:, 2]) / direction[:, 2]
+            coordinates = self.coordinates(origin + distance[:, None] * direction)
+            hits = self.inside(coordinates) & (distance > 0)
+        return np.where(hits, distance, np.inf), np.where(hits[:, None], coordinates, 0.0)
+
+    def coordinates(self, points: Array) -> Array:
+        """See `Surface`."""
+        return points[..., :2] + self.size / 2
+
+    def frame(self, coordinates: Array) -> Array:
+        """See `Surface`."""
+        return np.broadcast_to(np.eye(3), (*coordinates.shape[:-1], 3, 3))
+
+    def position(self, coordinates: Array) -> Array:
+        """See `Surface`."""
+        xy = coordinates - self.size / 2
+        return np.concatenate([xy, np.full_like(xy[..., :1], self.height)], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class CylinderSurface(Surface):
+    """A cylinder about the line x = 0, z = -radius; s is the middle surface's arc.
+
+    Parameters
+    ----------
+    radius : float, m
+        Of the middle surface; negative where the normal points towards the axis.
+    """
+
+    radius: float
+
+    @property
+    def curvature(self) -> float:
+        """1 / radius."""
+        return 1.0 / self.radius
+
+    def meet(self, origin: Array, direction: Array) -> tuple[Array, Array]:
+        """The nearer of the two crossings that lies on the panel; see `Surface`."""
+        ox, oz = origin[:, 0], origin[:, 2] + self.radius
+        dx, dz = direction[:, 0], direction[:, 2]
+        a, b = dx**2 + dz**2, ox * dx + oz * dz
+        c = ox**2 + oz**2 - (self.radius + self.height) ** 2
+        distance = np.full(len(origin), np.inf)
+        coordinates = np.zeros((len(origin), 2))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            root = np.sqrt(b**2 - a * c)
+            for crossing in ((-b + root) / a, (-b - root) / a):  # the nearer one last: it stays
+                place = self.coordinates(origin + crossing[:, None] * direction)
+                hits = self.inside(place) & (crossing > 0)
+                distance = np.where(hits, crossing, distance)
+                coordinates = np.where(hits[:, None], place, coordinates)
+        return distance, coordinates
+
+    def coordinates(self, points: Array) -> Array:
+        """See `Surface`."""
+        reach = self.radius + self.height
+        angle = np.arctan2(points[..., 0] / reach, (points[..., 2] + self.radius) / reach)
+        return np.stack([self.radius * angle, points[..., 1]], axis=-1) + self.size / 2
+
+    def frame(self, coordinates: Array) -> Array:
+        """See `Surface`."""
+        sine, cosine = self._turn(coordinates)
+        zero, one = np.zeros_like(sine), np.ones_like(sine)
+        rows = [[cosine, zero, -sine], [zero, one, zero], [sine, zero, cosine]]
+        return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+    def position(self, coordinates: Array) -> Array:
+        """See `Surface`."""
+        sine, cosine = self._turn(coordinates)
+        reach = self.radius + self.height
+        y = coordinates[..., 1] - self.size[1] / 2
+        return np.stack([reach * sine, y, reach * cosine - self.radius], axis=-1)
+
+    def _turn(self, coordinates: Array) -> tuple[Array, Array]:
+        """Sine and cosine of the angle from the panel's center."""
+        angle = (coordinates[..., 0] - self.size[0] / 2) / self.radius
+        return np.sin(angle), np.cos(angle)

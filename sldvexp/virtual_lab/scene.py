@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sldvexp.errors import Checks
-from sldvexp.geometry.known_pose import KnownPose
+from sldvexp.geometry.rotation import KnownPose
 from sldvexp.targets.base import Target
 from sldvexp.virtual_lab.true_mirrors import MirrorErrors
 

@@ -1,14 +1,23 @@
-"""The virtual lab as a TCP server on this machine: one client at a time, one command a line."""
+"""The virtual lab as a TCP server on this machine: one client at a time, one command a line.
+
+The virtual lab's own commands, in the manner of SCPI; a profile teaches them to the program.
+"""
 
 from __future__ import annotations
 
 import socket
 import threading
+from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
+from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING
 
-from sldvexp.virtual_lab.dialect import Dialect
+import numpy as np
+
+from sldvexp.errors import UserError
+from sldvexp.instrument.protocol import Acquisition, InstrumentError, Samples
 from sldvexp.virtual_lab.lab import VirtualLab
 
 if TYPE_CHECKING:
@@ -110,3 +119,161 @@ class LabServer:
             fault.spoil(answer or b"", client.sendall, self)
         elif answer is not None:
             client.sendall(answer)
+
+
+#: SCPI's codes of errors.
+UNKNOWN_HEADER, DATA_TYPE, REFUSED, SETTINGS_CONFLICT = -113, -104, -222, -221
+
+#: Sampling until it is set.
+DEFAULT = Acquisition(rate=10000.0, samples=256, excitation=())
+
+
+class Dialect:
+    """Answers command lines with a virtual lab behind them.
+
+    Parameters
+    ----------
+    lab : VirtualLab
+    """
+
+    def __init__(self, lab: VirtualLab) -> None:
+        self.lab = lab
+        self.errors: deque[tuple[int, str]] = deque()
+        self.playing = False
+        self._wanted = DEFAULT
+        self._samples: Samples | None = None
+        self._configure()
+        self._commands = {
+            "*CLS": self._clear,
+            "VIEW": self._view,
+            "SAMP:RATE": self._rate,
+            "SAMP:COUN": self._count,
+            "GEN:FREQ": self._frequencies,
+            "GEN:AMPL": self._amplitude,
+            "GEN:OUTP": self._output,
+            "MIRR:POS": self._move,
+            "MIRR:HOME": self._home,
+            "MEAS:STR": self._stream,
+            "MEAS:PIX": self._pixel,
+            "MEAS:LIST": self._list,
+        }
+        self._questions = {
+            "*IDN?": lambda: f"sldvexp,virtual lab,0,{_version()}".encode(),
+            "SYST:ERR?": self._oldest_error,
+            "SAMP:RATE?": lambda: repr(float(self._wanted.rate)).encode(),
+            "CHAN:SCAL?": lambda: ",".join(map(repr, self.scale())).encode(),
+            "GEN:OUTP?": lambda: b"1" if self.playing else b"0",
+            "LAS:SHUT?": lambda: b"OPEN" if self.lab.shutter_open else b"CLOSED",
+            "MIRR:POS?": lambda: ",".join(map(str, self.lab.position)).encode(),
+            "DATA?": lambda: block(self._last().counts.astype("<i2", copy=False).data),
+            "STAT?": lambda: block(self._last().status.data),
+        }
+
+    def answer(self, line: str) -> bytes | None:
+        """What a line is answered, with its end; None if it is a command, or is refused."""
+        word, _, argument = line.strip().partition(" ")
+        try:
+            if word in self._questions:
+                return self._questions[word]() + b"\n"
+            if word in self._commands:
+                self._commands[word](argument.strip())
+            elif word:
+                self.report(UNKNOWN_HEADER, f"Undefined header; {word[:40]}")
+        except ValueError as error:
+            self.report(DATA_TYPE, f"Data type error; {word}: {error}")
+        except (InstrumentError, UserError) as error:
+            self.report(REFUSED, f"Data out of range; {error}")
+        return None
+
+    @property
+    def samples(self) -> int:
+        """Samples of each pixel and channel."""
+        return self._wanted.samples
+
+    def report(self, code: int, text: str) -> None:
+        """Put an error into the queue."""
+        self.errors.append((code, text))
+
+    def stop_generator(self) -> None:
+        """Generator off."""
+        self.playing = False
+        self._configure()
+
+    def _configure(self, **changes: object) -> None:
+        """Change the sampling, unless the lab refuses."""
+        wanted = replace(self._wanted, **changes)  # type: ignore[arg-type]
+        self.lab.configure(wanted)
+        if not self.playing:
+            self.lab.configure(replace(wanted, excitation=()))
+        self._wanted = wanted
+
+    def _clear(self, argument: str) -> None:
+        self.errors.clear()
+
+    def _oldest_error(self) -> bytes:
+        code, text = self.errors.popleft() if self.errors else (0, "No error")
+        printable = text.encode("ascii", errors="replace").decode().replace('"', "'")
+        return f'{code},"{printable}"'.encode()
+
+    def _view(self, argument: str) -> None:
+        self.lab.use_view(argument)
+
+    def _rate(self, argument: str) -> None:
+        self._configure(rate=float(argument))
+
+    def _count(self, argument: str) -> None:
+        self._configure(samples=int(argument))
+
+    def _frequencies(self, argument: str) -> None:
+        self._configure(excitation=tuple(float(f) for f in argument.split(",")))
+
+    def _amplitude(self, argument: str) -> None:
+        self._configure(amplitude=float(argument))
+
+    def _output(self, argument: str) -> None:
+        self.playing = bool(int(argument))
+        self._configure()
+
+    def _move(self, argument: str) -> None:
+        self.lab.move([int(step) for step in argument.split(",")])
+
+    def _home(self, argument: str) -> None:
+        self.lab.move((0, 0))
+
+    def _stream(self, argument: str) -> None:
+        self.lab.start_stream(int(argument))
+
+    def _pixel(self, argument: str) -> None:
+        self._samples = None
+        self._samples = self.lab.acquire()
+
+    def _list(self, argument: str) -> None:
+        self._samples = None
+        steps = np.array([int(step) for step in argument.split(",")], np.int64)
+        if len(steps) % 2:
+            raise ValueError("positions come in pairs")
+        self._samples = self.lab.scan(steps.reshape(-1, 2))
+
+    def _last(self) -> Samples:
+        if self._samples is None:
+            self.report(SETTINGS_CONFLICT, "Settings conflict; nothing was measured")
+            return Samples(np.zeros((0, 2, 0), np.int16), np.zeros(2), 0.0)
+        return self._samples
+
+    def scale(self) -> list[float]:
+        """Volts per count of each channel."""
+        digitizer = self.lab.scene.digitizer
+        return [digitizer.velocity_range / 2**15, digitizer.reference_range / 2**15]
+
+
+def block(content: memoryview) -> bytes:
+    """IEEE 488.2 definite length block."""
+    length = str(content.nbytes)
+    return b"#" + str(len(length)).encode() + length.encode() + content.tobytes()
+
+
+def _version() -> str:
+    try:
+        return version("sldvexp")
+    except PackageNotFoundError:
+        return "0"

@@ -8,8 +8,7 @@ from typing import Any
 
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
-from sldvexp.instrument.base import ScanningPlugin
-from sldvexp.instrument.protocol import Instrument
+from sldvexp.instrument.protocol import Instrument, ScanningPlugin
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.targets.base import Target
 from sldvexp.virtual_lab.lab import VirtualLab

@@ -18,12 +18,11 @@ from sldvexp.typing import Array
 from sldvexp.units import LengthUnit
 from sldvexp.volume.checks import check_prisms, check_surface
 from sldvexp.volume.prisms import Prisms, extruded
-from sldvexp.volume.rules import tensor_rule
-from sldvexp.volume.samples import SampleRule
+from sldvexp.volume.samples import SampleRule, tensor_rule
 from sldvexp.volume.surface import Surface, node_frames, vertex_normals
 from sldvexp.volume.to_dataset import volume_group
 
-#: How many symmetric points inside the triangle there can be; see `sldvexp.volume.rules`.
+#: How many symmetric points inside the triangle there can be; see `sldvexp.volume.samples`.
 TRIANGLE_COUNTS = (1, 3, 6, 7, 12)
 
 #: By how much xi1 + xi2 + xi3 may differ from 1.

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from sldvexp.field.visibility.looks import Looks
 from sldvexp.field.visibility.view import View
+from sldvexp.field.visibility.visibility import Looks
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
 from sldvexp.volume.grid import Grid

@@ -18,8 +18,8 @@ import pytest
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.result import FieldResult
 from sldvexp.field.solvers.iterative import Iterative
-from sldvexp.field.streaming.frequency_modes import FEW
-from sldvexp.field.visibility.looks import Looks
+from sldvexp.field.streaming.compression import FEW
+from sldvexp.field.visibility.visibility import Looks
 from sldvexp.reconstruction.absolute import Absolute
 from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.reconstruction.contravariant import Contravariant

@@ -20,7 +20,7 @@ from scipy.sparse.linalg import spsolve
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.result import FieldResult
 from sldvexp.field.solvers.iterative import Iterative
-from sldvexp.field.visibility.looks import Looks
+from sldvexp.field.visibility.visibility import Looks
 from sldvexp.reconstruction.absolute import Absolute
 from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.reconstruction.contravariant import Contravariant

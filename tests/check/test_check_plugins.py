@@ -10,7 +10,7 @@ from sldvexp.check.cross_ratio import CrossRatio
 from sldvexp.check.pose_equivalence import PoseEquivalence
 from sldvexp.check.pose_repeats import PoseRepeats
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.geometry.known_pose import KnownPose
+from sldvexp.geometry.rotation import KnownPose
 from sldvexp.pose.given import Given
 from sldvexp.pose.registration import Registration
 

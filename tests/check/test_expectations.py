@@ -7,7 +7,7 @@ import pytest
 
 from sldvexp import dataset
 from sldvexp.check.expectations import evaluate
-from sldvexp.config.expectation import Expectation
+from sldvexp.config.schema import Expectation
 from sldvexp.errors import UserError
 
 

@@ -10,15 +10,13 @@ import xarray as xr
 
 from sldvexp import dataset
 from sldvexp.check.base import Examined
-from sldvexp.check.columns import Columns
 from sldvexp.check.field_pattern import FieldPattern
 from sldvexp.check.left_out import LeftOut
 from sldvexp.check.love import Love
-from sldvexp.check.truth import Truth
+from sldvexp.check.truth import Columns, Truth
 from sldvexp.errors import UserError
 from sldvexp.field.solvers.iterative import Iterative
-from sldvexp.geometry.known_pose import KnownPose
-from sldvexp.geometry.rotation import rotation_from_euler
+from sldvexp.geometry.rotation import KnownPose, rotation_from_euler
 from sldvexp.laser.model import direction_cosines, project
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.given import Given

@@ -9,9 +9,8 @@ from sldvexp import dataset
 from sldvexp.check.base import Examined
 from sldvexp.check.pose_methods import PoseMethods
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.geometry.known_pose import KnownPose
-from sldvexp.geometry.rotation import rotation_from_euler
-from sldvexp.report.pose_methods import pose_methods
+from sldvexp.geometry.rotation import KnownPose, rotation_from_euler
+from sldvexp.report.pose_tables import pose_methods
 from sldvexp.report.terminal import closing_table
 
 EULER = np.array([[0.1, 2.9, 0.3], [-1.0, 2.7, 0.2]])

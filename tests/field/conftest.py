@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from sldvexp.field.visibility.looks import Look, Looks
 from sldvexp.field.visibility.view import View
+from sldvexp.field.visibility.visibility import Look, Looks
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
 from sldvexp.volume.prisms import Prisms, extruded
-from sldvexp.volume.rules import tensor_rule
-from sldvexp.volume.samples import SampleRule
+from sldvexp.volume.samples import SampleRule, tensor_rule
 
 LASER = TwoMirror(mirror_offset=0.045, up_down=Mirror(25), left_right=Mirror(25))
 #: Where the instrument stands, m; the volume is around the origin.

@@ -15,15 +15,13 @@ from sldvexp.errors import UserError
 from sldvexp.field.bounds.intrinsic_effect import PoseErrors
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.result import FieldResult
-from sldvexp.field.visibility.adjusted import adjusted
-from sldvexp.field.visibility.looks import Looks
-from sldvexp.field.visibility.view import View, views_of
+from sldvexp.field.visibility.view import View, adjusted, views_of
+from sldvexp.field.visibility.visibility import Looks
 from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.laser.model import project, rays
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
-from sldvexp.pose.base import pose_group
+from sldvexp.pose.base import JointCovariance, pose_group
 from sldvexp.pose.intrinsics import places, true_angles
-from sldvexp.pose.joint import JointCovariance
 from sldvexp.pose.multi_view import Sight, solve_together
 from sldvexp.volume.samples import SampleRule
 

@@ -14,8 +14,8 @@ import sldvexp.field.equations.system as field_system
 from sldvexp.config.registry import get
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.result import FieldResult
-from sldvexp.field.visibility.looks import Looks
 from sldvexp.field.visibility.view import View
+from sldvexp.field.visibility.visibility import Looks
 from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.reconstruction.base import Model, Reconstruction

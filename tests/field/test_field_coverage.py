@@ -14,10 +14,9 @@ import pytest
 
 from sldvexp.config.registry import get
 from sldvexp.field.estimate import estimate_field
-from sldvexp.field.visibility.looks import Looks
 from sldvexp.field.visibility.view import View
-from sldvexp.geometry.known_pose import KnownPose
-from sldvexp.geometry.rotation import rotation_from_vector
+from sldvexp.field.visibility.visibility import Looks
+from sldvexp.geometry.rotation import KnownPose, rotation_from_vector
 from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.instrument.protocol import Acquisition
 from sldvexp.laser.two_mirror import TwoMirror

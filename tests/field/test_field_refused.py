@@ -14,10 +14,9 @@ import xarray as xr
 from sldvexp import dataset
 from sldvexp.config.registry import get
 from sldvexp.errors import UserError
-from sldvexp.field.estimate import estimate_field
-from sldvexp.field.run import looks_of, reconstruct
-from sldvexp.field.visibility.looks import Looks
+from sldvexp.field.estimate import estimate_field, looks_of, reconstruct
 from sldvexp.field.visibility.view import View
+from sldvexp.field.visibility.visibility import Looks
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.base import pose_group
 from sldvexp.reconstruction.base import Reconstruction

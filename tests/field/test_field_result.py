@@ -16,13 +16,12 @@ from sldvexp.errors import UserError
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.result import FieldResult
 from sldvexp.field.to_dataset import field_group
-from sldvexp.field.visibility.looks import Looks
+from sldvexp.field.visibility.visibility import Looks
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.reconstruction.base import Model, Reconstruction, Weights
 from sldvexp.volume.base import Samples
 from sldvexp.volume.points import Points
-from sldvexp.volume.rules import tensor_rule
-from sldvexp.volume.samples import SampleRule, shape_matrix
+from sldvexp.volume.samples import SampleRule, shape_matrix, tensor_rule
 
 Make = Callable[..., Any]
 

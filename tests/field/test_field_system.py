@@ -14,14 +14,13 @@ import sldvexp.field.equations.conditioning as conditioning
 import sldvexp.field.equations.system as field_system
 from sldvexp.errors import UserError
 from sldvexp.field.equations.elements import Graph, Patch
-from sldvexp.field.equations.pointwise import RowModel
-from sldvexp.field.equations.region import Surface
+from sldvexp.field.equations.regions import Surface
+from sldvexp.field.equations.sample_model import RowModel
 from sldvexp.field.equations.system import Assembly, System, line_matrix
 from sldvexp.field.solvers.kronecker import KroneckerInverse
 from sldvexp.reconstruction.rows import differences_from_first, parse, views
 from sldvexp.volume.prisms import Prisms
-from sldvexp.volume.rules import tensor_rule
-from sldvexp.volume.samples import SampleRule, shape_matrix
+from sldvexp.volume.samples import SampleRule, shape_matrix, tensor_rule
 
 Make = Callable[..., Any]
 NAMES = ["1", "2", "3", "4", "5"]

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-import sldvexp.field.run as field_run
-import sldvexp.field.visibility.looks as field_looks
+import sldvexp.field.estimate as field_run
+import sldvexp.field.visibility.visibility as field_looks
 from sldvexp import dataset
 from sldvexp.check.agreement import agreement
 from sldvexp.check.base import Examined
 from sldvexp.config.schema import Experiment
-from sldvexp.field.run import looks_of
+from sldvexp.field.estimate import looks_of
 from sldvexp.field.visibility.view import View
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.base import pose_group

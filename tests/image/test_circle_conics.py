@@ -11,8 +11,8 @@ import pytest
 from sldvexp.errors import UserError
 from sldvexp.geometry import conic
 from sldvexp.geometry.conic_fit import fit_ellipse
-from sldvexp.image.conics import fit_circle
 from sldvexp.image.edge_detection import COARSE_WINDOW, FINE_WINDOW, gradient_edges, profile_edges
+from sldvexp.image.pinhole import fit_circle
 
 Make = Callable[..., Any]
 METHODS = {"gradient": gradient_edges, "profile": profile_edges}

@@ -11,10 +11,9 @@ import pytest
 from sldvexp.errors import UserError
 from sldvexp.image.interpolation.base import Interpolator, Weights
 from sldvexp.image.interpolation.cubic import Cubic
-from sldvexp.image.interpolation.image_mesh import mesh_of
 from sldvexp.image.interpolation.lattice import Lattice, StraightLattice
 from sldvexp.image.interpolation.linear import Linear
-from sldvexp.image.interpolation.methods import Interpolation
+from sldvexp.image.interpolation.methods import Interpolation, mesh_of
 from sldvexp.image.interpolation.scattered import Triangles
 
 HALF = 500.0

@@ -13,12 +13,12 @@ from sldvexp.geometry import conic
 from sldvexp.geometry.bitangent import bitangent_points, bitangents
 from sldvexp.geometry.conic import Ellipse
 from sldvexp.geometry.conic_fit import fit_ellipse
-from sldvexp.image.conics import fit_circle
 from sldvexp.image.edge_detection import FINE_WINDOW, profile_edges
 from sldvexp.image.matching import bitangent_images, match_circles
 from sldvexp.image.pinhole import (
     dac_bitangents,
     dac_from_pinhole,
+    fit_circle,
     pinhole_edges,
     pinhole_from_dac,
     pinhole_jacobian,

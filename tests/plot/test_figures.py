@@ -12,8 +12,7 @@ import pytest
 import sldvexp.plot
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.image.conics import fit_circle
-from sldvexp.image.pinhole import pinhole_edges
+from sldvexp.image.pinhole import fit_circle, pinhole_edges
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.plot import FIGURES, figures_of
 from sldvexp.plot.style import SETTINGS, prefixed

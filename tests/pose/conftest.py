@@ -8,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from sldvexp.geometry.known_pose import KnownPose
-from sldvexp.geometry.rotation import euler_from_rotation, vector_from_rotation
+from sldvexp.geometry.rotation import KnownPose, euler_from_rotation, vector_from_rotation
 from sldvexp.image.scan_lines import Edges
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.pose.edge_model import EdgePoints
-from sldvexp.pose.edge_solver import EdgePoses, solve_edges
-from sldvexp.pose.from_edges import edge_points
-from sldvexp.pose.images import CircleImages
+from sldvexp.pose.edge import edge_points
+from sldvexp.pose.edge_solver import EdgePoints, EdgePoses, solve_edges
+from sldvexp.pose.from_scans import CircleImages
 from sldvexp.session.circles import edge_group
 from sldvexp.targets.base import std_of_bound
 from sldvexp.targets.circles import Circle, Circles

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from sldvexp.errors import UserError
 from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.pose.edge import Edge
-from sldvexp.pose.edge_model import EdgePoints, EdgeScene, residuals, spread
+from sldvexp.pose.edge_solver import EdgePoints, EdgeScene, residuals, spread
 from sldvexp.pose.intrinsics import nominal_intrinsics
-from sldvexp.statistics.student import student_factor
+from sldvexp.statistics import student_factor
 from sldvexp.targets.base import std_of_bound
 from sldvexp.virtual_lab.true_mirrors import MirrorError, MirrorErrors
 

@@ -11,12 +11,10 @@ from sldvexp.check.base import Examined
 from sldvexp.check.pose_equivalence import PoseEquivalence
 from sldvexp.check.pose_repeats import PoseRepeats
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.geometry.known_pose import KnownPose
-from sldvexp.geometry.rotation import euler_from_rotation, rotation_from_euler
-from sldvexp.pose.digitizer import Digitizer
+from sldvexp.geometry.rotation import KnownPose, euler_from_rotation, rotation_from_euler
+from sldvexp.pose.digitizer import Digitizer, estimate
 from sldvexp.pose.files import _NAMES, read_poses
 from sldvexp.pose.given import Given
-from sldvexp.pose.triples import estimate
 from sldvexp.report.pose_tables import pose_text
 
 EULER, ORIGIN = [-1.149, 2.545, 1.928], [0.871, 0.489, 1.554]

@@ -17,11 +17,11 @@ from sldvexp.io.registration import write
 from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.pose.arrow import Arrow
+from sldvexp.pose.base import JointCovariance, cross_covariance
 from sldvexp.pose.bitangent import Bitangent
+from sldvexp.pose.bundle_adjustment import Arrow
 from sldvexp.pose.edge import Edge
 from sldvexp.pose.intrinsics import nominal_intrinsics, true_angles
-from sldvexp.pose.joint import JointCovariance, cross_covariance
 from sldvexp.pose.least_squares import INTRINSICS
 from sldvexp.pose.manual import Manual
 from sldvexp.pose.multi_view import Sight, solve_together

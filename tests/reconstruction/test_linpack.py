@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sldvexp.check.linpack import linpack_rcond
+from sldvexp.check.printed import linpack_rcond
 
 
 def test_estimate_is_never_below_the_truth_and_rarely_far_above() -> None:

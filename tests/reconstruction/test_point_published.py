@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sldvexp.check.conventions import printed_f, printed_half_width, sample_std
-from sldvexp.check.linpack import linpack_rcond
+from sldvexp.check.printed import linpack_rcond, printed_f, printed_half_width, sample_std
 from sldvexp.reconstruction.absolute import Absolute
 from sldvexp.reconstruction.base import Model, Reconstruction, Weights
 from sldvexp.reconstruction.combined import Combined
 from sldvexp.reconstruction.contravariant import Contravariant
 from sldvexp.reconstruction.relative import Relative
 from sldvexp.reconstruction.result import PointVelocity
-from sldvexp.statistics.f_test import nested_f_test
+from sldvexp.statistics import nested_f_test
 
 SIMULATED = np.array(  # Table 5.1
     [

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.reconstruction import search
+from sldvexp.reconstruction import base
 from sldvexp.reconstruction.absolute import Absolute
+from sldvexp.reconstruction.base import best_rows
 from sldvexp.reconstruction.combined import Combined
 from sldvexp.reconstruction.relative import Relative
 from sldvexp.reconstruction.rows import differences, parse, views
-from sldvexp.reconstruction.search import best_rows
 
 NAMES = ("left", "right", "front-left", "top", "2")
 
@@ -99,8 +99,8 @@ def test_one_set_serves_all_points_by_its_median(monkeypatch: pytest.MonkeyPatch
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     rows = views("12345")
     found = best_rows(rows, directions, 3, False, 1e-4)
-    monkeypatch.setattr(search, "EFFORT", 7 * 10)  # all points, a few sets at a time
-    monkeypatch.setattr(search, "SETS_AT_ONCE", 3)
+    monkeypatch.setattr(base, "EFFORT", 7 * 10)  # all points, a few sets at a time
+    monkeypatch.setattr(base, "SETS_AT_ONCE", 3)
     assert best_rows(rows, directions, 3, False, 1e-4).labels == found.labels
 
     def median(triple: tuple[int, ...]) -> float:

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from sldvexp.report.fitting import fitted
+from sldvexp.report.terminal import fitted
 
 QUANTITY = "truth: examined/truth/relative_error[component=z]"
 

@@ -14,7 +14,7 @@ import xarray as xr
 import yaml
 
 from sldvexp import dataset
-from sldvexp.dataset.recorded import as_read
+from sldvexp.dataset.run_data import as_read
 from sldvexp.errors import UserError
 from sldvexp.plot import FIGURES
 from sldvexp.report.base import attempt

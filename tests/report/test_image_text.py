@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sldvexp import dataset
-from sldvexp.report.image_text import image_text
+from sldvexp.report.field_tables import image_text
 
 
 def image(frequency, **attributes):

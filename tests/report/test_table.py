@@ -8,8 +8,8 @@ from rich.console import Console
 
 from sldvexp import dataset
 from sldvexp.report import terminal as closing
+from sldvexp.report.base import notes
 from sldvexp.report.field_tables import field_tables
-from sldvexp.report.notes import notes
 from sldvexp.report.terminal import _point_rows, estimates
 
 

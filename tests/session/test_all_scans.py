@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from sldvexp import dataset
-from sldvexp.instrument.recording import JOURNAL, read_line
-from sldvexp.instrument.replay import Replay
+from sldvexp.instrument.recording import JOURNAL, Replay, read_line
 from sldvexp.instrument.visa import Visa
 from sldvexp.scan.pixel_list import LINE
 from sldvexp.session.session import KINDS, estimate, scan_views

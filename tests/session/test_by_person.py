@@ -20,13 +20,12 @@ from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.instrument.person import Mark
 from sldvexp.instrument.protocol import InstrumentError
-from sldvexp.instrument.recording import JOURNAL
-from sldvexp.instrument.replay import Replay
+from sldvexp.instrument.recording import JOURNAL, Replay
 from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.session.by_person import AtTerminal
+from sldvexp.session.camera import NobodyThereError, Operator
 from sldvexp.session.journal import Journal
-from sldvexp.session.operator import NobodyThereError, Operator
 from sldvexp.session.session import estimate, scan_views, takes_samples
-from sldvexp.session.terminal import AtTerminal
 from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.person import SimulatedPerson

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from sldvexp.statistics.chi_square import chi_square_p_value
-from sldvexp.statistics.f_test import f_test, nested_f_test
-from sldvexp.statistics.student import student_factor
-from sldvexp.statistics.welch import welch
+from sldvexp.statistics import chi_square_p_value, f_test, nested_f_test, student_factor, welch
 
 TABLE_4_2 = {  # mu1, s1, n1, mu2, s2, n2, printed t', recomputed t'
     "phi1": (-1.076, 0.0025, 16, -1.077, 0.0632, 7, 0.0418, 0.0418),

@@ -17,9 +17,7 @@ from hydra.errors import MissingConfigException
 
 from sldvexp.config import messages
 from sldvexp.config.sources import Origins
-from sldvexp.sweep.progress import Progress
-from sldvexp.sweep.sweep import BATCH, Sweep
-from sldvexp.sweep.watch import SIGNS, Watch, leave_sign
+from sldvexp.sweep.sweep import BATCH, SIGNS, Progress, Sweep, Watch, leave_sign
 
 SWEEP = ("-m", "experiment=point", "reconstruction=absolute,relative", "seed=1,-1")
 #: What is started with each launcher beside its name, and the module it comes with.

@@ -11,7 +11,7 @@ import xarray as xr
 from sldvexp import dataset
 from sldvexp.sweep.lock import locked
 from sldvexp.sweep.plan import Plan, folder_name, labels
-from sldvexp.sweep.progress import span
+from sldvexp.sweep.sweep import span
 
 METHOD = ("absolute", "relative")
 METHODS = ("-m", "experiment=point", "reconstruction=absolute,relative", "seed=1,-1,2")

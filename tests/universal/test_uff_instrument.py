@@ -7,8 +7,7 @@ import pytest
 import xarray as xr
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.geometry.known_pose import KnownPose
-from sldvexp.geometry.rotation import rotation_from_euler
+from sldvexp.geometry.rotation import KnownPose, rotation_from_euler
 from sldvexp.importers import pointwise as settings
 from sldvexp.importers.pointwise import PointView
 from sldvexp.importers.uff import Uff

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from sldvexp.instrument.protocol import Acquisition, Status
-from sldvexp.virtual_lab.noise import PixelNoise
+from sldvexp.virtual_lab.electronics import PixelNoise
 
 PIXELS = 400
 SAMPLES = 512

@@ -11,12 +11,12 @@ from sldvexp.geometry.rotation import rotation_from_euler
 from sldvexp.volume.base import Samples
 from sldvexp.volume.grid import Diagonals, Grid
 from sldvexp.volume.prisms import Prisms, extruded
-from sldvexp.volume.rules import triangle_points
 from sldvexp.volume.samples import (
     SampleRule,
     sample_frames,
     sample_positions,
     shape_matrix,
+    triangle_points,
 )
 
 few = settings(max_examples=25, deadline=None, derandomize=True)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sldvexp.volume.base import TRIANGLE_COUNTS, Samples
-from sldvexp.volume.rules import TRIANGLE_POINTS, tensor_rule, triangle_points
+from sldvexp.volume.samples import TRIANGLE_POINTS, tensor_rule, triangle_points
 
 
 def test_the_counts_that_a_configuration_may_choose():

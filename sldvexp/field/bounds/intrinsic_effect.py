@@ -16,9 +16,8 @@ import numpy as np
 from sldvexp.field.visibility.view import View
 from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.lazy import xarray as xr
-from sldvexp.pose.base import EXTRINSICS
+from sldvexp.pose.base import EXTRINSICS, cross_covariance, label
 from sldvexp.pose.intrinsics import places
-from sldvexp.pose.joint import cross_covariance, label
 from sldvexp.pose.least_squares import INTRINSICS
 from sldvexp.typing import Array
 

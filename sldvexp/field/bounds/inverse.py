@@ -1,4 +1,7 @@
-"""Rows of the inverse of a field's matrix, which bounds need: all of them, of a small system."""
+"""Rows of the inverse of a field's matrix, which bounds need: all of them, of a small system.
+
+Rows of the inverse of a large field's matrix, region by region, nearly exact.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sldvexp.field.bounds.sparse_inverse_rows import (
+    block_rows,
+    diagonal_blocks,
+    kronecker_identity,
+    surface_rows,
+    volume_rows,
+)
 from sldvexp.field.equations.regions import Part
 from sldvexp.field.equations.system import System
+from sldvexp.field.solvers.kronecker import KroneckerInverse
+from sldvexp.field.threads import side_by_side
 from sldvexp.lazy import scipy
-from sldvexp.typing import Array
+from sldvexp.typing import Array, BoolArray, IndexArray
 
 
 class InverseRows(ABC):
@@ -83,3 +95,138 @@ class WholeInverse(InverseRows):
             nodal[first::apart] = np.einsum("ij,ij->i", across, self.inverse)
             fitted[first::apart] = np.diagonal(across)
         return nodal.reshape(self.layers, -1, p), fitted.reshape(-1, p).sum(axis=0)
+
+
+#: A node is odd if its own information differs by this part from that of the Kronecker product, in
+#: any direction.
+ODD = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class NearInverse:
+    """Rows of the inverse Kronecker product, turned to each node's own information.
+
+    Where that differs a lot from the product's, as where a view ends at another place in each
+    layer, rows are of the inverse of the whole matrix around the node instead.
+
+    Parameters
+    ----------
+    system : System
+    line : ndarray, shape (layer, layer)
+        The inverse of the line's matrix.
+    surface : bsr_array, shape (surface_node * block, surface_node * block)
+        Rows of the inverse of the surface's matrix.
+    turn : ndarray, shape (layer, surface_node, block, block)
+        ``N^-1 N_mean`` of a node's information and that of the Kronecker product there.
+    odd : ndarray of bool, shape (surface_node,)
+    rings : int
+        How far rows reach.
+    """
+
+    system: System
+    line: Array
+    surface: scipy.sparse.bsr_array
+    turn: Array
+    odd: BoolArray
+    rings: int
+
+    @classmethod
+    def of(cls, system: System, rings: int) -> NearInverse:
+        """That of a system."""
+        product = KroneckerInverse.of(system)
+        mean = system.line.sum(axis=1)[:, None, None, None] * system.surface_sums
+        turn = np.linalg.pinv(system.lumped, rcond=1e-10, hermitian=True) @ mean
+        far = np.abs(np.linalg.eigvals(turn) - 1).max(axis=(0, 2)) > ODD
+        odd = system.graph.neighbours @ far.astype(float) > 0
+        rows = surface_rows(system, product.surface, rings)
+        return cls(system, product.line, rows, turn, odd, rings)
+
+    def of_part(self, part: Part) -> NearRows:
+        """Those of a part's own nodes."""
+        p, nodes, own = part.model.parameters, part.patch.nodes, part.region.own
+        place = np.full(self.system.graph.nodes, -1)
+        place[nodes] = np.arange(len(nodes))
+        surface = block_rows(self.surface, own)
+        shape = surface.shape[0], len(nodes) * self.system.block
+        surface = scipy.sparse.bsr_array(
+            (surface.data, place[surface.indices], surface.indptr), shape=shape
+        )
+        odd = np.flatnonzero(self.odd[own])
+        volume = volume_rows(self.system, own[odd], place, self.rings)
+        turn = self.turn[:, own]
+        return NearRows(
+            self.line,
+            _of_parameters(surface, p),
+            place[own],
+            turn if self.system.block > 1 else turn * np.eye(p),
+            odd,
+            _of_parameters(volume, p),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class NearRows(InverseRows):
+    """Rows of a part's own nodes.
+
+    Parameters
+    ----------
+    line, turn
+        As in `NearInverse`, the latter of the own nodes and all parameters.
+    surface : bsr_array, shape (own * parameter, patch_node * parameter)
+    own : ndarray of int
+        Places of the own nodes in the patch.
+    odd : ndarray of int
+        Which of `own` are odd.
+    volume : bsr_array, shape (layer * odd * parameter, layer * patch_node * parameter)
+        Their rows of the inverse of the whole matrix.
+    """
+
+    line: Array
+    surface: scipy.sparse.bsr_array
+    own: IndexArray
+    turn: Array
+    odd: IndexArray
+    volume: scipy.sparse.bsr_array
+
+    def times(self, x: Array) -> Array:
+        """See `InverseRows`."""
+        layers, _, parameters, columns = x.shape
+        along = np.tensordot(self.line, x, axes=1).reshape(layers, -1, columns)
+        rows = np.stack([self.surface @ layer for layer in along])
+        found = self.turn @ rows.reshape(layers, len(self.own), parameters, columns)
+        exact = self.volume @ x.reshape(-1, columns)
+        found[:, self.odd] = exact.reshape(layers, len(self.odd), parameters, columns)
+        return found
+
+    def variances(
+        self, influences: Sequence[scipy.sparse.bsr_array], variances: Sequence[Array]
+    ) -> tuple[Array, Array]:
+        """See `InverseRows`."""
+        pairs = list(zip(influences, variances, strict=True))
+        nodal, fitted = zip(*side_by_side(lambda pair: self._of_view(*pair), pairs), strict=True)
+        return np.sum(nodal, axis=0), np.sum(fitted, axis=0)
+
+    def _of_view(self, influence: scipy.sparse.bsr_array, variance: Array) -> tuple[Array, Array]:
+        """Both diagonals of one view."""
+        layers, p = len(self.line), influence.blocksize[0]
+        nodes = influence.shape[0] // p // layers
+        along = kronecker_identity(self.line, nodes, p) @ influence
+        covariance, fitted = np.empty((layers, len(self.own), p, p)), np.zeros(p)
+        for layer in range(layers):
+            k = self.surface @ block_rows(along, layer * nodes + np.arange(nodes))
+            covariance[layer] = diagonal_blocks(k, variance)
+            own = block_rows(influence, layer * nodes + self.own)
+            fitted += (k.multiply(own) @ variance).reshape(-1, p).sum(axis=0)
+        covariance = self.turn @ covariance @ np.swapaxes(self.turn, 2, 3)
+        exact = diagonal_blocks(self.volume @ influence, variance)
+        covariance[:, self.odd] = exact.reshape(layers, len(self.odd), p, p)
+        return np.diagonal(covariance, axis1=2, axis2=3), fitted
+
+
+def _of_parameters(matrix: scipy.sparse.bsr_array, parameters: int) -> scipy.sparse.bsr_array:
+    """Scalar rows as rows of every parameter."""
+    if matrix.blocksize[0] > 1:
+        return matrix
+    shape = matrix.shape[0] * parameters, matrix.shape[1] * parameters
+    entries = matrix.data * np.eye(parameters), matrix.indices, matrix.indptr
+    return scipy.sparse.bsr_array(entries, shape=shape)

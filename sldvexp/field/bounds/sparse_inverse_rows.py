@@ -3,13 +3,16 @@
 The inverse of a mass matrix decays by a factor of about 0.27 from one ring of neighbours to the
 next, so that rows end after a few rings. What lies beyond is taken to have the values of the last
 ring: then rows are exact for a field that is the same everywhere.
+
+Colours for the nodes of a graph, so that nodes of one colour are far apart.
+
+Sparse matrices of small blocks: what scipy's lack.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from sldvexp.field.bounds.colouring import colours, within
 from sldvexp.field.equations.system import HOLD, PAIRS, System
 from sldvexp.field.solvers.kronecker import factorised, solved
 from sldvexp.lazy import scipy
@@ -176,3 +179,82 @@ def _assembled(
         return scipy.sparse.bsr_array(size, blocksize=(block, block))
     entries = np.concatenate(by_layer), np.tile(np.concatenate(indices), layers), indptr
     return scipy.sparse.bsr_array(entries, shape=size)
+
+
+def within(neighbours: scipy.sparse.csr_array, rings: int) -> scipy.sparse.csr_array:
+    """Nodes within so many rings of each, itself among them, sorted.
+
+    Parameters
+    ----------
+    neighbours : csr_array of bool, shape (node, node)
+        With every node its own neighbour.
+    rings : int
+    """
+    reached, power = None, neighbours
+    while rings:
+        if rings % 2:
+            reached = power if reached is None else (reached @ power).astype(bool)
+        rings //= 2
+        power = (power @ power).astype(bool) if rings else power
+    assert reached is not None
+    reached.sort_indices()
+    return reached
+
+
+def colours(near: scipy.sparse.csr_array) -> IndexArray:
+    """A colour for every node that no node near it has, few of them in all.
+
+    Parameters
+    ----------
+    near : csr_array of bool, shape (node, node)
+    """
+    found = np.full(near.shape[0], -1)
+    for node, (first, last) in enumerate(zip(near.indptr[:-1], near.indptr[1:], strict=True)):
+        taken = np.zeros(last - first + 2, bool)
+        others = found[near.indices[first:last]]
+        taken[others[others < len(taken)]] = True
+        taken[-1] = False  # where -1 pointed to
+        found[node] = np.argmin(taken)
+    return found
+
+
+def block_rows(matrix: scipy.sparse.bsr_array, rows: IndexArray) -> scipy.sparse.bsr_array:
+    """Some block rows of a matrix."""
+    length = np.diff(matrix.indptr)[rows]
+    start = np.concatenate([[0], np.cumsum(length)])
+    entry = np.arange(start[-1]) + np.repeat(matrix.indptr[rows] - start[:-1], length)
+    shape = (len(rows) * matrix.blocksize[0], matrix.shape[1])
+    return scipy.sparse.bsr_array((matrix.data[entry], matrix.indices[entry], start), shape=shape)
+
+
+def diagonal_blocks(matrix: scipy.sparse.bsr_array, weight: Array) -> Array:
+    """Blocks on the diagonal of ``A W A^T``, shape (row, p, p), of a matrix of (p, 1) blocks.
+
+    Parameters
+    ----------
+    matrix : bsr_array, shape (row * p, column)
+    weight : ndarray, shape (column,)
+        The diagonal matrix W.
+    """
+    p = matrix.blocksize[0]
+    rows = matrix.shape[0] // p
+    found = np.empty((rows, p, p))
+    for i in range(p):
+        for j in range(i + 1):
+            product = matrix.data[:, i, 0] * matrix.data[:, j, 0]
+            square = scipy.sparse.csr_array(
+                (product, matrix.indices, matrix.indptr), (rows, matrix.shape[1])
+            )
+            found[:, i, j] = found[:, j, i] = square @ weight
+    return found
+
+
+def kronecker_identity(line: Array, nodes: int, block: int) -> scipy.sparse.bsr_array:
+    """``line (x) I``, shape (layer * node * block,) * 2, in blocks of that size."""
+    layers = len(line)
+    data = np.broadcast_to(line[:, None, :], (layers, nodes, layers)).reshape(-1, 1, 1)
+    columns = np.arange(nodes)[:, None] + nodes * np.arange(layers)
+    indices = np.broadcast_to(columns, (layers, nodes, layers)).ravel()
+    indptr = layers * np.arange(layers * nodes + 1)
+    size = layers * nodes * block
+    return scipy.sparse.bsr_array((data * np.eye(block), indices, indptr), shape=(size, size))

@@ -1,16 +1,22 @@
-"""`solver=cholesky`: sparse Cholesky factors, by the optional package cholespy."""
+"""`solver=cholesky`: sparse Cholesky factors, by the optional package cholespy.
+
+Right-hand sides for cholespy's factors.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.field.equations.system import Solve, System
 from sldvexp.field.solvers.base import Solver
-from sldvexp.field.solvers.cholmod import solve_with
 from sldvexp.field.solvers.kronecker import KroneckerInverse
+from sldvexp.typing import Array
 
 
 @register("solver", "cholesky")
@@ -39,3 +45,24 @@ class Cholesky(Solver):
             matrix.shape[0], matrix.row, matrix.col, matrix.data, cholespy.MatrixType.COO
         )
         return solve_with(factor)
+
+
+#: Right-hand sides that cholespy takes at once.
+COLUMNS_AT_ONCE = 128
+
+
+def solve_with(factor: Any) -> Solve:
+    """Solve with factors of a system's matrix."""
+
+    def solve(right: Array) -> Array:
+        flat = right.reshape(-1, right.shape[-1])
+        solution = np.empty_like(flat)
+        for first in range(0, flat.shape[1], COLUMNS_AT_ONCE):
+            part = slice(first, first + COLUMNS_AT_ONCE)
+            columns = np.ascontiguousarray(flat[:, part])
+            found = np.zeros_like(columns)
+            factor.solve(columns, found)
+            solution[:, part] = found
+        return solution.reshape(right.shape)
+
+    return solve

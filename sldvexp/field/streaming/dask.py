@@ -1,15 +1,21 @@
-"""`stream=dask`: a field's frequencies some at a time, by the optional package dask."""
+"""`stream=dask`: a field's frequencies some at a time, by the optional package dask.
+
+Tasks for Dask's scheduler, whichever there is: threads of this process, or a cluster.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import islice
+from typing import Any
+
+import dask
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-from sldvexp.field.streaming.work import Work
 
 #: A parameter of glibc's `mallopt`, and the bytes from which on arrays have pages of their own.
 MMAP_THRESHOLD, LARGE = -3, 1 << 20
@@ -120,3 +126,30 @@ def _require(package: str) -> None:
             f"stream=dask needs the package {package.partition('.')[0]}: pip install "
             "'sldvexp[dask]', or leave stream out, so that everything is in memory at once"
         ) from None
+
+
+@dataclass(frozen=True)
+class Work:
+    """Does tasks, a few at a time, so that no more than these are in memory.
+
+    Parameters
+    ----------
+    at_once : int
+        How many.
+    """
+
+    at_once: int
+
+    def share(self, what: Any) -> Any:
+        """Something that many tasks need, to be given to `map` in its place.
+
+        A cluster has it once a worker, and makes it again if a worker dies.
+        """
+        (shared,) = dask.persist(dask.delayed(what, traverse=False))
+        return shared
+
+    def map(self, function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
+        """``function(*task)`` of every task, in their order; Dask arrays come as NumPy's."""
+        waiting = iter(tasks)
+        while some := [dask.delayed(function)(*task) for task in islice(waiting, self.at_once)]:
+            yield from dask.compute(*some)

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from sldvexp import dataset
 from sldvexp.field.bounds.element_error import element_error, mean_squares, told
 from sldvexp.field.bounds.intrinsic_effect import PoseErrors
-from sldvexp.field.bounds.mode_effect import ModeEffect, of_modes
-from sldvexp.field.bounds.pose_uncertainty import pose_covariance
+from sldvexp.field.bounds.pose_uncertainty import ModeEffect, of_modes, pose_covariance
 from sldvexp.field.bounds.residuals_and_bounds import Second, residuals_only
 from sldvexp.field.equations.assembly import Equations, real_columns, right_sides
 from sldvexp.field.equations.conditioning import condition_numbers
@@ -27,13 +26,12 @@ from sldvexp.field.equations.regions import Parts
 from sldvexp.field.equations.system import Solve, solution
 from sldvexp.field.equations.undetermined import Flags
 from sldvexp.field.estimate import NO_COVARIANCE, check_views, solved_with
-from sldvexp.field.fit import Fit
-from sldvexp.field.outcome import Outcome
+from sldvexp.field.fit import Fit, Outcome
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.streaming.compression import Compressed, slices
-from sldvexp.field.streaming.work import Work
+from sldvexp.field.streaming.dask import Work
 from sldvexp.field.to_dataset import field_group, pooled
-from sldvexp.field.visibility.looks import Looks
+from sldvexp.field.visibility.visibility import Looks
 from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.typing import Array
@@ -172,7 +170,7 @@ def stream_field(
     work: Work,
     folder: Path,
 ) -> xr.Dataset:
-    """The group ``field`` of a run by one method, as `sldvexp.field.run.reconstruct` makes it.
+    """The group ``field`` of a run by one method, as `sldvexp.field.estimate.reconstruct` makes it.
 
     Parameters
     ----------

@@ -9,8 +9,7 @@ from typing import Self
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.field.visibility.flagged import NOTABLE, why
-from sldvexp.field.visibility.view import View
+from sldvexp.field.visibility.view import NOTABLE, View, why
 from sldvexp.field.visibility.visibility import (
     BEHIND,
     FACING_AWAY,

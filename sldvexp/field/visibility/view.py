@@ -1,20 +1,27 @@
-"""One view: where the instrument stood and the velocity image that it took there."""
+"""One view: where the instrument stood and the velocity image that it took there.
+
+The laser as the solution of a pose has adjusted it.
+
+Why pixels are flagged, and what may be done about it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.errors import UserError, nearest
-from sldvexp.field.visibility.adjusted import adjusted
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.errors import ConfigError, UserError, nearest
+from sldvexp.laser.two_mirror import MIRRORS, Mirror, TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import EXTRINSICS
 from sldvexp.pose.intrinsics import nominal_intrinsics, places
+from sldvexp.session.images import flag_text
+from sldvexp.signal.pixel_quality import Flag
 from sldvexp.typing import Array, BoolArray, ComplexArray
+from sldvexp.units import AngleUnit
 
 #: How far ``R R'`` of a rotation may be from the identity.
 ORTHOGONAL = 1e-9
@@ -231,3 +238,79 @@ def _in_short(frequency: Array) -> str:
         return "none stated"
     some = ", ".join(f"{f:.9g}" for f in frequency[:3])
     return f"{some}{', ...' if len(frequency) > 3 else ''} Hz, {len(frequency)} in all"
+
+
+def adjusted(laser: TwoMirror, intrinsics: Array, where: str) -> TwoMirror:
+    """A laser whose true angles are ``gain recorded + zero``, and with another mirror offset.
+
+    Parameters
+    ----------
+    laser : TwoMirror
+        Whose calibration gives the recorded angles.
+    intrinsics : ndarray, shape (5,)
+        In the order of `sldvexp.pose.least_squares.INTRINSICS`.
+    where : str
+        Whose intrinsics they are, for the message.
+
+    Raises
+    ------
+    UserError
+        If there is no such laser.
+    """
+    offset, *others = (float(value) for value in intrinsics)
+    gains, zeros = others[::2], others[1::2]
+    mirrors = []
+    for name, gain, zero in zip(MIRRORS, gains, zeros, strict=True):
+        constant, slope, *higher = (gain * c for c in getattr(laser, name).coefficients)
+        mirrors.append(Mirror(slope, constant + zero, higher, AngleUnit.rad))
+    up_down, left_right = mirrors
+    try:
+        found = replace(laser, mirror_offset=0.0, up_down=up_down, left_right=left_right)
+    except ConfigError as error:
+        raise UserError(
+            f"{where}: the pose was solved with a laser that there is none of ({error}); give the "
+            "adjusted intrinsics what is known of them beforehand, as in "
+            "pose.adjust={gain_up_down: 0.002}"
+        ) from None
+    # An estimate may err below zero, which no configured offset is, and the equations hold there.
+    found.mirror_offset = offset
+    return found
+
+
+#: Part of a view's samples that lie at flagged pixels, from which that is worth saying.
+NOTABLE = 0.1
+
+#: What may be done, by the flag of most pixels.
+REMEDIES = {
+    Flag.saturated: "excite less, or choose a wider range of the velocity and of the converter",
+    Flag.dropped_out: "focus or treat the surface, or raise signal.flags.dropout_factor",
+    Flag.reference_missing: "connect the reference to its channel, or lower "
+    "signal.flags.reference_minimum if it really is so small",
+    Flag.non_finite: "the instrument gave samples that are no numbers",
+    Flag.poor_fit: "is scan.sampling.frequency the one that is driven, and the reference a sine?",
+}
+
+
+def why(*views: View) -> str:
+    """How many pixels of some views are flagged, by which flags, and what to do.
+
+    For example ``9 of 9 pixels are flagged (saturated 9): excite less, or ...``.
+    """
+    flags = np.concatenate([view.flags for view in views]).astype(int)
+    counts = {flag: int(np.sum(flags & flag != 0)) for flag in Flag}
+    most = max(counts, key=lambda flag: counts[flag])
+    told = flag_text(flags)
+    return f"{told}: {REMEDIES[most]}" if counts[most] else told
+
+
+def require_usable(views: Sequence[View]) -> None:
+    """Every image has pixels that are not flagged.
+
+    Raises
+    ------
+    UserError
+        If one has none; it says why.
+    """
+    for view in views:
+        if len(view.flags) and not view.usable.any():
+            raise UserError(f"view {view.name}: {why(view)}; or leave the view out")

@@ -1,19 +1,28 @@
-"""What one view sees of points in space: where in its image, from where, and with which weights."""
+"""What one view sees of points in space: where in its image, from where, and with which weights.
+
+What all views see of the samples of a volume, some of its triangles at a time.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
 import numpy as np
 
+from sldvexp.field.threads import side_by_side
 from sldvexp.field.visibility.occlusion import Occlusion
 from sldvexp.field.visibility.two_mirror_projection import pose_derivative, sight
-from sldvexp.field.visibility.view import View
+from sldvexp.field.visibility.view import View, require_usable
 from sldvexp.image.interpolation.base import Interpolator
 from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
+from sldvexp.volume.prisms import Prisms
+from sldvexp.volume.samples import SampleRule, sample_frames, sample_positions
 
 #: Steepest accepted angle between the surface's normal and the direction to the instrument, rad.
 GRAZING = np.radians(75.0)
@@ -156,3 +165,150 @@ def _spread(
     # Of its own: some of scipy's methods sort a matrix in place, which others would share.
     indices = weights.indices.copy()
     return scipy.sparse.csr_array((weights.data, indices, start), shape=(count, weights.shape[1]))
+
+
+#: Samples of a volume up to which what the views see of them is remembered.
+REMEMBERED = 200_000
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """The samples in the prisms over some triangles, and what each view sees of them.
+
+    Attributes
+    ----------
+    triangles : ndarray of int, shape (triangle,)
+    seen : tuple of Seen
+        One a view; ``sample = (gap * triangles + triangle) * points + point``.
+    position : ndarray, shape (sample, 3), m
+    frame : ndarray, shape (sample, 3, 3)
+        Unit rows t1, t2, n.
+    """
+
+    triangles: IndexArray
+    seen: tuple[Seen, ...]
+    position: Array
+    frame: Array
+
+    @property
+    def valid(self) -> BoolArray:
+        """Which view has a velocity of which sample, shape (sample, view)."""
+        return np.stack([s.valid for s in self.seen], axis=1)
+
+    @property
+    def directions(self) -> Array:
+        """Direction cosines in world axes, shape (sample, view, 3)."""
+        return np.stack([s.directions for s in self.seen], axis=1)
+
+
+@dataclass(eq=False)
+class Looks:
+    """Looks at a volume from all views.
+
+    Parameters
+    ----------
+    views : sequence of View
+    laser : TwoMirror
+        As configured; see `View.laser`.
+    prisms : Prisms
+    rule : SampleRule
+    interpolation : Interpolation
+    grazing : float, rad
+        Points seen under a larger angle from their normal are left out.
+    one_sided : bool
+        Only the side that the normals point to is measured; otherwise both.
+    clearance : float, m, optional
+        With it, what the surface itself hides is left out; see `Occlusion`.
+
+    A look at the whole of a volume that is not large is remembered, so that several methods, and
+    fields without one view, do not look again.
+    """
+
+    views: Sequence[View]
+    laser: TwoMirror
+    prisms: Prisms
+    rule: SampleRule
+    interpolation: Interpolation = Interpolation.linear
+    grazing: float = GRAZING
+    one_sided: bool = True
+    clearance: float | None = None
+    _interpolators: list[Interpolator] = field(init=False, repr=False)
+    _occlusions: list[Occlusion | None] = field(init=False, repr=False)
+    _whole: Look | None = field(init=False, repr=False, default=None)
+
+    def __post_init__(self) -> None:
+        require_usable(self.views)
+        self._interpolators = [self.interpolation.prepare(v) for v in self.views]
+        self._occlusions = [self._occlusion(v) for v in self.views]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process needs; it remembers its own look."""
+        return {**self.__dict__, "_whole": None}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The views' names."""
+        return tuple(v.name for v in self.views)
+
+    @property
+    def triangles(self) -> IndexArray:
+        """All of them."""
+        return np.arange(len(self.prisms.triangles))
+
+    @property
+    def small(self) -> bool:
+        """Whether a look at all of it is remembered."""
+        return self.prisms.gaps * len(self.prisms.triangles) * self.rule.points <= REMEMBERED
+
+    def at(self, triangles: IndexArray) -> Look:
+        """Look at the samples of some triangles' prisms, in all gaps."""
+        if self._whole is not None and np.array_equal(triangles, self._whole.triangles):
+            return self._whole
+        found = self._look(triangles)
+        if self.small and np.array_equal(triangles, self.triangles):
+            self._whole = found
+        return found
+
+    def without(self, k: int) -> Self:
+        """The looks of all other views, with all that is prepared and remembered of them."""
+        others = [i for i in range(len(self.views)) if i != k]
+        left = copy(self)
+        left.views = [self.views[i] for i in others]
+        left._interpolators = [self._interpolators[i] for i in others]
+        left._occlusions = [self._occlusions[i] for i in others]
+        if self._whole is not None:
+            left._whole = replace(self._whole, seen=tuple(self._whole.seen[i] for i in others))
+        return left
+
+    def seen_by(self, views: Sequence[View]) -> Self:
+        """The looks of the same images from poses that are other ones."""
+        moved = copy(self)
+        moved.views, moved._whole = views, None
+        moved._occlusions = [moved._occlusion(v) for v in views]
+        return moved
+
+    def _look(self, triangles: IndexArray) -> Look:
+        position = sample_positions(self.prisms, self.rule, triangles).reshape(-1, 3)
+        frame = sample_frames(self.prisms, self.rule, triangles).reshape(-1, 3, 3)
+
+        def seen_by(k: int) -> Seen:
+            return look(
+                self.views[k],
+                self.laser,
+                position,
+                frame[:, 2] if self.one_sided else None,
+                self._interpolators[k],
+                grazing=self.grazing,
+                occlusion=self._occlusions[k],
+            )
+
+        seen = tuple(side_by_side(seen_by, range(len(self.views))))
+        return Look(triangles, seen, position, frame)
+
+    def _occlusion(self, view: View) -> Occlusion | None:
+        if self.clearance is None:
+            return None
+        middle = np.abs(self.prisms.depth).argmin()
+        surface = self.prisms.position.reshape(self.prisms.layers, -1, 3)[middle]
+        laser = view.laser(self.laser)
+        return Occlusion.prepare(view, laser, surface, self.prisms.triangles, self.clearance)

@@ -1,13 +1,21 @@
-"""The ways to interpolate, by the names a configuration uses."""
+"""The ways to interpolate, by the names a configuration uses.
+
+The mesh of an image: a lattice if it is one, else triangles.
+"""
 
 from __future__ import annotations
 
 from enum import Enum
 
+import numpy as np
+
+from sldvexp.errors import UserError
 from sldvexp.image.interpolation.base import Interpolator, Pixels
 from sldvexp.image.interpolation.cubic import Cubic
-from sldvexp.image.interpolation.image_mesh import mesh_of
+from sldvexp.image.interpolation.lattice import lattice_of
 from sldvexp.image.interpolation.linear import Linear
+from sldvexp.image.interpolation.mesh import Mesh
+from sldvexp.image.interpolation.scattered import triangulate
 
 
 class Interpolation(Enum):
@@ -42,3 +50,31 @@ class Interpolation(Enum):
         """
         mesh = mesh_of(image)
         return Linear(mesh) if self is Interpolation.linear else Cubic(mesh)
+
+
+#: Pixels that make a triangle.
+LEAST_PIXELS = 3
+
+
+def mesh_of(image: Pixels) -> Mesh:
+    """The cells of an image.
+
+    A rectangular image whose cells are not convex, because rounding to whole steps has folded them
+    or lines were taken to and fro, is triangulated like scattered pixels.
+
+    Raises
+    ------
+    UserError
+        See `Interpolation.prepare`.
+    """
+    usable, pixels = int(np.count_nonzero(image.usable)), len(image.dac)
+    if pixels and not usable:
+        raise UserError(
+            f"view {image.name}: all {pixels} pixels are flagged; scan it again or leave it out"
+        )
+    if usable < LEAST_PIXELS:
+        raise UserError(
+            f"view {image.name}: {usable} of {pixels} pixels are usable, but interpolation needs "
+            f"{LEAST_PIXELS} at least; scan it again or leave it out"
+        )
+    return lattice_of(image) or triangulate(image)

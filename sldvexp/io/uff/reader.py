@@ -10,11 +10,18 @@ from pathlib import Path
 
 from numpy.typing import NDArray
 
-from sldvexp.io.uff.functions import NODAL, Function, read_header, read_values
+from sldvexp.io.uff.functions import (
+    NODAL,
+    Function,
+    Units,
+    read_amplitude,
+    read_header,
+    read_units,
+    read_values,
+)
 from sldvexp.io.uff.geometry import Geometry, read_geometry
 from sldvexp.io.uff.index import Entry, index
 from sldvexp.io.uff.nodal import Shapes, read_nodal
-from sldvexp.io.uff.qualifiers import Units, read_amplitude, read_units
 from sldvexp.io.uff.source import Source, opened
 
 

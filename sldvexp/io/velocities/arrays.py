@@ -1,17 +1,27 @@
-"""Line-of-sight velocities in netCDF files, the program's own or others'."""
+"""Line-of-sight velocities in netCDF files, the program's own or others'.
+
+The variables of others' netCDF files under the program's names, or what is wrong with these.
+
+Line-of-sight velocities as named arrays, of whatever file they come from.
+
+Line-of-sight velocities as arrays in MATLAB files, up to version 7 and of version 7.3.
+"""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.io.velocities.foreign import ordered, renamed
-from sldvexp.io.velocities.from_arrays import REQUIRED, from_arrays
-from sldvexp.io.velocities.layout import KNOWN, ORDER, OWN, Layout
-from sldvexp.io.velocities.table import LineOfSight
+from sldvexp.io.velocities.table import KNOWN, ORDER, OWN, Layout, LineOfSight
+from sldvexp.lazy import netCDF4, scipy
 from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array
 from sldvexp.units import VelocityUnit
 
 
@@ -66,3 +76,390 @@ def _group(path: Path, layout: Layout) -> xr.Dataset:
 def _unit_name(text: str) -> str:
     """``m_per_s`` for ``m/s``, ``m s-1`` and ``m s^-1``."""
     return text.replace(" s-1", "/s").replace(" s^-1", "/s").replace("/", "_per_")
+
+
+DIMENSIONS = (*ORDER, "axis")
+#: Dimensions that each variable may have; the first is needed.
+ALLOWED = {
+    "direction_cosines": ("view", "point", "axis"),
+    "velocity": ("view", "point", "frequency"),
+    "velocity_std": ("view", "point", "frequency"),
+}
+#: How others may call a dimension.
+LIKE = {
+    "axis": "xyz|ax[ie]s|comp|dir|coord|dim|cart",
+    "frequency": "freq|^n?f$|hz|omega|line",
+    "point": "point|node|grid|pixel|^p$|^n$",
+    "view": "view|head|scan|look|station|pos",
+}
+#: Variables that must go together, and what they make.
+PARTS = {"velocity": ("real", "imag"), "direction_cosines": ("dx", "dy", "dz")}
+
+
+def renamed(data: xr.Dataset, layout: Layout, path: Path) -> tuple[xr.Dataset, dict[str, str]]:
+    """The file's variables and dimensions with the program's names, put together of their parts.
+
+    Parameters
+    ----------
+    data : Dataset
+    layout : Layout
+    path : Path
+
+    Returns
+    -------
+    data : Dataset
+    theirs : dict of str to str
+        From the program's names to the file's, of dimensions where both have one.
+
+    Raises
+    ------
+    UserError
+        If the mapping names what is not there, calls two the same, or calls a dimension what is
+        none.
+    """
+    layout.require([*data.variables, *data.dims], path)
+    dims = {k: v for k, v in layout.mapping.items() if k in data.dims}
+    others = {k: "velocity_std" if v == "std" else v for k, v in layout.mapping.items()}
+    others = {k: v for k, v in others.items() if k in data.variables and k not in dims}
+    for theirs, own in dims.items():
+        if own not in DIMENSIONS:
+            raise UserError(
+                f"{path}: instrument.mapping calls {theirs} {own}, but it is a dimension, of "
+                f"length {data.sizes[theirs]}; a dimension is one of {', '.join(DIMENSIONS)}"
+            )
+    for theirs, own in others.items():
+        if own in DIMENSIONS:
+            dims |= _dimension_of(data[theirs], own, dims, path)
+    for group in (dims, others):
+        for own in dict.fromkeys(group.values()):
+            twins = [k for k, v in group.items() if v == own]
+            if len(twins) > 1:
+                raise UserError(
+                    f"{path}: instrument.mapping calls both {twins[0]} and {twins[1]} {own}; it "
+                    "can be one of them"
+                )
+    back = {own: theirs for theirs, own in (others | dims).items()}
+    return _together(_with_names(data, dims, others), path), back
+
+
+def _dimension_of(
+    array: xr.DataArray, own: str, dims: dict[str, str], path: Path
+) -> dict[str, str]:
+    """The dimension whose entries a variable names: this says what the dimension is."""
+    if array.ndim > 1 or own == "axis":
+        has = f"has the dimensions {_sizes(array)}" if array.ndim > 1 else "is no dimension itself"
+        raise UserError(
+            f"{path}: instrument.mapping calls {array.name} {own}, but it {has}; {own} must be a "
+            "dimension or have one"
+        )
+    along = {str(dim): own for dim in array.dims}
+    for theirs in along:
+        if dims.get(theirs, own) != own:
+            raise UserError(
+                f"{path}: instrument.mapping calls {array.name} {own} but its dimension {theirs} "
+                f"{dims[theirs]}; both must be one, as {{{array.name}: {own}, {theirs}: {own}}}"
+            )
+    return along
+
+
+def _with_names(data: xr.Dataset, dims: dict[str, str], others: dict[str, str]) -> xr.Dataset:
+    """All arrays anew, under their names; a dimension keeps the entries that the file has of it."""
+    made = {}
+    for name, array in data.variables.items():
+        own = others.get(str(name), dims.get(str(name), str(name)))
+        if own in made and str(name) not in others:
+            continue  # entries that the mapping takes from another variable
+        made[own] = xr.Variable([dims.get(str(d), str(d)) for d in array.dims], array.values)
+        made[own].attrs = array.attrs
+    found = xr.Dataset()
+    # One by one: others' entries must not be aligned.
+    return found.assign({k: v for k, v in made.items() if k not in v.dims}).assign_coords(
+        {k: v for k, v in made.items() if k in v.dims}
+    )
+
+
+def _together(data: xr.Dataset, path: Path) -> xr.Dataset:
+    """Complex velocities of their parts, directions of their components."""
+    for whole, parts in PARTS.items():
+        there = [name for name in parts if name in data]
+        if not there:
+            continue
+        if whole in data:
+            raise UserError(
+                f"{path}: has {whole} and {', '.join(there)}; instrument.mapping must call either "
+                f"one of its variables {whole}, or others {', '.join(parts)}"
+            )
+        if there != list(parts) and there != ["real"]:
+            lost = [name for name in parts if name not in there]
+            raise UserError(
+                f"{path}: has {', '.join(there)} but not {', '.join(lost)}, which instrument."
+                "mapping must call another of its variables"
+            )
+        first = data[there[0]]
+        for name in there[1:]:
+            if set(data[name].dims) != set(first.dims):
+                raise UserError(
+                    f"{path}: {there[0]} has the dimensions {_sizes(first)} but {name} "
+                    f"{_sizes(data[name])}; they must have the same"
+                )
+            units = [data[part].attrs.get("units") for part in (there[0], name)]
+            if None not in units and units[0] != units[1]:
+                raise UserError(
+                    f"{path}: {there[0]} is in {units[0]} but {name} in {units[1]}; they must be "
+                    "in the same unit"
+                )
+        if whole == "velocity":
+            made = data["real"] + 1j * data["imag"] if "imag" in data else data["real"] + 0j
+        else:
+            made = xr.concat([data[name] for name in parts], "axis", coords="minimal")
+        data[whole] = made.assign_attrs(first.attrs)
+    return data
+
+
+def ordered(data: xr.Dataset, name: str, theirs: dict[str, str], path: Path) -> np.ndarray:
+    """A variable's values with the dimensions in the order (view, point, axis or frequency).
+
+    Parameters
+    ----------
+    data : Dataset
+    name : str
+    theirs : dict of str to str
+        See `renamed`.
+    path : Path
+
+    Raises
+    ------
+    UserError
+        If it has others, or lacks one that it needs.
+    """
+    allowed = ALLOWED[name]
+    array = data[name]
+    strange = [str(d) for d in array.dims if d not in allowed]
+    needed = {"direction_cosines": ("view", "axis"), "velocity": ("view",)}.get(name, ())
+    lost = [d for d in needed if d not in array.dims]
+    if strange or lost:
+        free = lost + [d for d in allowed if d not in array.dims and d not in lost]
+        raise UserError(
+            f"{path}: {theirs.get(name, name)} has the dimensions {_sizes(array, theirs)}; {name} "
+            f"is over {', '.join(allowed)}{_remedy(array, strange, free)}"
+        )
+    if "axis" in array.dims and array.sizes["axis"] != 3:
+        raise UserError(f"{path}: {name} has {array.sizes['axis']} components; it needs x, y, z")
+    if name == "velocity_std":
+        array = array.broadcast_like(data["velocity"])
+    if "axis" in array.coords:
+        array = array.isel(axis=_xyz(array["axis"].values))
+    return np.array(array.transpose(*(d for d in allowed if d in array.dims)))
+
+
+def _remedy(array: xr.DataArray, strange: list[str], free: list[str]) -> str:
+    """What to say so that the dimensions become those of the program, the needed ones first."""
+    if not strange:
+        return ", of which it lacks " + " and ".join(free)
+    if not free:
+        return f"; leave {', '.join(strange)} out of the file"
+    pairs = _pairs(array, strange, free)
+    example = ", ".join(f"{a}: {pairs[a]}" for a in strange if a in pairs)
+    if not example:
+        return f"; {' and '.join(strange)} cannot be {' or '.join(free)}, which has the length 3"
+    which = "" if len(strange) == len(free) == 1 else "which is which, as in "
+    return f"; say {which}instrument.mapping={{{example}}}"
+
+
+def _pairs(array: xr.DataArray, strange: list[str], free: list[str]) -> dict[str, str]:
+    """What each strange dimension may be: by its name and length, else as they stand."""
+    pairs: dict[str, str] = {}
+    for own in (d for d in LIKE if d in free):
+        alike = [d for d in strange if d not in pairs and re.search(LIKE[own], d.lower())]
+        if own == "axis":
+            of_three = [d for d in strange if array.sizes[d] == 3]
+            labelled = [d for d in of_three if d in array.coords and _tells_xyz(array[d].values)]
+            named = [d for d in of_three if d in alike]
+            alike = labelled or named or (of_three if len(of_three) == 1 else [])
+        if alike:
+            pairs[alike[0]] = own
+    left = [d for d in strange if d not in pairs]
+    three = any(array.sizes[d] == 3 for d in left)
+    others = [d for d in free if d not in pairs.values() and (d != "axis" or three)]
+    return pairs | dict(zip(left, others, strict=False))
+
+
+def _tells_xyz(labels: np.ndarray) -> bool:
+    """Whether labels end in x, y and z."""
+    return sorted(str(label).strip().lower()[-1:] for label in labels) == list("xyz")
+
+
+def _xyz(labels: np.ndarray) -> list[int]:
+    """Places of x, y, z by the ends of the labels; as they stand if these do not tell."""
+    ends = [str(label).strip().lower()[-1:] for label in labels]
+    return [ends.index(c) for c in "xyz"] if sorted(ends) == list("xyz") else [0, 1, 2]
+
+
+def _sizes(array: xr.DataArray, theirs: dict[str, str] | None = None) -> str:
+    """Dimensions with their lengths, by the file's names."""
+    names = [(theirs or {}).get(str(dim), str(dim)) for dim in array.dims]
+    return ", ".join(f"{n} ({s})" for n, s in zip(names, array.shape, strict=True)) or "none"
+
+
+REQUIRED = ("direction_cosines", "velocity")
+
+
+def with_velocity(values: dict[str, Any]) -> dict[str, Any]:
+    """The arrays with ``velocity`` where there are ``real`` and ``imag`` instead."""
+    if "velocity" in values or "real" not in values:
+        return values
+    velocity = np.asarray(values["real"])
+    if "imag" in values:
+        velocity = velocity + 1j * np.asarray(values["imag"])
+    return values | {"velocity": velocity}
+
+
+def from_arrays(values: Mapping[str, Any], path: Path, unit: VelocityUnit) -> LineOfSight:
+    """Give missing point and frequency dimensions length one and check the shapes."""
+    cosines = _numbers(values, "direction_cosines", path)
+    velocity = _numbers(values, "velocity", path)
+    several = cosines.ndim == 3
+    cosines = cosines if several else cosines[:, None]
+
+    def cube(array: np.ndarray) -> np.ndarray:
+        array = array if several else np.expand_dims(array, 1)
+        return array if array.ndim == 3 else array[..., None]
+
+    velocity = cube(velocity)
+    views, points = cosines.shape[:2]
+    if velocity.shape[:2] != (views, points) or cosines.shape[2:] != (3,) or velocity.ndim != 3:
+        raise UserError(
+            f"{path}: velocity has the shape {velocity.shape} and direction_cosines "
+            f"{cosines.shape}; they must agree in views and points, and directions need 3 numbers"
+        )
+    frequency = _frequencies(values, velocity.shape[2], path)
+    std = None
+    if "std" in values:
+        std = cube(_numbers(values, "std", path).astype(float)) * unit.value
+        try:
+            std = np.broadcast_to(std, velocity.shape)
+        except ValueError:
+            raise UserError(
+                f"{path}: the standard errors have the shape {std.shape}, the velocities "
+                f"{velocity.shape}; they must agree, or have length 1 where they stay the same"
+            ) from None
+    return LineOfSight(
+        source=str(path),
+        view=_labels(values, "view", views, path),
+        point=_labels(values, "point", points, path) if several else None,
+        frequency=frequency,
+        direction_cosines=cosines.astype(float),
+        velocity=velocity * unit.value,
+        std=std,
+    )
+
+
+def _numbers(values: Mapping[str, Any], name: str, path: Path) -> np.ndarray:
+    """An array that must hold numbers, along views at least."""
+    array = np.asarray(values[name])
+    if array.dtype.kind not in ("biuf" if name != "velocity" else "biufc"):
+        raise UserError(f"{path}: {name} must hold {'' if name == 'velocity' else 'real '}numbers")
+    if array.ndim < 1 + (name == "direction_cosines"):
+        raise UserError(f"{path}: {name} must have an entry for every view")
+    return array
+
+
+def _labels(values: Mapping[str, Any], dim: str, size: int, path: Path) -> list[str]:
+    """The names of views or points; numbers from 1 if there are none."""
+    names = [str(name) for name in values.get(dim, range(1, size + 1))]
+    if len(names) != size:
+        raise UserError(f"{path}: there are {len(names)} names of {dim}s, but {size} {dim}s")
+    return names
+
+
+def _frequencies(values: Mapping[str, Any], size: int, path: Path) -> Array | None:
+    """The frequencies of the velocities; None for a single one that is not stated."""
+    if "frequency" not in values:
+        if size > 1:
+            raise UserError(f"{path}: velocities at {size} frequencies need an array frequency")
+        return None
+    frequency = _numbers(values, "frequency", path).astype(float)
+    if len(frequency) != size:
+        raise UserError(f"{path}: there are {len(frequency)} frequencies but velocities at {size}")
+    return frequency
+
+
+def read_matlab(path: Path, unit: VelocityUnit, layout: Layout = OWN) -> LineOfSight:
+    """Read a MATLAB file with arrays of these names, or of those that the layout maps to them.
+
+    ``direction_cosines`` (views x 3, or views x points x 3), ``velocity`` (views x frequencies, or
+    views x points x frequencies) or ``real`` and ``imag``, and optionally ``std`` (as velocity),
+    ``frequency``, ``view`` and ``point``. The layout's order is that of the velocities.
+    """
+    found = _arrays(path)
+    layout.require(found, path)
+    values = with_velocity({layout.mapping.get(k, k): v for k, v in found.items()})
+    for name in REQUIRED:
+        if name not in values:
+            raise UserError(
+                f"{path}: the array {name} is missing; needed are {', '.join(REQUIRED)}"
+            )
+    if layout.order:
+        values = _ordered(values, layout.order, path)
+    if "frequency" in values:
+        values["frequency"] = np.asarray(values["frequency"]).ravel()
+    for name in {"view", "point"} & set(values):
+        values[name] = [str(np.squeeze(v)).strip() for v in np.asarray(values[name]).ravel()]
+    return from_arrays(values, path, unit)
+
+
+def _arrays(path: Path) -> dict[str, Any]:
+    """The file's arrays by name."""
+    try:
+        found = scipy.io.loadmat(path)
+    except NotImplementedError:
+        return _of_version_7_3(path)
+    except Exception:  # whatever the reader stumbles over in a file that is none, or is damaged
+        raise UserError(f"{path}: is not a readable MATLAB file") from None
+    return {k: v for k, v in found.items() if not k.startswith("__")}
+
+
+def _of_version_7_3(path: Path) -> dict[str, Any]:
+    """Arrays of numbers and of characters of a file of version 7.3, which is one of HDF5.
+
+    MATLAB writes the last dimension first there, complex numbers as pairs, and text as numbers.
+    Cells are not among what the netCDF library reads.
+    """
+    try:
+        with netCDF4.Dataset(path, auto_complex=True) as file:
+            file.set_auto_mask(False)
+            return {
+                name: _text(variable[:]) if _is_text(variable) else np.asarray(variable[:]).T
+                for name, variable in file.variables.items()
+            }
+    except (OSError, RuntimeError, ValueError):
+        raise UserError(f"{path}: is not a readable MATLAB 7.3 file") from None
+
+
+def _is_text(variable: Any) -> bool:
+    return getattr(variable, "MATLAB_class", "") == "char" and variable.ndim == 2
+
+
+def _text(codes: np.ndarray) -> np.ndarray:
+    """The rows of a matrix of characters, which stand in columns."""
+    return np.array(["".join(map(chr, row)).strip() for row in codes.T])
+
+
+def _ordered(values: dict[str, Any], order: tuple[str, ...], path: Path) -> dict[str, Any]:
+    """Arrays with the dimensions in the order (view, point, frequency), or (.., axis)."""
+    values = dict(values)
+    for name in ("velocity", "std", "direction_cosines"):
+        if name not in values:
+            continue
+        own = [d for d in order if d != "frequency" or name != "direction_cosines"]
+        array = np.asarray(values[name])
+        axes = [own.index(d) for d in ORDER if d in own]
+        if name == "direction_cosines":
+            axes.append(len(own))
+        if array.ndim != len(axes):
+            raise UserError(
+                f"{path}: {name} has {array.ndim} dimensions, but instrument.order says "
+                f"{len(axes)}: {', '.join([*own, 'axis'][: len(axes)])}"
+            )
+        values[name] = array.transpose(axes)
+    return values

@@ -10,8 +10,7 @@ import numpy as np
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import read_text
-from sldvexp.io.velocities.layout import OWN, Layout
-from sldvexp.io.velocities.table import LineOfSight
+from sldvexp.io.velocities.table import OWN, Layout, LineOfSight
 from sldvexp.lazy import pandas as pd
 from sldvexp.typing import IndexArray
 from sldvexp.units import VelocityUnit

@@ -7,15 +7,14 @@ from pathlib import Path
 
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
-from sldvexp.io.velocities import arrays, csv, matlab
-from sldvexp.io.velocities.layout import OWN, Layout
-from sldvexp.io.velocities.table import LineOfSight
+from sldvexp.io.velocities import arrays, csv
+from sldvexp.io.velocities.table import OWN, Layout, LineOfSight
 from sldvexp.units import VelocityUnit
 
 READERS: dict[str, Callable[[Path, VelocityUnit, Layout], LineOfSight]] = {
     ".csv": csv.read,
     ".nc": arrays.read_netcdf,
-    ".mat": matlab.read_matlab,
+    ".mat": arrays.read_matlab,
 }
 
 

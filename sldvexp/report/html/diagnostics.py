@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from sldvexp.report.base import notes
 from sldvexp.report.html.blocks import Listing, Section, Text
 from sldvexp.report.html.page_data import Subject
-from sldvexp.report.notes import notes
 from sldvexp.report.numbers import number
 
 #: A larger share of flagged pixels is told first of all.

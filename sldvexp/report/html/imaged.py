@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from sldvexp.report.field_tables import MOST_FREQUENCIES
 from sldvexp.report.html.blocks import Section, Table, having
 from sldvexp.report.html.figures import figures
 from sldvexp.report.html.page_data import Subject
-from sldvexp.report.image_text import MOST_FREQUENCIES
 from sldvexp.report.numbers import number
 
 

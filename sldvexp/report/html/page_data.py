@@ -14,7 +14,7 @@ import yaml
 from matplotlib.figure import Figure as Drawn
 
 from sldvexp import dataset
-from sldvexp.dataset.recorded import as_read
+from sldvexp.dataset.run_data import as_read
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import figures_of

@@ -12,7 +12,7 @@ from sldvexp.report.html.blocks import More, Section, Table, Text, having
 from sldvexp.report.html.figures import figures
 from sldvexp.report.html.page_data import Subject
 from sldvexp.report.numbers import number, with_bound
-from sldvexp.report.pose_methods import pose_methods
+from sldvexp.report.pose_tables import pose_methods
 
 MILLI = 1e3
 RESIDUALS = {"s": "s, DAC steps", "residual_rms": "residual r.m.s., DAC steps", "dof": "dof"}

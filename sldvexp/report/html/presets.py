@@ -8,7 +8,7 @@ from typing import Any
 
 from sldvexp.config import docs
 from sldvexp.config.paths import conf_dir
-from sldvexp.dataset.recorded import as_read
+from sldvexp.dataset.run_data import as_read
 
 
 def preset(group: str, plugin: str, values: Mapping[str, Any]) -> tuple[str, str]:

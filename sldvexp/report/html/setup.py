@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from sldvexp.config import docs, parameters, registry
+from sldvexp.config import docs, registry
 from sldvexp.config.schema import NAMED_GROUPS
 from sldvexp.errors import UserError
 from sldvexp.report.html.blocks import More, Section, Table, having
@@ -81,10 +81,10 @@ def _meaning(group: str, name: str) -> str:
         return ""
 
 
-def _documented(group: str, name: str, values: dict[str, Any]) -> dict[str, parameters.Parameter]:
+def _documented(group: str, name: str, values: dict[str, Any]) -> dict[str, docs.Parameter]:
     """A plugin's fields with unit and meaning; none if it is not installed here."""
     try:
-        return {p.key: p for p in parameters.of(registry.get(group, name), values)}
+        return {p.key: p for p in docs.of(registry.get(group, name), values)}
     except UserError:
         return {}
 
@@ -121,7 +121,7 @@ def _plain(value: Any) -> str:
         return "yes" if value else "no"
     if isinstance(value, list):
         plain = not any(isinstance(v, list | dict) for v in value)
-        told = ", ".join(map(_plain, value)) if plain else parameters.as_yaml(value)
+        told = ", ".join(map(_plain, value)) if plain else docs.as_yaml(value)
         return f"({told})" if len(value) > 1 else told
     return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
 
@@ -159,4 +159,4 @@ def _settings(group: str, name: str, values: dict[str, Any]) -> Iterator[list[st
         if value not in ({}, []):
             one = documented.get(str(key))
             told = [one.kind, one.meaning] if one else ["", ""]
-            yield [str(key), parameters.as_yaml(value), *told]
+            yield [str(key), docs.as_yaml(value), *told]

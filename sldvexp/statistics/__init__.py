@@ -1,1 +1,0 @@
-"""Statistics that several rooms share: quantiles of bounds and tests of hypotheses."""
