@@ -8,8 +8,8 @@ import numpy as np
 
 from sldvexp.check.base import Examined
 from sldvexp.errors import UserError
-from sldvexp.field.estimate import looks_of
-from sldvexp.field.visibility.visibility import Looks
+from sldvexp.field.estimate import volume_visibility
+from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Depths that are tried for the smallest misfit; between them a parabola is used.
@@ -59,29 +59,29 @@ def agreement(run: Examined, parts: int) -> Agreement:
     part = np.repeat(np.arange(parts), [len(block) for block in blocks])
     depth, place = np.unique(np.round(sampled_depth(looks), 12), return_inverse=True)
     misfit, freedom = np.zeros((2, parts, len(depth)))
-    for triangles in [looks.triangles] if looks.small else blocks:
+    for triangles in [looks.triangles] if looks.fits_in_cache else blocks:
         where = part[triangles], place[:, None]
         for total, values in zip((misfit, freedom), _misfit(looks, triangles), strict=True):
             np.add.at(total, where, values)
     return Agreement(depth, misfit, freedom)
 
 
-def field_looks(run: Examined) -> Looks:
+def field_looks(run: Examined) -> VolumeVisibility:
     """What the views of a run see of its volume; UserError if it has none."""
     e = run.experiment
     if e is None or e.volume is None or "pose" not in run.tree:
         raise UserError("views can only be compared over a volume: choose volume=grid and images")
-    return looks_of(run.tree, e.laser, e.volume)
+    return volume_visibility(run.tree, e.laser, e.volume)
 
 
-def sampled_depth(looks: Looks) -> Array:
+def sampled_depth(looks: VolumeVisibility) -> Array:
     """Depth of every gap's sample points, gap by gap."""
     zeta = looks.rule.parameter[:, 3]
     low, high = looks.prisms.depth[:-1, None], looks.prisms.depth[1:, None]
     return np.ravel((low + high) / 2 + zeta * (high - low) / 2)
 
 
-def _misfit(looks: Looks, triangles: IndexArray) -> tuple[Array, Array]:
+def _misfit(looks: VolumeVisibility, triangles: IndexArray) -> tuple[Array, Array]:
     """Misfit and degrees of freedom of triangles at each gap's sample points.
 
     Both of shape (point, triangle).

@@ -15,7 +15,7 @@ from sldvexp.check.base import Check, Examined
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
 from sldvexp.field.estimate import estimate_field
-from sldvexp.field.visibility.visibility import Looks
+from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, IndexArray
 from sldvexp.volume.samples import shape_matrix
@@ -87,7 +87,7 @@ def predict(run: Examined) -> Prediction:
 
 
 def _left_out(
-    run: Examined, looks: Looks, k: int, place: IndexArray, depths: int
+    run: Examined, looks: VolumeVisibility, k: int, place: IndexArray, depths: int
 ) -> tuple[Array, float, float]:
     """Error at each depth, size and noise of one view."""
     e, view = run.experiment, looks.views[k]

@@ -35,7 +35,7 @@ class Truth(Check):
                 "check=truth needs a field and the virtual lab's truth: choose a volume, a "
                 "reconstruction and scene=plate"
             )
-        columns = Columns.of(tree["volume"], tree["truth"]["height"].values)
+        columns = Columns.from_volume(tree["volume"], tree["truth"]["height"].values)
         field, truth = tree["field"], columns.at_surface(tree["truth"]["velocity"].values)
         found = columns.at_surface(field["velocity"].values)
         if "n" in field["component"].values:
@@ -84,7 +84,7 @@ class Columns:
     share: Array
 
     @classmethod
-    def of(cls, volume: xr.Dataset, height: Array) -> Columns:
+    def from_volume(cls, volume: xr.Dataset, height: Array) -> Columns:
         """Columns that cross height 0.
 
         Parameters

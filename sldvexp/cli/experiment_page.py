@@ -14,7 +14,7 @@ from sldvexp.config.conf_files import displayed
 from sldvexp.config.docs import as_yaml
 from sldvexp.config.paths import conf_dir
 from sldvexp.config.schema import SINGLE_GROUPS
-from sldvexp.config.sources import Layer, Origins
+from sldvexp.config.sources import ConfigLayer, Origins
 
 
 def lines(choice: str, file: Path, origins: Origins, config: DictConfig) -> Iterator[str]:
@@ -42,7 +42,7 @@ def lines(choice: str, file: Path, origins: Origins, config: DictConfig) -> Iter
     yield from ["", f"sldvexp {choice} --cfg job shows all of what would run."]
 
 
-def _settings(layer: Layer) -> Iterator[str]:
+def _settings(layer: ConfigLayer) -> Iterator[str]:
     """What a file sets, a line for each setting of a plugin and each named table."""
     for key, value in layer.values.items():
         table = value.items() if isinstance(value, dict) else [("", value)]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sldvexp import dataset
 from sldvexp.config.paths import RUN_FILE
-from sldvexp.dataset.run_data import Shown, require, shown
+from sldvexp.dataset.run_data import RunData, require, shown
 from sldvexp.errors import UserError, nearest
 from sldvexp.plot.catalogue import FIGURES, figures_of
 from sldvexp.plot.saving import save
@@ -36,7 +36,7 @@ def run(words: list[str], config_dir: str | None) -> int:
     seen = _opened(path)
     known = figures_of(seen)
     for name in names:
-        require(name, FIGURES[name].missing(seen))
+        require(name, FIGURES[name].unavailable_because(seen))
     if not known:
         raise UserError(f"{path}: has nothing that a figure could show")
     for name in names or known:
@@ -55,7 +55,7 @@ def _file(path: Path) -> Path:
     return found[0]
 
 
-def _opened(path: Path) -> Shown:
+def _opened(path: Path) -> RunData:
     """The groups of a run's file; of one without groups, the dataset of a sweep."""
     tree = dataset.load(path)
     if not tree.children:

@@ -42,7 +42,7 @@ def lines(group: str, node: DictConfig, file: Path | None) -> Iterator[str]:
         yield f"file    {displayed(file.resolve())}: {docs.of_file(file)}"
     yield from ["", "Settings:"]
     values: Any = OmegaConf.to_container(node, resolve=False, enum_to_str=True)
-    for parameter in docs.of(plugin, values):
+    for parameter in docs.parameters_of(plugin, values):
         yield from _setting(parameter)
 
 

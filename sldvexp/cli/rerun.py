@@ -20,7 +20,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline import provenance, runner
 from sldvexp.sweep import recorded_config
 from sldvexp.sweep.recorded_config import Recorded
-from sldvexp.sweep.repetition import Kind, compare
+from sldvexp.sweep.repetition import AgreementLevel, compare
 
 SAME, DIFFERENT = 0, 2
 
@@ -113,11 +113,11 @@ def _report(found: Recorded, before: xr.DataTree, path: Path) -> int:
         if found.packages.get(name) != now.get(name)
     ]
     differences = compare(before, _loaded(path))
-    counts = {kind: sum(d.kind is kind for d in differences) for kind in Kind}
+    counts = {kind: sum(d.kind is kind for d in differences) for kind in AgreementLevel}
     for difference in differences:
-        if difference.kind is not Kind.identical:
+        if difference.kind is not AgreementLevel.identical:
             print(f"{difference.name}: {difference.kind}{difference.how}")
     print(f"{len(differences)} quantities: {', '.join(f'{n} {k}' for k, n in counts.items())}")
     print(f"packages: {'; '.join(changed) or 'the same versions'}")
     print(path)
-    return DIFFERENT if counts[Kind.different] else SAME
+    return DIFFERENT if counts[AgreementLevel.different] else SAME

@@ -83,7 +83,7 @@ class Parameter:
     meaning: str
 
 
-def of(plugin: type, values: dict[str, Any], above: str = "") -> Iterator[Parameter]:
+def parameters_of(plugin: type, values: dict[str, Any], above: str = "") -> Iterator[Parameter]:
     """All fields of a plugin, those of tables below them.
 
     Parameters
@@ -103,14 +103,14 @@ def of(plugin: type, values: dict[str, Any], above: str = "") -> Iterator[Parame
         value = values.get(field.name)
         if _is_table(hint):
             yield Parameter(key, "", "", _told(meaning, hint))
-            yield from of(hint, value if isinstance(value, dict) else {}, f"{key}.")
+            yield from parameters_of(hint, value if isinstance(value, dict) else {}, f"{key}.")
             continue
         entries = list(_entries(hint))
         told = _told(meaning, *(entry for entry, _ in entries))
         yield Parameter(key, as_yaml(value), _kind(hint, kind), told)
         for entry, label in entries:
             # What an entry of the user's has where it says nothing.
-            yield from of(entry, _defaults(entry), f"{key}{label}.")
+            yield from parameters_of(entry, _defaults(entry), f"{key}{label}.")
 
 
 def documented(plugin: type) -> dict[str, tuple[str, str]]:

@@ -68,7 +68,7 @@ class Retry(Enum):
 
 
 @dataclass
-class Sweep:
+class SweepSettings:
     """How many runs of one command (`-m`) are treated.
 
     Parameters
@@ -132,7 +132,7 @@ class Experiment:
     expect: dict[str, Any] = field(default_factory=dict)
     report: Any = None
     overwrite: bool = False
-    sweep: Sweep = field(default_factory=Sweep)
+    sweep: SweepSettings = field(default_factory=SweepSettings)
 
 
 ConfigStore.instance().store(

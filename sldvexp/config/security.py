@@ -14,7 +14,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 
 from sldvexp.config.refusals import NO_CODE, names_code
-from sldvexp.config.sources import COMMAND_LINE, Layer, Origins, parts_of
+from sldvexp.config.sources import COMMAND_LINE, ConfigLayer, Origins, parts_of
 from sldvexp.errors import UserError
 
 #: Hydra's settings that hold no code.
@@ -47,7 +47,7 @@ def _jobs(origins: Origins) -> Iterator[Origins]:
         yield Origins(origins.arguments, [*lines, *combination])
 
 
-def check_layer(layer: Layer) -> None:
+def check_layer(layer: ConfigLayer) -> None:
     """Refuse a file that names code, or that sets more of Hydra than is harmless."""
     content = _whole(layer.package, layer.values)
     if not isinstance(content, dict):

@@ -28,7 +28,7 @@ NOTHING = object()
 
 
 @dataclass(frozen=True)
-class Layer:
+class ConfigLayer:
     """What one argument or one file contributes to the configuration.
 
     Parameters
@@ -114,23 +114,23 @@ class Origins:
         below = (x for x in self._last_first() if x.package.startswith(f"{key}."))
         return next((f"{layer.source}: {key}" for layer in below), key)
 
-    def _last_first(self) -> Iterator[Layer]:
+    def _last_first(self) -> Iterator[ConfigLayer]:
         """Arguments that set values, files, arguments that choose."""
         for o in reversed([o for o in self.overrides if o not in self.choices]):
-            yield Layer(COMMAND_LINE, o.key_or_group, o.value())
+            yield ConfigLayer(COMMAND_LINE, o.key_or_group, o.value())
         yield from reversed(self._composed)
         for o in reversed(self.choices):
-            yield Layer(COMMAND_LINE, o.package or o.key_or_group, None)
+            yield ConfigLayer(COMMAND_LINE, o.package or o.key_or_group, None)
 
     @cached_property
-    def _composed(self) -> list[Layer]:
+    def _composed(self) -> list[ConfigLayer]:
         """The layers of files, none if they cannot be found out."""
         try:
             return self.layers_of_files()
         except Exception:  # the configuration is broken, which is told with better words elsewhere
             return []
 
-    def layers_of_files(self) -> list[Layer]:
+    def layers_of_files(self) -> list[ConfigLayer]:
         """The files of the composition, also those from outside."""
         defaults = self.loader.compute_defaults_list(
             self.options.config_name or "config", self.settings, RunMode.RUN
@@ -146,7 +146,7 @@ class Origins:
             file = (folder / f"{default.config_path}.yaml").resolve()
             outside = not any(file.is_relative_to(belonging) for belonging in trusted)
             values = OmegaConf.to_container(found.config)
-            layers.append(Layer(displayed(file), default.package or "", values, outside))
+            layers.append(ConfigLayer(displayed(file), default.package or "", values, outside))
         return layers
 
     def compose(self) -> DictConfig:

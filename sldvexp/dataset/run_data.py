@@ -28,7 +28,7 @@ Source: TypeAlias = "xr.DataTree | Mapping[str, xr.Dataset] | xr.Dataset | str |
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class RunData:
     """The groups of a run by their path, such as ``image/1``.
 
     Parameters
@@ -59,12 +59,12 @@ class Shown:
         return {k: g for k, g in self.below(parent).items() if all(v in g for v in variables)}
 
 
-def shown(source: Source | Shown, folder: str | Path | None = None) -> Shown:
+def shown(source: Source | RunData, folder: str | Path | None = None) -> RunData:
     """The groups of a run or a sweep.
 
     Parameters
     ----------
-    source : DataTree, mapping of str to Dataset, Dataset, str, Path or Shown
+    source : DataTree, mapping of str to Dataset, Dataset, str, Path or RunData
         An opened run.nc, its path, the groups of a run by their path, or a sweep's dataset.
     folder : str or Path, optional
         Of the run, if `source` is not a file in it.
@@ -74,21 +74,21 @@ def shown(source: Source | Shown, folder: str | Path | None = None) -> Shown:
     UserError
         If a path is no readable file.
     """
-    if isinstance(source, Shown):
+    if isinstance(source, RunData):
         return source
     if isinstance(source, str | Path):
         file = Path(source)
         source = _opened(file.absolute(), file.stat().st_mtime_ns if file.is_file() else 0)
     if isinstance(source, xr.Dataset):
-        return Shown({"": source}, source.attrs)
+        return RunData({"": source}, source.attrs)
     if isinstance(source, xr.DataTree):
         found = {
             n.path.strip("/"): n.to_dataset(inherit=False) for n in source.subtree if n.has_data
         }
         path = source.root.encoding.get("source")
         where = Path(path).parent if path else None
-        return Shown(found, source.root.attrs, Path(folder) if folder else where)
-    return Shown(dict(source), {}, Path(folder) if folder else None)
+        return RunData(found, source.root.attrs, Path(folder) if folder else where)
+    return RunData(dict(source), {}, Path(folder) if folder else None)
 
 
 @functools.lru_cache(maxsize=4)
@@ -155,7 +155,7 @@ def at_frequency(
     return group.isel(frequency=index), f"{hertz[index]:g} Hz"
 
 
-def settings(run: Shown, figure: str) -> dict[str, Any]:
+def settings(run: RunData, figure: str) -> dict[str, Any]:
     """The configuration that the run's file records.
 
     Raises
@@ -177,7 +177,7 @@ def as_read(text: str) -> Any:
     return yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
 
 
-def plugin(run: Shown, group: str, figure: str) -> Any:
+def plugin(run: RunData, group: str, figure: str) -> Any:
     """The plugin of one group with its settings; only registered ones can be named.
 
     Raises

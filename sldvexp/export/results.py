@@ -22,7 +22,7 @@ TOLD = (*CONVENTIONS, "title", "config_sha256", "end_time")
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class PrismMesh:
     """The volume that a field is given over.
 
     Attributes
@@ -73,7 +73,7 @@ class Results:
     std, confidence : ndarray, shape (node, component, frequency), m/s, optional
         Standard error and half-width of the interval, of real and imaginary part each.
     observable : ndarray of bool, shape (node, component)
-    mesh : Mesh, optional
+    mesh : PrismMesh, optional
         None if the velocities are those of points.
     position : ndarray, shape (node, 3), m, optional
         In the world; None if the run does not know it.
@@ -88,7 +88,7 @@ class Results:
     std: Array | None
     confidence: Array | None
     observable: BoolArray
-    mesh: Mesh | None
+    mesh: PrismMesh | None
     position: Array | None
     about: dict[str, str]
 
@@ -108,7 +108,7 @@ class Results:
         """Index of the frequency with the largest root mean square velocity."""
         return int(np.nansum(np.abs(self.velocity) ** 2, axis=(0, 1)).argmax())
 
-    def needed_mesh(self, format_name: str) -> Mesh:
+    def needed_mesh(self, format_name: str) -> PrismMesh:
         """The mesh.
 
         Raises
@@ -123,7 +123,7 @@ class Results:
             )
         return self.mesh
 
-    def in_world(self, mesh: Mesh) -> ComplexArray:
+    def in_world(self, mesh: PrismMesh) -> ComplexArray:
         """Velocity along x, y, z, shape (node, 3, frequency), m/s."""
         if not self.local:
             return self.velocity
@@ -191,8 +191,8 @@ def _places(tree: Mapping[str, xr.Dataset], points: xr.Dataset) -> Array | None:
     return np.asarray(measured["position"].sel(point=points["point"]).values)
 
 
-def _mesh(volume: xr.Dataset) -> Mesh:
+def _mesh(volume: xr.Dataset) -> PrismMesh:
     prisms, depth = volume["element"].values.astype(np.int64), volume["depth"].values
     count = len(prisms) // (len(depth) - 1)
     frame = np.tile(volume["frame"].values, (len(depth), 1, 1))
-    return Mesh(volume["position"].values, prisms, prisms[:count, :3], depth, frame)
+    return PrismMesh(volume["position"].values, prisms, prisms[:count, :3], depth, frame)

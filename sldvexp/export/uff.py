@@ -19,7 +19,7 @@ from sldvexp.io.uff.writer import qualifiers, units
 from sldvexp.typing import Array
 
 
-class Geometry(Enum):
+class GeometryDataSets(Enum):
     """Which data sets hold nodes, elements and coordinate systems.
 
     Attributes
@@ -34,7 +34,7 @@ class Geometry(Enum):
     legacy = "legacy"
 
 
-class Shapes(Enum):
+class ShapeNames(Enum):
     """What the shapes of data sets 55 are called.
 
     Attributes
@@ -69,7 +69,7 @@ class _Text:
 
 @register("export", "uff")
 @dataclass
-class Uff(Export):
+class UffExport(Export):
     """Geometry, shapes at every frequency and spectra of every node and direction, SI units.
 
     Shapes (data set 55, six digits) come with their standard error and confidence as real shapes
@@ -81,14 +81,14 @@ class Uff(Export):
 
     Parameters
     ----------
-    geometry : Geometry
+    geometry : GeometryDataSets
         Data sets for nodes, elements and coordinate systems.
-    shapes : Shapes
+    shapes : ShapeNames
         What a shape is called.
     """
 
-    geometry: Geometry = Geometry.current
-    shapes: Shapes = Shapes.response
+    geometry: GeometryDataSets = GeometryDataSets.current
+    shapes: ShapeNames = ShapeNames.response
 
     suffix = ".uff"
 
@@ -120,7 +120,7 @@ class Uff(Export):
         system = np.full(len(mesh.position), uf.WORLD_SYSTEM)
         if results.local:
             system += 1 + np.arange(len(system)) % count
-        if self.geometry is Geometry.current:
+        if self.geometry is GeometryDataSets.current:
             yield uf.systems(frames)
             yield uf.nodes(mesh.position, system)
             yield uf.elements(mesh.prisms, mesh.surface_triangles)
@@ -130,7 +130,7 @@ class Uff(Export):
             yield uf.trace_lines(mesh.surface_triangles, "surface")
 
     def _shapes(self, results: Results, frequency: Array) -> Iterator[str]:
-        kind = uf.COMPLEX_MODE if self.shapes is Shapes.mode else uf.RESPONSE
+        kind = uf.COMPLEX_MODE if self.shapes is ShapeNames.mode else uf.RESPONSE
         bounds = {"velocity_std": "Standard error", "confidence": "Half-width of the interval"}
         text = _Text(results)
         level = f"confidence level {results.about['confidence_level']}"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.export.results import Mesh, Results
+from sldvexp.export.results import PrismMesh, Results
 from sldvexp.lazy import xarray as xr
 
 NODE, FACE, LAYER = "mesh_node", "mesh_face", "layer_depth"
@@ -15,13 +15,13 @@ NODE, FACE, LAYER = "mesh_node", "mesh_face", "layer_depth"
 AT_NODES = {"mesh": "mesh", "location": "node", "coordinates": "mesh_node_x mesh_node_y"}
 
 
-def ugrid_dataset(results: Results, mesh: Mesh) -> xr.Dataset:
+def ugrid_dataset(results: Results, mesh: PrismMesh) -> xr.Dataset:
     """The field over a layered two-dimensional mesh.
 
     Parameters
     ----------
     results : Results
-    mesh : Mesh
+    mesh : PrismMesh
 
     Returns
     -------
@@ -82,7 +82,7 @@ def _topology() -> dict[str, Any]:
     }
 
 
-def _velocities(results: Results, mesh: Mesh) -> dict[str, Any]:
+def _velocities(results: Results, mesh: PrismMesh) -> dict[str, Any]:
     """Real and imaginary parts, bounds and flags of each component."""
     layers = (len(mesh.depth), mesh.surface_nodes)
     spectral = (LAYER, NODE) if results.frequency is None else ("frequency", LAYER, NODE)

@@ -11,14 +11,14 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.export.results import Mesh
+from sldvexp.export.results import PrismMesh
 
 WEDGE = 13
 TYPES = {"f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
 
 
 def vtu(
-    mesh: Mesh,
+    mesh: PrismMesh,
     arrays: Mapping[str, NDArray],
     components: Mapping[str, Sequence[str]],
     time: float | None,
@@ -28,7 +28,7 @@ def vtu(
 
     Parameters
     ----------
-    mesh : Mesh
+    mesh : PrismMesh
     arrays : mapping of str to ndarray, shape (node,) or (node, component)
         At the nodes.
     components : mapping of str to sequence of str

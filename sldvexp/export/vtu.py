@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.export.base import Export
-from sldvexp.export.results import Mesh, Results
+from sldvexp.export.results import PrismMesh, Results
 from sldvexp.export.vtk_file import pvd, vtu
 from sldvexp.files import whole_or_nothing
 
@@ -91,7 +91,7 @@ class Vtu(Export):
         return known.index(self.animated)
 
 
-def _spectral(results: Results, mesh: Mesh, i: int) -> dict[str, NDArray]:
+def _spectral(results: Results, mesh: PrismMesh, i: int) -> dict[str, NDArray]:
     """Everything known at one frequency."""
     velocity = results.in_world(mesh)[..., i]
     own = results.velocity[..., i]
@@ -109,7 +109,9 @@ def _spectral(results: Results, mesh: Mesh, i: int) -> dict[str, NDArray]:
     }
 
 
-def _instant(results: Results, mesh: Mesh, i: int, part: float) -> tuple[dict[str, NDArray], float]:
+def _instant(
+    results: Results, mesh: PrismMesh, i: int, part: float
+) -> tuple[dict[str, NDArray], float]:
     """What moves how after a part of the period, and when that is in s, or the part itself."""
     turned = results.in_world(mesh)[..., i] * np.exp(2j * np.pi * part)
     if results.frequency is None or results.frequency[i] <= 0:

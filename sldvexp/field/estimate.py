@@ -20,16 +20,16 @@ from sldvexp.field.bounds.pose_uncertainty import pose_covariance
 from sldvexp.field.bounds.residuals_and_bounds import pose_effect, residuals_only, variance_factors
 from sldvexp.field.equations.assembly import normal_equations, pixel_data
 from sldvexp.field.equations.conditioning import condition_numbers
-from sldvexp.field.equations.regions import Parts
+from sldvexp.field.equations.regions import RegionIterator
 from sldvexp.field.equations.sample_model import FieldModel
 from sldvexp.field.equations.system import solution
-from sldvexp.field.equations.undetermined import flags, prepared
-from sldvexp.field.fit import Fit, Outcome
+from sldvexp.field.equations.undetermined import factorise, find_undetermined
+from sldvexp.field.fit import FieldEstimate, FieldFit
 from sldvexp.field.result import FieldResult
 from sldvexp.field.solvers.base import Solver
-from sldvexp.field.to_dataset import field_group
+from sldvexp.field.to_dataset import field_to_dataset
 from sldvexp.field.visibility.view import View, views_of
-from sldvexp.field.visibility.visibility import Looks
+from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction.base import Reconstruction
@@ -41,7 +41,7 @@ NO_COVARIANCE = "the poses have no covariance: bounds are those of the velocitie
 
 
 def estimate_field(
-    looks: Looks,
+    looks: VolumeVisibility,
     method: Reconstruction,
     solver: Solver,
     *,
@@ -57,7 +57,7 @@ def estimate_field(
 
     Parameters
     ----------
-    looks : Looks
+    looks : VolumeVisibility
         The volume, its samples and the views.
     method : Reconstruction
         absolute, relative, combined or contravariant; its rows, model, weights and confidence.
@@ -84,11 +84,11 @@ def estimate_field(
     """
     check_views(looks)
     poses = pose_covariance(looks.views, covariance if errors is None else errors.covariance)
-    fit = Fit.of(looks, method, solver, local, pixel_data(looks.views))
+    fit = FieldFit.from_images(looks, method, solver, local, pixel_data(looks.views))
     model, messages = fit.parts.model, fit.messages
     if not bounds:
         second = residuals_only(fit.parts, fit.theta, fit.data)
-        return Outcome.of(fit, second, solver).result(messages)
+        return FieldEstimate.from_fit(fit, second, solver).result(messages)
     factor = variance_factors(looks.views, model.pixel_std)
     effect = pose_effect(model, fit.theta, fit.data, factor, poses)
     second = fit.with_bounds(factor, effect)
@@ -98,22 +98,24 @@ def estimate_field(
     if poses is None:
         messages.append(NO_COVARIANCE)
     condition = condition_numbers(fit.equations.system, fit.solve)
-    return Outcome.of(fit, second, solver).result(messages, condition)
+    return FieldEstimate.from_fit(fit, second, solver).result(messages, condition)
 
 
-def solved_with(looks: Looks, model: FieldModel, solver: Solver) -> Callable[[list[View]], Array]:
+def solved_with(
+    looks: VolumeVisibility, model: FieldModel, solver: Solver
+) -> Callable[[list[View]], Array]:
     """From views to the solution, (layer, surface_node, parameter, column); all else the same."""
 
     def solved(views: list[View]) -> Array:
-        parts = Parts(looks.seen_by(views), model)
+        parts = RegionIterator(looks.seen_by(views), model)
         equations = normal_equations(parts, pixel_data(views))
-        equations, solve = prepared(solver, equations, flags(equations))
+        equations, solve = factorise(solver, equations, find_undetermined(equations))
         return solution(equations.right, equations.system, solve)
 
     return solved
 
 
-def check_views(looks: Looks) -> None:
+def check_views(looks: VolumeVisibility) -> None:
     """Complain if there are no views, or two of them are the same."""
     if not looks.views:
         raise UserError("field: there are no views")
@@ -137,10 +139,12 @@ def _same_image(a: View, b: View) -> bool:
 
 
 #: Images of more bytes are not kept for another look at them.
-REMEMBERED = 2**26
+CACHE_BYTES = 2**26
 
 
-def looks_of(tree: Mapping[str, xr.Dataset], laser: TwoMirror, volume: Volume) -> Looks:
+def volume_visibility(
+    tree: Mapping[str, xr.Dataset], laser: TwoMirror, volume: Volume
+) -> VolumeVisibility:
     """What the views of a run see of a volume.
 
     Parameters
@@ -157,7 +161,7 @@ def looks_of(tree: Mapping[str, xr.Dataset], laser: TwoMirror, volume: Volume) -
     """
     prisms = volume.prisms()
     needed = {k: g for k, g in tree.items() if k == "pose" or k.startswith("image/")}
-    if sum(group.nbytes for group in needed.values()) > REMEMBERED:
+    if sum(group.nbytes for group in needed.values()) > CACHE_BYTES:
         return _looks(needed, laser, volume, prisms)
     digest = hashlib.sha256(repr((laser, volume)).encode())
     for array in (prisms.position, prisms.triangles, prisms.depth):
@@ -179,18 +183,18 @@ class Content:
 
 
 @lru_cache(maxsize=2)
-def _remembered(of: Content) -> Looks:
+def _remembered(of: Content) -> VolumeVisibility:
     """Looks for the checks of a run, and for the next runs of a sweep over methods."""
     return _looks(of.tree, of.laser, of.volume, of.prisms)
 
 
 def _looks(
     tree: Mapping[str, xr.Dataset], laser: TwoMirror, volume: Volume, prisms: Prisms
-) -> Looks:
+) -> VolumeVisibility:
     sight = volume.sight
     thickness = float(np.ptp(prisms.depth))
     grazing = np.radians(sight.grazing)
-    return Looks(
+    return VolumeVisibility(
         views_of(tree, laser),
         laser,
         prisms,
@@ -204,14 +208,14 @@ def _looks(
 
 def reconstruct(
     tree: Mapping[str, xr.Dataset],
-    looks: Looks,
+    looks: VolumeVisibility,
     volume: Volume,
     method: Reconstruction,
     solver: Solver,
 ) -> xr.Dataset:
     """The group ``field`` of a run by one method; see `sldvexp.field.estimate.estimate_field`."""
     local = volume.coordinates is Coordinates.local
-    errors = PoseErrors.of(tree["pose"], looks.names)
+    errors = PoseErrors.from_dataset(tree["pose"], looks.names)
     result = estimate_field(looks, method, solver, local=local, errors=errors)
     image = tree[f"image/{looks.names[0]}"]
     frequency = image["frequency"].values if "frequency" in image.coords else None
@@ -219,4 +223,4 @@ def reconstruct(
     if result.confidence is not None:
         coarse = told(mean_squares(error, result.confidence))
         result = replace(result, messages=(*result.messages, *coarse))
-    return field_group(result, looks.prisms, method, frequency, error)
+    return field_to_dataset(result, looks.prisms, method, frequency, error)

@@ -12,16 +12,21 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.field.bounds.pose_uncertainty import PoseEffect
-from sldvexp.field.bounds.residuals_and_bounds import Second, with_bounds
+from sldvexp.field.bounds.residuals_and_bounds import FieldBounds, with_bounds
 from sldvexp.field.equations.assembly import Equations, normal_equations
-from sldvexp.field.equations.regions import Parts
+from sldvexp.field.equations.regions import RegionIterator
 from sldvexp.field.equations.sample_model import FieldModel
 from sldvexp.field.equations.system import Solve, solution
-from sldvexp.field.equations.undetermined import Flags, described, flags, prepared
+from sldvexp.field.equations.undetermined import (
+    Observability,
+    describe_undetermined,
+    factorise,
+    find_undetermined,
+)
 from sldvexp.field.result import LOCAL, WORLD, FieldResult
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.visibility.coverage import flagged
-from sldvexp.field.visibility.visibility import Looks
+from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.reconstruction.observability import blank
 from sldvexp.statistics import FTest, nested_f_test, student_factor
@@ -29,31 +34,36 @@ from sldvexp.typing import Array, BoolArray
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class FieldFit:
     """The least-squares fit of a field to columns of velocities.
 
     Attributes
     ----------
-    parts : Parts
+    parts : RegionIterator
     data : list of ndarray, shape (pixel, column), m/s
         Of each view.
     equations : Equations
-    flags : Flags
+    flags : Observability
     solve : callable
     theta : ndarray, shape (layer, surface_node, parameter, column)
     """
 
-    parts: Parts
+    parts: RegionIterator
     data: list[Array]
     equations: Equations
-    flags: Flags
+    flags: Observability
     solve: Solve
     theta: Array
 
     @classmethod
-    def of(
-        cls, looks: Looks, method: Reconstruction, solver: Solver, local: bool, data: list[Array]
-    ) -> Fit:
+    def from_images(
+        cls,
+        looks: VolumeVisibility,
+        method: Reconstruction,
+        solver: Solver,
+        local: bool,
+        data: list[Array],
+    ) -> FieldFit:
         """Set up the equations and solve them.
 
         Raises
@@ -61,15 +71,15 @@ class Fit:
         UserError
             See `sldvexp.field.estimate.estimate_field`.
         """
-        parts = Parts(looks, FieldModel.of(method, looks, local))
+        parts = RegionIterator(looks, FieldModel.from_method(method, looks, local))
         equations = normal_equations(parts, data)
-        found = flags(equations)
+        found = find_undetermined(equations)
         if not found.observable.any():
             raise UserError(
                 f"field: nothing is determined anywhere by the rows {parts.model.rows}; "
                 + "; ".join(_messages(parts, equations, found))
             )
-        equations, solve = prepared(solver, equations, found)
+        equations, solve = factorise(solver, equations, found)
         theta = solution(equations.right, equations.system, solve)
         return cls(parts, data, equations, found, solve, theta)
 
@@ -78,7 +88,7 @@ class Fit:
         """About nodes where not all is determined."""
         return _messages(self.parts, self.equations, self.flags)
 
-    def with_bounds(self, factor: Array, pose: PoseEffect | None) -> Second:
+    def with_bounds(self, factor: Array, pose: PoseEffect | None) -> FieldBounds:
         """Residuals and bounds; see `sldvexp.field.bounds.residuals_and_bounds.with_bounds`."""
         system = self.equations.system
         determined = self.flags.determined.reshape(*system.active.shape, -1)
@@ -87,9 +97,9 @@ class Fit:
         )
 
 
-def _messages(parts: Parts, equations: Equations, found: Flags) -> list[str]:
+def _messages(parts: RegionIterator, equations: Equations, found: Observability) -> list[str]:
     axes = LOCAL if parts.model.local else WORLD
-    told = described(found, parts.looks.prisms.position, axes)
+    told = describe_undetermined(found, parts.looks.prisms.position, axes)
     lost = flagged(equations.coverage)
     return [*told, lost] if told and lost else told
 
@@ -99,30 +109,30 @@ WORTH_TELLING = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class FieldEstimate:
     """A solved field.
 
     Parameters
     ----------
-    looks : Looks
+    looks : VolumeVisibility
     model : FieldModel
     equations : Equations
-    flags : Flags
+    flags : Observability
     theta : ndarray, shape (layer, surface_node, parameter, column)
-    second : Second
+    second : FieldBounds
     solver : Solver
     """
 
-    looks: Looks
+    looks: VolumeVisibility
     model: FieldModel
     equations: Equations
-    flags: Flags
+    flags: Observability
     theta: Array
-    second: Second
+    second: FieldBounds
     solver: Solver
 
     @classmethod
-    def of(cls, fit: Fit, second: Second, solver: Solver) -> Outcome:
+    def from_fit(cls, fit: FieldFit, second: FieldBounds, solver: Solver) -> FieldEstimate:
         """That of a fit."""
         parts, equations = fit.parts, fit.equations
         return cls(parts.looks, parts.model, equations, fit.flags, fit.theta, second, solver)

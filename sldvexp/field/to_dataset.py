@@ -14,7 +14,7 @@ from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.volume.prisms import Prisms
 
 
-def field_group(
+def field_to_dataset(
     result: FieldResult,
     prisms: Prisms,
     method: Reconstruction,

@@ -35,7 +35,7 @@ class Bins:
     member: IndexArray
 
     @classmethod
-    def of(cls, least: Array, most: Array) -> Bins:
+    def from_boxes(cls, least: Array, most: Array) -> Bins:
         """Sort boxes, of which there is one at least.
 
         Parameters

@@ -35,7 +35,7 @@ REAL = 1e-6
 MIRRORED = np.array([1, 0, 3, 2])
 
 
-class Bitangents(NamedTuple):
+class BitangentPoints(NamedTuple):
     """Bitangent points of pairs of ellipses and their joint covariance.
 
     Parameters
@@ -52,7 +52,7 @@ class Bitangents(NamedTuple):
 
 def bitangents(
     ellipses: Sequence[Ellipse], pairs: Sequence[tuple[int, int]], names: Sequence[str]
-) -> Bitangents:
+) -> BitangentPoints:
     """Bitangent points of pairs of fitted ellipses.
 
     Parameters
@@ -81,7 +81,7 @@ def bitangents(
         jacobian[k, ..., i, :], jacobian[k, ..., j, :] = by_pair[k, ..., :5], by_pair[k, ..., 5:]
     spread = np.array([e.covariance for e in ellipses])
     covariance = np.einsum("plexij,ijk,qmfyik->plexqmfy", jacobian, spread, jacobian, optimize=True)
-    return Bitangents(points, covariance)
+    return BitangentPoints(points, covariance)
 
 
 def bitangent_points(a: ArrayLike, b: ArrayLike) -> Array:

@@ -124,7 +124,7 @@ def fit_ellipse(
     arc = _check_arc(place, name)
     mean, scale = place.mean(axis=0), float(np.sqrt(place.var(axis=0).sum()))
     along = None if direction is None else np.asarray(direction, float)
-    points = EdgePoints((place - mean) / scale, error / scale, along)
+    points = ScaledPoints((place - mean) / scale, error / scale, along)
     try:
         parameters, used = _without_outliers(points, method, reject, known=std is not None)
     except NoEllipseError:
@@ -149,7 +149,7 @@ def fit_ellipse(
 
 
 def _without_outliers(
-    points: EdgePoints, method: str, reject: float, known: bool
+    points: ScaledPoints, method: str, reject: float, known: bool
 ) -> tuple[Array, BoolArray]:
     """Fit, reject what is far, fit again, until the same points remain.
 
@@ -168,7 +168,7 @@ def _without_outliers(
     return parameters, used
 
 
-def _near(points: EdgePoints, parameters: Array, reject: float, least: float) -> BoolArray:
+def _near(points: ScaledPoints, parameters: Array, reject: float, least: float) -> BoolArray:
     distance, normal = signed_distance(points.position, parameters)
     size = np.abs(distance) / points.across(normal)
     return size <= reject * max(float(quantile(size)) / NORMAL_MEDIAN, least)
@@ -242,7 +242,7 @@ class NoEllipseError(Exception):
 
 
 @dataclass(frozen=True, eq=False)
-class EdgePoints:
+class ScaledPoints:
     """Edge points in units of their spread, relative to their mean.
 
     Parameters
@@ -258,9 +258,9 @@ class EdgePoints:
     std: Array
     direction: Array | None
 
-    def __getitem__(self, used: BoolArray) -> EdgePoints:
+    def __getitem__(self, used: BoolArray) -> ScaledPoints:
         direction = None if self.direction is None else self.direction[used]
-        return EdgePoints(self.position[used], self.std[used], direction)
+        return ScaledPoints(self.position[used], self.std[used], direction)
 
     def across(self, normal: Array) -> Array:
         """Standard error across an edge with these normals, shape (n,)."""
@@ -291,13 +291,13 @@ def algebraic_conic(position: Array, std: ArrayLike = 1.0) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in matrix], axis=-2)
 
 
-def algebraic(points: EdgePoints, start: Array) -> Array:
+def algebraic(points: ScaledPoints, start: Array) -> Array:
     """Five numbers by Eq 4.19; `start` only tells how the scan lines cross the edge."""
     _, normal = signed_distance(points.position, start)
     return _ellipse(from_point_conic(algebraic_conic(points.position, points.across(normal))))
 
 
-def likelihood(points: EdgePoints, start: Array) -> Array:
+def likelihood(points: ScaledPoints, start: Array) -> Array:
     """Five numbers by least squares of the orthogonal distances over their standard errors.
 
     Gauss-Newton; a step that leaves the ellipses is halved until it does not.
@@ -317,13 +317,13 @@ def likelihood(points: EdgePoints, start: Array) -> Array:
 
 
 #: The conic fits by name.
-METHODS: dict[str, Callable[[EdgePoints, Array], Array]] = {
+METHODS: dict[str, Callable[[ScaledPoints, Array], Array]] = {
     "likelihood": likelihood,
     "algebraic": algebraic,
 }
 
 
-def gain(points: EdgePoints, parameters: Array, method: str) -> Array:
+def gain(points: ScaledPoints, parameters: Array, method: str) -> Array:
     """Change of the five numbers by each point's error in standard errors, shape (5, n).
 
     Of the likelihood, the pseudoinverse of the distances' derivative; of Eq 4.19, where a point

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.image.edge_profile import NARROWEST, Profiles, fit_profiles
-from sldvexp.image.scan_lines import Edges, Reason, ScanLines, is_edge
+from sldvexp.image.scan_lines import Reason, ScanLineEdges, ScanLines, is_edge
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 
@@ -27,7 +27,7 @@ WORST = 3.0
 MISFIT = 5.0
 
 
-def gradient_edges(lines: ScanLines, edges_per_line: int, window: int) -> Edges:
+def gradient_edges(lines: ScanLines, edges_per_line: int, window: int) -> ScanLineEdges:
     """Edges where the median-filtered magnitude is steepest, placed by a parabola.
 
     Parameters
@@ -40,7 +40,7 @@ def gradient_edges(lines: ScanLines, edges_per_line: int, window: int) -> Edges:
 
     Returns
     -------
-    Edges
+    ScanLineEdges
         The standard error is that of the pixels' noise, to first order and as if the filter did not
         reduce it; where the spot is smaller than a pixel, a pixel's share is added.
     """
@@ -48,7 +48,7 @@ def gradient_edges(lines: ScanLines, edges_per_line: int, window: int) -> Edges:
     return _edges(lines, found, found.edge, found.std, found.width, found.reason)
 
 
-def pixel_edges(lines: ScanLines, edges_per_line: int, window: int) -> Edges:
+def pixel_edges(lines: ScanLines, edges_per_line: int, window: int) -> ScanLineEdges:
     """Edges at the pixel where the median-filtered magnitude is steepest, a whole DAC step.
 
     Parameters
@@ -61,7 +61,7 @@ def pixel_edges(lines: ScanLines, edges_per_line: int, window: int) -> Edges:
 
     Returns
     -------
-    Edges
+    ScanLineEdges
         The standard error is that of `gradient_edges` and of a place rounded to pixels.
     """
     found = candidates(lines, edges_per_line, window)
@@ -75,7 +75,7 @@ def pixel_edges(lines: ScanLines, edges_per_line: int, window: int) -> Edges:
     return replace(edges, position=lines.position[found.line[good], nearest[good]])
 
 
-def profile_edges(lines: ScanLines, edges_per_line: int, window: int) -> Edges:
+def profile_edges(lines: ScanLines, edges_per_line: int, window: int) -> ScanLineEdges:
     """Edges where the profile of a finite spot fits the unfiltered magnitude best.
 
     Parameters
@@ -88,7 +88,7 @@ def profile_edges(lines: ScanLines, edges_per_line: int, window: int) -> Edges:
 
     Returns
     -------
-    Edges
+    ScanLineEdges
         The standard error is that of the fit, larger by the root of the mean chi square per degree
         of freedom of all edges where that exceeds one.
     """
@@ -139,11 +139,11 @@ def _edges(
     std: Array,
     width: Array,
     reason: NDArray[np.object_],
-) -> Edges:
+) -> ScanLineEdges:
     good = is_edge(reason)
     line = found.line[good]
     phase = np.full(len(line), np.nan) if lines.phase is None else lines.phase[line]
-    return Edges(
+    return ScanLineEdges(
         position=lines.place(line, edge[good], width[good]),
         std=std[good],
         direction=lines.direction[line],

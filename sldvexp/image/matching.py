@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.geometry.bitangent import MIRRORED, Bitangents, bitangents
+from sldvexp.geometry.bitangent import MIRRORED, BitangentPoints, bitangents
 from sldvexp.geometry.conic import Ellipse
 from sldvexp.image.assignment import Assignment, assignments, circles_by_plane
 from sldvexp.targets.circles import Circles
@@ -98,7 +98,7 @@ def match_circles(
 
 def bitangent_images(
     ellipses: Sequence[Ellipse], match: Match, pairs: Sequence[tuple[int, int]]
-) -> Bitangents:
+) -> BitangentPoints:
     """Image points of the object's bitangent points.
 
     Parameters
@@ -111,7 +111,7 @@ def bitangent_images(
 
     Returns
     -------
-    Bitangents
+    BitangentPoints
         Pairs as given, lines as they are on the object: in a mirror image the line that is left on
         the object is right in the image.
 
@@ -127,7 +127,7 @@ def bitangent_images(
     if not match.mirrored:
         return found
     covariance = found.covariance[:, MIRRORED][:, :, :, :, :, MIRRORED]
-    return Bitangents(found.points[:, MIRRORED], covariance)
+    return BitangentPoints(found.points[:, MIRRORED], covariance)
 
 
 def _upright(found: list[Assignment]) -> list[Assignment]:

@@ -17,10 +17,10 @@ from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
-from sldvexp.geometry.bitangent import Bitangents
+from sldvexp.geometry.bitangent import BitangentPoints
 from sldvexp.geometry.conic import curvature, signed_distance
 from sldvexp.geometry.conic_fit import ConicFit, fit_ellipse
-from sldvexp.image.scan_lines import Edges
+from sldvexp.image.scan_lines import ScanLineEdges
 from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
 from sldvexp.typing import Array
 
@@ -71,7 +71,7 @@ def pinhole_jacobian(laser: TwoMirror, dac: ArrayLike) -> Array:
     return by_angle * np.stack(by_step, axis=-1)[..., None, :] / laser.step[:, None]
 
 
-def pinhole_edges(laser: TwoMirror, edges: Edges) -> Edges:
+def pinhole_edges(laser: TwoMirror, edges: ScanLineEdges) -> ScanLineEdges:
     """Edges in pinhole coordinates, with their directions, standard errors and widths."""
     along = np.einsum("nij,nj->ni", pinhole_jacobian(laser, edges.position), edges.direction)
     stretch = np.linalg.norm(along, axis=-1)
@@ -84,7 +84,7 @@ def pinhole_edges(laser: TwoMirror, edges: Edges) -> Edges:
     )
 
 
-def dac_edges(laser: TwoMirror, edges: Edges) -> Edges:
+def dac_edges(laser: TwoMirror, edges: ScanLineEdges) -> ScanLineEdges:
     """Edges in DAC steps, the inverse of `pinhole_edges`."""
     position = dac_from_pinhole(laser, edges.position)
     inverse = np.linalg.inv(pinhole_jacobian(laser, position))
@@ -99,17 +99,17 @@ def dac_edges(laser: TwoMirror, edges: Edges) -> Edges:
     )
 
 
-def dac_bitangents(laser: TwoMirror, found: Bitangents) -> Bitangents:
+def dac_bitangents(laser: TwoMirror, found: BitangentPoints) -> BitangentPoints:
     """Bitangent points of ellipses in pinhole coordinates, in DAC steps."""
     points = dac_from_pinhole(laser, found.points)
     inverse = np.linalg.inv(pinhole_jacobian(laser, points))
     covariance = np.einsum(
         "pleij,plejqmfk,qmfhk->pleiqmfh", inverse, found.covariance, inverse, optimize=True
     )
-    return Bitangents(points, covariance)
+    return BitangentPoints(points, covariance)
 
 
-def fit_circle(edges: Edges, method: str = "likelihood") -> tuple[ConicFit, Edges]:
+def fit_circle(edges: ScanLineEdges, method: str = "likelihood") -> tuple[ConicFit, ScanLineEdges]:
     """Conic through the edges of one circle, freed from the spot's size.
 
     A spot of width w sees half the motion not on a curved edge but ``curvature w^2 / 2`` inside of
@@ -117,7 +117,7 @@ def fit_circle(edges: Edges, method: str = "likelihood") -> tuple[ConicFit, Edge
 
     Parameters
     ----------
-    edges : Edges
+    edges : ScanLineEdges
         Of all scan lines across the circle.
     method : str
         Of `sldvexp.geometry.conic_fit.fit_ellipse`.
@@ -125,7 +125,7 @@ def fit_circle(edges: Edges, method: str = "likelihood") -> tuple[ConicFit, Edge
     Returns
     -------
     fit : ConicFit
-    edges : Edges
+    edges : ScanLineEdges
         The same edges, moved out, in the order of ``fit.residual``.
 
     Raises
@@ -144,5 +144,5 @@ def fit_circle(edges: Edges, method: str = "likelihood") -> tuple[ConicFit, Edge
         raise UserError(f"{error} (seen: {edges.summary()})") from None
 
 
-def _fit(edges: Edges, method: str) -> ConicFit:
+def _fit(edges: ScanLineEdges, method: str) -> ConicFit:
     return fit_ellipse(edges.position, edges.std, edges.direction, method=method, name=edges.name)

@@ -182,7 +182,7 @@ class ScanLines:
 
 
 @dataclass(frozen=True, eq=False)
-class Edges:
+class ScanLineEdges:
     """Edge points on scan lines, and what was rejected.
 
     Parameters

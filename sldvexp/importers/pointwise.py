@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from omegaconf import MISSING
 
 from sldvexp.errors import Checks, UserError
-from sldvexp.io.uff.geometry import Geometry
+from sldvexp.io.uff.geometry import UniversalGeometry
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
@@ -96,7 +96,7 @@ class Zeros(Enum):
 
 
 @dataclass
-class PointView:
+class PointwiseView:
     """One view.
 
     Parameters
@@ -118,14 +118,14 @@ class PointView:
 
 
 @dataclass
-class Pointwise(ABC):
+class PointwiseImport(ABC):
     """Velocities that were measured point by point. A strategy implements the hook `measured`.
 
     What a file does not say, and a setting does not either, is asked for.
 
     Parameters
     ----------
-    views : dict of str to PointView
+    views : dict of str to PointwiseView
         Each with its file.
     directions : Directions
         Where the lines of sight come from: the files' dof, each view, or the run's pose.
@@ -154,7 +154,7 @@ class Pointwise(ABC):
         Leave out points that not all views have; otherwise they are refused.
     """
 
-    views: dict[str, PointView] = field(default_factory=dict)
+    views: dict[str, PointwiseView] = field(default_factory=dict)
     directions: Directions = Directions.dof
     positive: Positive | None = None
     frequency: list[float] = field(default_factory=list)
@@ -186,10 +186,10 @@ class Pointwise(ABC):
         """Note what is wrong with the strategy's own settings."""
 
     @abstractmethod
-    def measured(self) -> Iterator[Measured]:
+    def measured(self) -> Iterator[PointwiseData]:
         """What the views say, one after the other."""
 
-    def _check_view(self, checks: Checks, key: str, view: PointView) -> None:
+    def _check_view(self, checks: Checks, key: str, view: PointwiseView) -> None:
         for name in ("origin", "direction"):
             values = getattr(view, name)
             message = f"must be three numbers, not {len(values)}"
@@ -281,7 +281,7 @@ class Conventions:
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class PointwiseData:
     """What one view says.
 
     Parameters
@@ -297,7 +297,7 @@ class Measured:
     std : ndarray or None, shape of `velocity`, m/s
     missing : ndarray of bool, shape (point,)
         Where zeros stand for what was not measured.
-    geometry : Geometry or None
+    geometry : UniversalGeometry or None
     length : float
         One of the geometry's units in m.
     told : dict of str to str
@@ -312,7 +312,7 @@ class Measured:
     velocity: ComplexArray
     std: Array | None
     missing: BoolArray
-    geometry: Geometry | None
+    geometry: UniversalGeometry | None
     length: float
     told: dict[str, str]
 
@@ -322,7 +322,7 @@ def close(one: Array, two: Array) -> bool:
     return one.shape == two.shape and bool(np.allclose(one, two, rtol=1e-9, atol=0.0))
 
 
-def same_frequencies(view: Measured, first: Measured | None) -> None:
+def same_frequencies(view: PointwiseData, first: PointwiseData | None) -> None:
     """Complain unless a view has the frequencies of the first one."""
     if first is not None and not close(view.frequency, first.frequency):
         raise UserError(

@@ -17,16 +17,23 @@ from sldvexp.errors import Checks, UserError
 from sldvexp.importers.pointwise import (
     Conventions,
     Directions,
-    Measured,
-    PointView,
-    Pointwise,
+    PointwiseData,
+    PointwiseImport,
+    PointwiseView,
     Quantity,
     Zeros,
     motion_of,
     same_frequencies,
 )
-from sldvexp.importers.scan_table import ANGLES, Table, by_rows, fields, frequencies_in, read_table
-from sldvexp.io.uff.geometry import WORLD, Geometry
+from sldvexp.importers.scan_table import (
+    ANGLES,
+    ScanTable,
+    by_rows,
+    fields,
+    frequencies_in,
+    read_table,
+)
+from sldvexp.io.uff.geometry import WORLD, UniversalGeometry
 from sldvexp.typing import Array, BoolArray, IndexArray, IntArray
 
 #: What a column may be.
@@ -35,7 +42,7 @@ ROLES = ("index", "x", "y", "z", "frequency", "status", "real", "imag", "magnitu
 
 @register("instrument", "scan_export")
 @dataclass
-class ScanExport(Pointwise):
+class ScanExport(PointwiseImport):
     """Text tables with a line a point: number, coordinates, velocity, perhaps a status.
 
     Columns are recognised by their units and places, not by their names, which are of any
@@ -68,12 +75,12 @@ class ScanExport(Pointwise):
         for name, view in self.views.items():
             checks.require(not view.dof, f"views.{name}.dof", "is for universal files only")
 
-    def measured(self) -> Iterator[Measured]:
+    def measured(self) -> Iterator[PointwiseData]:
         """What the views' tables say; see `sldvexp.importers.scan_export.measured`."""
         return measured(self)
 
 
-def measured(settings: ScanExport) -> Iterator[Measured]:
+def measured(settings: ScanExport) -> Iterator[PointwiseData]:
     """All views, one after the other.
 
     Raises
@@ -81,7 +88,7 @@ def measured(settings: ScanExport) -> Iterator[Measured]:
     UserError
         If a table is missing or none, or says too little.
     """
-    first: Measured | None = None
+    first: PointwiseData | None = None
     for name, view in settings.views.items():
         found = _view(settings, name, view)
         same_frequencies(found, first)
@@ -89,7 +96,7 @@ def measured(settings: ScanExport) -> Iterator[Measured]:
         yield found
 
 
-def _view(settings: ScanExport, name: str, view: PointView) -> Measured:
+def _view(settings: ScanExport, name: str, view: PointwiseView) -> PointwiseData:
     table, columns = by_rows(read_table(locate(view.path)), settings.columns)
     roles = table.roles(columns)
     for needed in ("x", "y", "z"):
@@ -105,7 +112,7 @@ def _view(settings: ScanExport, name: str, view: PointView) -> Measured:
     length, by = _length(settings, table, roles)
     position = table.values[row[:, 0]][:, [roles[axis] for axis in "xyz"]]
     none = np.empty((0, 3), np.int64)
-    return Measured(
+    return PointwiseData(
         name,
         str(table.path),
         node,
@@ -114,14 +121,16 @@ def _view(settings: ScanExport, name: str, view: PointView) -> Measured:
         (velocity := rules.velocity(values, frequency)[:, chosen]),
         None if settings.std is None else np.full(velocity.shape, settings.std),
         missing,
-        Geometry(node, position, (WORLD,) * len(node), none, np.empty((0, 4), np.int64), ()),
+        UniversalGeometry(
+            node, position, (WORLD,) * len(node), none, np.empty((0, 4), np.int64), ()
+        ),
         length,
         rules.told | {"length_unit": f"{length:g} m, {by}"},
     )
 
 
 def _grid(
-    settings: ScanExport, table: Table, roles: dict[str, int]
+    settings: ScanExport, table: ScanTable, roles: dict[str, int]
 ) -> tuple[IntArray, Array, IndexArray]:
     """Points, frequencies, and the row of each of their pairs, shape (point, frequency)."""
     rows = len(table.values)
@@ -150,7 +159,7 @@ def _grid(
     return node, frequency, row
 
 
-def _whole(table: Table, column: int) -> IntArray:
+def _whole(table: ScanTable, column: int) -> IntArray:
     """A column of integers."""
     values = table.values[:, column]
     wrong = np.flatnonzero((values != np.round(values)) | (np.abs(values) > 1e15))
@@ -162,7 +171,7 @@ def _whole(table: Table, column: int) -> IntArray:
     return values.astype(np.int64)
 
 
-def _one_frequency(settings: ScanExport, table: Table) -> float:
+def _one_frequency(settings: ScanExport, table: ScanTable) -> float:
     """The frequency of a table without a column of it."""
     lines = table.before.splitlines()
     # Cells too: the comma before `100 Hz` is a delimiter here and a decimal mark there.
@@ -179,7 +188,7 @@ def _one_frequency(settings: ScanExport, table: Table) -> float:
     return stated[0]
 
 
-def _chosen(settings: ScanExport, table: Table, frequency: Array) -> IndexArray:
+def _chosen(settings: ScanExport, table: ScanTable, frequency: Array) -> IndexArray:
     """Places of the wanted frequencies."""
     if not settings.frequency:
         return np.arange(len(frequency))
@@ -193,7 +202,7 @@ def _chosen(settings: ScanExport, table: Table, frequency: Array) -> IndexArray:
     return near
 
 
-def _values(table: Table, roles: dict[str, int]) -> NDArray:
+def _values(table: ScanTable, roles: dict[str, int]) -> NDArray:
     """The rows' values, real or complex, in the file's unit."""
     column = {role: table.values[:, i] for role, i in roles.items()}
     if "magnitude" in column and "phase" in column:
@@ -208,7 +217,7 @@ def _values(table: Table, roles: dict[str, int]) -> NDArray:
 
 def _missing(
     settings: ScanExport,
-    table: Table,
+    table: ScanTable,
     roles: dict[str, int],
     row: IndexArray,
     values: NDArray,
@@ -237,7 +246,7 @@ def _missing(
     return np.asarray(missing | bad[row].any(axis=1))
 
 
-def _length(settings: ScanExport, table: Table, roles: dict[str, int]) -> tuple[float, str]:
+def _length(settings: ScanExport, table: ScanTable, roles: dict[str, int]) -> tuple[float, str]:
     """One unit of the coordinates in m, and who says so."""
     if settings.length_unit is not None:
         return settings.length_unit.value, "as set"
@@ -247,7 +256,7 @@ def _length(settings: ScanExport, table: Table, roles: dict[str, int]) -> tuple[
     return motion.unit.value, f"by the label {unit}"
 
 
-def _conventions(settings: ScanExport, table: Table, roles: dict[str, int]) -> Conventions:
+def _conventions(settings: ScanExport, table: ScanTable, roles: dict[str, int]) -> Conventions:
     """What the values mean: by the settings, or the unit of their column."""
     label = table.units[roles.get("real", roles.get("magnitude", 0))]
     motion = motion_of(label)
@@ -285,7 +294,7 @@ def _conventions(settings: ScanExport, table: Table, roles: dict[str, int]) -> C
     return Conventions(quantity, factor * settings.positive.value, conjugate, told)
 
 
-def _asked(table: Table, setting: str, example: str, what: str) -> UserError:
+def _asked(table: ScanTable, setting: str, example: str, what: str) -> UserError:
     """What to say of something that neither the file nor the settings tell."""
     return UserError(
         f"{table.path}: does not state {what}; say it with instrument.{setting}, for example "

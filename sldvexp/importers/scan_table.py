@@ -29,7 +29,7 @@ LEAST_COLUMNS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class ScanTable:
     """The numbers of a table and where they stand.
 
     Parameters
@@ -132,7 +132,7 @@ class Table:
         )
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path) -> ScanTable:
     """The longest table of numbers in a text file, with the line of names and units above it.
 
     Columns are between tabs, semicolons, commas or blanks, whichever makes the longest table; the
@@ -164,7 +164,7 @@ def read_table(path: Path) -> Table:
     before = "\n".join(lines[:begin])
     place = [str(i + 1) for i in range(len(names))]
     numbers = list(range(begin + 1, end + 1))
-    return Table(path, values, numbers, names, units, before, delimiter, place)
+    return ScanTable(path, values, numbers, names, units, before, delimiter, place)
 
 
 def _text(path: Path) -> str:
@@ -260,21 +260,21 @@ HEADINGS = 4
 VALUES = ("real", "imag", "magnitude", "phase")
 
 
-def by_rows(table: Table, given: dict[str, int]) -> tuple[Table, dict[str, int]]:
+def by_rows(table: ScanTable, given: dict[str, int]) -> tuple[ScanTable, dict[str, int]]:
     """A table whose columns of values have frequencies of their own, with these in rows.
 
     The frequencies stand above the columns, in a line of their own or in the columns' names.
 
     Parameters
     ----------
-    table : Table
+    table : ScanTable
     given : dict of str to int
         Columns that the user named, counted from 1; those of values of one frequency, which the
         others have at the same places.
 
     Returns
     -------
-    table : Table
+    table : ScanTable
         With a column ``frequency`` in Hz, or the same.
     roles : dict of str to int
         Of the new table's columns, counted from 1; `given` of the same table.
@@ -308,8 +308,8 @@ def by_rows(table: Table, given: dict[str, int]) -> tuple[Table, dict[str, int]]
 
 
 def _stacked(
-    table: Table, roles: dict[str, int], parts: dict[float, dict[str, int]]
-) -> tuple[Table, dict[str, int]]:
+    table: ScanTable, roles: dict[str, int], parts: dict[float, dict[str, int]]
+) -> tuple[ScanTable, dict[str, int]]:
     """The rows of one frequency below those of another."""
     rows = len(table.values)
     index = roles.get("index")
@@ -342,7 +342,7 @@ def _stacked(
     return long, {role: i for i, role in enumerate(names, 1)}
 
 
-def _parts(table: Table, frequency: float, columns: list[int]) -> dict[str, int]:
+def _parts(table: ScanTable, frequency: float, columns: list[int]) -> dict[str, int]:
     """What the columns of one frequency are."""
     units = [table.units[i] for i in columns]
     angles = [unit.lower() in ANGLES for unit in units]
@@ -360,7 +360,7 @@ def _parts(table: Table, frequency: float, columns: list[int]) -> dict[str, int]
 
 
 def _alike(
-    table: Table,
+    table: ScanTable,
     groups: dict[float, list[int]],
     values: dict[str, int],
     frequencies: set[float],
@@ -379,7 +379,7 @@ def _alike(
     return {f: {r: columns[k] for r, k in place.items()} for f, columns in groups.items()}
 
 
-def _frequencies(table: Table, roles: dict[str, int], named: bool) -> dict[int, float]:
+def _frequencies(table: ScanTable, roles: dict[str, int], named: bool) -> dict[int, float]:
     """Frequency in Hz of each column of values, by the nearest line above that has one for each.
 
     Where the user named the others, `named`, values need no unit.

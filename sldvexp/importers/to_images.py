@@ -8,7 +8,7 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.importers.pointwise import Measured, Pointwise
+from sldvexp.importers.pointwise import PointwiseData, PointwiseImport
 from sldvexp.importers.to_line_of_sight import pose_of, positions, record
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import TwoMirror
@@ -16,7 +16,7 @@ from sldvexp.lazy import xarray as xr
 
 
 def read_images(
-    settings: Pointwise, tree: Mapping[str, xr.Dataset], laser: TwoMirror | None
+    settings: PointwiseImport, tree: Mapping[str, xr.Dataset], laser: TwoMirror | None
 ) -> dict[str, xr.Dataset]:
     """The groups ``image/<view>``, for a field over a volume.
 
@@ -29,7 +29,9 @@ def read_images(
     return {f"image/{view.name}": _image(view, tree, laser) for view in views}
 
 
-def _image(view: Measured, tree: Mapping[str, xr.Dataset], laser: TwoMirror | None) -> xr.Dataset:
+def _image(
+    view: PointwiseData, tree: Mapping[str, xr.Dataset], laser: TwoMirror | None
+) -> xr.Dataset:
     rotation, origin, laser = pose_of(view.name, tree, laser)
     position = positions([view], view.node)
     if position is None:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError, nearest
-from sldvexp.importers.pointwise import Directions, Measured, Pointwise
-from sldvexp.io.uff.geometry import Geometry
+from sldvexp.importers.pointwise import Directions, PointwiseData, PointwiseImport
+from sldvexp.io.uff.geometry import UniversalGeometry
 from sldvexp.io.velocities.table import LineOfSight
 from sldvexp.laser.model import direction_cosines, project
 from sldvexp.laser.two_mirror import TwoMirror
@@ -23,7 +23,7 @@ SAME_PLACE = 1e-4
 
 
 def read_points(
-    settings: Pointwise, tree: Mapping[str, xr.Dataset], laser: TwoMirror | None
+    settings: PointwiseImport, tree: Mapping[str, xr.Dataset], laser: TwoMirror | None
 ) -> xr.Dataset:
     """The group ``line_of_sight``.
 
@@ -56,7 +56,7 @@ def read_points(
     return made.assign_attrs(record(views))
 
 
-def record(views: list[Measured]) -> dict[str, str]:
+def record(views: list[PointwiseData]) -> dict[str, str]:
     """What was decided of the files' conventions, as attributes."""
     keys = dict.fromkeys(key for view in views for key in view.told)
     return {
@@ -65,7 +65,7 @@ def record(views: list[Measured]) -> dict[str, str]:
     }
 
 
-def positions(views: list[Measured], node: IntArray) -> Array | None:
+def positions(views: list[PointwiseData], node: IntArray) -> Array | None:
     """Positions of nodes in the world, m, shape (point, 3); None if no file has any.
 
     Raises
@@ -98,11 +98,11 @@ def positions(views: list[Measured], node: IntArray) -> Array | None:
     return found
 
 
-def _geometry(views: list[Measured]) -> Geometry:
+def _geometry(views: list[PointwiseData]) -> UniversalGeometry:
     return next(view.geometry for view in views if view.geometry is not None)
 
 
-def _common(settings: Pointwise, views: list[Measured]) -> IntArray:
+def _common(settings: PointwiseImport, views: list[PointwiseData]) -> IntArray:
     """The nodes that all views have."""
     everywhere = views[0].node
     measured_by = [view.node[~view.missing] for view in views]
@@ -122,8 +122,8 @@ def _common(settings: Pointwise, views: list[Measured]) -> IntArray:
 
 
 def _directions(
-    settings: Pointwise,
-    view: Measured,
+    settings: PointwiseImport,
+    view: PointwiseData,
     node: IntArray,
     at: IndexArray,
     position: Array | None,
@@ -149,7 +149,7 @@ def _directions(
     return direction_cosines(angles, rotation)
 
 
-def _of_dofs(view: Measured, node: IntArray, codes: IntArray) -> Array:
+def _of_dofs(view: PointwiseData, node: IntArray, codes: IntArray) -> Array:
     """The response directions in the world."""
     if view.geometry is None:
         raise UserError(
@@ -185,7 +185,7 @@ def pose_of(
     return pose["rotation"].values, pose["origin"].values, laser
 
 
-def _shape(geometry: Geometry, node: IntArray, position: Array) -> xr.Dataset:
+def _shape(geometry: UniversalGeometry, node: IntArray, position: Array) -> xr.Dataset:
     """Positions of points, and triangles and lines between them, for those who draw."""
     place = {label: i for i, label in enumerate(node.tolist())}
     q = geometry.quadrilaterals

@@ -8,10 +8,10 @@ from enum import Enum
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.importers.pointwise import Measured, Pointwise
+from sldvexp.importers.pointwise import PointwiseData, PointwiseImport
 
 
-class Kind(Enum):
+class FunctionKind(Enum):
     """Which functions are read; the value is their type in data set 58, or the data set."""
 
     frf = 4
@@ -53,7 +53,7 @@ class NodalAxes(Enum):
 
 @register("instrument", "uff")
 @dataclass
-class Uff(Pointwise):
+class UffImport(PointwiseImport):
     """Functions and geometry of universal files (data sets 58, 58b, 15, 2411, 2412, 82, ...).
 
     What a file does not say, and a setting does not either, is asked for.
@@ -62,7 +62,7 @@ class Uff(Pointwise):
     ----------
     geometry : str
         File with the nodes; empty for those in each view's own file.
-    function : Kind, optional
+    function : FunctionKind, optional
         Needed if a file has more than one of frequency response functions, spectra, time records.
         Cross spectra are read if there are no response functions, or as set. Nodal values (data
         set 55) are read if there are no functions, or as set.
@@ -81,7 +81,7 @@ class Uff(Pointwise):
     """
 
     geometry: str = ""
-    function: Kind | None = None
+    function: FunctionKind | None = None
     estimator: Estimator | None = None
     nodal_axes: NodalAxes | None = None
     containing: str = ""
@@ -99,7 +99,7 @@ class Uff(Pointwise):
         """The universal files."""
         return [*([self.geometry] if self.geometry else []), *super().inputs()]
 
-    def measured(self) -> Iterator[Measured]:
+    def measured(self) -> Iterator[PointwiseData]:
         """What the views' files say; see `sldvexp.importers.uff_views.measured`."""
         from sldvexp.importers.uff_views import measured
 

@@ -15,7 +15,7 @@ from sldvexp.importers.pointwise import (
     motion_in_product,
     motion_of,
 )
-from sldvexp.importers.uff import Kind, Uff
+from sldvexp.importers.uff import FunctionKind, UffImport
 from sldvexp.io.uff.functions import (
     ACCELERATION,
     DISPLACEMENT,
@@ -38,7 +38,7 @@ SAME_UNIT = 1e-3
 SCALES = {PEAK: Amplitude.peak, RMS: Amplitude.rms}
 
 
-def conventions(settings: Uff, file: UniversalFile, functions: list[Function]) -> Conventions:
+def conventions(settings: UffImport, file: UniversalFile, functions: list[Function]) -> Conventions:
     """Decide for the chosen functions of a file.
 
     Raises
@@ -46,7 +46,7 @@ def conventions(settings: Uff, file: UniversalFile, functions: list[Function]) -
     UserError
         If functions differ, the file contradicts itself, or something is not said anywhere.
     """
-    kind = Kind(functions[0].kind)
+    kind = FunctionKind(functions[0].kind)
     each = {f.ordinate: f for f in reversed(functions)}  # the first function of each
     meanings = {_meaning(settings, file, f): f for f in reversed(each.values())}
     if len(meanings) > 1:
@@ -60,10 +60,10 @@ def conventions(settings: Uff, file: UniversalFile, functions: list[Function]) -
     ((quantity, unit, by),) = meanings
     told = {"quantity": quantity.name, "unit": f"{unit:g} m per unit, {by}"}
     scale, said = _scale(settings, file, kind, functions[0])
-    phase = Phase.exp_plus if kind is Kind.time else settings.phase
+    phase = Phase.exp_plus if kind is FunctionKind.time else settings.phase
     if phase is None:
         what = "the sign of the phase (exp_plus or exp_minus)"
-        if kind is Kind.cross:
+        if kind is FunctionKind.cross:
             what += "; a cross spectrum of the response and the conjugate reference is exp_plus"
         raise _asked(file, "phase", "exp_plus", what)
     sign = 1
@@ -77,18 +77,18 @@ def conventions(settings: Uff, file: UniversalFile, functions: list[Function]) -
         "function": KINDS[kind.value],
         "directions": settings.directions.name,
     }
-    if kind is Kind.cross and settings.estimator is not None:
+    if kind is FunctionKind.cross and settings.estimator is not None:
         told["estimator"] = settings.estimator.name
     return Conventions(quantity, unit * scale * sign, phase is Phase.exp_minus, told)
 
 
 def _scale(
-    settings: Uff, file: UniversalFile, kind: Kind, function: Function
+    settings: UffImport, file: UniversalFile, kind: FunctionKind, function: Function
 ) -> tuple[float, dict[str, str]]:
     """What peak amplitudes are made by: the reference, or the scale of spectra."""
-    if kind is Kind.time:
+    if kind is FunctionKind.time:
         return 1.0, {"amplitude": "peak, of the sines of time records"}
-    if kind in (Kind.spectrum, Kind.nodal):
+    if kind in (FunctionKind.spectrum, FunctionKind.nodal):
         amplitude, by = _amplitude(settings, file, kind)
         return amplitude.value, {"amplitude": f"{amplitude.name}, {by}"}
     if settings.reference is None:
@@ -101,7 +101,7 @@ def _scale(
     return settings.reference, {"reference": f"{settings.reference:g} {unit}".strip()}
 
 
-def length_unit(settings: Uff, file: UniversalFile) -> tuple[float, str]:
+def length_unit(settings: UffImport, file: UniversalFile) -> tuple[float, str]:
     """One of the file's units of coordinates in m, and who says so."""
     if settings.length_unit is not None:
         return settings.length_unit.value, "as set"
@@ -110,10 +110,10 @@ def length_unit(settings: Uff, file: UniversalFile) -> tuple[float, str]:
     raise _asked(file, "length_unit", "mm", "the unit of its coordinates in a data set 164")
 
 
-def _meaning(settings: Uff, file: UniversalFile, f: Function) -> tuple[Quantity, float, str]:
+def _meaning(settings: UffImport, file: UniversalFile, f: Function) -> tuple[Quantity, float, str]:
     """Quantity and unit of a function's values: by the settings, its own words, data set 164."""
     by_number = BY_NUMBER.get(f.ordinate.kind)
-    cross = f.kind == Kind.cross.value
+    cross = f.kind == FunctionKind.cross.value
     motion = (motion_in_product if cross else motion_of)(f.ordinate.unit)
     quantity = settings.quantity or by_number or (motion.quantity if motion else None)
     if quantity is None:
@@ -147,11 +147,13 @@ def _check_agree(file: UniversalFile, f: Function, label: float, stated: float) 
         )
 
 
-def _amplitude(settings: Uff, file: UniversalFile, kind: Kind) -> tuple[Amplitude, str]:
+def _amplitude(
+    settings: UffImport, file: UniversalFile, kind: FunctionKind
+) -> tuple[Amplitude, str]:
     """Scale of the amplitudes of a spectrum, or of nodal values, of which 1858 says nothing."""
     if settings.amplitude is not None:
         return settings.amplitude, "as set"
-    if kind is Kind.nodal:
+    if kind is FunctionKind.nodal:
         raise _asked(file, "amplitude", "peak", "whether nodal amplitudes are peak or rms")
     if file.amplitude is not None and file.amplitude[0] == HALF_PEAK:
         entry = file.amplitude[1]

@@ -9,7 +9,7 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.importers.pointwise import close
-from sldvexp.importers.uff import Estimator, Kind, Uff
+from sldvexp.importers.uff import Estimator, FunctionKind, UffImport
 from sldvexp.io.uff.functions import DIRECTIONS, Function
 from sldvexp.io.uff.reader import UniversalFile
 from sldvexp.typing import Array, ComplexArray, IndexArray
@@ -20,7 +20,7 @@ ROUNDING = 1e-4
 
 
 def estimated(
-    settings: Uff,
+    settings: UffImport,
     file: UniversalFile,
     crosses: list[Function],
     values: ComplexArray,
@@ -31,7 +31,7 @@ def estimated(
 
     Parameters
     ----------
-    settings : Uff
+    settings : UffImport
     file : UniversalFile
     crosses : list of Function
         Cross spectra ``G_xf``, one a node.
@@ -71,7 +71,7 @@ def estimated(
 
 
 def coherence(
-    settings: Uff,
+    settings: UffImport,
     file: UniversalFile,
     crosses: list[Function],
     frequency: Array,
@@ -92,7 +92,7 @@ def coherence(
 
 
 def _autos(
-    settings: Uff,
+    settings: UffImport,
     file: UniversalFile,
     crosses: list[Function],
     frequency: Array,
@@ -127,7 +127,7 @@ def _autos(
 
 
 def _auto(
-    settings: Uff, file: UniversalFile, cross: Function, dof: tuple[int, int], of: str
+    settings: UffImport, file: UniversalFile, cross: Function, dof: tuple[int, int], of: str
 ) -> Function:
     """The one auto spectrum of a degree of freedom."""
     autos = [f for f in file.functions if f.kind == AUTO and (f.node, f.direction) == dof]
@@ -156,7 +156,7 @@ TRIGGER = "trigger"
 LEAST_RATIO = 10.0
 
 
-def reference_of(settings: Uff, file: UniversalFile) -> Function | None:
+def reference_of(settings: UffImport, file: UniversalFile) -> Function | None:
     """The record whose phase is zero; None if all are triggered.
 
     Raises
@@ -173,7 +173,7 @@ def reference_of(settings: Uff, file: UniversalFile) -> Function | None:
         )
     if wanted == TRIGGER:
         return None
-    found = [f for f in file.functions if f.kind == Kind.time.value and f.dof == wanted]
+    found = [f for f in file.functions if f.kind == FunctionKind.time.value and f.dof == wanted]
     if len(found) != 1:
         raise UserError(
             f"{file.source.path}: has {len(found)} time records of {wanted}, which "
@@ -183,7 +183,7 @@ def reference_of(settings: Uff, file: UniversalFile) -> Function | None:
 
 
 def phasors(
-    settings: Uff, file: UniversalFile, functions: list[Function], reference: Function | None
+    settings: UffImport, file: UniversalFile, functions: list[Function], reference: Function | None
 ) -> tuple[Array, ComplexArray, Array]:
     """Peak phasors of the records, of exp(+i omega t), relative to the reference's phase.
 

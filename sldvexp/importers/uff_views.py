@@ -12,14 +12,14 @@ from sldvexp.config.paths import locate
 from sldvexp.errors import UserError
 from sldvexp.importers.pointwise import (
     Directions,
-    Measured,
-    PointView,
+    PointwiseData,
+    PointwiseView,
     Quantity,
     Zeros,
     close,
     same_frequencies,
 )
-from sldvexp.importers.uff import Kind, NodalAxes, Uff
+from sldvexp.importers.uff import FunctionKind, NodalAxes, UffImport
 from sldvexp.importers.uff_conventions import conventions, length_unit
 from sldvexp.importers.uff_estimators import coherence, estimated, phasors, reference_of
 from sldvexp.io.uff.functions import (
@@ -31,7 +31,7 @@ from sldvexp.io.uff.functions import (
     VELOCITY,
     Function,
 )
-from sldvexp.io.uff.geometry import CARTESIAN, WORLD, Geometry
+from sldvexp.io.uff.geometry import CARTESIAN, WORLD, UniversalGeometry
 from sldvexp.io.uff.reader import UniversalFile, universal_file
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 
@@ -42,7 +42,7 @@ MOTION = (0, 1, DISPLACEMENT, VELOCITY, ACCELERATION)
 BESIDE = 0.01
 
 
-def measured(settings: Uff) -> Iterator[Measured]:
+def measured(settings: UffImport) -> Iterator[PointwiseData]:
     """All views, one after the other.
 
     Raises
@@ -50,7 +50,7 @@ def measured(settings: Uff) -> Iterator[Measured]:
     UserError
         If a file is missing or broken, or says too little or contradicts itself.
     """
-    first: Measured | None = None
+    first: PointwiseData | None = None
     for name, view in settings.views.items():
         with ExitStack() as files:
             file = files.enter_context(universal_file(locate(view.path)))
@@ -64,11 +64,11 @@ def measured(settings: Uff) -> Iterator[Measured]:
 
 
 def _view(
-    settings: Uff, name: str, view: PointView, file: UniversalFile, places: UniversalFile
-) -> Measured:
+    settings: UffImport, name: str, view: PointwiseView, file: UniversalFile, places: UniversalFile
+) -> PointwiseData:
     functions = _chosen(settings, view, file)
     rules = conventions(settings, file, functions)
-    if functions[0].kind == Kind.time.value:
+    if functions[0].kind == FunctionKind.time.value:
         reference = reference_of(settings, file)
         frequency, values, errors = phasors(settings, file, functions, reference)
         velocity = rules.velocity(values, frequency)
@@ -78,7 +78,7 @@ def _view(
     else:
         frequency, lines = _lines(settings, file, functions[0], rules.quantity)
         values = _at_lines(file, functions, frequency, lines)
-        if functions[0].kind == Kind.cross.value:
+        if functions[0].kind == FunctionKind.cross.value:
             values = estimated(settings, file, functions, values, frequency, lines)
         velocity = rules.velocity(values, frequency)
         std = _std(settings, view, file, functions, velocity, frequency, lines)
@@ -89,7 +89,7 @@ def _view(
     axes = {"nodal_axes": settings.nodal_axes.name} if settings.nodal_axes else {}
     geometry = _turned(settings, file, functions[0], places.geometry)
     length, by = length_unit(settings, places) if geometry is not None else (np.nan, "")
-    return Measured(
+    return PointwiseData(
         name,
         str(file.source.path),
         np.array([f.node for f in functions], np.int64),
@@ -121,15 +121,15 @@ def _at_lines(
     return found
 
 
-def _chosen(settings: Uff, view: PointView, file: UniversalFile) -> list[Function]:
+def _chosen(settings: UffImport, view: PointwiseView, file: UniversalFile) -> list[Function]:
     """One function a node, by ascending node."""
     wanted = _of_view(settings, view, file)
     kinds = {f.kind for f in wanted}
     if settings.function is not None:
         kinds &= {settings.function.value}
-    if Kind.frf.value in kinds:
-        kinds.discard(Kind.cross.value)  # it was made of these
-    known = kinds & {k.value for k in Kind}
+    if FunctionKind.frf.value in kinds:
+        kinds.discard(FunctionKind.cross.value)  # it was made of these
+    known = kinds & {k.value for k in FunctionKind}
     if len(known) != 1:
         has = ", ".join(sorted(KINDS.get(k, f"type {k}") for k in {f.kind for f in file.functions}))
         fix = "needed are frequency response functions, spectra, cross spectra or time records"
@@ -140,7 +140,7 @@ def _chosen(settings: Uff, view: PointView, file: UniversalFile) -> list[Functio
         )
     by_node: dict[int, Function] = {}
     of_kind = [f for f in wanted if f.kind in known and f.ordinate.kind in MOTION]
-    if known == {Kind.time.value}:
+    if known == {FunctionKind.time.value}:
         of_kind = [f for f in of_kind if f.dof != settings.time_reference]
     for function in of_kind:
         if abs(function.direction) > 3:
@@ -166,10 +166,10 @@ def _chosen(settings: Uff, view: PointView, file: UniversalFile) -> list[Functio
     return [by_node[node] for node in sorted(by_node)]
 
 
-def _of_view(settings: Uff, view: PointView, file: UniversalFile) -> list[Function]:
+def _of_view(settings: UffImport, view: PointwiseView, file: UniversalFile) -> list[Function]:
     """The functions of the view's dof that have the wanted text."""
     functions = file.functions
-    if settings.function is Kind.nodal or (settings.function is None and not functions):
+    if settings.function is FunctionKind.nodal or (settings.function is None and not functions):
         functions = file.nodal_functions(settings.containing)
     return [
         f
@@ -179,7 +179,7 @@ def _of_view(settings: Uff, view: PointView, file: UniversalFile) -> list[Functi
     ]
 
 
-def _restricted(settings: Uff, view: PointView) -> str:
+def _restricted(settings: UffImport, view: PointwiseView) -> str:
     """How the functions were restricted, for a message."""
     by = [f"containing {settings.containing!r}"] if settings.containing else []
     by += [f"of dof {view.dof}"] if view.dof else []
@@ -188,7 +188,7 @@ def _restricted(settings: Uff, view: PointView) -> str:
 
 
 def _lines(
-    settings: Uff, file: UniversalFile, function: Function, quantity: Quantity
+    settings: UffImport, file: UniversalFile, function: Function, quantity: Quantity
 ) -> tuple[Array, IndexArray]:
     """Frequencies that are read, and their places in the abscissa."""
     abscissa, _ = file.values(function)
@@ -216,7 +216,7 @@ def _lines(
 
 
 def _check_zeros(
-    settings: Uff, file: UniversalFile, functions: list[Function], zero: BoolArray
+    settings: UffImport, file: UniversalFile, functions: list[Function], zero: BoolArray
 ) -> None:
     if settings.zeros is Zeros.refuse and zero.any():
         function = functions[int(np.argmax(zero))]
@@ -228,8 +228,8 @@ def _check_zeros(
 
 
 def _std(
-    settings: Uff,
-    view: PointView,
+    settings: UffImport,
+    view: PointwiseView,
     file: UniversalFile,
     functions: list[Function],
     velocity: ComplexArray,
@@ -245,7 +245,7 @@ def _std(
     if not settings.averages:
         return None
     has_coherences = any(f.kind == COHERENCE for f in file.functions)
-    if functions[0].kind == Kind.cross.value and not has_coherences:
+    if functions[0].kind == FunctionKind.cross.value and not has_coherences:
         square = coherence(settings, file, functions, frequency, lines)
         return _part(velocity, square, settings.averages)
     of_node = {
@@ -273,8 +273,8 @@ def _part(velocity: ComplexArray, square: Array, averages: int) -> Array:
 
 
 def _turned(
-    settings: Uff, file: UniversalFile, function: Function, geometry: Geometry | None
-) -> Geometry | None:
+    settings: UffImport, file: UniversalFile, function: Function, geometry: UniversalGeometry | None
+) -> UniversalGeometry | None:
     """The geometry with the coordinate systems that the directions of nodal values are of.
 
     Data set 55 calls them global, but programs also write those of the nodes' own systems.

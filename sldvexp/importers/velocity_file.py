@@ -13,7 +13,7 @@ from sldvexp.config.registry import register
 from sldvexp.errors import Checks, nearest
 from sldvexp.importers.pointwise import Amplitude, Phase, Positive
 from sldvexp.io.velocities.read import read
-from sldvexp.io.velocities.table import KNOWN, ORDER, Layout
+from sldvexp.io.velocities.table import KNOWN, ORDER, FileLayout
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.units import VelocityUnit
@@ -88,7 +88,7 @@ class File:
         UserError
             If the file is missing or is not what it should be.
         """
-        layout = Layout(self.mapping, tuple(self.order), self.group)
+        layout = FileLayout(self.mapping, tuple(self.order), self.group)
         group = read(locate(self.path), self.unit, layout).group()
         factor = self.positive.value * self.amplitude.value
         velocity = group["velocity"].values

@@ -11,7 +11,7 @@ import numpy as np
 from sldvexp.instrument.connection import DisturbanceError, Line
 from sldvexp.instrument.dialogue import Dialogue, Persistence, block_size, decoded
 from sldvexp.instrument.profile import Profile
-from sldvexp.instrument.protocol import CHANNELS, Acquisition, InstrumentError, Samples, Status
+from sldvexp.instrument.protocol import CHANNELS, Acquisition, InstrumentError, RawSamples, Status
 from sldvexp.typing import IntArray
 
 log = logging.getLogger(__name__)
@@ -100,11 +100,11 @@ class CommandedInstrument:
         self._position = (int(dac[0]), int(dac[1]))
         self._persistently("moving", self._move)
 
-    def acquire(self) -> Samples:
+    def acquire(self) -> RawSamples:
         """Sample one pixel where the beam stands."""
         return self._persistently("sampling", self._acquire)
 
-    def scan(self, dac: IntArray, stream: int | None = None) -> Samples:
+    def scan(self, dac: IntArray, stream: int | None = None) -> RawSamples:
         """Move to and sample a list of pixels.
 
         Parameters
@@ -115,7 +115,7 @@ class CommandedInstrument:
 
         Returns
         -------
-        Samples
+        RawSamples
 
         Raises
         ------
@@ -196,7 +196,7 @@ class CommandedInstrument:
         up_down, left_right = self._position
         dialogue.run(self.profile.commands.move, {"up_down": up_down, "left_right": left_right})
 
-    def _acquire(self, dialogue: Dialogue) -> Samples:
+    def _acquire(self, dialogue: Dialogue) -> RawSamples:
         samples = self._configured().samples
         time.sleep(self.profile.settle)
         patience = self._duration(1)
@@ -205,7 +205,7 @@ class CommandedInstrument:
 
     def _scan_list(
         self, dialogue: Dialogue, steps: list[tuple[int, int]], stream: int | None
-    ) -> Samples:
+    ) -> RawSamples:
         """A list that the instrument goes through by itself."""
         commands, samples = self.profile.commands, self._configured().samples
         if stream is not None:
@@ -219,7 +219,7 @@ class CommandedInstrument:
 
     def _scan_pixels(
         self, dialogue: Dialogue, steps: list[tuple[int, int]], stream: int | None
-    ) -> Samples:
+    ) -> RawSamples:
         """A list that the program goes through."""
         if stream is not None:
             dialogue.run(self.profile.commands.stream, {"stream": stream})
@@ -230,9 +230,9 @@ class CommandedInstrument:
         dialogue.verify(playing=bool(self._configured().excitation))
         counts = np.concatenate([s.counts for s in found])
         status = np.concatenate([s.status for s in found])
-        return Samples(counts, found[0].volts_per_count, self._rate, status)
+        return RawSamples(counts, found[0].volts_per_count, self._rate, status)
 
-    def _fetch(self, dialogue: Dialogue, pixels: int) -> Samples:
+    def _fetch(self, dialogue: Dialogue, pixels: int) -> RawSamples:
         """The samples of the last pixels."""
         data, patience = self.profile.data, self._duration(pixels)
         size = block_size(data, pixels, self._configured().samples)
@@ -241,7 +241,7 @@ class CommandedInstrument:
         dialogue.require_no_error(data.device, data.ask or "sending its samples")
         return self._samples(block, status, pixels)
 
-    def _samples(self, block: bytes, status: bytes, pixels: int) -> Samples:
+    def _samples(self, block: bytes, status: bytes, pixels: int) -> RawSamples:
         shape = (pixels, self._configured().samples)
         found = decoded(self.profile.data, block, status, shape, self._scale, self._rate)
         nonsense = np.flatnonzero(found.status & ~KNOWN)

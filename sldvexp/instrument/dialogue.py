@@ -18,8 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.instrument.connection import DisturbanceError, Line
-from sldvexp.instrument.profile import Commands, Data, Device, Header, Layout, Profile, SampleType
-from sldvexp.instrument.protocol import CHANNELS, InstrumentError, Samples, Status
+from sldvexp.instrument.profile import (
+    ChannelOrder,
+    Commands,
+    Data,
+    Device,
+    Header,
+    Profile,
+    SampleType,
+)
+from sldvexp.instrument.protocol import CHANNELS, InstrumentError, RawSamples, Status
 from sldvexp.typing import Array
 
 #: Errors that are read from a queue at most.
@@ -314,7 +322,7 @@ def decoded(
     shape: tuple[int, int],
     volts_per_count: Sequence[float],
     rate: float,
-) -> Samples:
+) -> RawSamples:
     """Samples of a block.
 
     Parameters
@@ -332,7 +340,7 @@ def decoded(
 
     Returns
     -------
-    Samples
+    RawSamples
 
     Raises
     ------
@@ -341,7 +349,7 @@ def decoded(
     """
     pixels, samples = shape
     raw = np.frombuffer(block, np.dtype(data.order.value + data.type.value))
-    if data.layout is Layout.interleaved:
+    if data.layout is ChannelOrder.interleaved:
         by_channel = raw.reshape(pixels, samples, len(CHANNELS)).transpose(0, 2, 1)
     else:
         by_channel = raw.reshape(pixels, len(CHANNELS), samples)
@@ -355,7 +363,7 @@ def decoded(
         counts = (ordered.astype(np.int32) - HALF_COUNTS).astype(np.int16)
     else:
         counts = ordered.astype(np.int16, copy=False)
-    return Samples(counts, scale, rate, flags)
+    return RawSamples(counts, scale, rate, flags)
 
 
 def _rounded(

@@ -35,7 +35,7 @@ class Header(Enum):
     none = "none"
 
 
-class Layout(Enum):
+class ChannelOrder(Enum):
     """Samples of one pixel: all of a channel and then of the next, or by turns."""
 
     by_channel = "by_channel"
@@ -168,7 +168,7 @@ class Data:
     type : SampleType
         Counts, from the middle of the range (int16) or from its lower end (uint16), or volts.
     order : ByteOrder
-    layout : Layout
+    layout : ChannelOrder
     channels : list of str
         The channels, in the block's order.
     rate : str
@@ -186,7 +186,7 @@ class Data:
     end: str = "\n"
     type: SampleType = SampleType.int16
     order: ByteOrder = ByteOrder.big
-    layout: Layout = Layout.by_channel
+    layout: ChannelOrder = ChannelOrder.by_channel
     channels: list[str] = field(default_factory=lambda: list(CHANNELS))
     rate: str = ""
     scale: str = ""

@@ -54,7 +54,7 @@ class Acquisition:
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class RawSamples:
     """Raw samples of some pixels.
 
     Parameters
@@ -95,10 +95,10 @@ class Instrument(Protocol):
     def move(self, dac: Sequence[int]) -> None:
         """Point the beam at (up_down, left_right) in DAC steps."""
 
-    def acquire(self) -> Samples:
+    def acquire(self) -> RawSamples:
         """Sample one pixel where the beam stands."""
 
-    def scan(self, dac: IntArray, stream: int | None = None) -> Samples:
+    def scan(self, dac: IntArray, stream: int | None = None) -> RawSamples:
         """Move and sample a whole list, shape (pixel, 2), buffered by the instrument.
 
         A simulated instrument draws the noise of scan line `stream` again whenever it is given the

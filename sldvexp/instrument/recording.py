@@ -24,7 +24,7 @@ from sldvexp.instrument.protocol import (
     Acquisition,
     Instrument,
     InstrumentError,
-    Samples,
+    RawSamples,
     ScanningPlugin,
 )
 from sldvexp.laser.two_mirror import TwoMirror
@@ -35,7 +35,7 @@ from sldvexp.typing import Array, IntArray
 JOURNAL = "journal"
 
 
-def write_line(path: Path, dac: IntArray, acquisition: Acquisition, samples: Samples) -> None:
+def write_line(path: Path, dac: IntArray, acquisition: Acquisition, samples: RawSamples) -> None:
     """Keep a scan line, whole or not at all.
 
     Parameters
@@ -44,7 +44,7 @@ def write_line(path: Path, dac: IntArray, acquisition: Acquisition, samples: Sam
     dac : ndarray of int, shape (pixel, 2)
     acquisition : Acquisition
         What was asked for.
-    samples : Samples
+    samples : RawSamples
         What came.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -60,12 +60,12 @@ def write_line(path: Path, dac: IntArray, acquisition: Acquisition, samples: Sam
         )
 
 
-def read_line(path: Path) -> tuple[IntArray, Array, Samples] | None:
+def read_line(path: Path) -> tuple[IntArray, Array, RawSamples] | None:
     """Pixels, sampling as asked, and samples of a kept line; None if its file is damaged."""
     try:
         with np.load(path) as kept:
             found = {key: kept[key] for key in kept.files}
-        samples = Samples(
+        samples = RawSamples(
             found["counts"], found["volts_per_count"], float(found["rate"]), found["status"]
         )
         return found["dac"], found["asked"], samples
@@ -95,7 +95,7 @@ class Recording:
             told = nearest(view, views) if views else "it has no scan lines at all"
             raise UserError(f"{folder}: has no scan lines of the view {view}; {told}")
         self.folder, self.view = folder, view
-        self._lines: dict[bytes, list[tuple[Array, Samples]]] = {}
+        self._lines: dict[bytes, list[tuple[Array, RawSamples]]] = {}
         for path in sorted((folder / JOURNAL / view).glob("*.npz")):
             if (kept := read_line(path)) is not None:
                 dac, how, samples = kept
@@ -122,11 +122,11 @@ class Recording:
         """Choose the pixel that `acquire` gives."""
         self._dac = np.array([dac], np.int64)
 
-    def acquire(self) -> Samples:
+    def acquire(self) -> RawSamples:
         """The recorded pixel, if a line of one pixel there was recorded."""
         return self.scan(self._dac)
 
-    def scan(self, dac: IntArray, stream: int | None = None) -> Samples:
+    def scan(self, dac: IntArray, stream: int | None = None) -> RawSamples:
         """The samples of a line with these very pixels and sampling.
 
         If it was recorded several times, each of them in turn.

@@ -176,7 +176,7 @@ def _point(run: Run) -> None:
 
 def _field(run: Run) -> None:
     """Velocity over the volume, by the chosen method and those it is compared with."""
-    from sldvexp.field.estimate import looks_of, reconstruct
+    from sldvexp.field.estimate import reconstruct, volume_visibility
 
     e = run.experiment
     if e.laser is None or e.solver is None:
@@ -184,13 +184,13 @@ def _field(run: Run) -> None:
     if e.stream is not None:
         _streamed_field(run)
         return
-    looks = looks_of(run.tree, e.laser, e.volume)
+    looks = volume_visibility(run.tree, e.laser, e.volume)
     _reconstruct(run, "field", lambda m: reconstruct(run.tree, looks, e.volume, m, e.solver))
 
 
 def _streamed_field(run: Run) -> None:
     """The same, with some frequencies in memory at a time."""
-    from sldvexp.field.estimate import looks_of
+    from sldvexp.field.estimate import volume_visibility
     from sldvexp.field.streaming.compression import compress
     from sldvexp.field.streaming.streamed import stream_field
     from sldvexp.importers.image_file import in_chunks
@@ -201,7 +201,7 @@ def _streamed_field(run: Run) -> None:
     tree = run.tree | images
     with e.stream.at_work() as work:
         small = compress(tree, work)
-        looks = looks_of(tree | small.images, e.laser, e.volume)
+        looks = volume_visibility(tree | small.images, e.laser, e.volume)
         folders = (run.blocks / f"field{k}" for k in count())
 
         def streamed(method: Reconstruction) -> xr.Dataset:
@@ -226,12 +226,12 @@ def _reconstruct(run: Run, group: str, work: Callable[[Reconstruction], xr.Datas
 
 def _truth(run: Run) -> None:
     """What truly happens at the field's nodes, which only a virtual lab can tell."""
-    from sldvexp.virtual_lab.truth import truth_group
+    from sldvexp.virtual_lab.truth import truth_to_dataset
 
     e = run.experiment
     field = run.tree["field"]
     images = [part for part in e.scan.parts(e.scan.view_names()[0]) if part.kind == "image"]
-    run.tree["truth"] = truth_group(
+    run.tree["truth"] = truth_to_dataset(
         e.scene, field["position"].values, field["frequency"].values, images[0].sampling.amplitude
     )
 

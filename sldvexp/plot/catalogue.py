@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.run_data import Shown, Source, shown
+from sldvexp.dataset.run_data import RunData, Source, shown
 from sldvexp.plot import (
     circle_edges,
     field_maps,
@@ -23,39 +23,46 @@ from sldvexp.plot import (
     view_residuals,
     volume_views,
 )
+from sldvexp.plot.layer import field_unavailable_because
 
 
-class Entry(NamedTuple):
+class FigureEntry(NamedTuple):
     """A figure: what draws it, and what says why it cannot be drawn of a run."""
 
     draw: Callable[..., Figure]
-    missing: Callable[[Shown], str]
+    unavailable_because: Callable[[RunData], str]
 
 
 #: Every figure by its name, in the order in which data flows.
-FIGURES: dict[str, Entry] = {
-    "scan_lines": Entry(line_scans.scan_lines, line_scans.missing),
-    "edges": Entry(circle_edges.edges, circle_edges.missing),
-    "conics": Entry(circle_edges.conics, circle_edges.missing),
-    "conic_residuals": Entry(circle_edges.conic_residuals, circle_edges.missing),
-    "bitangents": Entry(image_points.bitangents, image_points.missing),
-    "pose_residuals": Entry(image_points.pose_residuals, image_points.missing_residuals),
-    "repeatability": Entry(image_points.repeatability, image_points.missing_repeats),
-    "phase_correction": Entry(velocity_images.phase_correction, velocity_images.missing_raw),
-    "images": Entry(velocity_images.images, velocity_images.missing),
-    "point": Entry(point_spectra.point, point_spectra.missing),
-    "volume": Entry(volume_views.volume, volume_views.missing),
-    "field": Entry(field_maps.field, field_maps.missing),
-    "surface": Entry(shape.surface, shape.missing),
-    "nodal": Entry(nodal_values.nodal, nodal_values.missing),
-    "spectrum": Entry(point_spectra.spectrum, point_spectra.missing_spectrum),
-    "residuals": Entry(view_residuals.residuals, view_residuals.missing),
-    "sweep": Entry(sweep_comparison.sweep, sweep_comparison.missing),
+FIGURES: dict[str, FigureEntry] = {
+    "scan_lines": FigureEntry(line_scans.scan_lines, line_scans.unavailable_because),
+    "edges": FigureEntry(circle_edges.edges, circle_edges.unavailable_because),
+    "conics": FigureEntry(circle_edges.conics, circle_edges.unavailable_because),
+    "conic_residuals": FigureEntry(circle_edges.conic_residuals, circle_edges.unavailable_because),
+    "bitangents": FigureEntry(image_points.bitangents, image_points.unavailable_because),
+    "pose_residuals": FigureEntry(
+        image_points.pose_residuals, image_points.residuals_unavailable_because
+    ),
+    "repeatability": FigureEntry(
+        image_points.repeatability, image_points.repeats_unavailable_because
+    ),
+    "phase_correction": FigureEntry(
+        velocity_images.phase_correction, velocity_images.raw_unavailable_because
+    ),
+    "images": FigureEntry(velocity_images.images, velocity_images.unavailable_because),
+    "point": FigureEntry(point_spectra.point, point_spectra.unavailable_because),
+    "volume": FigureEntry(volume_views.volume, volume_views.unavailable_because),
+    "field": FigureEntry(field_maps.field, field_unavailable_because),
+    "surface": FigureEntry(shape.surface, shape.unavailable_because),
+    "nodal": FigureEntry(nodal_values.nodal, field_unavailable_because),
+    "spectrum": FigureEntry(point_spectra.spectrum, point_spectra.spectrum_unavailable_because),
+    "residuals": FigureEntry(view_residuals.residuals, view_residuals.unavailable_because),
+    "sweep": FigureEntry(sweep_comparison.sweep, sweep_comparison.unavailable_because),
 }
 
 
 def figures_of(
-    source: Source | Shown, folder: str | Path | None = None
+    source: Source | RunData, folder: str | Path | None = None
 ) -> dict[str, Callable[..., Figure]]:
     """The figures that a run can show, each ready to be drawn.
 
@@ -76,5 +83,5 @@ def figures_of(
     return {
         name: functools.partial(entry.draw, run)
         for name, entry in FIGURES.items()
-        if not entry.missing(run)
+        if not entry.unavailable_because(run)
     }

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sldvexp.dataset.run_data import Shown, Source, one_of, plugin, require, shown
+from sldvexp.dataset.run_data import RunData, Source, one_of, plugin, require, shown
 from sldvexp.geometry.conic import boundary
 from sldvexp.geometry.conic_fit import ConicFit
 from sldvexp.image.pinhole import dac_from_pinhole, fit_circle, pinhole_edges
@@ -33,13 +33,13 @@ TURN_BESIDE = 450.0
 TURN = np.linspace(0.0, 2.0 * np.pi, 181)
 
 
-def missing(run: Shown) -> str:
+def unavailable_because(run: RunData) -> str:
     """Why no edges can be shown; empty if they can."""
     return "" if run.below_with("edge", "dac", "circle") else NO_EDGES
 
 
 @style.styled
-def edges(source: Source | Shown, view: str | None = None) -> Figure:
+def edges(source: Source | RunData, view: str | None = None) -> Figure:
     """Edge points of all circles, a panel for each view (Figure 4.22, seen from the instrument).
 
     Parameters
@@ -59,7 +59,7 @@ def edges(source: Source | Shown, view: str | None = None) -> Figure:
         If the run has no edges, or none of that view.
     """
     run = shown(source)
-    require("edges", missing(run))
+    require("edges", unavailable_because(run))
     views = run.below_with("edge", "dac", "circle")
     if view is not None:
         view = one_of(view, views, "edges", "view")
@@ -102,7 +102,7 @@ def panels_of_views(
 
 
 @style.styled
-def conics(source: Source | Shown, view: str | None = None) -> Figure:
+def conics(source: Source | RunData, view: str | None = None) -> Figure:
     """Ellipses through one view's edges, and their residuals (Figures 4.23 and 4.24).
 
     They are fitted where the image of a circle is an ellipse (`sldvexp.image.pinhole`) if the run
@@ -125,7 +125,7 @@ def conics(source: Source | Shown, view: str | None = None) -> Figure:
         If the run has no edges, or none of that view.
     """
     run = shown(source)
-    require("conics", missing(run))
+    require("conics", unavailable_because(run))
     view = one_of(view, run.below_with("edge", "dac", "circle"), "conics", "view")
     fits = fitted(run, view)
     columns = len(fits)
@@ -145,7 +145,7 @@ def conics(source: Source | Shown, view: str | None = None) -> Figure:
 
 
 @style.styled
-def conic_residuals(source: Source | Shown) -> Figure:
+def conic_residuals(source: Source | RunData) -> Figure:
     """Distances of all edges from the ellipses through them, a panel for each view (Figure 4.24).
 
     Beside a circle's number stand its edges in the order of their direction from its centre, from
@@ -166,7 +166,7 @@ def conic_residuals(source: Source | Shown) -> Figure:
         If the run has no edges.
     """
     run = shown(source)
-    require("conic_residuals", missing(run))
+    require("conic_residuals", unavailable_because(run))
     views = run.below_with("edge", "dac", "circle")
     shared = {"sharex": True, "sharey": True}
     title = "Edges around every circle: distances from the ellipse"
@@ -184,7 +184,7 @@ def conic_residuals(source: Source | Shown) -> Figure:
     return made
 
 
-def fitted(run: Shown, view: str) -> dict[int, tuple[ConicFit, Array, Array, Array]]:
+def fitted(run: RunData, view: str) -> dict[int, tuple[ConicFit, Array, Array, Array]]:
     """Of each circle its fit, the edges' turn around it, the edges and the curve, DAC steps."""
     laser = _laser(run)
     found = {}
@@ -200,7 +200,7 @@ def fitted(run: Shown, view: str) -> dict[int, tuple[ConicFit, Array, Array, Arr
 
 
 @functools.lru_cache(maxsize=1)
-def _laser(run: Shown) -> Any:
+def _laser(run: RunData) -> Any:
     """The run's laser; None if it does not tell."""
     known = '"laser"' in str(run.attributes.get("plugins", "")) and "config" in run.attributes
     return plugin(run, "laser", "conics") if known else None

@@ -9,16 +9,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
-from sldvexp.dataset.run_data import Shown, Source, require, shown
+from sldvexp.dataset.run_data import RunData, Source, require, shown
 from sldvexp.plot import sheet, style
-from sldvexp.plot.layer import Layer, layer_of, missing_field
-
-missing = missing_field
+from sldvexp.plot.layer import VolumeLayer, field_unavailable_because, layer_of
 
 
 @style.styled
 def field(
-    source: Source | Shown,
+    source: Source | RunData,
     frequency: float | None = None,
     depth: float | None = None,
     name: str | None = None,
@@ -48,7 +46,7 @@ def field(
         If the run has no field, or none there.
     """
     run = shown(source)
-    require("field", missing(run))
+    require("field", field_unavailable_because(run))
     layer = layer_of(run, "field", frequency, depth, name)
     rows = len(layer.components)
     wide, high = (np.ptp(layer.position[:, i]) for i in layer.plane)
@@ -67,7 +65,7 @@ def field(
     return made
 
 
-def _size(axes: Axes, layer: Layer, component: str) -> None:
+def _size(axes: Axes, layer: VolumeLayer, component: str) -> None:
     """Magnitudes; linear inside of an element, as the field is."""
     size = np.abs(layer.values("velocity", component))
     factor, unit = style.prefixed(size, "m/s")
@@ -75,7 +73,7 @@ def _size(axes: Axes, layer: Layer, component: str) -> None:
     axes.set_title(f"{component}: size")
 
 
-def _bound(axes: Axes, layer: Layer, component: str) -> None:
+def _bound(axes: Axes, layer: VolumeLayer, component: str) -> None:
     """Half-widths of the intervals."""
     bound = layer.bound(component)
     factor, unit = style.prefixed(bound, "m/s")
@@ -84,7 +82,7 @@ def _bound(axes: Axes, layer: Layer, component: str) -> None:
 
 
 def _map(
-    axes: Axes, layer: Layer, values: np.ndarray, unit: str, low: float | None, component: str
+    axes: Axes, layer: VolumeLayer, values: np.ndarray, unit: str, low: float | None, component: str
 ) -> None:
     style.hatched(axes)
     mesh, known = layer.mesh(), np.isfinite(values) & (layer.values("observable", component) != 0)
@@ -100,7 +98,7 @@ def _map(
     sheet.scale_beside(axes, mapped, unit)
 
 
-def _phase(axes: Axes, layer: Layer, component: str) -> Any:
+def _phase(axes: Axes, layer: VolumeLayer, component: str) -> Any:
     """Phases of triangles, where they are larger than their bound."""
     style.hatched(axes)
     mesh, velocity = layer.mesh(), layer.values("velocity", component)

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.run_data import Shown, Source, one_of, require, shown
+from sldvexp.dataset.run_data import RunData, Source, one_of, require, shown
 from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import sheet, style
@@ -29,7 +29,7 @@ NO_REPEATS = (
 MIRRORS = {"left_right": "left-right", "up_down": "up-down"}
 
 
-def missing(run: Shown) -> str:
+def unavailable_because(run: RunData) -> str:
     """Why no bitangent points can be shown; empty if they can."""
     if not run.has("registration", "dac"):
         return NO_POINTS
@@ -37,19 +37,19 @@ def missing(run: Shown) -> str:
     return "" if scanned and run.groups["registration"].sizes["point"] % 4 == 0 else NO_PAIRS
 
 
-def missing_residuals(run: Shown) -> str:
+def residuals_unavailable_because(run: RunData) -> str:
     """Why no residuals can be shown; empty if they can."""
     return "" if run.has("pose", "residual") or run.has("pose", "residual_rms") else NO_RESIDUALS
 
 
-def missing_repeats(run: Shown) -> str:
+def repeats_unavailable_because(run: RunData) -> str:
     """Why no repeatability can be shown; empty if it can."""
     found = run.below_with("examined", "dac_std") and run.has("registration", "dac")
     return "" if found else NO_REPEATS
 
 
 @style.styled
-def bitangents(source: Source | Shown, view: str | None = None) -> Figure:
+def bitangents(source: Source | RunData, view: str | None = None) -> Figure:
     """Bitangent points, their tangents and the ellipses that they touch, a panel for each view.
 
     Parameters
@@ -69,7 +69,7 @@ def bitangents(source: Source | Shown, view: str | None = None) -> Figure:
         If the run has no bitangent points, or none of that view.
     """
     run = shown(source)
-    require("bitangents", missing(run))
+    require("bitangents", unavailable_because(run))
     group = run.groups["registration"]
     views = [str(v) for v in group["view"].values]
     if view is not None:
@@ -83,7 +83,7 @@ def bitangents(source: Source | Shown, view: str | None = None) -> Figure:
     return made
 
 
-def _touching(axes: Axes, run: Shown, view: str) -> None:
+def _touching(axes: Axes, run: RunData, view: str) -> None:
     """The ellipses of one view, and the tangents from point to point."""
     points = run.groups["registration"].sel(view=view)
     if f"edge/{view}" in run.groups:
@@ -119,7 +119,7 @@ def _number(axes: Axes, dac: np.ndarray, numbers: np.ndarray) -> None:
 
 
 @style.styled
-def pose_residuals(source: Source | Shown) -> Figure:
+def pose_residuals(source: Source | RunData) -> Figure:
     """What the poses leave at the image points, in DAC steps; by view, if that is all there is.
 
     Error bars are the standard deviation of a mirror reading, s.
@@ -139,7 +139,7 @@ def pose_residuals(source: Source | Shown) -> Figure:
         If the run has no pose that leaves residuals.
     """
     run = shown(source)
-    require("pose_residuals", missing_residuals(run))
+    require("pose_residuals", residuals_unavailable_because(run))
     pose = run.groups["pose"]
     return _by_point(pose) if "residual" in pose else _by_view(pose)
 
@@ -200,7 +200,7 @@ def _by_view(pose: xr.Dataset) -> Figure:
 
 
 @style.styled
-def repeatability(source: Source | Shown) -> Figure:
+def repeatability(source: Source | RunData) -> Figure:
     """Scatter of repeated image points: both mirrors and standard deviation (Figures 4.25 to 4.27).
 
     Parameters
@@ -218,7 +218,7 @@ def repeatability(source: Source | Shown) -> Figure:
         If the run does not repeat a pose.
     """
     run = shown(source)
-    require("repeatability", missing_repeats(run))
+    require("repeatability", repeats_unavailable_because(run))
     group = run.groups["registration"]
     examined = next(iter(run.below_with("examined", "dac_std").values()))
     names = [str(v) for v in group["view"].values]

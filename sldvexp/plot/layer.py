@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
-from sldvexp.dataset.run_data import Shown, at_frequency, one_of
+from sldvexp.dataset.run_data import RunData, at_frequency, one_of
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, ComplexArray, IndexArray
@@ -26,7 +26,7 @@ NO_FIELD = (
 
 
 @dataclass(frozen=True, eq=False)
-class Layer:
+class VolumeLayer:
     """A layer of the volume at one frequency.
 
     Parameters
@@ -103,29 +103,29 @@ class Layer:
         axes.set_aspect("equal")
 
 
-def missing_field(run: Shown) -> str:
+def field_unavailable_because(run: RunData) -> str:
     """Why no field can be shown; empty if one can."""
     return "" if fields(run) else NO_FIELD
 
 
-def fields(run: Shown) -> dict[str, xr.Dataset]:
+def fields(run: RunData) -> dict[str, xr.Dataset]:
     """Velocity fields of a run by name: ``field``, and those it is compared with."""
     own = {"field": run.groups["field"]} if run.has("field", "velocity", "element") else {}
     return own | run.below_with("compare", "velocity", "element", "position")
 
 
 def layer_of(
-    run: Shown,
+    run: RunData,
     figure: str,
     frequency: float | None = None,
     depth: float | None = None,
     name: str | None = None,
-) -> Layer:
+) -> VolumeLayer:
     """One layer of a field.
 
     Parameters
     ----------
-    run : Shown
+    run : RunData
     figure : str
         For messages.
     frequency : float, Hz, optional
@@ -160,7 +160,7 @@ def layer_of(
     first, second = sorted(np.argsort(np.ptp(here, axis=0))[1:])
     plane = int(first), int(second)
     truth = _truth(run, whole, node, depths, plane) if chosen == "field" else {}
-    return Layer(
+    return VolumeLayer(
         whole.isel(node=node),
         node,
         here,
@@ -173,7 +173,7 @@ def layer_of(
 
 
 def _truth(
-    run: Shown,
+    run: RunData,
     field: xr.Dataset,
     node: IndexArray,
     depths: Array,

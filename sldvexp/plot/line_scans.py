@@ -11,10 +11,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.run_data import Shown, Source, one_of, plugin, require, settings, shown
+from sldvexp.dataset.run_data import RunData, Source, one_of, plugin, require, settings, shown
 from sldvexp.errors import UserError
 from sldvexp.image.edge_detection import gradient_edges
-from sldvexp.image.scan_lines import Edges, ScanLines
+from sldvexp.image.scan_lines import ScanLineEdges, ScanLines
 from sldvexp.instrument.protocol import Status
 from sldvexp.instrument.recording import JOURNAL, read_line
 from sldvexp.lazy import scipy
@@ -40,7 +40,7 @@ class Taken:
     raw : ScanLines
     filtered : ndarray, shape (line, pixel), m/s
     gradient : ndarray, shape (line, pixel), m/s per step
-    edges : Edges
+    edges : ScanLineEdges
     window : int
         Of the median filter, pixels.
     """
@@ -48,18 +48,18 @@ class Taken:
     raw: ScanLines
     filtered: np.ndarray
     gradient: np.ndarray
-    edges: Edges
+    edges: ScanLineEdges
     window: int
 
 
-def missing(run: Shown) -> str:
+def unavailable_because(run: RunData) -> str:
     """Why no scan lines can be shown; empty if they can."""
     return "" if "config" in run.attributes and _views(run) else NO_LINES
 
 
 @style.styled
 def scan_lines(
-    source: Source | Shown,
+    source: Source | RunData,
     view: str | None = None,
     circle: int = 1,
     folder: str | Path | None = None,
@@ -90,7 +90,7 @@ def scan_lines(
         If the scan lines were not kept, or there is no such view or circle.
     """
     run = shown(source, folder)
-    require("scan_lines", missing(run))
+    require("scan_lines", unavailable_because(run))
     view = one_of(view, _views(run), "scan_lines", "view")
     circles = _circles(run, view)
     number = one_of(str(circle), circles, "scan_lines", "circle")
@@ -165,7 +165,7 @@ def _lines(
             )
 
 
-def _take(run: Shown, view: str, circle: str, kind: str) -> Taken:
+def _take(run: RunData, view: str, circle: str, kind: str) -> Taken:
     """Demodulate the kept samples of some lines, and look for edges as the session did."""
     image, dac = _image(run, view, f"{circle}_{kind}")
     shape = dac.shape[:2]
@@ -184,7 +184,7 @@ def _take(run: Shown, view: str, circle: str, kind: str) -> Taken:
     return Taken(lines, filtered, gradient, place(lines, KINDS[kind], window), window)
 
 
-def _image(run: Shown, view: str, name: str) -> tuple[Any, np.ndarray]:
+def _image(run: RunData, view: str, name: str) -> tuple[Any, np.ndarray]:
     """Complex pixels of the kept lines of a name, and their DAC steps (line, pixel, mirror)."""
     kept = [read_line(path) for path in sorted(_journal(run, view).glob(f"{name}_*.npz"))]
     whole = [line for line in kept if line is not None]
@@ -203,7 +203,7 @@ def _image(run: Shown, view: str, name: str) -> tuple[Any, np.ndarray]:
     return image, np.array([line[0] for line in whole])
 
 
-def _scan_settings(run: Shown) -> dict[str, Any]:
+def _scan_settings(run: RunData) -> dict[str, Any]:
     """Settings of the scan of the calibration object; a session has them below its own."""
     scan: dict[str, Any] = settings(run, "scan_lines")["scan"] or {}
     scan = scan.get("calibration") or scan
@@ -212,16 +212,16 @@ def _scan_settings(run: Shown) -> dict[str, Any]:
     return scan
 
 
-def _journal(run: Shown, view: str) -> Path:
+def _journal(run: RunData, view: str) -> Path:
     return (run.folder or Path()) / JOURNAL / view
 
 
-def _views(run: Shown) -> list[str]:
+def _views(run: RunData) -> list[str]:
     """Views with kept lines of both kinds."""
     return [view for view in run.below("edge") if run.folder and _circles(run, view)]
 
 
-def _circles(run: Shown, view: str) -> list[str]:
+def _circles(run: RunData, view: str) -> list[str]:
     """Circles of a view with kept lines of both kinds, by their number."""
     names = {p.name.rpartition("_")[0] for p in _journal(run, view).glob("*_*.npz")}
     numbers = {m[1] for name in names if (m := re.fullmatch(r"(\d+)_fine", name))}

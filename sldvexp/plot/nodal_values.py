@@ -9,21 +9,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.run_data import Shown, Source, require, shown
+from sldvexp.dataset.run_data import RunData, Source, require, shown
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import sheet, style
-from sldvexp.plot.layer import AXES, Layer, layer_of, missing_field
+from sldvexp.plot.layer import AXES, VolumeLayer, field_unavailable_because, layer_of
 from sldvexp.typing import Array, IndexArray
-
-missing = missing_field
 
 PARTS: dict[str, Any] = {"real": np.real, "imaginary": style.imaginary}
 
 
 @style.styled
 def nodal(
-    source: Source | Shown,
+    source: Source | RunData,
     frequency: float | None = None,
     depth: float | None = None,
     name: str | None = None,
@@ -58,7 +56,7 @@ def nodal(
         If the run has no field, or not these nodes.
     """
     run = shown(source)
-    require("nodal", missing(run))
+    require("nodal", field_unavailable_because(run))
     layer = layer_of(run, "nodal", frequency, depth, name)
     own, place, label = _chosen(layer, nodes)
     components = [component] if component else layer.components
@@ -83,7 +81,7 @@ def nodal(
     return made
 
 
-def _chosen(layer: Layer, nodes: str | Sequence[int]) -> tuple[IndexArray, Array, str]:
+def _chosen(layer: VolumeLayer, nodes: str | Sequence[int]) -> tuple[IndexArray, Array, str]:
     """Which of the layer's nodes, where they are drawn, and what that axis is called."""
     if isinstance(nodes, str) and nodes not in ("line", "all"):
         raise UserError(f"plot: nodal: nodes is line, all or numbers, not {nodes}")
@@ -100,7 +98,7 @@ def _chosen(layer: Layer, nodes: str | Sequence[int]) -> tuple[IndexArray, Array
     return own, layer.node[own].astype(float), "node"
 
 
-def line_nodes(layer: Layer) -> tuple[IndexArray, Array]:
+def line_nodes(layer: VolumeLayer) -> tuple[IndexArray, Array]:
     """Nodes along the layer's longer side through its largest velocity, and their place, m."""
     flat = layer.position[:, layer.plane]
     longer = int(np.ptp(flat, axis=0).argmax())
@@ -115,7 +113,7 @@ def line_nodes(layer: Layer) -> tuple[IndexArray, Array]:
     return own, flat[own, longer]
 
 
-def _line_label(layer: Layer, own: IndexArray) -> str:
+def _line_label(layer: VolumeLayer, own: IndexArray) -> str:
     flat = layer.position[own][:, layer.plane]
     longer = int(np.ptp(flat, axis=0).argmax())
     other = layer.plane[1 - longer]
@@ -135,8 +133,8 @@ def part_bound(group: xr.Dataset, component: str, part: str, own: IndexArray) ->
     return None
 
 
-def _truth(layer: Layer) -> str:
-    """What the line of the truth is called: `Layer.truth` may lack components, and why."""
+def _truth(layer: VolumeLayer) -> str:
+    """What the line of the truth is called: `VolumeLayer.truth` may lack components, and why."""
     lacking = [c for c in layer.components if c not in layer.truth]
     if not lacking:
         return "truth"
@@ -146,7 +144,7 @@ def _truth(layer: Layer) -> str:
 
 def _values(
     axes: Axes,
-    layer: Layer,
+    layer: VolumeLayer,
     own: IndexArray,
     place: Array,
     component: str,

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sldvexp.dataset.run_data import Shown, Source, one_of, require, shown
+from sldvexp.dataset.run_data import RunData, Source, one_of, require, shown
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
 from sldvexp.plot.layer import AXES, fields
@@ -23,18 +23,18 @@ MANY = 8
 PARTS: dict[str, Any] = {"real": np.real, "imaginary": style.imaginary}
 
 
-def missing(run: Shown) -> str:
+def unavailable_because(run: RunData) -> str:
     """Why no point can be shown; empty if one can."""
     return "" if _points(run) else NO_POINT
 
 
-def missing_spectrum(run: Shown) -> str:
+def spectrum_unavailable_because(run: RunData) -> str:
     """Why no spectrum of a field can be shown; empty if one can."""
     found = any(g.sizes.get("frequency", 1) > 1 for g in fields(run).values())
     return "" if found else NO_SPECTRUM
 
 
-def _points(run: Shown) -> dict[str, xr.Dataset]:
+def _points(run: RunData) -> dict[str, xr.Dataset]:
     """Velocities of points by method: ``point``, and those it is compared with."""
     own = {"point": run.groups["point"]} if run.has("point", "velocity", "component") else {}
     others = run.below_with("compare", "velocity", "velocity_std")
@@ -47,7 +47,7 @@ def _name(one: xr.Dataset, number: int) -> str:
 
 
 @style.styled
-def point(source: Source | Shown, number: int = 0) -> Figure:
+def point(source: Source | RunData, number: int = 0) -> Figure:
     """Velocity of a point with its bounds, by component and method, or over many frequencies.
 
     Parameters
@@ -67,7 +67,7 @@ def point(source: Source | Shown, number: int = 0) -> Figure:
         If the run has no velocity of points, or not so many.
     """
     run = shown(source)
-    require("point", missing(run))
+    require("point", unavailable_because(run))
     found = _points(run)
     title = "Velocity of the point"
     if "point" in next(iter(found.values()))["velocity"].dims:
@@ -82,7 +82,7 @@ def point(source: Source | Shown, number: int = 0) -> Figure:
 
 
 @style.styled
-def spectrum(source: Source | Shown, node: int | None = None, name: str | None = None) -> Figure:
+def spectrum(source: Source | RunData, node: int | None = None, name: str | None = None) -> Figure:
     """Velocity of one node over the frequency with its bounds.
 
     Parameters
@@ -104,7 +104,7 @@ def spectrum(source: Source | Shown, node: int | None = None, name: str | None =
         If the run has no field at several frequencies, or not this node.
     """
     run = shown(source)
-    require("spectrum", missing_spectrum(run))
+    require("spectrum", spectrum_unavailable_because(run))
     known = {k: g for k, g in fields(run).items() if g.sizes.get("frequency", 1) > 1}
     group = known[one_of(name, known, "spectrum", "field")]
     if node is None:

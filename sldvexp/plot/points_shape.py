@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
 
-from sldvexp.dataset.run_data import Shown, at_frequency
+from sldvexp.dataset.run_data import RunData, at_frequency
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import sheet, style
 from sldvexp.plot.layer import AXES
@@ -25,7 +25,7 @@ DRAWN_SHARE = 0.12
 THINNEST = 0.3
 
 
-def missing_points(run: Shown) -> bool:
+def points_unavailable_because(run: RunData) -> bool:
     """Whether no points in space can be shown."""
     there = run.has("point", "velocity") and run.has("line_of_sight", "position")
     return not there or run.groups["point"].sizes.get("point", 1) < 2
@@ -65,12 +65,12 @@ def normals(position: Array, triangles: IntArray) -> Array:
     return np.where(known, total / np.where(known, length, 1.0), plane)
 
 
-def points_surface(run: Shown, frequency: float | None, component: str | None) -> Figure:
+def points_surface(run: RunData, frequency: float | None, component: str | None) -> Figure:
     """Points where they are at the moment of the largest velocity, see `surface`.
 
     Parameters
     ----------
-    run : Shown
+    run : RunData
     frequency : float, Hz, optional
     component : str, optional
         That the colours tell; without it the largest one.

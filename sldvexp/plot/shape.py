@@ -7,22 +7,22 @@ from collections.abc import Iterable
 import numpy as np
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.run_data import Shown, Source, require, shown
+from sldvexp.dataset.run_data import RunData, Source, require, shown
 from sldvexp.errors import UserError
 from sldvexp.plot import sheet, style
 from sldvexp.plot.layer import AXES, fields, layer_of
-from sldvexp.plot.points_shape import NO_SHAPE, missing_points, points_surface
+from sldvexp.plot.points_shape import NO_SHAPE, points_surface, points_unavailable_because
 from sldvexp.typing import Array, ComplexArray
 
 
-def missing(run: Shown) -> str:
+def unavailable_because(run: RunData) -> str:
     """Why no surface can be shown; empty if one can."""
-    return "" if fields(run) or not missing_points(run) else NO_SHAPE
+    return "" if fields(run) or not points_unavailable_because(run) else NO_SHAPE
 
 
 @style.styled
 def surface(
-    source: Source | Shown,
+    source: Source | RunData,
     frequency: float | None = None,
     depth: float | None = None,
     name: str | None = None,
@@ -56,7 +56,7 @@ def surface(
         If the run has no field and no points, or not this component, depth or field.
     """
     run = shown(source)
-    require("surface", missing(run))
+    require("surface", unavailable_because(run))
     if not fields(run):
         _only(component, run.groups["point"]["component"].values)
         if depth is not None or name is not None:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.run_data import Shown, Source, require, shown
+from sldvexp.dataset.run_data import RunData, Source, require, shown
 from sldvexp.errors import UserError, nearest
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
@@ -36,7 +36,7 @@ class Panel(NamedTuple):
     error: xr.DataArray | None
 
 
-def missing(run: Shown) -> str:
+def unavailable_because(run: RunData) -> str:
     """Why no sweep can be shown; empty if one can."""
     if not run.has("", "state"):
         return NO_SWEEP
@@ -44,7 +44,7 @@ def missing(run: Shown) -> str:
 
 
 @style.styled
-def sweep(source: Source | Shown, quantity: str | None = None) -> Figure:
+def sweep(source: Source | RunData, quantity: str | None = None) -> Figure:
     """A headline result of all runs, by the first swept key; the others tell the curves apart.
 
     Parameters
@@ -65,7 +65,7 @@ def sweep(source: Source | Shown, quantity: str | None = None) -> Figure:
         If it is no sweep, or has no such result.
     """
     run = shown(source)
-    require("sweep", missing(run))
+    require("sweep", unavailable_because(run))
     table = run.groups[""]
     results = _results(table)
     if quantity is None:

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sldvexp.dataset.run_data import Shown, Source, at_frequency, one_of, require, shown
+from sldvexp.dataset.run_data import RunData, Source, at_frequency, one_of, require, shown
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import sheet, style
 from sldvexp.typing import BoolArray, ComplexArray
@@ -27,19 +27,19 @@ CERTAIN = 3.0
 PARTS = ("real part", "imaginary part", "magnitude", "phase")
 
 
-def missing(run: Shown) -> str:
+def unavailable_because(run: RunData) -> str:
     """Why no image can be shown; empty if one can."""
     return "" if run.below_with("image", "velocity", "dac") else NO_IMAGE
 
 
-def missing_raw(run: Shown) -> str:
+def raw_unavailable_because(run: RunData) -> str:
     """Why no image before the correction can be shown; empty if one can."""
-    return missing(run) or ("" if run.below_with("image", "uncorrected") else NO_RAW)
+    return unavailable_because(run) or ("" if run.below_with("image", "uncorrected") else NO_RAW)
 
 
 @style.styled
 def images(
-    source: Source | Shown, view: str | None = None, frequency: float | None = None
+    source: Source | RunData, view: str | None = None, frequency: float | None = None
 ) -> Figure:
     """ComplexArray velocity of the pixels, a row for each view.
 
@@ -65,7 +65,7 @@ def images(
         If the run has no image, or none of that view and frequency.
     """
     run = shown(source)
-    require("images", missing(run))
+    require("images", unavailable_because(run))
     views = run.below_with("image", "velocity", "dac")
     if view is not None:
         view = one_of(view, views, "images", "view")
@@ -81,7 +81,7 @@ def images(
 
 @style.styled
 def phase_correction(
-    source: Source | Shown, view: str | None = None, frequency: float | None = None
+    source: Source | RunData, view: str | None = None, frequency: float | None = None
 ) -> Figure:
     """One view's image before and after the phase correction (Figures 3.4 to 3.7).
 
@@ -104,7 +104,7 @@ def phase_correction(
         If the run has no image before the correction, or none of that view and frequency.
     """
     run = shown(source)
-    require("phase_correction", missing_raw(run))
+    require("phase_correction", raw_unavailable_because(run))
     views = run.below_with("image", "velocity", "uncorrected", "dac")
     view = one_of(view, views, "phase_correction", "view")
     group, hertz = at_frequency(views[view], "phase_correction", frequency)

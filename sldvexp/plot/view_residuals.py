@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.run_data import Shown, Source, require, shown
+from sldvexp.dataset.run_data import RunData, Source, require, shown
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
 from sldvexp.plot.layer import fields
@@ -20,13 +20,13 @@ NO_RESIDUALS = (
 FEW = 4
 
 
-def missing(run: Shown) -> str:
+def unavailable_because(run: RunData) -> str:
     """Why no residuals can be shown; empty if they can."""
     return "" if _of(run) else NO_RESIDUALS
 
 
 @style.styled
-def residuals(source: Source | Shown) -> Figure:
+def residuals(source: Source | RunData) -> Figure:
     """Root mean square residual of every view, for the field and those it is compared with.
 
     Bars by view, hatched by field, for a few frequencies; curves over the frequency for many.
@@ -46,7 +46,7 @@ def residuals(source: Source | Shown) -> Figure:
         If the run has no field with residuals by view.
     """
     run = shown(source)
-    require("residuals", missing(run))
+    require("residuals", unavailable_because(run))
     found = _of(run)
     first = next(iter(found.values()))
     count = first.sizes.get("frequency", 1)
@@ -70,7 +70,7 @@ def residuals(source: Source | Shown) -> Figure:
     return made
 
 
-def _of(run: Shown) -> dict[str, xr.DataArray]:
+def _of(run: RunData) -> dict[str, xr.DataArray]:
     name = "residual_std_by_view"
     return {k: g[name] for k, g in fields(run).items() if name in g}
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
-from sldvexp.dataset.run_data import Shown, Source, require, shown
+from sldvexp.dataset.run_data import RunData, Source, require, shown
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import sheet, style
 from sldvexp.typing import Array, IndexArray
@@ -31,14 +31,14 @@ FEW = 500
 COLUMNS = 3
 
 
-def missing(run: Shown) -> str:
+def unavailable_because(run: RunData) -> str:
     """Why no volume can be shown; empty if it can."""
     known = run.has("volume", "position", "element") and run.has("pose", "origin", "rotation")
     return "" if known else NO_VOLUME
 
 
 @style.styled
-def volume(source: Source | Shown) -> Figure:
+def volume(source: Source | RunData) -> Figure:
     """The volume among the instrument's places, and its nodes in every view's image.
 
     Parameters
@@ -56,7 +56,7 @@ def volume(source: Source | Shown) -> Figure:
         If the run has no volume or no pose.
     """
     run = shown(source)
-    require("volume", missing(run))
+    require("volume", unavailable_because(run))
     pose, group = run.groups["pose"], run.groups["volume"]
     names = [str(v) for v in pose["view"].values]
     columns = min(len(names), COLUMNS)
@@ -123,7 +123,7 @@ def seen(pose: xr.Dataset, position: Array) -> Array:
     return np.stack([np.arctan2(y, z), np.arctan2(x, np.hypot(y, z) + offset)], axis=1)
 
 
-def _scene(axes: Axes3D, run: Shown, names: list[str]) -> None:
+def _scene(axes: Axes3D, run: RunData, names: list[str]) -> None:
     """World axes with the volume's outline, the object's points and the instrument's places."""
     pose, group = run.groups["pose"], run.groups["volume"]
     position = group["position"].values

@@ -58,7 +58,7 @@ class PoseMethod(ABC):
         return []
 
 
-def pose_group(
+def pose_to_dataset(
     views: Sequence[str],
     rotation: ArrayLike,
     origin: ArrayLike,

@@ -16,7 +16,7 @@ from typing import ClassVar
 import numpy as np
 
 from sldvexp.config.registry import register
-from sldvexp.geometry.bitangent import Bitangents
+from sldvexp.geometry.bitangent import BitangentPoints
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.correlated_errors import Errors, with_errors
@@ -81,13 +81,13 @@ class Bitangent(FromScans):
 SMALL = 1e-5
 
 
-def bitangent_errors(view: str, bitangents: Bitangents, target: Circles) -> Errors:
+def bitangent_errors(view: str, bitangents: BitangentPoints, target: Circles) -> Errors:
     """Of one view's selected points: from its ellipses and from the circles.
 
     Parameters
     ----------
     view : str
-    bitangents : Bitangents
+    bitangents : BitangentPoints
         Of the selected pairs, DAC steps.
     target : Circles
     """
@@ -100,7 +100,7 @@ def bitangent_errors(view: str, bitangents: Bitangents, target: Circles) -> Erro
 
 
 def with_shared_errors(
-    solution: PoseSolution, bitangents: Bitangents, target: Circles, laser: TwoMirror
+    solution: PoseSolution, bitangents: BitangentPoints, target: Circles, laser: TwoMirror
 ) -> tuple[PoseSolution, float]:
     """One view's pose with the covariance that follows from ellipses and circles.
 
@@ -108,7 +108,7 @@ def with_shared_errors(
     ----------
     solution : PoseSolution
         From the target's selected points; adjusted intrinsics are taken as free.
-    bitangents : Bitangents
+    bitangents : BitangentPoints
         Of the selected pairs, DAC steps.
     target : Circles
     laser : TwoMirror
@@ -126,7 +126,7 @@ def with_shared_errors(
     return judged[0], probability[0]
 
 
-def _of_images(bitangents: Bitangents) -> Array:
+def _of_images(bitangents: BitangentPoints) -> Array:
     """Covariance of the selected image points, in the object's numbering, shape (2N, 2N)."""
     # (pair, line, ellipse, mirror) twice; the external lines; numbered a left, a right, b left ...
     joint = bitangents.covariance[:, :2][:, :, :, :, :, :2]

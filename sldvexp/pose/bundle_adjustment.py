@@ -135,7 +135,7 @@ ROUNDS, SETTLED = 50, 1e-5
 LEAST_VARIANCE = 1e-8
 
 
-class Linear(NamedTuple):
+class LinearisedResiduals(NamedTuple):
     """Residuals (n,) over their standard errors; derivatives by own (n, p) and common unknowns."""
 
     residual: Array
@@ -143,10 +143,10 @@ class Linear(NamedTuple):
     by_common: Array
 
 
-class View(Protocol):
+class ViewTerms(Protocol):
     """What one view adds to an adjustment."""
 
-    def linearise(self, common: Array) -> Linear:
+    def linearise(self, common: Array) -> LinearisedResiduals:
         """Residuals and derivatives here; infinite residuals where the view cannot be."""
 
     def moved(self, step: Array) -> Self:
@@ -185,7 +185,7 @@ class Common:
         return self.value - self.expected
 
 
-V = TypeVar("V", bound=View)
+V = TypeVar("V", bound=ViewTerms)
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,7 +236,7 @@ def adjust(
 
     Parameters
     ----------
-    views : sequence of View
+    views : sequence of ViewTerms
         Where to start.
     common : Common
     noise_known : bool
@@ -281,7 +281,7 @@ def adjust(
 
 
 def normal_equations(
-    views: Sequence[View], common: Common, at: Sequence[Linear], variance: Array
+    views: Sequence[ViewTerms], common: Common, at: Sequence[LinearisedResiduals], variance: Array
 ) -> Arrow:
     """Information of linearised views and of the priors."""
     priors = [v.prior()[0] for v in views]
@@ -295,7 +295,7 @@ def normal_equations(
 
 def _descend(
     views: list[V], common: Common, variance: Array, max_iterations: int
-) -> tuple[list[V], Common, list[Linear], bool]:
+) -> tuple[list[V], Common, list[LinearisedResiduals], bool]:
     """Levenberg-Marquardt steps down to the least cost, and whether it was reached."""
     at = [v.linearise(common.value) for v in views]
     cost = _cost(views, common, at, variance)
@@ -323,7 +323,7 @@ def _descend(
 
 
 def _right_hand_side(
-    views: Sequence[View], common: Common, at: Sequence[Linear], variance: Array
+    views: Sequence[ViewTerms], common: Common, at: Sequence[LinearisedResiduals], variance: Array
 ) -> tuple[list[Array], Array]:
     """Down the cost's slope, by the own unknowns of each view and by the common ones."""
     own, pull = [], -common.precision * common.away
@@ -334,7 +334,9 @@ def _right_hand_side(
     return own, pull
 
 
-def _cost(views: Sequence[View], common: Common, at: Sequence[Linear], variance: Array) -> float:
+def _cost(
+    views: Sequence[ViewTerms], common: Common, at: Sequence[LinearisedResiduals], variance: Array
+) -> float:
     """Squared residuals over their noise, and squared distances from the priors over theirs."""
     of_residuals = sum(a.residual @ a.residual / s2 for a, s2 in zip(at, variance, strict=True))
     of_own = sum(precision @ away**2 for precision, away in (v.prior() for v in views))
@@ -342,7 +344,7 @@ def _cost(views: Sequence[View], common: Common, at: Sequence[Linear], variance:
 
 
 def _freedom(
-    at: Sequence[Linear], covariance: Array, places: Sequence[slice], variance: Array
+    at: Sequence[LinearisedResiduals], covariance: Array, places: Sequence[slice], variance: Array
 ) -> Array:
     """Residuals of each view less what the unknowns take of them, shape (view,).
 

@@ -20,7 +20,7 @@ from sldvexp.geometry.rotation import nearest_rotation, rigid_transform, vector_
 from sldvexp.io.text_fields import csv_lines, number, unit_of_columns
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
-from sldvexp.pose.base import PoseMethod, pose_group
+from sldvexp.pose.base import PoseMethod, pose_to_dataset
 from sldvexp.targets.base import Target
 from sldvexp.typing import Array
 from sldvexp.units import LengthUnit
@@ -132,7 +132,7 @@ def estimate(method: Digitizer) -> xr.Dataset:
     covariance = np.full((6, 6), np.nan)
     if repeats > 1:
         covariance = np.cov(deviation.T) / repeats
-    group = pose_group(
+    group = pose_to_dataset(
         [method.view],
         mean_rotation[None],
         origin.mean(axis=0)[None],

@@ -16,7 +16,7 @@ from sldvexp.config.registry import register
 from sldvexp.errors import UserError
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
-from sldvexp.pose.base import JointCovariance, pose_group
+from sldvexp.pose.base import JointCovariance, pose_to_dataset
 from sldvexp.pose.edge_solver import EdgePoints, EdgePoses, angles_along, solve_edges
 from sldvexp.pose.from_scans import MISFIT, CircleImages, FromScans, circles_of, registration_table
 from sldvexp.pose.intrinsics import adjusted_notes, places
@@ -138,7 +138,7 @@ def _group(method: Edge, images: list[CircleImages], found: EdgePoses) -> xr.Dat
     std = [np.concatenate([e.std for e in i.edges.values()]) for i in images]
     square = [np.sum((p.residual * own) ** 2) for p, own in zip(poses, std, strict=True)]
     count = [len(p.residual) for p in poses]
-    return pose_group(
+    return pose_to_dataset(
         views,
         np.array([p.rotation for p in poses]),
         np.array([p.origin for p in poses]),

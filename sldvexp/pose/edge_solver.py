@@ -23,7 +23,7 @@ from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.laser.model import rays
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.base import EXTRINSICS
-from sldvexp.pose.bundle_adjustment import Adjusted, Common, Linear, adjust
+from sldvexp.pose.bundle_adjustment import Adjusted, Common, LinearisedResiduals, adjust
 from sldvexp.pose.intrinsics import named, nominal_intrinsics, places, true_angles
 from sldvexp.typing import Array, IndexArray
 
@@ -236,17 +236,19 @@ class EdgeView:
             self.scene, intrinsics=intrinsics, moved=moved if len(moved) else self.scene.moved
         )
 
-    def linearise(self, common: Array) -> Linear:
-        """See `sldvexp.pose.bundle_adjustment.View`."""
+    def linearise(self, common: Array) -> LinearisedResiduals:
+        """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
         residual, jacobian = residuals(self.points, self.with_common(common))
         jacobian /= self.scale[:, None]
         own = [*range(RIM + 1), *(FIRST_INTRINSIC + k for k in self.own)]
         shared = [FIRST_INTRINSIC + k for k in self.shared]
         circles = range(MOVED, MOVED + len(common) - len(shared))
-        return Linear(residual / self.scale, jacobian[:, own], jacobian[:, [*shared, *circles]])
+        return LinearisedResiduals(
+            residual / self.scale, jacobian[:, own], jacobian[:, [*shared, *circles]]
+        )
 
     def moved(self, step: Array) -> EdgeView:
-        """See `sldvexp.pose.bundle_adjustment.View`."""
+        """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
         s = self.scene
         intrinsics = s.intrinsics.copy()
         intrinsics[self.own] += step[RIM + 1 :]
@@ -260,11 +262,11 @@ class EdgeView:
         return replace(self, scene=scene)
 
     def weighed(self, common: Array) -> EdgeView:
-        """See `sldvexp.pose.bundle_adjustment.View`."""
+        """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
         return replace(self, scale=spread(self.points, self.with_common(common)))
 
     def prior(self) -> tuple[Array, Array]:
-        """See `sldvexp.pose.bundle_adjustment.View`."""
+        """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
         free = np.zeros(RIM + 1)
         away = self.scene.intrinsics[self.own] - self.expected
         return np.append(free, self.own_prior**-2.0), np.append(free, away)

@@ -19,9 +19,9 @@ from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
-from sldvexp.pose.base import JointCovariance, pose_group
+from sldvexp.pose.base import JointCovariance, pose_to_dataset
 from sldvexp.pose.intrinsics import adjusted_notes
-from sldvexp.pose.multi_view import Sight, solve_together
+from sldvexp.pose.multi_view import PointObservations, solve_together
 from sldvexp.pose.single_view import PoseSolution, solve_pose
 from sldvexp.targets.base import Target
 from sldvexp.typing import Array
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 #: Gives solutions the covariance that they deserve where the points' errors are not independent:
 #: solutions, joint covariance of all views, notes.
-Judge = Callable[[Sequence[PoseSolution]], tuple[list[PoseSolution], Array, list[str]]]
+CovarianceModel = Callable[[Sequence[PoseSolution]], tuple[list[PoseSolution], Array, list[str]]]
 
 
 def estimate(
@@ -40,7 +40,7 @@ def estimate(
     laser: TwoMirror | None,
     target: Target | None,
     inverted: Sequence[MirrorName] = (),
-    judge: Judge | None = None,
+    judge: CovarianceModel | None = None,
 ) -> dict[str, xr.Dataset]:
     """Solve every view and make the groups ``registration`` and ``pose``.
 
@@ -53,7 +53,7 @@ def estimate(
         If there is one, object points of the same number are compared with it.
     inverted : sequence of MirrorName
         Mirrors whose recorded angles grow the other way.
-    judge : Judge, optional
+    judge : CovarianceModel, optional
         Without it, the method's own, if it has one.
 
     Returns
@@ -106,7 +106,9 @@ def _together(
 ) -> tuple[list[PoseSolution], Array]:
     """All views with the intrinsics that they share, and the joint covariance."""
     sights = [
-        Sight(t.name, t.object_point, angle, _angle_std(method, t, s.origin, laser, target))
+        PointObservations(
+            t.name, t.object_point, angle, _angle_std(method, t, s.origin, laser, target)
+        )
         for t, angle, s in zip(tables, angles, alone, strict=True)
     ]
     solutions, matrix = solve_together(
@@ -215,7 +217,7 @@ def _pose_group(
         joint = JointCovariance(views, [*method.adjust], [*method.shared], matrix)
     with np.errstate(divide="ignore", invalid="ignore"):
         s_deg = np.sqrt(sse / dof)
-    group = pose_group(
+    group = pose_to_dataset(
         views,
         each("rotation"),
         each("origin"),

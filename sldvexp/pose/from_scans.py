@@ -12,10 +12,10 @@ from typing import ClassVar
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.geometry.bitangent import Bitangents
+from sldvexp.geometry.bitangent import BitangentPoints
 from sldvexp.image.matching import Match, bitangent_images, match_circles
 from sldvexp.image.pinhole import dac_bitangents, dac_edges, fit_circle, pinhole_edges
-from sldvexp.image.scan_lines import Edges
+from sldvexp.image.scan_lines import ScanLineEdges
 from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
@@ -70,12 +70,12 @@ class FromScans(FromPoints):
             If nothing was scanned, the mirrors look wired wrongly, or a circle makes no ellipse or
             the ellipses fit the object in no way or in two.
         """
-        from sldvexp.pose.wiring import recognised
+        from sldvexp.pose.wiring import check_wiring
 
         found = []
         for view, group in edge_views(tree, self.name).items():
             edges, adjusted = edges_of(group), self.adjust | self.shared
-            images = recognised(view, edges, circles, laser, adjusted, self.upright)
+            images = check_wiring(view, edges, circles, laser, adjusted, self.upright)
             if not pinhole:
                 images = match_images(view, edges, circles, laser, pinhole)
             found.append(images)
@@ -99,9 +99,9 @@ class CircleImages:
     Parameters
     ----------
     view : str
-    edges : dict of int to Edges
+    edges : dict of int to ScanLineEdges
         By the circle's number, in DAC steps, freed from the spot's size; outliers left out.
-    bitangents : Bitangents
+    bitangents : BitangentPoints
         Image points of the selected pairs, DAC steps.
     match : Match
     misfit : float
@@ -109,8 +109,8 @@ class CircleImages:
     """
 
     view: str
-    edges: dict[int, Edges]
-    bitangents: Bitangents
+    edges: dict[int, ScanLineEdges]
+    bitangents: BitangentPoints
     match: Match
     misfit: float
 
@@ -140,14 +140,14 @@ def circles_of(target: Target | None, method: str) -> Circles:
 
 
 def match_images(
-    view: str, edges: list[Edges], target: Circles, laser: TwoMirror, pinhole: bool
+    view: str, edges: list[ScanLineEdges], target: Circles, laser: TwoMirror, pinhole: bool
 ) -> CircleImages:
     """Fit a conic to each circle's image and find out which circle it is.
 
     Parameters
     ----------
     view : str
-    edges : list of Edges
+    edges : list of ScanLineEdges
         Of the circles in any order, DAC steps.
     target : Circles
     laser : TwoMirror
@@ -202,7 +202,7 @@ def image_notes(images: CircleImages) -> list[str]:
     return notes
 
 
-def _used(edges: Edges, used: BoolArray) -> Edges:
+def _used(edges: ScanLineEdges, used: BoolArray) -> ScanLineEdges:
     """The edges that are no outliers."""
     parts = ("position", "std", "direction", "width", "line", "rising", "phase")
     return replace(edges, **{p: getattr(edges, p)[used] for p in parts})

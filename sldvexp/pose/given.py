@@ -13,7 +13,7 @@ from sldvexp.errors import Checks
 from sldvexp.geometry.rotation import KnownPose, euler_jacobian, rotation_from_euler
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
-from sldvexp.pose.base import PoseMethod, pose_group
+from sldvexp.pose.base import PoseMethod, pose_to_dataset
 from sldvexp.targets.base import Target
 
 
@@ -96,7 +96,7 @@ def known_poses(views: dict[str, KnownPose], confidence: float) -> xr.Dataset:
         matrix[:] = 0.0
         matrix[:3, :3] = by_euler @ np.diag(np.square(p.euler_std) / n) @ by_euler.T
         matrix[3:, 3:] = np.diag(np.square(p.origin_std) * p.unit.value**2 / n)
-    return pose_group(
+    return pose_to_dataset(
         list(views),
         rotation,
         np.array([p.origin for p in poses]) * [[p.unit.value] for p in poses],

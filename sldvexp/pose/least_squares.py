@@ -97,7 +97,7 @@ def choose(first: BoolArray, a: Stack, b: Stack) -> Stack:
 
 
 @dataclass(frozen=True)
-class Problem:
+class PoseProblem:
     """Observations of a stack of M problems.
 
     Parameters
@@ -122,7 +122,7 @@ class Problem:
     prior: Array
     prior_weight: Array
 
-    def take(self, index: Index) -> Problem:
+    def take(self, index: Index) -> PoseProblem:
         """Those of an index or mask."""
 
         def of(a: Array) -> Array:
@@ -138,7 +138,7 @@ class Problem:
         )
 
 
-def linearise(problem: Problem, pose: Pose) -> Linearisation:
+def linearise(problem: PoseProblem, pose: Pose) -> Linearisation:
     """Residuals of the two-mirror model and their derivatives (Eqs 4.2 and 4.3).
 
     The derivatives are those of the *predicted* angles by the rotation vector, the displacement of
@@ -187,7 +187,7 @@ def linearise(problem: Problem, pose: Pose) -> Linearisation:
     return Linearisation(residual.reshape(m, 2 * n), jacobian.reshape(m, -1, 2 * n), cost)
 
 
-def normal_equations(problem: Problem, pose: Pose, at: Linearisation) -> tuple[Array, Array]:
+def normal_equations(problem: PoseProblem, pose: Pose, at: Linearisation) -> tuple[Array, Array]:
     """Information matrix (M, p, p) and right-hand side (M, p), with the priors in them."""
     matrix = at.jacobian @ at.jacobian.swapaxes(-1, -2)
     right = (at.jacobian @ at.residual[:, :, None])[:, :, 0]
@@ -199,13 +199,13 @@ def normal_equations(problem: Problem, pose: Pose, at: Linearisation) -> tuple[A
 
 
 def levenberg_marquardt(
-    problem: Problem, pose: Pose, starts: int, max_iterations: int
+    problem: PoseProblem, pose: Pose, starts: int, max_iterations: int
 ) -> tuple[Pose, Array, BoolArray]:
     """Follow every start down to its least weighted sum of squares.
 
     Parameters
     ----------
-    problem : Problem
+    problem : PoseProblem
     pose : Pose
         Where to start; each run of `starts` entries belongs to the same observations.
     starts : int

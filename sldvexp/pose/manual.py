@@ -15,7 +15,7 @@ from sldvexp.errors import Checks
 from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.correlated_errors import Errors, with_errors
-from sldvexp.pose.from_points import Judge, unlikely_residuals
+from sldvexp.pose.from_points import CovarianceModel, unlikely_residuals
 from sldvexp.pose.registration import Registration
 from sldvexp.pose.single_view import PoseSolution
 from sldvexp.targets.base import Target, TargetPoints
@@ -58,7 +58,7 @@ class Manual(Registration):
 
     def judge(
         self, tables: Sequence[RegistrationTable], laser: TwoMirror, target: Target | None
-    ) -> Judge | None:
+    ) -> CovarianceModel | None:
         """The marks' errors are the same in every view."""
         if target is None:
             return None
@@ -68,7 +68,7 @@ class Manual(Registration):
 
 def mark_judge(
     method: Manual, tables: Sequence[RegistrationTable], laser: TwoMirror, points: TargetPoints
-) -> Judge:
+) -> CovarianceModel:
     """Bounds from both errors; a mark that stands elsewhere than measured does so in every view.
 
     Parameters

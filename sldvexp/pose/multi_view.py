@@ -9,9 +9,9 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.pose.base import EXTRINSICS
-from sldvexp.pose.bundle_adjustment import Adjusted, Common, Linear, adjust
+from sldvexp.pose.bundle_adjustment import Adjusted, Common, LinearisedResiduals, adjust
 from sldvexp.pose.intrinsics import named, nominal_intrinsics, places, true_angles
-from sldvexp.pose.least_squares import INTRINSICS, Pose, Problem, linearise
+from sldvexp.pose.least_squares import INTRINSICS, Pose, PoseProblem, linearise
 from sldvexp.pose.single_view import PoseSolution, observations, solve_pose
 from sldvexp.pose.uncertainty import origin_jacobian
 from sldvexp.typing import Array
@@ -23,7 +23,7 @@ SAVED = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class PointObservations:
     """What one view saw.
 
     Parameters
@@ -50,7 +50,7 @@ class PointView:
 
     Parameters
     ----------
-    problem : Problem
+    problem : PoseProblem
         Of one view; own intrinsics are the first that it adjusts, shared ones the others.
     pose : Pose
     own_prior : ndarray, shape (own,)
@@ -58,7 +58,7 @@ class PointView:
     expected : ndarray, shape (own,)
     """
 
-    problem: Problem
+    problem: PoseProblem
     pose: Pose
     own_prior: Array
     expected: Array
@@ -74,18 +74,18 @@ class PointView:
         intrinsics[0, self.problem.adjusted[len(self.own_prior) :]] = common
         return self.pose._replace(intrinsics=intrinsics)
 
-    def linearise(self, common: Array) -> Linear:
-        """See `sldvexp.pose.bundle_adjustment.View`."""
+    def linearise(self, common: Array) -> LinearisedResiduals:
+        """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
         at = linearise(self.problem, self.with_common(common))
         residual = at.residual[0]
         if not np.isfinite(at.cost[0]):
             residual = np.full_like(residual, np.inf)
         # The derivatives there are those of the predicted angles.
         jacobian, own = -at.jacobian[0].T, len(EXTRINSICS) + len(self.own_prior)
-        return Linear(residual, jacobian[:, :own], jacobian[:, own:])
+        return LinearisedResiduals(residual, jacobian[:, :own], jacobian[:, own:])
 
     def moved(self, step: Array) -> PointView:
-        """See `sldvexp.pose.bundle_adjustment.View`."""
+        """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
         return replace(self, pose=self.pose.moved(step[None], self.own))
 
     def weighed(self, common: Array) -> PointView:
@@ -93,14 +93,14 @@ class PointView:
         return self
 
     def prior(self) -> tuple[Array, Array]:
-        """See `sldvexp.pose.bundle_adjustment.View`."""
+        """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
         away = self.pose.intrinsics[0, self.own] - self.expected
         free = np.zeros(len(EXTRINSICS))
         return np.append(free, self.own_prior**-2.0), np.append(free, away)
 
 
 def solve_together(
-    sights: Sequence[Sight],
+    sights: Sequence[PointObservations],
     *,
     step: Array,
     mirror_offset: float,
@@ -112,7 +112,7 @@ def solve_together(
 
     Parameters
     ----------
-    sights : sequence of Sight
+    sights : sequence of PointObservations
         Of each view.
     step : ndarray, shape (2,), rad
         Angle of one DAC step of each mirror.
@@ -166,7 +166,11 @@ def solve_together(
 
 
 def _single(
-    sight: Sight, intrinsics: Array, step: Array, adjusted: Mapping[str, float], most: int
+    sight: PointObservations,
+    intrinsics: Array,
+    step: Array,
+    adjusted: Mapping[str, float],
+    most: int,
 ) -> PoseSolution:
     try:
         return solve_pose(
@@ -183,7 +187,7 @@ def _single(
 
 
 def _view(
-    sight: Sight,
+    sight: PointObservations,
     start: PoseSolution,
     step: Array,
     mirror_offset: float,
@@ -193,7 +197,7 @@ def _view(
     """A view's observations, and where it starts."""
     given = observations(sight.points, sight.angles, step, mirror_offset, adjusted, sight.std)
     known = [*given.prior_std, *places(shared)]
-    problem = Problem(
+    problem = PoseProblem(
         points=given.points,
         recorded=given.angles,
         weight=1 / (given.std * given.step[:, None]),
@@ -211,7 +215,10 @@ def _view(
 
 
 def _check_enough(
-    sights: Sequence[Sight], adjusted: Mapping[str, float], shared: Mapping[str, float], known: bool
+    sights: Sequence[PointObservations],
+    adjusted: Mapping[str, float],
+    shared: Mapping[str, float],
+    known: bool,
 ) -> None:
     angles = sum(2 * len(s.points) for s in sights)
     own = len(EXTRINSICS) + sum(np.isinf(std) for std in adjusted.values())
@@ -240,7 +247,7 @@ def _cost(found: Adjusted[PointView]) -> float:
 
 def _solutions(
     found: Adjusted[PointView],
-    sights: Sequence[Sight],
+    sights: Sequence[PointObservations],
     alone: Sequence[PoseSolution],
     step: Array,
     adjusted: list[str],

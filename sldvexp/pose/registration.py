@@ -26,7 +26,7 @@ from sldvexp.typing import Array, IntArray
 from sldvexp.units import LengthUnit
 
 if TYPE_CHECKING:
-    from sldvexp.pose.from_points import Judge
+    from sldvexp.pose.from_points import CovarianceModel
 
 #: What may be adjusted besides the pose.
 ADJUSTABLE = (
@@ -117,7 +117,7 @@ class FromPoints(PoseMethod):
 
     def judge(
         self, tables: Sequence[RegistrationTable], laser: TwoMirror, target: Target | None
-    ) -> Judge | None:
+    ) -> CovarianceModel | None:
         """What gives solved poses the covariance that they deserve, if errors are not independent.
 
         Parameters

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from sldvexp.errors import UserError, nearest
 from sldvexp.pose.base import EXTRINSICS
 from sldvexp.pose.initial_pose import start_poses
-from sldvexp.pose.least_squares import INTRINSICS, Pose, Problem, levenberg_marquardt, take
+from sldvexp.pose.least_squares import INTRINSICS, Pose, PoseProblem, levenberg_marquardt, take
 from sldvexp.pose.uncertainty import about_origin, worth
 from sldvexp.typing import Array, BoolArray, IndexArray
 
@@ -181,12 +181,12 @@ def _solve(given: Observations, max_iterations: int) -> dict[str, Array]:
     return fields | second | {"has_other": has_other}
 
 
-def _problem(given: Observations) -> Problem:
+def _problem(given: Observations) -> PoseProblem:
     """Weights of a unit of noise: a DAC step, or the given standard deviation."""
     adjusted = list(given.prior_std)
     shape = (len(given.angles), len(adjusted))
     prior_std = np.array(list(given.prior_std.values()))
-    return Problem(
+    return PoseProblem(
         points=given.points,
         recorded=given.angles,
         weight=1 / (given.std * given.step[:, None]),
@@ -202,8 +202,8 @@ def _origin(given: Observations, pose: Pose) -> Array:
 
 
 def _settle_noise(
-    problem: Problem, pose: Pose, max_iterations: int
-) -> tuple[Problem, Pose, Array, BoolArray]:
+    problem: PoseProblem, pose: Pose, max_iterations: int
+) -> tuple[PoseProblem, Pose, Array, BoolArray]:
     """Follow two starts of each problem while the noise, and so the priors' weight, settles."""
     of_unit_noise = problem.prior_weight
     variance = np.ones(len(pose.centre))
@@ -219,7 +219,7 @@ def _settle_noise(
 
 
 def _evaluated(
-    given: Observations, problem: Problem, pose: Pose, converged: BoolArray
+    given: Observations, problem: PoseProblem, pose: Pose, converged: BoolArray
 ) -> dict[str, Array]:
     """Fields of `PoseSolution` about the better solution, and what it leaves `undetermined`."""
     found = worth(problem, pose)

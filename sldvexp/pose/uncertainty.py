@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sldvexp.geometry.rotation import euler_jacobian
-from sldvexp.pose.least_squares import Pose, Problem, cross_matrix, linearise, normal_equations
+from sldvexp.pose.least_squares import Pose, PoseProblem, cross_matrix, linearise, normal_equations
 from sldvexp.statistics import student_factor
 from sldvexp.typing import Array
 
@@ -40,7 +40,7 @@ class Worth(NamedTuple):
     undetermined: Array
 
 
-def worth(problem: Problem, pose: Pose) -> Worth:
+def worth(problem: PoseProblem, pose: Pose) -> Worth:
     """Cofactor matrix and estimated variance of solved problems, ``s^2 = SSE / dof``."""
     at = linearise(problem, pose)
     information, _ = normal_equations(problem, pose, at)

@@ -21,8 +21,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.geometry.bitangent import Bitangents
-from sldvexp.image.scan_lines import Edges
+from sldvexp.geometry.bitangent import BitangentPoints
+from sldvexp.image.scan_lines import ScanLineEdges
 from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
 from sldvexp.pose.bitangent import UNLIKELY, with_shared_errors
 from sldvexp.pose.from_scans import CircleImages, match_images, registration_table
@@ -103,9 +103,9 @@ class Hypothesis:
         return "upright" if self.up > STANDS else "on its side"
 
 
-def recognised(
+def check_wiring(
     view: str,
-    edges: Sequence[Edges],
+    edges: Sequence[ScanLineEdges],
     target: Circles,
     laser: TwoMirror,
     adjust: Mapping[str, float],
@@ -116,7 +116,7 @@ def recognised(
     Parameters
     ----------
     view : str
-    edges : sequence of Edges
+    edges : sequence of ScanLineEdges
         Of the circles in any order, DAC steps.
     target : Circles
     laser : TwoMirror
@@ -163,7 +163,7 @@ def recognised(
 
 
 def _images(
-    view: str, edges: Sequence[Edges], target: Circles, laser: TwoMirror
+    view: str, edges: Sequence[ScanLineEdges], target: Circles, laser: TwoMirror
 ) -> tuple[CircleImages | None, UserError | None]:
     """The images of the circles, or why there are none."""
     try:
@@ -172,7 +172,7 @@ def _images(
         return None, error
 
 
-def _exchanged(edges: Edges) -> Edges:
+def _exchanged(edges: ScanLineEdges) -> ScanLineEdges:
     """The edges as they are if each channel drives the other mirror."""
     return replace(edges, position=edges.position[:, ::-1], direction=edges.direction[:, ::-1])
 
@@ -199,7 +199,7 @@ def _hypothesis(
     except UserError:
         return None
     points, covariance = images.bitangents
-    turned = Bitangents(points * turns, covariance * turns[:, None, None, None, None] * turns)
+    turned = BitangentPoints(points * turns, covariance * turns[:, None, None, None, None] * turns)
     _, probability = with_shared_errors(solution, turned, target, laser)
     return Hypothesis(
         wiring,

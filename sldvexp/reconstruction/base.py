@@ -140,9 +140,9 @@ class Reconstruction:
 
     def group(self, line_of_sight: xr.Dataset) -> xr.Dataset:
         """The group ``point`` of a run, from its group ``line_of_sight``; see `reconstruct`."""
-        from sldvexp.reconstruction.to_dataset import reconstruct_group
+        from sldvexp.reconstruction.to_dataset import points_to_dataset
 
-        return reconstruct_group(self, line_of_sight)
+        return points_to_dataset(self, line_of_sight)
 
 
 def select_rows(method: Reconstruction, directions: ArrayLike, view_names: Sequence[str]) -> RowSet:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.reconstruction.system import System
+from sldvexp.reconstruction.system import PointSystem
 from sldvexp.typing import Array, BoolArray
 
 #: A component counts as determined if the undetermined directions lean towards it by less (cosine).
@@ -70,13 +70,13 @@ def determined_components(null: Array) -> BoolArray:
 
 
 def observed_subspace(
-    system: System, points: NDArray[np.int_], noise: Array, factor: Array
+    system: PointSystem, points: NDArray[np.int_], noise: Array, factor: Array
 ) -> ObservedSubspace:
     """Velocities along the determined directions of some points.
 
     Parameters
     ----------
-    system : System
+    system : PointSystem
     points : ndarray of int, shape (deficient,)
     noise : ndarray, shape (deficient, frequency)
         Size of the noise that `PointFit.cofactor` is in units of.
@@ -137,7 +137,7 @@ def _last(basis: Array) -> Array:
     return np.take_along_axis(basis, order[..., None], axis=-2)
 
 
-def describe(subspace: ObservedSubspace, system: System) -> str:
+def describe(subspace: ObservedSubspace, system: PointSystem) -> str:
     """One sentence that names the undetermined directions, or those of the first such point."""
     rows = system.rows
     every_view = np.linalg.matrix_rank(rows.matrix) == len(system.views.names)

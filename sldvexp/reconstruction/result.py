@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sldvexp.reconstruction.least_squares import design
 from sldvexp.reconstruction.observability import ObservedSubspace
 from sldvexp.reconstruction.rows import RowSet
-from sldvexp.reconstruction.system import System
+from sldvexp.reconstruction.system import PointSystem
 from sldvexp.reconstruction.views import Points
 from sldvexp.statistics import FTest, chi_square_p_value, f_test
 from sldvexp.typing import Array, BoolArray
@@ -59,7 +59,7 @@ class PointVelocity:
         Velocities along determined directions where not all components are.
     messages : tuple of str
         What a user must know about flagged points, in sentences.
-    system : System
+    system : PointSystem
         The views, rows and model that this was computed from.
     """
 
@@ -77,7 +77,7 @@ class PointVelocity:
     noise_from: str
     along: ObservedSubspace | None
     messages: tuple[str, ...]
-    system: System
+    system: PointSystem
 
     @property
     def rows(self) -> RowSet:

@@ -20,7 +20,7 @@ from sldvexp.reconstruction.observability import (
 )
 from sldvexp.reconstruction.result import PointVelocity
 from sldvexp.reconstruction.rows import RowSet
-from sldvexp.reconstruction.system import GIVEN, NOWHERE, ROWS, VIEWS, System
+from sldvexp.reconstruction.system import GIVEN, NOWHERE, ROWS, VIEWS, PointSystem
 from sldvexp.reconstruction.views import Views
 from sldvexp.statistics import student_factor
 from sldvexp.typing import Array, BoolArray
@@ -83,7 +83,7 @@ def solve(views: Views, rows: RowSet, method: Reconstruction) -> PointVelocity:
     -------
     PointVelocity
     """
-    system = System(
+    system = PointSystem(
         views,
         rows,
         intercept=method.model is Model.full,
@@ -113,7 +113,7 @@ def solve(views: Views, rows: RowSet, method: Reconstruction) -> PointVelocity:
     return _collect(system, results, each)
 
 
-def _solve_block(system: System, points: slice, span: slice, results: _Results) -> None:
+def _solve_block(system: PointSystem, points: slice, span: slice, results: _Results) -> None:
     """Fill the results of some points; `span` are their systems."""
     fit = system.fit(points)
     known = system.views.std is not None
@@ -179,7 +179,7 @@ def _as_real(data: NDArray[np.inexact]) -> NDArray[np.floating]:
     return data.view(data.real.dtype)
 
 
-def _collect(system: System, results: _Results, each: int) -> PointVelocity:
+def _collect(system: PointSystem, results: _Results, each: int) -> PointVelocity:
     """Bring systems back to points, and say in words what could not be determined."""
     fold = system.views.fold
     known = system.views.std is not None
@@ -204,7 +204,7 @@ def _collect(system: System, results: _Results, each: int) -> PointVelocity:
     return _with_flags(velocity, np.flatnonzero(results.rank[::each] < system.parameters))
 
 
-def _noise_from(system: System, dof: Array) -> str:
+def _noise_from(system: PointSystem, dof: Array) -> str:
     if system.views.std is not None:
         return GIVEN
     if not np.any(dof > 0):

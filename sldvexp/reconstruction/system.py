@@ -15,7 +15,7 @@ GIVEN, ROWS, VIEWS, NOWHERE = "given", "rows", "views", "none"
 
 
 @dataclass(frozen=True)
-class System:
+class PointSystem:
     """Views and the linear model that a method fits to their rows.
 
     Attributes

@@ -14,7 +14,7 @@ from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.reconstruction.result import PointVelocity
 
 
-def reconstruct_group(method: Reconstruction, line_of_sight: xr.Dataset) -> xr.Dataset:
+def points_to_dataset(method: Reconstruction, line_of_sight: xr.Dataset) -> xr.Dataset:
     """Reconstruct from the group ``line_of_sight`` and make the group ``point``.
 
     Parameters

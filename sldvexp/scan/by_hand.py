@@ -10,7 +10,7 @@ import numpy as np
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.scan.base import PersonPart, check_view_names
-from sldvexp.targets.points import Point, Points
+from sldvexp.targets.points import FiducialPoint, FiducialPoints
 from sldvexp.typing import IntArray
 from sldvexp.units import LengthUnit
 
@@ -36,7 +36,7 @@ class ByHand(PersonPart):
     Parameters
     ----------
     views : dict of str to Marks
-    fiducials : dict of int to Point
+    fiducials : dict of int to FiducialPoint
         The marks. Without them, the points of the group ``target``.
     unit : LengthUnit
         Of the fiducials' coordinates.
@@ -47,7 +47,7 @@ class ByHand(PersonPart):
     kind: ClassVar[str] = "marks"
 
     views: dict[str, Marks] = field(default_factory=dict)
-    fiducials: dict[int, Point] = field(default_factory=dict)
+    fiducials: dict[int, FiducialPoint] = field(default_factory=dict)
     unit: LengthUnit = LengthUnit.m
     accuracy: float = 0.0
 
@@ -63,9 +63,9 @@ class ByHand(PersonPart):
                 checks.require(number in self.fiducials, f"views.{name}.hidden", there)
         checks.done()
 
-    def own_marks(self) -> Points | None:
+    def own_marks(self) -> FiducialPoints | None:
         """The fiducials, if there are any."""
-        return Points(self.unit, self.accuracy, self.fiducials) if self.fiducials else None
+        return FiducialPoints(self.unit, self.accuracy, self.fiducials) if self.fiducials else None
 
     def inputs(self) -> list[str]:
         """See `Scan`."""

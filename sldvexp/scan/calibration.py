@@ -28,7 +28,7 @@ class EdgeMethod(Enum):
 
 
 @dataclass
-class Lines:
+class CircleLines:
     """Scan lines of one stage across each circle.
 
     Parameters
@@ -78,16 +78,16 @@ class Centres:
 
 @register("scan", "calibration")
 @dataclass
-class Calibration(ScanPart):
+class CalibrationScan(ScanPart):
     """The dissertation's coarse and fine lines across each circle (Section 4.5.2).
 
     Parameters
     ----------
     views : dict of str to Centres
         Rough centres of the circles in each view.
-    coarse : Lines
+    coarse : CircleLines
         Across the whole circle, through its rough centre.
-    fine : Lines
+    fine : CircleLines
         Across the edge, around the coarse ellipse.
     edge : EdgeMethod
         For the fine lines.
@@ -97,8 +97,8 @@ class Calibration(ScanPart):
     kind: ClassVar[str] = "circles"
 
     views: dict[str, Centres] = field(default_factory=dict)
-    coarse: Lines = field(default_factory=lambda: Lines(3, 300, 25))
-    fine: Lines = field(default_factory=lambda: Lines(44, 25, 5))
+    coarse: CircleLines = field(default_factory=lambda: CircleLines(3, 300, 25))
+    fine: CircleLines = field(default_factory=lambda: CircleLines(44, 25, 5))
     edge: EdgeMethod = EdgeMethod.profile
     sampling: Sampling = field(default_factory=Sampling)
 

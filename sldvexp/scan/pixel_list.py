@@ -18,7 +18,7 @@ LINE = 64
 
 
 @dataclass
-class Pixels:
+class PixelSequence:
     """Pixels of a view, in the order of the scan, DAC steps (up_down, left_right).
 
     Parameters
@@ -39,11 +39,11 @@ class PixelList(ImageScan):
 
     Parameters
     ----------
-    views : dict of str to Pixels
+    views : dict of str to PixelSequence
     sampling : Sampling
     """
 
-    views: dict[str, Pixels] = field(default_factory=dict)
+    views: dict[str, PixelSequence] = field(default_factory=dict)
     sampling: Sampling = field(default_factory=Sampling)
 
     def __post_init__(self) -> None:

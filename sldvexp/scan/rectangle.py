@@ -14,7 +14,7 @@ from sldvexp.typing import IntArray
 
 
 @dataclass
-class Region:
+class ScanRegion:
     """What is imaged in a view.
 
     Parameters
@@ -36,7 +36,7 @@ class Rectangle(ImageScan):
 
     Parameters
     ----------
-    views : dict of str to Region
+    views : dict of str to ScanRegion
     pixels : list of 2 int
         Rows and columns, spread evenly over the box.
     stride : int, optional
@@ -45,7 +45,7 @@ class Rectangle(ImageScan):
     sampling : Sampling
     """
 
-    views: dict[str, Region] = field(default_factory=dict)
+    views: dict[str, ScanRegion] = field(default_factory=dict)
     pixels: list[int] = field(default_factory=list)
     stride: int | None = None
     sampling: Sampling = field(default_factory=Sampling)

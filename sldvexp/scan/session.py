@@ -9,7 +9,7 @@ from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.scan.base import Scan, ScanPart
 from sldvexp.scan.by_hand import ByHand
-from sldvexp.scan.calibration import Calibration
+from sldvexp.scan.calibration import CalibrationScan
 from sldvexp.scan.pixel_list import PixelList
 from sldvexp.scan.rectangle import Rectangle
 
@@ -24,7 +24,7 @@ class Session(Scan):
 
     Parameters
     ----------
-    calibration : Calibration
+    calibration : CalibrationScan
         Where the instrument stands.
     structure : Rectangle
         The images.
@@ -34,7 +34,7 @@ class Session(Scan):
         Where the instrument stands, as a person finds it.
     """
 
-    calibration: Calibration = field(default_factory=Calibration)
+    calibration: CalibrationScan = field(default_factory=CalibrationScan)
     structure: Rectangle = field(default_factory=Rectangle)
     pixels: PixelList = field(default_factory=PixelList)
     marks: ByHand = field(default_factory=ByHand)

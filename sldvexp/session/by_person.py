@@ -20,7 +20,7 @@ from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan.by_digitizer import ByDigitizer
 from sldvexp.scan.by_hand import ByHand
-from sldvexp.session.camera import Operator, Standpoint
+from sldvexp.session.camera import Operator, ViewContext
 from sldvexp.targets.base import Target
 from sldvexp.targets.circles import Circles
 from sldvexp.typing import Array, IntArray
@@ -30,7 +30,7 @@ GROUP = "registration"
 HOME: Steps = (0, 0)
 
 
-def take_marks(scan: ByHand, at: Standpoint) -> dict[str, xr.Dataset]:
+def record_marks(scan: ByHand, at: ViewContext) -> dict[str, xr.Dataset]:
     """The marks that a person can point at in a view; the group ``registration/<view>``.
 
     Raises
@@ -58,7 +58,7 @@ def take_marks(scan: ByHand, at: Standpoint) -> dict[str, xr.Dataset]:
     return _group(at, numbers, position, std, np.array(dac, float))
 
 
-def take_spots(scan: ByDigitizer, at: Standpoint) -> dict[str, xr.Dataset]:
+def record_spots(scan: ByDigitizer, at: ViewContext) -> dict[str, xr.Dataset]:
     """The digitised spots of a view; the group ``registration/<view>``.
 
     A spot is a point of the structure that no other view has, and so has a number of its own.
@@ -109,7 +109,7 @@ def known_marks(scan: ByHand, target: Target | None) -> list[Mark]:
 
 
 def person_at(
-    at: Standpoint, unit: LengthUnit = LengthUnit.m, taken: Mapping[Steps, int] | None = None
+    at: ViewContext, unit: LengthUnit = LengthUnit.m, taken: Mapping[Steps, int] | None = None
 ) -> Person:
     """Who does what the instrument cannot: a simulated one's own person, or the one we ask."""
     instrument = at.camera.instrument
@@ -118,13 +118,13 @@ def person_at(
     return AtTerminal(at.operator, instrument, at.laser, at.view, unit, taken)
 
 
-def _aim(at: Standpoint, mark: Mark, start: Steps, taken: Mapping[Steps, int]) -> Steps | None:
+def _aim(at: ViewContext, mark: Mark, start: Steps, taken: Mapping[Steps, int]) -> Steps | None:
     """Let a person bring the beam onto a mark, at other steps than those of earlier marks."""
     return person_at(at, taken=taken).aim(mark, start)
 
 
 def _digitise(
-    scan: ByDigitizer, at: Standpoint, spot: int, steps: Steps
+    scan: ByDigitizer, at: ViewContext, spot: int, steps: Steps
 ) -> list[tuple[float, float, float]]:
     """Send the beam to its DAC steps and measure where it falls, in m."""
     at.camera.instrument.move(steps)
@@ -132,7 +132,7 @@ def _digitise(
 
 
 def _group(
-    at: Standpoint,
+    at: ViewContext,
     number: IntArray,
     position: Array,
     std: Array | None,

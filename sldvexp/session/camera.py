@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.instrument.protocol import Acquisition, Instrument, Samples, Status
+from sldvexp.instrument.protocol import Acquisition, Instrument, RawSamples, Status
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.scan.base import Sampling
 from sldvexp.session.interruption import undisturbed
@@ -138,7 +138,7 @@ class Camera:
         over = np.where(status & Status.over_range, Flag.saturated, 0).astype(np.uint8)
         return replace(image, flags=image.flags | over)
 
-    def _line(self, name: str, dac: IntArray) -> Samples:
+    def _line(self, name: str, dac: IntArray) -> RawSamples:
         """One scan line; its number in the view makes a repeated one the same on a virtual lab."""
         number, self._taken = self._taken, self._taken + 1
         assert self._wanted is not None
@@ -148,7 +148,7 @@ class Camera:
 
 
 @dataclass(frozen=True)
-class Standpoint:
+class ViewContext:
     """One view, from the first pixel to the last.
 
     Attributes

@@ -17,12 +17,12 @@ from sldvexp.errors import UserError
 from sldvexp.geometry.conic import Ellipse, principal_axes
 from sldvexp.image.edge_detection import gradient_edges, pixel_edges, profile_edges
 from sldvexp.image.pinhole import fit_circle
-from sldvexp.image.scan_lines import Edges, ScanLines
+from sldvexp.image.scan_lines import ScanLineEdges, ScanLines
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
-from sldvexp.scan.calibration import Calibration, EdgeMethod
+from sldvexp.scan.calibration import CalibrationScan, EdgeMethod
 from sldvexp.scan.lines import across, along_ellipse
-from sldvexp.session.camera import Camera, Standpoint
+from sldvexp.session.camera import Camera, ViewContext
 from sldvexp.signal.complex_image import ComplexImage
 from sldvexp.signal.instrument_faults import MOST, instrument_fault, moving
 from sldvexp.targets.circles import Circles
@@ -35,7 +35,7 @@ PLACE = {
 }
 
 
-def take_circles(scan: Calibration, at: Standpoint) -> dict[str, xr.Dataset]:
+def scan_calibration(scan: CalibrationScan, at: ViewContext) -> dict[str, xr.Dataset]:
     """Scan the circles of a view; the group ``edge/<view>``."""
     centres = scan.centres(at.view)
     if isinstance(at.target, Circles) and len(centres) != len(at.target.circles):
@@ -48,18 +48,18 @@ def take_circles(scan: Calibration, at: Standpoint) -> dict[str, xr.Dataset]:
         edges = scan_circles(at.camera, scan, centres, at.laser)
     except UserError as error:
         raise UserError(f"scan: in the view {at.view}, {error}") from None
-    return {f"edge/{at.view}": edge_group(edges)}
+    return {f"edge/{at.view}": edges_to_dataset(edges)}
 
 
 def scan_circles(
-    camera: Camera, scan: Calibration, centres: IntArray, laser: TwoMirror
-) -> list[Edges]:
+    camera: Camera, scan: CalibrationScan, centres: IntArray, laser: TwoMirror
+) -> list[ScanLineEdges]:
     """Scan every circle of a view, coarsely and then finely, and find its edge points.
 
     Parameters
     ----------
     camera : Camera
-    scan : Calibration
+    scan : CalibrationScan
     centres : ndarray of int, shape (circle, 2), steps
         Rough centres, in any order.
     laser : TwoMirror
@@ -67,7 +67,7 @@ def scan_circles(
 
     Returns
     -------
-    list of Edges
+    list of ScanLineEdges
         One for each rough centre, in DAC steps.
 
     Raises
@@ -94,15 +94,15 @@ def _other_board(centres: IntArray, laser: TwoMirror) -> str:
 
 
 def _look(
-    camera: Camera, scan: Calibration, number: int, centre: IntArray, laser: TwoMirror
-) -> Look:
+    camera: Camera, scan: CalibrationScan, number: int, centre: IntArray, laser: TwoMirror
+) -> CoarseScan:
     """Coarse lines across one circle, and the ellipse that they show."""
     name = f"the circle around DAC steps ({centre[0]}, {centre[1]})"
     key = f"{number}_coarse"
     stage = scan.coarse
     dac = _on_board(across(centre, stage.lines, stage.pixels, stage.stride), laser)
     image = camera.image(key, list(dac))
-    look = Look(name, f"{key}_*", image)
+    look = CoarseScan(name, f"{key}_*", image)
     try:
         seen = gradient_edges(_lines(image, dac, name), 2, scan.coarse.window)
         return replace(look, ellipse=fit_circle(seen, "algebraic")[0].ellipse)
@@ -110,7 +110,9 @@ def _look(
         return replace(look, problem=str(error))
 
 
-def _edges(camera: Camera, scan: Calibration, number: int, look: Look, laser: TwoMirror) -> Edges:
+def _edges(
+    camera: Camera, scan: CalibrationScan, number: int, look: CoarseScan, laser: TwoMirror
+) -> ScanLineEdges:
     """Edges of one circle on fine lines around the ellipse of the coarse ones."""
     assert look.ellipse is not None
     key = f"{number}_fine"
@@ -149,12 +151,12 @@ def _lines(image: ComplexImage, dac: IntArray, name: str) -> ScanLines:
     )
 
 
-def edge_group(edges: list[Edges]) -> xr.Dataset:
+def edges_to_dataset(edges: list[ScanLineEdges]) -> xr.Dataset:
     """The edge points of one view as the group ``edge/<view>``.
 
     Parameters
     ----------
-    edges : list of Edges
+    edges : list of ScanLineEdges
         One for each rough centre.
 
     Returns
@@ -177,7 +179,7 @@ def edge_group(edges: list[Edges]) -> xr.Dataset:
     return group
 
 
-def edges_of(group: xr.Dataset) -> list[Edges]:
+def edges_of(group: xr.Dataset) -> list[ScanLineEdges]:
     """Edge points of each circle from a group ``edge/<view>``, without lines and rejections."""
     circles = []
     names = [line.partition(": ")[0] for line in str(group.attrs["summary"]).splitlines()]
@@ -185,7 +187,7 @@ def edges_of(group: xr.Dataset) -> list[Edges]:
         own = group.isel(edge=np.flatnonzero(group["circle"].values == number))
         count = own.sizes["edge"]
         circles.append(
-            Edges(
+            ScanLineEdges(
                 position=own["dac"].values,
                 std=own["dac_std"].values,
                 direction=own["direction"].values,
@@ -212,7 +214,7 @@ MILLI = 1e3
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class CoarseScan:
     """Coarse lines through one rough centre.
 
     Parameters
@@ -239,12 +241,12 @@ class Look:
         return self.ellipse is None and float(np.mean(moving(self.image))) < SOME
 
 
-def require_circles(looks: Sequence[Look], folder: Path, suspicion: str = "") -> None:
+def require_circles(looks: Sequence[CoarseScan], folder: Path, suspicion: str = "") -> None:
     """Refuse to go on if a rough centre shows no circle, or two show the same.
 
     Parameters
     ----------
-    looks : sequence of Look
+    looks : sequence of CoarseScan
         Of all rough centres of a view.
     folder : Path
         Where the view's scan lines are kept.
@@ -274,7 +276,7 @@ def require_circles(looks: Sequence[Look], folder: Path, suspicion: str = "") ->
             )
 
 
-def _no_ellipse(look: Look) -> str:
+def _no_ellipse(look: CoarseScan) -> str:
     """What may be wrong with lines that show a motion, but no circle."""
     longer = "give the lines more scan.coarse.pixels or a larger scan.coarse.stride"
     if np.mean(moving(look.image)) > NEARLY_ALL:
@@ -303,7 +305,7 @@ def require_instrument(image: ComplexImage, name: str, files: Path, share: float
         raise UserError(f"{name}: {fault}; then delete {files} and resume the run")
 
 
-def _nothing_moves(silent: Sequence[Look], count: int, folder: Path, suspicion: str) -> str:
+def _nothing_moves(silent: Sequence[CoarseScan], count: int, folder: Path, suspicion: str) -> str:
     """What may be wrong with circles that do not move."""
     most = max(_largest(look.image) for look in silent)
     noise = max(float(np.median(look.image.std)) for look in silent)

@@ -9,7 +9,7 @@ from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan.base import ImageScan
-from sldvexp.session.camera import Standpoint
+from sldvexp.session.camera import ViewContext
 from sldvexp.signal.complex_image import ComplexImage
 from sldvexp.signal.instrument_faults import instrument_fault
 from sldvexp.signal.pixel_quality import Flag
@@ -19,7 +19,7 @@ from sldvexp.typing import Array, IntArray
 NAME = "image"
 
 
-def take_image(scan: ImageScan, at: Standpoint) -> dict[str, xr.Dataset]:
+def scan_image(scan: ImageScan, at: ViewContext) -> dict[str, xr.Dataset]:
     """Scan the image of a view; the group ``image/<view>``.
 
     Raises
@@ -33,17 +33,18 @@ def take_image(scan: ImageScan, at: Standpoint) -> dict[str, xr.Dataset]:
     if (image.flags != 0).all():
         why = instrument_fault(image) or "for more than one reason"
         raise UserError(
-            f"scan: in the image of the view {at.view} {flag_text(image.flags)}: {why}; put it "
-            f"right, then delete {at.camera.journal.folder / NAME}_* and resume the run"
+            f"scan: in the image of the view {at.view} {describe_flagged_pixels(image.flags)}: "
+            f"{why}; put it right, then delete {at.camera.journal.folder / NAME}_* and resume "
+            "the run"
         )
     dac = np.concatenate(lines)
-    group = image_group(image, dac, at.laser.angle_from_dac(dac), scan.sampling.frequency)
+    group = image_to_dataset(image, dac, at.laser.angle_from_dac(dac), scan.sampling.frequency)
     if shape := scan.shape(at.view):
         group.attrs["shape"] = list(shape)
     return {f"image/{at.view}": group}
 
 
-def image_group(
+def image_to_dataset(
     image: ComplexImage,
     dac: IntArray,
     angle: Array,
@@ -81,11 +82,11 @@ def image_group(
         "flag_masks": np.array([flag.value for flag in Flag], np.uint8),
         "flag_meanings": " ".join(str(flag.name) for flag in Flag),
     }
-    group.attrs["summary"] = flag_text(image.flags)
+    group.attrs["summary"] = describe_flagged_pixels(image.flags)
     return group
 
 
-def flag_text(flags: NDArray[np.uint8]) -> str:
+def describe_flagged_pixels(flags: NDArray[np.uint8]) -> str:
     """How many pixels are flagged, and by which kinds.
 
     Examples

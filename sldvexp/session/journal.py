@@ -12,7 +12,7 @@ import numpy as np
 from sldvexp.errors import UserError
 from sldvexp.files import whole_or_nothing
 from sldvexp.instrument.person import read_answer, write_answer
-from sldvexp.instrument.protocol import Acquisition, Samples
+from sldvexp.instrument.protocol import Acquisition, RawSamples
 from sldvexp.instrument.recording import asked, read_line, write_line
 from sldvexp.typing import IntArray
 
@@ -37,8 +37,8 @@ class Journal:
         name: str,
         dac: IntArray,
         acquisition: Acquisition,
-        measure: Callable[[], Samples],
-    ) -> Samples:
+        measure: Callable[[], RawSamples],
+    ) -> RawSamples:
         """The samples of a line: those kept earlier, or measured now and kept.
 
         Parameters

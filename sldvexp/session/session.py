@@ -13,21 +13,21 @@ from sldvexp.instrument.protocol import Instrument
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan.base import Scan
-from sldvexp.session.by_person import joined, take_marks, take_spots
-from sldvexp.session.camera import Camera, Operator, Standpoint
-from sldvexp.session.circles import take_circles
-from sldvexp.session.images import take_image
+from sldvexp.session.by_person import joined, record_marks, record_spots
+from sldvexp.session.camera import Camera, Operator, ViewContext
+from sldvexp.session.circles import scan_calibration
+from sldvexp.session.images import scan_image
 from sldvexp.session.journal import Journal, require_same
 
 #: Of the dissertation's instrument (Section 3.2.1).
 PIXELS_PER_SECOND = 6.0
 
 #: What becomes of a part of a scan in one view, by the part's `kind`: groups of the dataset.
-KINDS: dict[str, Callable[[Any, Standpoint], dict[str, xr.Dataset]]] = {
-    "circles": take_circles,
-    "image": take_image,
-    "marks": take_marks,
-    "spots": take_spots,
+KINDS: dict[str, Callable[[Any, ViewContext], dict[str, xr.Dataset]]] = {
+    "circles": scan_calibration,
+    "image": scan_image,
+    "marks": record_marks,
+    "spots": record_spots,
 }
 
 
@@ -65,7 +65,7 @@ def scan_views(
     for view in e.scan.view_names():
         arrive = partial(_arrive, e, view, operator, journal / view)
         with Camera(arrive, e.signal, Journal(journal / view)) as camera:
-            at = Standpoint(view, camera, e.laser, e.target, operator)
+            at = ViewContext(view, camera, e.laser, e.target, operator)
             for part in e.scan.parts(view):
                 groups = KINDS[part.kind](part, at)
                 found |= {name: keep(name, g) if keep else g for name, g in groups.items()}

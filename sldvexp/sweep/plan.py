@@ -46,7 +46,7 @@ class Plan:
     fixed: tuple[str, ...]
 
     @classmethod
-    def of(cls, overrides: Sequence[str]) -> Plan:
+    def from_overrides(cls, overrides: Sequence[str]) -> Plan:
         """The plan of a command line's overrides; Hydra's own settings are none of it."""
         parsed = OverridesParser.create().parse_overrides(list(overrides))
         task = [o for o in parsed if not re.match(r"[+~]*hydra[./]", o.get_key_element())]

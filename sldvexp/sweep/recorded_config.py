@@ -15,7 +15,7 @@ from omegaconf.errors import OmegaConfBaseException
 from sldvexp.config import registry, security
 from sldvexp.config.refusals import refusal
 from sldvexp.config.schema import SINGLE_GROUPS, Experiment
-from sldvexp.config.sources import Layer
+from sldvexp.config.sources import ConfigLayer
 from sldvexp.errors import UserError
 
 
@@ -51,7 +51,7 @@ class Recorded:
         UserError
             If it names code, or what no schema knows.
         """
-        security.check_layer(Layer(str(self.path), "", self.values, outside=True))
+        security.check_layer(ConfigLayer(str(self.path), "", self.values, outside=True))
         for key, text in _texts(self.values):
             if "${" in text:
                 raise UserError(

@@ -15,7 +15,7 @@ from sldvexp.lazy import xarray as xr
 ROUNDING = 1e-10
 
 
-class Kind(StrEnum):
+class AgreementLevel(StrEnum):
     """How far a quantity agrees."""
 
     identical = "bit-identical"
@@ -31,13 +31,13 @@ class Difference:
     ----------
     name : str
         ``group/variable`` or ``group@attribute``.
-    kind : Kind
+    kind : AgreementLevel
     how : str
         The rest of the sentence about it.
     """
 
     name: str
-    kind: Kind
+    kind: AgreementLevel
     how: str = ""
 
 
@@ -53,9 +53,9 @@ def compare(before: xr.DataTree, after: xr.DataTree) -> list[Difference]:
     found = []
     for name in dict.fromkeys([*first, *second]):
         if name not in second:
-            found.append(Difference(name, Kind.different, ": it is missing now"))
+            found.append(Difference(name, AgreementLevel.different, ": it is missing now"))
         elif name not in first:
-            found.append(Difference(name, Kind.different, ": it is new"))
+            found.append(Difference(name, AgreementLevel.different, ": it is new"))
         else:
             found.append(Difference(name, *_agreement(first[name], second[name])))
     return found
@@ -71,15 +71,15 @@ def _quantities(tree: xr.DataTree) -> Iterator[tuple[str, NDArray]]:
         yield from ((f"{group}@{name}", np.asarray(v)) for name, v in own.attrs.items())
 
 
-def _agreement(a: NDArray, b: NDArray) -> tuple[Kind, str]:
+def _agreement(a: NDArray, b: NDArray) -> tuple[AgreementLevel, str]:
     if a.shape != b.shape:
-        return Kind.different, f": its shape was {a.shape} and is {b.shape}"
+        return AgreementLevel.different, f": its shape was {a.shape} and is {b.shape}"
     numbers = a.dtype.kind in "biufc" and b.dtype.kind in "biufc"
     if not numbers:
         same = a.tolist() == b.tolist()
-        return (Kind.identical, "") if same else (Kind.different, "")
+        return (AgreementLevel.identical, "") if same else (AgreementLevel.different, "")
     if a.dtype == b.dtype and a.tobytes() == b.tobytes():
-        return Kind.identical, ""
+        return AgreementLevel.identical, ""
     unlike = np.isfinite(a) != np.isfinite(b)
     both = np.isfinite(a) & np.isfinite(b)
     difference = np.abs(np.subtract(b[both], a[both], dtype=np.result_type(a, b, float)))
@@ -87,5 +87,8 @@ def _agreement(a: NDArray, b: NDArray) -> tuple[Kind, str]:
     relative = difference.max(initial=0.0) / (largest or 1.0)
     how = f", by {relative:.2g} of its largest entry"
     if unlike.any():
-        return Kind.different, f"{how}; {unlike.sum()} entries are finite in one of them only"
-    return (Kind.rounding if relative <= ROUNDING else Kind.different), how
+        return (
+            AgreementLevel.different,
+            f"{how}; {unlike.sum()} entries are finite in one of them only",
+        )
+    return (AgreementLevel.rounding if relative <= ROUNDING else AgreementLevel.different), how

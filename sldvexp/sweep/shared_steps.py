@@ -35,7 +35,7 @@ SHARED = ".shared"
 DIGITS = 24
 
 #: Entries of more bytes are read again by every run.
-REMEMBERED = 2**25
+CACHE_BYTES = 2**25
 
 #: Types of attributes that JSON keeps.
 PLAIN = (str, bool, int, float)
@@ -128,7 +128,7 @@ def _take(path: Path, step: Step, run: Run) -> bool:
 
 def _read(path: Path, digest: str, about: str) -> dict[str, xr.Dataset]:
     """The groups of an entry; those that this process read last are still there."""
-    small = path.stat().st_size <= REMEMBERED
+    small = path.stat().st_size <= CACHE_BYTES
     return (_groups if small else _groups.__wrapped__)(path, digest, about)
 
 

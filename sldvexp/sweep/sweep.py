@@ -57,7 +57,7 @@ class Sweep:
     """
 
     def __init__(self, options: Namespace) -> None:
-        self.plan = Plan.of(options.overrides)
+        self.plan = Plan.from_overrides(options.overrides)
         self._command = _command(options)
         given = [o.partition("=") for o in options.overrides]
         chosen = [value for key, _, value in given if key == "hydra.sweep.dir"]

@@ -17,7 +17,7 @@ COLLINEAR = 1e-9
 
 
 @dataclass
-class Point:
+class FiducialPoint:
     """One fiducial mark in the target's unit."""
 
     x: float
@@ -27,7 +27,7 @@ class Point:
 
 @register("target", "points")
 @dataclass
-class Points(Target):
+class FiducialPoints(Target):
     """Numbered fiducial points.
 
     Parameters
@@ -36,13 +36,13 @@ class Points(Target):
         Unit of all lengths below.
     accuracy : float
         Bound +- within which every coordinate is known.
-    fiducials : dict of int to Point
+    fiducials : dict of int to FiducialPoint
         By point number.
     """
 
     unit: LengthUnit = LengthUnit.m
     accuracy: float = 0.0
-    fiducials: dict[int, Point] = field(default_factory=dict)
+    fiducials: dict[int, FiducialPoint] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         checks = Checks()

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sldvexp.config.registry import register
+from sldvexp.config.registry import name_of, register
 from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.targets.base import Target
 from sldvexp.targets.circles import Circles
@@ -43,7 +43,7 @@ class Speaker:
 
 @register("scene", "calibration")
 @dataclass
-class Calibration(Scene):
+class CalibrationScene(Scene):
     """The calibration object of Section 4.4 in front of the instrument.
 
     Parameters
@@ -77,7 +77,7 @@ class Calibration(Scene):
     def objects(self, target: Target | None, rng: np.random.Generator) -> list[SceneObject]:
         """The calibration object."""
         if not isinstance(target, Circles):
-            found = "null" if target is None else type(target).__name__.lower()
+            found = (name_of(type(target)) or "target/null").partition("/")[2]
             raise UserError(
                 f"the virtual lab's calibration object needs circles, but target is {found}; "
                 "choose target=dissertation or another target of circles"

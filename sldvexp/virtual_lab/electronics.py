@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from sldvexp.instrument.protocol import Acquisition, Status
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, ComplexArray
-from sldvexp.virtual_lab.scene import Digitizer, Vibrometer
+from sldvexp.virtual_lab.scene import AnalogInput, Vibrometer
 
 Array32 = NDArray[np.float32]
 
@@ -46,7 +46,7 @@ class Electronics:
     Parameters
     ----------
     vibrometer : Vibrometer
-    digitizer : Digitizer
+    digitizer : AnalogInput
     acquisition : Acquisition
     frequency : ndarray, shape (tone,), Hz
         That the generator truly plays.
@@ -55,7 +55,7 @@ class Electronics:
     def __init__(
         self,
         vibrometer: Vibrometer,
-        digitizer: Digitizer,
+        digitizer: AnalogInput,
         acquisition: Acquisition,
         frequency: Array,
     ) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.geometry.rotation import rotation_from_euler
-from sldvexp.instrument.protocol import Acquisition, InstrumentError, Samples
+from sldvexp.instrument.protocol import Acquisition, InstrumentError, RawSamples
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
 from sldvexp.targets.base import Target
@@ -119,11 +119,11 @@ class VirtualLab:
         steps = self._checked(np.reshape(dac, (1, -1)))
         self.position = (int(steps[0, 0]), int(steps[0, 1]))
 
-    def acquire(self) -> Samples:
+    def acquire(self) -> RawSamples:
         """Sample one pixel where the beam stands."""
         return self.scan(np.array([self.position]))
 
-    def scan(self, dac: ArrayLike, stream: int | None = None) -> Samples:
+    def scan(self, dac: ArrayLike, stream: int | None = None) -> RawSamples:
         """Move to and sample a list of pixels.
 
         Parameters
@@ -135,7 +135,7 @@ class VirtualLab:
 
         Returns
         -------
-        Samples
+        RawSamples
 
         Raises
         ------
@@ -155,7 +155,7 @@ class VirtualLab:
         if len(steps):
             self.position = (int(steps[-1, 0]), int(steps[-1, 1]))
         scales = self._electronics.volts_per_count
-        return Samples(counts, scales, self._acquisition.rate, status)
+        return RawSamples(counts, scales, self._acquisition.rate, status)
 
     def true_pose(self, view: str) -> tuple[Array, Array]:
         """Rotation (3, 3), world to laser, and origin (3,), m, of a view."""

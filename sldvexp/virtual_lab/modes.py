@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.typing import Array, ComplexArray, IntArray
-from sldvexp.virtual_lab.plate_scene import Direction, Edges, Mode
+from sldvexp.virtual_lab.plate_scene import Direction, EdgeSupport, Mode
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,10 +44,10 @@ class Modes:
     velocity: Array
 
     @classmethod
-    def built(cls, modes: Iterable[Mode], size: Array, edges: Edges) -> Modes:
+    def built(cls, modes: Iterable[Mode], size: Array, edges: EdgeSupport) -> Modes:
         """The modes of a configuration on a plate of that size, m."""
         modes = list(modes)
-        sines = [m.direction is Direction.normal and edges is Edges.supported for m in modes]
+        sines = [m.direction is Direction.normal and edges is EdgeSupport.supported for m in modes]
         return cls(
             wave_number=np.pi * np.array([[m.x, m.y] for m in modes]) / size,
             phase=np.where(sines, -np.pi / 2, 0.0),

@@ -24,7 +24,7 @@ from sldvexp.virtual_lab.scene_object import SceneObject
 
 
 @dataclass(frozen=True, eq=False)
-class Surface(ABC):
+class PlateSurface(ABC):
     """The upper surface of a plate in the plate's own axes, by coordinates of its middle surface.
 
     Parameters
@@ -82,14 +82,14 @@ class VibratingPlate(SceneObject):
 
     Parameters
     ----------
-    surface : Surface
+    surface : PlateSurface
     modes : Modes
     rotation : ndarray, shape (3, 3)
         World to the plate's own axes.
     center : ndarray, shape (3,), m
     """
 
-    surface: Surface
+    surface: PlateSurface
     modes: Modes
     rotation: Array
     center: Array
@@ -99,7 +99,7 @@ class VibratingPlate(SceneObject):
         """The plate of a configuration."""
         unit = plate.unit.value
         size, height = unit * np.array(plate.size), unit * plate.thickness / 2
-        surface: Surface = FlatSurface(size, height)
+        surface: PlateSurface = FlatSurface(size, height)
         if plate.radius is not None:
             surface = CylinderSurface(size, height, unit * plate.radius)
         return cls(
@@ -195,7 +195,7 @@ class VibratingPlate(SceneObject):
         return self.modes.response(np.array([frequency]))[:, 0]
 
 
-class FlatSurface(Surface):
+class FlatSurface(PlateSurface):
     """A plane at z = height in the plate's axes."""
 
     @property
@@ -204,7 +204,7 @@ class FlatSurface(Surface):
         return 0.0
 
     def meet(self, origin: Array, direction: Array) -> tuple[Array, Array]:
-        """See `Surface`."""
+        """See `PlateSurface`."""
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = (self.height - origin[:, 2]) / direction[:, 2]
             coordinates = self.coordinates(origin + distance[:, None] * direction)
@@ -212,21 +212,21 @@ class FlatSurface(Surface):
         return np.where(hits, distance, np.inf), np.where(hits[:, None], coordinates, 0.0)
 
     def coordinates(self, points: Array) -> Array:
-        """See `Surface`."""
+        """See `PlateSurface`."""
         return points[..., :2] + self.size / 2
 
     def frame(self, coordinates: Array) -> Array:
-        """See `Surface`."""
+        """See `PlateSurface`."""
         return np.broadcast_to(np.eye(3), (*coordinates.shape[:-1], 3, 3))
 
     def position(self, coordinates: Array) -> Array:
-        """See `Surface`."""
+        """See `PlateSurface`."""
         xy = coordinates - self.size / 2
         return np.concatenate([xy, np.full_like(xy[..., :1], self.height)], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
-class CylinderSurface(Surface):
+class CylinderSurface(PlateSurface):
     """A cylinder about the line x = 0, z = -radius; s is the middle surface's arc.
 
     Parameters
@@ -243,7 +243,7 @@ class CylinderSurface(Surface):
         return 1.0 / self.radius
 
     def meet(self, origin: Array, direction: Array) -> tuple[Array, Array]:
-        """The nearer of the two crossings that lies on the panel; see `Surface`."""
+        """The nearer of the two crossings that lies on the panel; see `PlateSurface`."""
         ox, oz = origin[:, 0], origin[:, 2] + self.radius
         dx, dz = direction[:, 0], direction[:, 2]
         a, b = dx**2 + dz**2, ox * dx + oz * dz
@@ -260,20 +260,20 @@ class CylinderSurface(Surface):
         return distance, coordinates
 
     def coordinates(self, points: Array) -> Array:
-        """See `Surface`."""
+        """See `PlateSurface`."""
         reach = self.radius + self.height
         angle = np.arctan2(points[..., 0] / reach, (points[..., 2] + self.radius) / reach)
         return np.stack([self.radius * angle, points[..., 1]], axis=-1) + self.size / 2
 
     def frame(self, coordinates: Array) -> Array:
-        """See `Surface`."""
+        """See `PlateSurface`."""
         sine, cosine = self._turn(coordinates)
         zero, one = np.zeros_like(sine), np.ones_like(sine)
         rows = [[cosine, zero, -sine], [zero, one, zero], [sine, zero, cosine]]
         return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
     def position(self, coordinates: Array) -> Array:
-        """See `Surface`."""
+        """See `PlateSurface`."""
         sine, cosine = self._turn(coordinates)
         reach = self.radius + self.height
         y = coordinates[..., 1] - self.size[1] / 2

@@ -13,11 +13,11 @@ from sldvexp.errors import Checks
 from sldvexp.targets.base import Target
 from sldvexp.targets.circles import Circles
 from sldvexp.units import LengthUnit
-from sldvexp.virtual_lab.calibration_scene import Calibration
+from sldvexp.virtual_lab.calibration_scene import CalibrationScene
 from sldvexp.virtual_lab.scene_object import SceneObject
 
 
-class Edges(Enum):
+class EdgeSupport(Enum):
     """How the plate's edges are held; decides the shapes of bending."""
 
     supported = "supported"
@@ -60,12 +60,12 @@ class Mode:
     velocity: float = 0.02
     direction: Direction = Direction.normal
 
-    def check(self, checks: Checks, name: str, edges: Edges) -> None:
+    def check(self, checks: Checks, name: str, edges: EdgeSupport) -> None:
         """Note under `name` what no mode can be."""
         checks.positive(f"{name}.frequency", self.frequency)
         checks.positive(f"{name}.damping", self.damping)
         checks.finite(f"{name}.velocity", self.velocity)
-        sines = self.direction is Direction.normal and edges is Edges.supported
+        sines = self.direction is Direction.normal and edges is EdgeSupport.supported
         least = 1 if sines else 0
         for key in ("x", "y"):
             message = f"must be {least} or more half waves, not {getattr(self, key)}"
@@ -96,7 +96,7 @@ class Plate:
     radius : float, optional
         Of the middle surface's curvature; positive if the normal points away from the axis of
         the cylinder, negative towards it. Without it the plate is flat.
-    edges : Edges
+    edges : EdgeSupport
     modes : dict of str to Mode
     """
 
@@ -106,7 +106,7 @@ class Plate:
     size: list[float] = field(default_factory=lambda: [0.3, 0.25])
     thickness: float = 0.003
     radius: float | None = None
-    edges: Edges = Edges.supported
+    edges: EdgeSupport = EdgeSupport.supported
     modes: dict[str, Mode] = field(default_factory=dict)
 
     def check(self, checks: Checks, name: str) -> None:
@@ -138,7 +138,7 @@ class Plate:
 
 @register("scene", "plate")
 @dataclass
-class PlateScene(Calibration):
+class PlateScene(CalibrationScene):
     """A vibrating plate; beside it the calibration object, if `target` has circles.
 
     Parameters

@@ -98,7 +98,7 @@ class Vibrometer:
 
 
 @dataclass
-class Digitizer:
+class AnalogInput:
     """The 16-bit A/D converter of both channels.
 
     Parameters
@@ -128,7 +128,7 @@ class Digitizer:
 
 
 @dataclass
-class Operator:
+class SceneOperator:
     """The person at the instrument, and what was measured by hand.
 
     Parameters
@@ -165,8 +165,8 @@ class Scene(ABC):
         How the true mirrors differ from those of the group ``laser``.
     spot : Spot
     vibrometer : Vibrometer
-    digitizer : Digitizer
-    operator : Operator
+    digitizer : AnalogInput
+    operator : SceneOperator
     noise : float
         Factor of the vibrometer's noise, with light and without, and of the reference channel's.
     generator_error : float
@@ -185,8 +185,8 @@ class Scene(ABC):
     mirrors: MirrorErrors = field(default_factory=MirrorErrors)
     spot: Spot = field(default_factory=Spot)
     vibrometer: Vibrometer = field(default_factory=Vibrometer)
-    digitizer: Digitizer = field(default_factory=Digitizer)
-    operator: Operator = field(default_factory=Operator)
+    digitizer: AnalogInput = field(default_factory=AnalogInput)
+    operator: SceneOperator = field(default_factory=SceneOperator)
     noise: float = 1.0
     generator_error: float = 0.0
     generator_gain: float = 1.0
@@ -222,7 +222,7 @@ class Scene(ABC):
         return replace(v, noise=self.noise * v.noise, burst=self.noise * v.burst)
 
     @property
-    def noisy_digitizer(self) -> Digitizer:
+    def noisy_digitizer(self) -> AnalogInput:
         """The converter with the scene's factor of noise."""
         d = self.digitizer
         return replace(d, reference_noise=self.noise * d.reference_noise)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.instrument.protocol import Acquisition, InstrumentError, Samples
+from sldvexp.instrument.protocol import Acquisition, InstrumentError, RawSamples
 from sldvexp.virtual_lab.lab import VirtualLab
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ class Dialect:
         self.errors: deque[tuple[int, str]] = deque()
         self.playing = False
         self._wanted = DEFAULT
-        self._samples: Samples | None = None
+        self._samples: RawSamples | None = None
         self._configure()
         self._commands = {
             "*CLS": self._clear,
@@ -254,10 +254,10 @@ class Dialect:
             raise ValueError("positions come in pairs")
         self._samples = self.lab.scan(steps.reshape(-1, 2))
 
-    def _last(self) -> Samples:
+    def _last(self) -> RawSamples:
         if self._samples is None:
             self.report(SETTINGS_CONFLICT, "Settings conflict; nothing was measured")
-            return Samples(np.zeros((0, 2, 0), np.int16), np.zeros(2), 0.0)
+            return RawSamples(np.zeros((0, 2, 0), np.int16), np.zeros(2), 0.0)
         return self._samples
 
     def scale(self) -> list[float]:

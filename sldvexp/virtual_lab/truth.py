@@ -12,7 +12,7 @@ from sldvexp.virtual_lab.plate import VibratingPlate
 from sldvexp.virtual_lab.plate_scene import PlateScene
 
 
-def truth_group(
+def truth_to_dataset(
     scene: PlateScene, points: Array, frequency: ArrayLike, amplitude: float
 ) -> xr.Dataset:
     """True velocity of the plate near points, as the group ``truth``.

@@ -19,8 +19,8 @@ from sldvexp.units import LengthUnit
 from sldvexp.volume.checks import check_prisms, check_surface
 from sldvexp.volume.prisms import Prisms, extruded
 from sldvexp.volume.samples import SampleRule, tensor_rule
-from sldvexp.volume.surface import Surface, node_frames, vertex_normals
-from sldvexp.volume.to_dataset import volume_group
+from sldvexp.volume.surface import TriangulatedSurface, node_frames, vertex_normals
+from sldvexp.volume.to_dataset import volume_to_dataset
 
 #: How many symmetric points inside the triangle there can be; see `sldvexp.volume.samples`.
 TRIANGLE_COUNTS = (1, 3, 6, 7, 12)
@@ -30,7 +30,7 @@ ROUNDING = 1e-9
 
 
 @dataclass
-class Samples:
+class SampleSettings:
     """Where velocities are sampled in every prism (Section 5.3.4).
 
     Parameters
@@ -76,7 +76,7 @@ class Coordinates(Enum):
 
 
 @dataclass
-class Sight:
+class VisibilitySettings:
     """How the samples are found in the views' images (Section 5.3.5).
 
     Parameters
@@ -124,8 +124,8 @@ class Volume(ABC):
         Instead of the three above: the depth of every layer, ascending.
     tangent : list of 3 float
         In the surface's own axes: its projection on the surface is the first tangent t1.
-    samples : Samples
-    sight : Sight
+    samples : SampleSettings
+    sight : VisibilitySettings
     coordinates : Coordinates
         Axes of the nodes' velocity components.
     """
@@ -138,8 +138,8 @@ class Volume(ABC):
     offset: float = 0.0
     depth: list[float] = field(default_factory=list)
     tangent: list[float] = field(default_factory=lambda: [1.0, 0.0, 0.0])
-    samples: Samples = field(default_factory=Samples)
-    sight: Sight = field(default_factory=Sight)
+    samples: SampleSettings = field(default_factory=SampleSettings)
+    sight: VisibilitySettings = field(default_factory=VisibilitySettings)
     coordinates: Coordinates = Coordinates.world
 
     def __post_init__(self) -> None:
@@ -162,7 +162,7 @@ class Volume(ABC):
         """Note what is wrong with the strategy's own settings."""
 
     @abstractmethod
-    def surface(self) -> Surface:
+    def surface(self) -> TriangulatedSurface:
         """The given surface in its own axes, m."""
 
     def inputs(self) -> list[str]:
@@ -199,7 +199,7 @@ class Volume(ABC):
 
     def group(self) -> xr.Dataset:
         """The volume as the group ``volume`` of a run."""
-        return volume_group(self.prisms(), self.rule())
+        return volume_to_dataset(self.prisms(), self.rule())
 
     def _check_depth(self, checks: Checks) -> None:
         if not self.depth:

@@ -6,7 +6,7 @@ import numpy as np
 
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array
-from sldvexp.volume.surface import Surface, area_vectors
+from sldvexp.volume.surface import TriangulatedSurface, area_vectors
 
 #: Nodes nearer to one another than this fraction of the surface's extent stand in one place.
 TOGETHER = 1e-7
@@ -18,7 +18,7 @@ FLAT = 1e-6
 FOLDED = 1e-6
 
 
-def check_surface(surface: Surface) -> None:
+def check_surface(surface: TriangulatedSurface) -> None:
     """Complain about a surface that no volume can be made of.
 
     Raises
@@ -38,7 +38,7 @@ def check_surface(surface: Surface) -> None:
     _check_connected(surface)
 
 
-def _check_numbers(surface: Surface) -> None:
+def _check_numbers(surface: TriangulatedSurface) -> None:
     """Every node stands somewhere, and every corner is a node."""
     if (bad := np.flatnonzero(~np.isfinite(surface.position).all(axis=1))).size:
         raise surface.wrong(f"{surface.named(bad[0])} has a coordinate that is not a number")
@@ -52,7 +52,7 @@ def _check_numbers(surface: Surface) -> None:
         )
 
 
-def _check_apart(surface: Surface) -> None:
+def _check_apart(surface: TriangulatedSurface) -> None:
     """No two nodes in one place."""
     position = surface.position
     extent = float(np.linalg.norm(np.ptp(position, axis=0)))
@@ -65,7 +65,7 @@ def _check_apart(surface: Surface) -> None:
         )
 
 
-def _check_used(surface: Surface) -> None:
+def _check_used(surface: TriangulatedSurface) -> None:
     """Every node is a corner of a triangle."""
     used = np.bincount(surface.triangles.ravel(), minlength=len(surface.position))
     if (idle := np.flatnonzero(used == 0)).size:
@@ -75,7 +75,7 @@ def _check_used(surface: Surface) -> None:
         )
 
 
-def _check_area(surface: Surface) -> None:
+def _check_area(surface: TriangulatedSurface) -> None:
     """No triangle is a line."""
     corner = surface.position[surface.triangles]
     side = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=-1).max(axis=1)
@@ -88,7 +88,7 @@ def _check_area(surface: Surface) -> None:
         )
 
 
-def _check_edges(surface: Surface) -> None:
+def _check_edges(surface: TriangulatedSurface) -> None:
     """Each edge has one triangle, or two that pass it in opposite directions."""
     start = surface.triangles.ravel()
     end = np.roll(surface.triangles, -1, axis=1).ravel()
@@ -112,7 +112,7 @@ def _check_edges(surface: Surface) -> None:
         )
 
 
-def _check_connected(surface: Surface) -> None:
+def _check_connected(surface: TriangulatedSurface) -> None:
     """All nodes hang together."""
     nodes = len(surface.position)
     start, end = surface.triangles.ravel(), np.roll(surface.triangles, 1, axis=1).ravel()
@@ -129,7 +129,7 @@ def _check_connected(surface: Surface) -> None:
         )
 
 
-def check_prisms(surface: Surface, normal: Array, depth: Array) -> None:
+def check_prisms(surface: TriangulatedSurface, normal: Array, depth: Array) -> None:
     """Complain about prisms that are inverted or have no volume somewhere.
 
     A prism's Jacobian at its corner c is ``J(d) = n_c . (u + d p) x (v + d q)`` at the depth d,
@@ -138,7 +138,7 @@ def check_prisms(surface: Surface, normal: Array, depth: Array) -> None:
 
     Parameters
     ----------
-    surface : Surface
+    surface : TriangulatedSurface
     normal : ndarray, shape (node, 3)
         Of length one.
     depth : ndarray, shape (layer,), m
@@ -175,7 +175,7 @@ def check_prisms(surface: Surface, normal: Array, depth: Array) -> None:
         )
 
 
-def _jacobian(surface: Surface, normal: Array) -> tuple[Array, Array, Array]:
+def _jacobian(surface: TriangulatedSurface, normal: Array) -> tuple[Array, Array, Array]:
     """Coefficients of 1, d and d^2 of J at every corner, each of shape (triangle, 3)."""
     place, turn = surface.position[surface.triangles], normal[surface.triangles]
     u, v = place[:, 1] - place[:, 0], place[:, 2] - place[:, 0]

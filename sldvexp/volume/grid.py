@@ -15,7 +15,7 @@ from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.typing import IntArray
 from sldvexp.volume.base import Volume, vector
-from sldvexp.volume.surface import Surface
+from sldvexp.volume.surface import TriangulatedSurface
 
 
 class Diagonals(Enum):
@@ -69,7 +69,7 @@ class Grid(Volume):
                 f"closes to a tube, not {self.radius}; null is flat",
             )
 
-    def surface(self) -> Surface:
+    def surface(self) -> TriangulatedSurface:
         """The grid in its own axes."""
         unit = self.unit.value
         (nx, ny), (a, b) = self.shape, (unit * side for side in self.size)
@@ -77,7 +77,7 @@ class Grid(Volume):
         return flat if self.radius is None else cylinder(flat, unit * self.radius)
 
 
-def grid(nx: int, ny: int, a: float, b: float, diagonals: Diagonals) -> Surface:
+def grid(nx: int, ny: int, a: float, b: float, diagonals: Diagonals) -> TriangulatedSurface:
     """A flat grid about the origin, normals along z.
 
     Parameters
@@ -93,15 +93,15 @@ def grid(nx: int, ny: int, a: float, b: float, diagonals: Diagonals) -> Surface:
     )
     position = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
     normal = np.broadcast_to([0.0, 0.0, 1.0], position.shape)
-    return Surface(position, _triangles(nx, ny, diagonals), normal)
+    return TriangulatedSurface(position, _triangles(nx, ny, diagonals), normal)
 
 
-def cylinder(flat: Surface, radius: float) -> Surface:
+def cylinder(flat: TriangulatedSurface, radius: float) -> TriangulatedSurface:
     """A flat surface bent about the line x = 0, z = -radius; x becomes the arc.
 
     Parameters
     ----------
-    flat : Surface
+    flat : TriangulatedSurface
         In the plane z = 0.
     radius : float, m
         Negative where the normals point towards the axis.
@@ -111,7 +111,7 @@ def cylinder(flat: Surface, radius: float) -> Surface:
     normal = np.column_stack([sine, np.zeros_like(x), cosine])
     # radius (cos - 1) without the loss of digits that a nearly flat panel would suffer.
     sagitta = -2.0 * radius * np.sin(x / (2.0 * radius)) ** 2
-    return Surface(np.column_stack([radius * sine, y, sagitta]), flat.triangles, normal)
+    return TriangulatedSurface(np.column_stack([radius * sine, y, sagitta]), flat.triangles, normal)
 
 
 def _triangles(nx: int, ny: int, diagonals: Diagonals) -> IntArray:

@@ -10,12 +10,12 @@ from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.volume.base import Volume
 from sldvexp.volume.mesh_file import read_mesh
-from sldvexp.volume.surface import Surface
+from sldvexp.volume.surface import TriangulatedSurface
 
 
 @register("volume", "mesh")
 @dataclass
-class Mesh(Volume):
+class MeshFile(Volume):
     """A surface mesh, plane or curved, from a file of any format that meshio reads.
 
     The coordinates are in `unit`; quadrilaterals are cut in two, of elements of second order
@@ -37,6 +37,6 @@ class Mesh(Volume):
         """The mesh file."""
         return [self.path]
 
-    def surface(self) -> Surface:
+    def surface(self) -> TriangulatedSurface:
         """The mesh in its own axes."""
         return read_mesh(locate(self.path), self.unit.value, self.flip)

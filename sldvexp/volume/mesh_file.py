@@ -14,14 +14,14 @@ from sldvexp.errors import UserError
 from sldvexp.files import require_file
 from sldvexp.io.universal_mesh import SUFFIXES, read_universal
 from sldvexp.typing import Array, IntArray
-from sldvexp.volume.surface import Surface
+from sldvexp.volume.surface import TriangulatedSurface
 
 #: Corners of meshio's surface cells; nodes beyond them are inside of edges and faces.
 TRIANGLES = ("triangle", "triangle6", "triangle7")
 QUADRILATERALS = ("quad", "quad8", "quad9")
 
 
-def read_mesh(path: Path, unit: float, flip: bool) -> Surface:
+def read_mesh(path: Path, unit: float, flip: bool) -> TriangulatedSurface:
     """The triangles of a mesh file, quadrilaterals cut along their shorter diagonal.
 
     Cells of other dimensions, such as the lines along an edge, are left out, and with them nodes
@@ -55,10 +55,10 @@ def read_mesh(path: Path, unit: float, flip: bool) -> Surface:
         raise UserError(f"{path}: has {kinds}, but neither triangles nor quadrilaterals")
     if flip:
         triangles = triangles[:, ::-1]
-    return _without_others(Surface(position, triangles, None, str(path)), mesh)
+    return _without_others(TriangulatedSurface(position, triangles, None, str(path)), mesh)
 
 
-def _of_universal_file(path: Path, unit: float, flip: bool) -> Surface:
+def _of_universal_file(path: Path, unit: float, flip: bool) -> TriangulatedSurface:
     """The surface of a universal file, without nodes that no surface element names."""
     position, corners, quadrilaterals, label = read_universal(path, unit)
     triangles = np.concatenate([corners, _halves(position, quadrilaterals)])
@@ -67,7 +67,7 @@ def _of_universal_file(path: Path, unit: float, flip: bool) -> Surface:
     used, renumbered = np.unique(triangles, return_inverse=True)
     triangles = renumbered.reshape(-1, 3)
     triangles = triangles[:, ::-1] if flip else triangles
-    return Surface(position[used], triangles, None, str(path), label[used])
+    return TriangulatedSurface(position[used], triangles, None, str(path), label[used])
 
 
 def _read(path: Path) -> Any:
@@ -102,7 +102,7 @@ def _halves(position: Array, quadrilateral: IntArray) -> IntArray:
     )
 
 
-def _without_others(surface: Surface, mesh: Any) -> Surface:
+def _without_others(surface: TriangulatedSurface, mesh: Any) -> TriangulatedSurface:
     """The surface without nodes that only other cells, or the insides of its edges, have."""
     nodes = len(surface.position)
     of_surface, of_cells = np.zeros(nodes, bool), np.zeros(nodes, bool)

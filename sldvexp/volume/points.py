@@ -20,12 +20,12 @@ from sldvexp.io.points_file import read_points
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IntArray
 from sldvexp.volume.base import Volume, vector
-from sldvexp.volume.surface import Surface
+from sldvexp.volume.surface import TriangulatedSurface
 
 
 @register("volume", "points")
 @dataclass
-class Points(Volume):
+class PointSurface(Volume):
     """The Delaunay triangulation of digitised points in their best-fit plane (Section 5.3.3).
 
     Parameters
@@ -55,7 +55,7 @@ class Points(Volume):
         """The digitised points."""
         return [self.path]
 
-    def surface(self) -> Surface:
+    def surface(self) -> TriangulatedSurface:
         """The triangulated points."""
         position, line = read_points(path := locate(self.path))
         return triangulated(position, line, str(path), self.towards, self.slivers)
@@ -70,7 +70,7 @@ ALONG = 1e-3
 
 def triangulated(
     position: Array, line: IntArray, source: str, towards: Sequence[float], slivers: float
-) -> Surface:
+) -> TriangulatedSurface:
     """Triangulate points in their best-fit plane.
 
     Parameters
@@ -92,7 +92,7 @@ def triangulated(
         plane.
     """
     kind = ("point of line", "points of lines")
-    points = Surface(position, np.empty((0, 3), np.int64), None, source, line, kind)
+    points = TriangulatedSurface(position, np.empty((0, 3), np.int64), None, source, line, kind)
     if len(position) < 3:
         raise points.wrong(f"a surface needs three points or more, not {len(position)}")
     _, extent, axes = np.linalg.svd(position - position.mean(axis=0), full_matrices=False)

@@ -15,7 +15,7 @@ PARALLEL = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class TriangulatedSurface:
     """Nodes and triangles of one surface.
 
     Parameters
@@ -57,13 +57,13 @@ class Surface:
         return f"({x:.6g}, {y:.6g}, {z:.6g}) m"
 
 
-def area_vectors(surface: Surface) -> Array:
+def area_vectors(surface: TriangulatedSurface) -> Array:
     """Twice the area of each triangle along its normal, shape (triangle, 3), m^2."""
     a, b, c = np.moveaxis(surface.position[surface.triangles], 1, 0)
     return np.cross(b - a, c - a)
 
 
-def vertex_normals(surface: Surface) -> Array:
+def vertex_normals(surface: TriangulatedSurface) -> Array:
     """Unit normals of the nodes: the mean of their triangles' normals, weighted with the area.
 
     Returns
@@ -87,19 +87,19 @@ def vertex_normals(surface: Surface) -> Array:
     return total / length[:, None]
 
 
-def _gathered(surface: Surface, value: Array) -> Array:
+def _gathered(surface: TriangulatedSurface, value: Array) -> Array:
     """Sum of the triangles' values at each node, shape (node,)."""
     total = np.zeros(len(surface.position))
     np.add.at(total, surface.triangles, value[:, None])
     return total
 
 
-def node_frames(surface: Surface, normal: Array, tangent: Array) -> Array:
+def node_frames(surface: TriangulatedSurface, normal: Array, tangent: Array) -> Array:
     """Tangents and normal of every node: t1 is the projection of one direction.
 
     Parameters
     ----------
-    surface : Surface
+    surface : TriangulatedSurface
     normal : ndarray, shape (node, 3)
         Of length one.
     tangent : ndarray, shape (3,)

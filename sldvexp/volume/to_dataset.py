@@ -15,7 +15,7 @@ SHAPES = ("tetrahedron", "pyramid", "wedge", "hexahedron")
 LOCAL_AXES = ("t1", "t2", "n")
 
 
-def volume_group(prisms: Prisms, rule: SampleRule) -> xr.Dataset:
+def volume_to_dataset(prisms: Prisms, rule: SampleRule) -> xr.Dataset:
     """The group ``volume``: nodes, prisms, frames, and the samples' parameters.
 
     Parameters

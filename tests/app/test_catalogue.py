@@ -228,7 +228,7 @@ class Silent:
 
 def test_fields_are_read_from_the_docstrings_of_a_class_and_its_bases():
     values = {"name": "b", "width": 0.1, "given": "???", "finish": "glossy", "spots": {}}
-    found = [(p.key, p.value, p.kind, p.meaning) for p in docs.of(Derived, values)]
+    found = [(p.key, p.value, p.kind, p.meaning) for p in docs.parameters_of(Derived, values)]
     assert found == [
         ("width", "0.1", "float, m", "Of the plate."),
         ("height", "null", "float, m", "Of the plate."),
@@ -262,7 +262,7 @@ def _classes(cls):
 def test_every_setting_of_every_plugin_is_documented(group, name):
     plugin = registry.get(group, name)
     assert {one.name for one in fields(plugin)} <= set(docs.documented(plugin))
-    told = list(docs.of(plugin, {}))
+    told = list(docs.parameters_of(plugin, {}))
     assert [p.key for p in told if "." not in p.key and not p.meaning] == []
     for cls in _classes(plugin):  # a small table may say it all in its first sentence
         missing = {one.name for one in fields(cls)} - set(docs.documented(cls))

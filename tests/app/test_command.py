@@ -187,10 +187,10 @@ def test_broken_plugin_of_others_only_warns(sldvexp, installed):
 
 
 def test_plugin_of_others_is_found(sldvexp, installed):
-    from sldvexp.targets.points import Points
+    from sldvexp.targets.points import FiducialPoints
 
     def load():
-        plugin = type("Mine", (Points,), {"__module__": "stranger"})
+        plugin = type("Mine", (FiducialPoints,), {"__module__": "stranger"})
         registry.register("target", "mine")(plugin)
 
     installed(stranger=load)

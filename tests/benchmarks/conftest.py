@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sldvexp.field.visibility.view import View
-from sldvexp.field.visibility.visibility import Looks
+from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
 from sldvexp.volume.grid import Grid
@@ -47,15 +47,15 @@ def view(name: str, origin: np.ndarray, rng: np.random.Generator, size: tuple[in
     return View(name, rotation, origin, covariance, lattice, velocity, std, flags, (pixels, pixels))
 
 
-def looks_at(shape: tuple[int, int], pixels: int, frequencies: int = 1) -> Looks:
+def looks_at(shape: tuple[int, int], pixels: int, frequencies: int = 1) -> VolumeVisibility:
     """The views of a volume of seven layers with so many nodes, six samples in each prism."""
     rng = np.random.default_rng(29)
     size = (pixels, frequencies)
     views = [view(str(k + 1), np.array(stand), rng, size) for k, stand in enumerate(STANDS)]
     volume = Grid(size=[SIDE, SIDE], shape=list(shape), layers=7, thickness=0.024)
-    return Looks(views, LASER, volume.prisms(), volume.rule())
+    return VolumeVisibility(views, LASER, volume.prisms(), volume.rule())
 
 
 @pytest.fixture(scope="session")
-def make_looks() -> Callable[..., Looks]:
+def make_looks() -> Callable[..., VolumeVisibility]:
     return looks_at

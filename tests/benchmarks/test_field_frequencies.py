@@ -19,7 +19,7 @@ from sldvexp.field.estimate import estimate_field
 from sldvexp.field.result import FieldResult
 from sldvexp.field.solvers.iterative import Iterative
 from sldvexp.field.streaming.compression import FEW
-from sldvexp.field.visibility.visibility import Looks
+from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.reconstruction.absolute import Absolute
 from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.reconstruction.contravariant import Contravariant
@@ -34,23 +34,23 @@ METHODS = [Contravariant(rows="all"), Absolute()]
 
 
 @pytest.fixture(scope="module")
-def many(make_looks: Callable[..., Looks]) -> Looks:
+def many(make_looks: Callable[..., VolumeVisibility]) -> VolumeVisibility:
     return make_looks(SHAPE, PIXELS, FREQUENCIES)
 
 
-def only(looks: Looks, frequency: int | slice) -> Looks:
+def only(looks: VolumeVisibility, frequency: int | slice) -> VolumeVisibility:
     """The same views with one or some of their frequencies."""
     column = frequency if isinstance(frequency, slice) else slice(frequency, frequency + 1)
     views = [replace(v, velocity=v.velocity[:, column].copy()) for v in looks.views]
-    return Looks(views, looks.laser, looks.prisms, looks.rule)
+    return VolumeVisibility(views, looks.laser, looks.prisms, looks.rule)
 
 
-def field(looks: Looks, method: Reconstruction) -> FieldResult:
+def field(looks: VolumeVisibility, method: Reconstruction) -> FieldResult:
     return estimate_field(looks, method, Iterative())
 
 
 def columns(
-    looks: Looks, method: Reconstruction, names: Sequence[str]
+    looks: VolumeVisibility, method: Reconstruction, names: Sequence[str]
 ) -> Iterator[tuple[str, Any, Any]]:
     """Results of some frequencies: among all frequencies, and alone."""
     together = field(looks, method)
@@ -62,7 +62,9 @@ def columns(
 
 @pytest.mark.skipif(FULL_SIZE, reason="done at small size")
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: type(m).__name__.lower())
-def test_a_column_is_what_its_frequency_gives_alone(many: Looks, method: Reconstruction) -> None:
+def test_a_column_is_what_its_frequency_gives_alone(
+    many: VolumeVisibility, method: Reconstruction
+) -> None:
     for name, together, alone in columns(
         many, method, ["velocity", "std_noise", "sse", "residual_std_by_view"]
     ):
@@ -72,7 +74,7 @@ def test_a_column_is_what_its_frequency_gives_alone(many: Looks, method: Reconst
 
 @pytest.mark.skipif(FULL_SIZE, reason="done at small size")
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: type(m).__name__.lower())
-def test_bounds_of_many_frequencies(many: Looks, method: Reconstruction) -> None:
+def test_bounds_of_many_frequencies(many: VolumeVisibility, method: Reconstruction) -> None:
     """The poses' part is that of a few combinations of frequencies, which leave out noise only.
 
     As many frequencies as such combinations are not combined: bounds are then the same.
@@ -92,7 +94,7 @@ def seconds(work: Callable[[], object]) -> float:
 @pytest.mark.skipif(not FULL_SIZE, reason="takes minutes and 3 GB; set SLDVEXP_BENCHMARK=1")
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: type(m).__name__.lower())
 def test_many_frequencies_cost_little_more_than_one(
-    many: Looks, method: Reconstruction, capsys: pytest.CaptureFixture[str]
+    many: VolumeVisibility, method: Reconstruction, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """With all bounds, of every frequency."""
     one = only(many, FREQUENCIES // 2)

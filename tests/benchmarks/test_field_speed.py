@@ -20,7 +20,7 @@ from scipy.sparse.linalg import spsolve
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.result import FieldResult
 from sldvexp.field.solvers.iterative import Iterative
-from sldvexp.field.visibility.visibility import Looks
+from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.reconstruction.absolute import Absolute
 from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.reconstruction.contravariant import Contravariant
@@ -37,11 +37,11 @@ GROWTH = 5.0
 
 
 @pytest.fixture(scope="module")
-def looks(make_looks: Callable[..., Looks]) -> Looks:
+def looks(make_looks: Callable[..., VolumeVisibility]) -> VolumeVisibility:
     return make_looks(SHAPE, PIXELS)
 
 
-def twenty_lines(looks: Looks) -> np.ndarray:
+def twenty_lines(looks: VolumeVisibility) -> np.ndarray:
     """Absolute method, no bounds: one sparse matrix, its normal equations, `spsolve`."""
     prisms = looks.prisms
     look = looks.at(np.arange(len(prisms.triangles)))
@@ -57,7 +57,7 @@ def twenty_lines(looks: Looks) -> np.ndarray:
     return spsolve((a.T @ a).tocsc(), a.T @ v).reshape(-1, 3)
 
 
-def field(looks: Looks, method: Reconstruction, *, bounds: bool) -> FieldResult:
+def field(looks: VolumeVisibility, method: Reconstruction, *, bounds: bool) -> FieldResult:
     return estimate_field(looks, method, Iterative(), bounds=bounds)
 
 
@@ -68,7 +68,7 @@ def seconds(work: Callable[[], object]) -> float:
     return time.process_time() - start
 
 
-def test_agrees_with_the_twenty_lines(looks: Looks) -> None:
+def test_agrees_with_the_twenty_lines(looks: VolumeVisibility) -> None:
     if FULL_SIZE:
         pytest.skip("for a small volume")
     found = field(looks, Absolute(), bounds=False).velocity[..., 0]
@@ -76,7 +76,7 @@ def test_agrees_with_the_twenty_lines(looks: Looks) -> None:
 
 
 @pytest.mark.skipif(not FULL_SIZE, reason="takes two minutes; set SLDVEXP_BENCHMARK=1")
-def test_faster_than_the_twenty_lines(looks: Looks) -> None:
+def test_faster_than_the_twenty_lines(looks: VolumeVisibility) -> None:
     theirs = seconds(lambda: twenty_lines(looks))
     ours = {
         "contravariant with bounds": (Contravariant(), True, CONTRAVARIANT_WITH_BOUNDS),
@@ -92,7 +92,7 @@ def test_faster_than_the_twenty_lines(looks: Looks) -> None:
 
 
 @pytest.mark.skipif(not FULL_SIZE, reason="takes two minutes; set SLDVEXP_BENCHMARK=1")
-def test_four_times_the_nodes(make_looks: Callable[..., Looks]) -> None:
+def test_four_times_the_nodes(make_looks: Callable[..., VolumeVisibility]) -> None:
     times = []
     for side in (24, 48, 96):
         looks = make_looks((side, side), PIXELS)

@@ -22,7 +22,7 @@ from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.given import Given
 from sldvexp.reconstruction.absolute import Absolute
 from sldvexp.virtual_lab.plate_scene import Mode, Plate, PlateScene
-from sldvexp.virtual_lab.truth import truth_group
+from sldvexp.virtual_lab.truth import truth_to_dataset
 from sldvexp.volume.grid import Grid
 
 EULER, FREQUENCY = [0.3, 0.5, -0.2], [200.0, 230.0]
@@ -49,7 +49,7 @@ def field_of(velocity, confidence, components="xyz", **attributes):
 def tree_of(change=0.0, confidence=0.002):
     """A field that is the truth plus a change of each node, component and frequency, m/s."""
     volume = VOLUME.group()
-    truth = truth_group(SCENE, volume["position"].values, FREQUENCY, 1.0)
+    truth = truth_to_dataset(SCENE, volume["position"].values, FREQUENCY, 1.0)
     field = field_of(truth["velocity"].values + change, confidence)
     return {"volume": volume, "truth": truth, "field": field}
 
@@ -83,7 +83,9 @@ def test_errors_are_those_on_the_surface():
 
 def _on_surface(tree):
     truth = tree["truth"]
-    return Columns.of(tree["volume"], truth["height"].values).at_surface(truth["velocity"].values)
+    return Columns.from_volume(tree["volume"], truth["height"].values).at_surface(
+        truth["velocity"].values
+    )
 
 
 def test_local_components_are_compared_along_each_nodes_frame():

@@ -18,7 +18,7 @@ from sldvexp import dataset
 from sldvexp.config import registry
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.export.results import results_of
-from sldvexp.export.uff import Geometry, Shapes, Uff
+from sldvexp.export.uff import GeometryDataSets, ShapeNames, UffExport
 from sldvexp.export.vtu import Vtu
 
 FORMATS = sorted(registry.BUILT_IN["export"])
@@ -382,7 +382,7 @@ def test_world_velocity_turns_local_components(local):
 
 
 def test_universal_file_has_the_axes_of_every_node(local, tmp_path):
-    path = Uff().export(local.tree, local.attributes, tmp_path, "mine")
+    path = UffExport().export(local.tree, local.attributes, tmp_path, "mine")
     sets = {s["type"]: s for s in pyuff.UFF(str(path)).read_sets()}
     frame = local.tree["volume"]["frame"].values
     axes = dict(zip(sets[2420]["CS_sys_labels"], sets[2420]["CS_matrices"], strict=True))
@@ -396,7 +396,7 @@ def test_universal_file_has_the_axes_of_every_node(local, tmp_path):
 
 
 def test_universal_file_for_programs_that_know_the_older_sets_only(local, tmp_path):
-    export = Uff(geometry=Geometry.legacy, shapes=Shapes.mode)
+    export = UffExport(geometry=GeometryDataSets.legacy, shapes=ShapeNames.mode)
     path = export.export(local.tree, local.attributes, tmp_path, "mine")
     sets: dict[int, list] = {}
     for s in pyuff.UFF(str(path)).read_sets():
@@ -424,7 +424,7 @@ def test_universal_file_for_programs_that_know_the_older_sets_only(local, tmp_pa
 def test_frequencies_that_are_exactly_even_have_no_column_of_their_own(last, points, tmp_path):
     tree = dict(points.tree)
     tree["point"] = tree["point"].assign_coords(frequency=[100.5, 200.75, last])
-    text = Uff().export(tree, points.attributes, tmp_path, "mine").read_text()
+    text = UffExport().export(tree, points.attributes, tmp_path, "mine").read_text()
     even = "         6         3         1  1.00500E+02  1.00250E+02"
     assert (even in text) == (last == 301.0)
     found = read_uff(tmp_path / "mine.uff")

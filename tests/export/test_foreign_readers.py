@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sldvexp.export.results import results_of
-from sldvexp.export.uff import Shapes, Uff
+from sldvexp.export.uff import ShapeNames, UffExport
 from sldvexp.export.ugrid import Ugrid
 from sldvexp.export.vtu import Vtu
 
@@ -27,7 +27,7 @@ def known(made, name: str) -> np.ndarray:
 def test_sdynpy_takes_geometry_functions_and_shapes(made, tmp_path, monkeypatch):
     monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")  # or it ends the process
     sdynpy = pytest.importorskip("sdynpy")
-    path = Uff(shapes=Shapes.mode).export(made.tree, made.attributes, tmp_path, "mine")
+    path = UffExport(shapes=ShapeNames.mode).export(made.tree, made.attributes, tmp_path, "mine")
     unv = sdynpy.unv.readunv(str(path))
     geometry = sdynpy.geometry.from_unv(unv)
     np.testing.assert_allclose(geometry.node.coordinate, known(made, "position"), atol=1e-15)

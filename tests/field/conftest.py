@@ -10,7 +10,7 @@ import pytest
 from scipy.sparse import csr_array
 
 from sldvexp.field.visibility.view import View
-from sldvexp.field.visibility.visibility import Look, Looks
+from sldvexp.field.visibility.visibility import SampleVisibility, VolumeVisibility
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
 from sldvexp.volume.prisms import Prisms, extruded
@@ -96,7 +96,7 @@ def views_around(
 
 
 @dataclass(eq=False)
-class EverySample(Looks):
+class EverySample(VolumeVisibility):
     """Looks whose pixels are the samples themselves: nothing is interpolated.
 
     Parameters
@@ -107,7 +107,7 @@ class EverySample(Looks):
 
     seen: np.ndarray | None = None
 
-    def at(self, triangles: np.ndarray) -> Look:
+    def at(self, triangles: np.ndarray) -> SampleVisibility:
         look = super().at(triangles)
         prisms, points = self.prisms, self.rule.points
         count = len(prisms.triangles)
@@ -147,7 +147,7 @@ def every_sample(
     from sldvexp.volume.samples import shape_matrix
 
     views = views_around(count)
-    everywhere = Looks(views, LASER, prisms, rule).at(np.arange(len(prisms.triangles)))
+    everywhere = VolumeVisibility(views, LASER, prisms, rule).at(np.arange(len(prisms.triangles)))
     directions = everywhere.directions
     if local:
         directions = directions @ np.swapaxes(everywhere.frame, 1, 2)

@@ -16,20 +16,22 @@ from sldvexp.field.bounds.intrinsic_effect import PoseErrors
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.result import FieldResult
 from sldvexp.field.visibility.view import View, adjusted, views_of
-from sldvexp.field.visibility.visibility import Looks
+from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.laser.model import project, rays
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
-from sldvexp.pose.base import JointCovariance, pose_group
+from sldvexp.pose.base import JointCovariance, pose_to_dataset
 from sldvexp.pose.intrinsics import places, true_angles
-from sldvexp.pose.multi_view import Sight, solve_together
+from sldvexp.pose.multi_view import PointObservations, solve_together
 from sldvexp.volume.samples import SampleRule
 
 Make = Callable[..., Any]
 OFFSET = "mirror_offset"
 
 
-def estimate(looks: Looks, errors: PoseErrors | None = None, **options: Any) -> FieldResult:
+def estimate(
+    looks: VolumeVisibility, errors: PoseErrors | None = None, **options: Any
+) -> FieldResult:
     method, solver = get("reconstruction", "absolute")(), get("solver", "direct")()
     return estimate_field(looks, method, solver, errors=errors, **options)
 
@@ -75,7 +77,9 @@ def posed(
     for view in views:
         angle = project((marks - view.origin) @ view.rotation.T, laser.mirror_offset)
         angle = angle + std * rng.normal(size=angle.shape)
-        sights.append(Sight(view.name, marks, angle, np.full(len(marks), std) / nominal.step[0]))
+        sights.append(
+            PointObservations(view.name, marks, angle, np.full(len(marks), std) / nominal.step[0])
+        )
     solutions, matrix = solve_together(
         sights,
         step=nominal.step,
@@ -86,7 +90,7 @@ def posed(
     )
     names = [v.name for v in views]
     joint = JointCovariance(names, [], [OFFSET], matrix)
-    return pose_group(
+    return pose_to_dataset(
         names,
         [s.rotation for s in solutions],
         [s.origin for s in solutions],
@@ -124,8 +128,8 @@ def test_bounds_hold_with_a_free_mirror_offset(
         pose = posed(true, laser, nominal, rng, 1e-4)
         tree = {"pose": pose} | {f"image/{v.name}": as_image(v) for v in true}
         views = views_of(tree, nominal)
-        looks = Looks(views, nominal, prisms, six_points, Interpolation.cubic)
-        errors = PoseErrors.of(pose, looks.names)
+        looks = VolumeVisibility(views, nominal, prisms, six_points, Interpolation.cubic)
+        errors = PoseErrors.from_dataset(pose, looks.names)
         assert errors is not None
         assert len(errors.pose) == 1
         result = estimate(looks, errors)
@@ -160,7 +164,7 @@ def test_zero_of_the_up_down_mirror_is_a_rotation_about_its_axis(
         if known == "shared":  # the first view's are those of all
             kept = [8 * v + i for v in range(4) for i in range(6)] + [6, 7]
             joint = JointCovariance(names, [], own, matrix[np.ix_(kept, kept)])
-        pose = pose_group(
+        pose = pose_to_dataset(
             names,
             [v.rotation for v in views],
             [v.origin for v in views],
@@ -173,8 +177,10 @@ def test_zero_of_the_up_down_mirror_is_a_rotation_about_its_axis(
         )
         intrinsics = np.array([laser.mirror_offset, 1.0, 0.0, 1.0, 0.0])
         intrinsics[places(own)] = pose["intrinsic"].values[0]
-        looks = Looks([replace(v, intrinsics=intrinsics) for v in views], laser, prisms, six_points)
-        std_pose = estimate(looks, PoseErrors.of(pose, names)).std_pose
+        looks = VolumeVisibility(
+            [replace(v, intrinsics=intrinsics) for v in views], laser, prisms, six_points
+        )
+        std_pose = estimate(looks, PoseErrors.from_dataset(pose, names)).std_pose
         assert std_pose is not None
         return std_pose
 
@@ -189,7 +195,7 @@ def test_zero_of_the_up_down_mirror_is_a_rotation_about_its_axis(
 
 def test_unknown_covariance_of_adjusted_poses_is_none(make_views: Make) -> None:
     views = make_views(3)
-    pose = pose_group(
+    pose = pose_to_dataset(
         ["1", "2", "3"],
         [v.rotation for v in views],
         [v.origin for v in views],
@@ -199,4 +205,4 @@ def test_unknown_covariance_of_adjusted_poses_is_none(make_views: Make) -> None:
         adjusted=[OFFSET],
         intrinsic=np.zeros((3, 1)),
     )
-    assert PoseErrors.of(pose, ["1", "2", "3"]) is None
+    assert PoseErrors.from_dataset(pose, ["1", "2", "3"]) is None

@@ -15,7 +15,7 @@ from sldvexp.config.registry import get
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.result import FieldResult
 from sldvexp.field.visibility.view import View
-from sldvexp.field.visibility.visibility import Looks
+from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.reconstruction.base import Model, Reconstruction
@@ -37,7 +37,7 @@ def method_of(name: str, fields: dict[str, Any]) -> Reconstruction:
     return method
 
 
-def estimate(looks: Looks, method: Reconstruction, **options: Any) -> FieldResult:
+def estimate(looks: VolumeVisibility, method: Reconstruction, **options: Any) -> FieldResult:
     return estimate_field(looks, method, get("solver", "iterative")(), **options)
 
 
@@ -68,7 +68,9 @@ def test_noise_of_shared_pixels(
         std = rng.uniform(0.5, 2, len(view.dac))
         noise = rng.normal(size=(*view.velocity.shape, 2)) @ [1, 1j]
         views.append(replace(view, std=std, velocity=std[:, None] * noise))
-    result = estimate(Looks(views, laser, prisms, six_points), method_of(name, fields), local=local)
+    result = estimate(
+        VolumeVisibility(views, laser, prisms, six_points), method_of(name, fields), local=local
+    )
     assert result.bounds_error == 0.0
     parts = np.concatenate([result.velocity.real, result.velocity.imag], axis=2)
     ratio = np.sqrt((parts**2).mean(axis=2)) / result.std_noise[:, :, 0]
@@ -96,7 +98,7 @@ def test_derivative_by_the_poses(
         turned = rotation_from_vector(step[:3]) @ views[k].rotation
         moved = replace(views[k], rotation=turned, origin=views[k].origin + step[3:])
         changed = [*views[:k], moved, *views[k + 1 :]]
-        looks = Looks(changed, laser, prisms, six_points)
+        looks = VolumeVisibility(changed, laser, prisms, six_points)
         return estimate(looks, method, local=local, bounds=False).velocity
 
     for k, parameter in ((0, 0), (1, 1), (2, 2), (3, 3), (1, 4), (2, 5)):
@@ -104,7 +106,7 @@ def test_derivative_by_the_poses(
         slope = (velocity(k, step) - velocity(k, -step)) / (2 * h)
         covariance = np.zeros((30, 30))
         covariance[6 * k + parameter, 6 * k + parameter] = 1.0
-        looks = Looks(views, laser, prisms, six_points)
+        looks = VolumeVisibility(views, laser, prisms, six_points)
         result = estimate(looks, method, local=local, covariance=covariance)
         scale = np.abs(slope).max()
         np.testing.assert_allclose(result.std_pose[0], np.abs(slope.real), atol=2e-5 * scale)
@@ -120,7 +122,7 @@ def test_both_parts_add_up_and_poses_may_be_joint(
     own = [joint[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k in range(5)]
     views = smooth(make_views(5, pixels=9))
     by_view = [replace(v, covariance=c) for v, c in zip(views, own, strict=True)]
-    result = estimate(Looks(by_view, laser, prisms, six_points), method)
+    result = estimate(VolumeVisibility(by_view, laser, prisms, six_points), method)
     both = np.sqrt(result.std_noise**2 + result.std_pose**2)
     np.testing.assert_allclose(result.std_by_part, both)
     np.testing.assert_allclose(result.confidence_by_part, 1.6448536 * both, rtol=1e-6)
@@ -128,11 +130,11 @@ def test_both_parts_add_up_and_poses_may_be_joint(
     blocks = np.zeros((30, 30))
     for k, c in enumerate(own):
         blocks[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = c
-    again = estimate(Looks(views, laser, prisms, six_points), method, covariance=blocks)
+    again = estimate(VolumeVisibility(views, laser, prisms, six_points), method, covariance=blocks)
     np.testing.assert_allclose(again.std_pose, result.std_pose)
-    other = estimate(Looks(views, laser, prisms, six_points), method, covariance=joint)
+    other = estimate(VolumeVisibility(views, laser, prisms, six_points), method, covariance=joint)
     assert np.abs(other.std_pose / result.std_pose - 1).max() > 0.1
-    none = estimate(Looks(views, laser, prisms, six_points), method)
+    none = estimate(VolumeVisibility(views, laser, prisms, six_points), method)
     assert none.std_pose is None
     assert "poses have no covariance" in none.messages[-1]
     np.testing.assert_allclose(none.std, result.std_noise)
@@ -152,7 +154,7 @@ def test_large_fields(
     if uneven:
         views[4] = replace(views[4], flags=(views[4].dac[:, 1] > 300).astype(int))
         views[2] = replace(views[2], flags=(np.hypot(*(views[2].dac.T - 200)) < 250).astype(int))
-    looks = Looks(views, laser, prisms, six_points)
+    looks = VolumeVisibility(views, laser, prisms, six_points)
     exact = estimate(looks, method)
     monkeypatch.setattr(field_system, "SMALL", 0)
     monkeypatch.setattr(field_parts, "SAMPLES_IN_ALL", at_once)
@@ -185,7 +187,7 @@ def test_large_fields_with_a_hole(
         middle = view.dac.mean(axis=0)
         unseen = np.hypot(*(view.dac - middle).T) < 0.2 * np.ptp(view.dac)
         views[k] = replace(view, flags=unseen.astype(int))
-    looks = Looks(views, laser, prisms, six_points)
+    looks = VolumeVisibility(views, laser, prisms, six_points)
     exact = estimate(looks, method)
     monkeypatch.setattr(field_system, "SMALL", 0)
     near = estimate(looks, method)
@@ -213,10 +215,10 @@ def test_many_frequencies(
     for view in views:
         noise = 1e-3 * rng.normal(size=(len(view.dac), 40, 2)) @ [1, 1j]
         many.append(replace(view, velocity=view.velocity * response + noise))
-    result = estimate(Looks(many, laser, prisms, six_points), method)
+    result = estimate(VolumeVisibility(many, laser, prisms, six_points), method)
     for f in (0, 20, 39):
         one = [replace(v, velocity=v.velocity[:, f : f + 1]) for v in many]
-        alone = estimate(Looks(one, laser, prisms, six_points), method)
+        alone = estimate(VolumeVisibility(one, laser, prisms, six_points), method)
         np.testing.assert_allclose(result.velocity[..., f], alone.velocity[..., 0], rtol=1e-9)
         np.testing.assert_allclose(result.std_noise[..., f], alone.std_noise[..., 0])
         total = alone.std_by_part[..., 0]
@@ -231,9 +233,9 @@ def test_noise_that_changes_with_frequency(
     views = make_views(5, pixels=9, frequencies=2)
     std = np.random.default_rng(9).uniform(1, 2, len(views[0].dac))
     two = [replace(v, std=std[:, None] * [1.0, 3.0]) for v in views]
-    result = estimate(Looks(two, laser, prisms, six_points), method)
+    result = estimate(VolumeVisibility(two, laser, prisms, six_points), method)
     same = [replace(v, std=std) for v in views]
-    one = estimate(Looks(same, laser, prisms, six_points), method)
+    one = estimate(VolumeVisibility(same, laser, prisms, six_points), method)
     np.testing.assert_allclose(result.std_noise, one.std_noise * [1.0, 3.0])
 
 
@@ -243,7 +245,7 @@ def test_efficiency(
     """Absolute with noise weights is the best; the ratio of variances is the efficiency."""
     prisms = make_plate((5, 5), 3)
     views = make_views(5, pixels=20)
-    looks = Looks(views, laser, prisms, six_points)
+    looks = VolumeVisibility(views, laser, prisms, six_points)
     best = estimate(looks, method_of("absolute", {}))
     np.testing.assert_allclose(best.efficiency, 1.0, rtol=1e-9)
     for name, fields in METHODS[1:]:

@@ -15,14 +15,14 @@ import pytest
 from sldvexp.config.registry import get
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.visibility.view import View
-from sldvexp.field.visibility.visibility import Looks
+from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.geometry.rotation import KnownPose, rotation_from_vector
 from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.instrument.protocol import Acquisition
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.signal.sine_fit import SineFit
 from sldvexp.virtual_lab.lab import VirtualLab
-from sldvexp.virtual_lab.plate_scene import Edges, Mode, Plate, PlateScene
+from sldvexp.virtual_lab.plate_scene import EdgeSupport, Mode, Plate, PlateScene
 from sldvexp.volume.grid import Grid
 
 LASER = TwoMirror(mirror_offset=0.0)
@@ -41,7 +41,7 @@ PLATE = Plate(
     center=CENTER,
     size=[1.2, 1.0],
     thickness=0.003,
-    edges=Edges.free,
+    edges=EdgeSupport.free,
     modes={
         "across": Mode(1, 0, FREQUENCY, 0.01, 0.06),
         "along": Mode(0, 1, 0.98 * FREQUENCY, 0.02, 0.05),
@@ -123,7 +123,7 @@ def session(seed: int, quality: tuple[float, float]) -> Coverage:
                 (PIXELS, PIXELS),
             )
         )
-    looks = Looks(views, LASER, prisms, VOLUME.rule(), Interpolation.cubic)
+    looks = VolumeVisibility(views, LASER, prisms, VOLUME.rule(), Interpolation.cubic)
     method, solver = get("reconstruction", "absolute")(), get("solver", "iterative")()
     result = estimate_field(looks, method, solver)
     nodes = len(prisms.position.reshape(-1, 3)) // VOLUME.layers

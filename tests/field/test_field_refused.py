@@ -14,14 +14,14 @@ import xarray as xr
 from sldvexp import dataset
 from sldvexp.config.registry import get
 from sldvexp.errors import UserError
-from sldvexp.field.estimate import estimate_field, looks_of, reconstruct
+from sldvexp.field.estimate import estimate_field, reconstruct, volume_visibility
 from sldvexp.field.visibility.view import View
-from sldvexp.field.visibility.visibility import Looks
+from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.pose.base import pose_group
+from sldvexp.pose.base import pose_to_dataset
 from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.signal.pixel_quality import Flag
-from sldvexp.volume.base import Samples, Sight
+from sldvexp.volume.base import SampleSettings, VisibilitySettings
 from sldvexp.volume.grid import Grid
 from sldvexp.volume.samples import SampleRule
 
@@ -49,7 +49,7 @@ def image_of(view: View, frequency: list[float] = FREQUENCY) -> xr.Dataset:
 def poses_of(views: list[View]) -> xr.Dataset:
     covariance = np.tile(1e-8 * np.eye(6), (len(views), 1, 1))
     rotation, origin = [v.rotation for v in views], [v.origin for v in views]
-    return pose_group(
+    return pose_to_dataset(
         [v.name for v in views], rotation, origin, covariance, [np.inf] * len(views), 0.95
     )
 
@@ -66,7 +66,7 @@ def method_of(name: str, **fields: Any) -> Reconstruction:
 def field(
     tree: Tree, laser: TwoMirror, volume: Grid = VOLUME, name: str = "absolute", **fields: Any
 ) -> xr.Dataset:
-    looks = looks_of(tree, laser, volume)
+    looks = volume_visibility(tree, laser, volume)
     solver = get("solver", "direct")()
     return reconstruct(tree, looks, volume, method_of(name, **fields), solver)
 
@@ -223,7 +223,7 @@ def test_mirrored_views(make_views: Make, laser: TwoMirror) -> None:
     assert told.startswith("view 5: none of the samples is seen; view 5: 216 of 216 samples are ")
     assert told.endswith("do the surface's normals point to the side that is measured?")
     # What moves along the line between two opposite views is all that they know of.
-    both = replace(VOLUME, sight=Sight(both_sides=True))
+    both = replace(VOLUME, sight=VisibilitySettings(both_sides=True))
     opposite = replace(
         views[0],
         name="5",
@@ -365,28 +365,30 @@ def test_pixels_that_are_flagged_for_their_reference(make_views: Make, laser: Tw
 
 def test_a_singular_system_names_its_nodes(make_views: Make, laser: TwoMirror) -> None:
     tree = session(make_views(4, PIXELS))
-    told = refused(lambda: field(tree, laser, replace(VOLUME, samples=Samples(1, 2))))
+    told = refused(lambda: field(tree, laser, replace(VOLUME, samples=SampleSettings(1, 2))))
     assert "too few to determine the surface nodes 0, 1, 2, 3, 4 and 11 others one by one" in told
     assert told.endswith("use more points in each triangle, as with samples.triangle=3")
-    told = refused(lambda: field(tree, laser, replace(VOLUME, samples=Samples(3, 1))))
+    told = refused(lambda: field(tree, laser, replace(VOLUME, samples=SampleSettings(3, 1))))
     assert told.endswith("the layers above and below them one by one; use samples.line=2 or more")
     # With flagged pixels it is not the number of points alone.
     for view in "1234":
         tree = flagged(tree, view, Flag.reference_missing, 0.15)
-    told = refused(lambda: field(tree, laser, replace(VOLUME, samples=Samples(1, 2))))
+    told = refused(lambda: field(tree, laser, replace(VOLUME, samples=SampleSettings(1, 2))))
     assert told.startswith("field: samples are at flagged pixels, ")
     assert "lower signal.flags.reference_minimum" in told
     assert "; without those the samples are too few to determine the surface nodes " in told
 
 
-def small(make_plate: Make, make_views: Make, laser: TwoMirror, rule: SampleRule) -> Looks:
+def small(
+    make_plate: Make, make_views: Make, laser: TwoMirror, rule: SampleRule
+) -> VolumeVisibility:
     """Views that see unequally well, so that the matrix is no Kronecker product."""
     rng = np.random.default_rng(5)
     views = [
         replace(v, velocity=rng.normal(size=(400, 2, 2)) @ [1, 1j], std=rng.uniform(1, 3, 400))
         for v in make_views(4, PIXELS)
     ]
-    return Looks(views, laser, make_plate((6, 5), 4), rule)
+    return VolumeVisibility(views, laser, make_plate((6, 5), 4), rule)
 
 
 @pytest.mark.parametrize("name", ["absolute", "contravariant"])

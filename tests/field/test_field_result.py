@@ -15,12 +15,12 @@ from sldvexp.config.registry import get
 from sldvexp.errors import UserError
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.result import FieldResult
-from sldvexp.field.to_dataset import field_group
-from sldvexp.field.visibility.visibility import Looks
+from sldvexp.field.to_dataset import field_to_dataset
+from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.reconstruction.base import Model, Reconstruction, Weights
-from sldvexp.volume.base import Samples
-from sldvexp.volume.points import Points
+from sldvexp.volume.base import SampleSettings
+from sldvexp.volume.points import PointSurface
 from sldvexp.volume.samples import SampleRule, shape_matrix, tensor_rule
 
 Make = Callable[..., Any]
@@ -31,7 +31,7 @@ def method_of(name: str, **fields: Any) -> Reconstruction:
     return method
 
 
-def estimate(looks: Looks, method: Reconstruction, **options: Any) -> FieldResult:
+def estimate(looks: VolumeVisibility, method: Reconstruction, **options: Any) -> FieldResult:
     return estimate_field(looks, method, get("solver", "iterative")(), **options)
 
 
@@ -64,7 +64,7 @@ def test_refinement(
 
 
 @pytest.fixture
-def volume_of_section_5_4(tmp_path: Any) -> Points:
+def volume_of_section_5_4(tmp_path: Any) -> PointSurface:
     """7 layers of 63 nodes, 95 triangles, 7 samples in each of the 570 prisms."""
     x, y = np.meshgrid(np.linspace(-0.19, 0.19, 9), np.linspace(-0.15, 0.15, 7), indexing="ij")
     inner = (np.abs(x) < 0.18) & (np.abs(y) < 0.14)
@@ -77,11 +77,11 @@ def volume_of_section_5_4(tmp_path: Any) -> Points:
     middle = [1 / 3, 1 / 3, 1 / 3, 0.0]
     corners = [[0.5, 0.25, 0.25], [0.25, 0.5, 0.25], [0.25, 0.25, 0.5]]
     parameters = [[*c, z] for z in (-0.5, 0.5) for c in corners] + [middle]
-    return Points(path=str(path), samples=Samples(parameters=parameters))
+    return PointSurface(path=str(path), samples=SampleSettings(parameters=parameters))
 
 
 @pytest.mark.long
-def test_structural_numbers(volume_of_section_5_4: Points, make_every_sample: Make) -> None:
+def test_structural_numbers(volume_of_section_5_4: PointSurface, make_every_sample: Make) -> None:
     """Unknowns, rows and the order of condition numbers of Table 5.7."""
     prisms, rule = volume_of_section_5_4.prisms(), volume_of_section_5_4.rule()
     triangles = len(prisms.triangles)
@@ -198,7 +198,7 @@ def test_group(
     ):
         method = method_of(name, **fields)
         result = estimate(looks, method, local=True)
-        group = field_group(result, prisms, method, frequencies)
+        group = field_to_dataset(result, prisms, method, frequencies)
         dims = ("node", "component") + (("frequency",) if frequencies else ())
         for variable in ("velocity", "velocity_std", "confidence", "velocity_std_noise"):
             assert group[variable].dims == dims
@@ -234,7 +234,7 @@ def test_what_is_refused(
     prisms, views = make_plate((4, 4), 3), make_views(5)
 
     def refused(some: list[Any], match: str, method: str = "absolute", **options: Any) -> None:
-        looks = Looks(some, laser, prisms, six_points)
+        looks = VolumeVisibility(some, laser, prisms, six_points)
         with pytest.raises(UserError, match=match):
             estimate(looks, method_of(method), bounds=False, **options)
 

@@ -14,9 +14,9 @@ import sldvexp.field.equations.conditioning as conditioning
 import sldvexp.field.equations.system as field_system
 from sldvexp.errors import UserError
 from sldvexp.field.equations.elements import Graph, Patch
-from sldvexp.field.equations.regions import Surface
+from sldvexp.field.equations.regions import SurfaceRegions
 from sldvexp.field.equations.sample_model import RowModel
-from sldvexp.field.equations.system import Assembly, System, line_matrix
+from sldvexp.field.equations.system import Assembly, NormalEquations, line_matrix
 from sldvexp.field.solvers.kronecker import KroneckerInverse
 from sldvexp.reconstruction.rows import differences_from_first, parse, views
 from sldvexp.volume.prisms import Prisms
@@ -26,9 +26,9 @@ Make = Callable[..., Any]
 NAMES = ["1", "2", "3", "4", "5"]
 
 
-def assembled(prisms: Prisms, rule: SampleRule, information: np.ndarray) -> System:
+def assembled(prisms: Prisms, rule: SampleRule, information: np.ndarray) -> NormalEquations:
     """M of given N_s, put together from two patches."""
-    assembly = Assembly(Graph.of(prisms), rule, prisms.layers, information.shape[-1])
+    assembly = Assembly(Graph.from_prisms(prisms), rule, prisms.layers, information.shape[-1])
     count = len(prisms.triangles)
     each = information.reshape(prisms.gaps, count, -1, *information.shape[1:])
     for some in (np.arange(0, count, 2), np.arange(1, count, 2)):
@@ -45,7 +45,7 @@ def by_definition(prisms: Prisms, rule: SampleRule, information: np.ndarray) -> 
     return m.reshape(size, size)
 
 
-def as_unknowns(system: System, x: np.ndarray) -> np.ndarray:
+def as_unknowns(system: NormalEquations, x: np.ndarray) -> np.ndarray:
     return x.reshape(system.layers, -1, system.block, x.shape[-1])
 
 
@@ -91,7 +91,7 @@ def test_kronecker_product(make_plate: Make, triangle: int, line: int, block: in
     assert system.exact
     np.testing.assert_allclose(np.kron(system.line, system.surface.toarray()), dense, atol=1e-12)
     x = as_unknowns(system, rng.normal(size=(len(dense), 3)))
-    inverse = KroneckerInverse.of(system)
+    inverse = KroneckerInverse.from_system(system)
     np.testing.assert_allclose(inverse.times(system.times(x)), x, atol=1e-9)
     np.testing.assert_allclose(line_matrix(rule, 4), system.line)
 
@@ -102,7 +102,7 @@ def test_nodes_without_samples_are_held(make_plate: Make, six_points: SampleRule
     seen = shape_matrix(prisms, six_points).toarray()[:, 0] == 0  # those that node 0 has no part in
     ranked = np.ones((3, prisms.surface_nodes), bool)
     ranked[0, 0] = False
-    assembly = Assembly(Graph.of(prisms), six_points, 3, 1)
+    assembly = Assembly(Graph.from_prisms(prisms), six_points, 3, 1)
     patch = Patch.over(prisms, six_points, np.arange(len(prisms.triangles)))
     assembly.add(patch, seen.astype(float).reshape(samples, 1, 1))
     system = assembly.system(ranked)
@@ -138,7 +138,7 @@ def test_too_few_samples(make_plate: Make, triangle: int, line: int) -> None:
     system = assembled(prisms, rule, np.ones((samples, 1, 1)))
     message = "do not determine the layers" if line == 1 else "too few to determine the surface"
     with pytest.raises(UserError, match=message):
-        KroneckerInverse.of(system)
+        KroneckerInverse.from_system(system)
 
 
 def dense_rows(a: np.ndarray, x: np.ndarray, std: np.ndarray | None) -> tuple[np.ndarray, ...]:
@@ -199,8 +199,8 @@ def test_rows_of_all_views_and_differences() -> None:
 @pytest.mark.parametrize("rings", [0, 2])
 def test_regions(make_plate: Make, rings: int) -> None:
     prisms = make_plate((9, 7), 2)
-    graph = Graph.of(prisms)
-    surface = Surface.of(prisms, graph)
+    graph = Graph.from_prisms(prisms)
+    surface = SurfaceRegions.from_prisms(prisms, graph)
     owned = []
     for own in surface.parts(10):
         assert len(own) <= 10

@@ -16,10 +16,10 @@ from sldvexp import dataset
 from sldvexp.check.agreement import agreement
 from sldvexp.check.base import Examined
 from sldvexp.config.schema import Experiment
-from sldvexp.field.estimate import looks_of
+from sldvexp.field.estimate import volume_visibility
 from sldvexp.field.visibility.view import View
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.pose.base import pose_group
+from sldvexp.pose.base import pose_to_dataset
 from sldvexp.volume.grid import Grid
 
 Make = Callable[..., list[View]]
@@ -35,7 +35,7 @@ def session(views: list[View]) -> dict[str, xr.Dataset]:
     """Poses, and images of noise."""
     rng = np.random.default_rng(5)
     poses = [(v.name, v.rotation, v.origin, v.covariance) for v in views]
-    tree = {"pose": pose_group(*map(list, zip(*poses, strict=True)), [np.inf] * 4, 0.95)}
+    tree = {"pose": pose_to_dataset(*map(list, zip(*poses, strict=True)), [np.inf] * 4, 0.95)}
     for view in views:
         size = (len(view.dac), 1)
         tree[f"image/{view.name}"] = dataset.group(
@@ -50,14 +50,14 @@ def session(views: list[View]) -> dict[str, xr.Dataset]:
 
 
 def test_the_same_session_is_looked_at_once(views: list[View], laser: TwoMirror) -> None:
-    first = looks_of(session(views), laser, VOLUME)
-    assert looks_of(session(views), laser, VOLUME) is first
+    first = volume_visibility(session(views), laser, VOLUME)
+    assert volume_visibility(session(views), laser, VOLUME) is first
 
 
 @pytest.mark.parametrize("what", ["image", "pose", "laser", "volume"])
 def test_another_session_is_looked_at_anew(views: list[View], laser: TwoMirror, what: str) -> None:
     tree, volume = session(views), VOLUME
-    first = looks_of(tree, laser, VOLUME)
+    first = volume_visibility(tree, laser, VOLUME)
     if what == "image":
         tree["image/2"] = tree["image/2"].copy(deep=True)
         tree["image/2"]["velocity"][3] *= 1 + 1e-9
@@ -68,23 +68,23 @@ def test_another_session_is_looked_at_anew(views: list[View], laser: TwoMirror, 
         laser = replace(laser, mirror_offset=laser.mirror_offset + 1e-9)
     else:
         volume = replace(VOLUME, thickness=0.03)
-    assert looks_of(tree, laser, volume) is not first
+    assert volume_visibility(tree, laser, volume) is not first
 
 
 def test_large_images_are_not_kept(
     views: list[View], laser: TwoMirror, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(field_run, "REMEMBERED", 0)
+    monkeypatch.setattr(field_run, "CACHE_BYTES", 0)
     tree = session(views)
-    assert looks_of(tree, laser, VOLUME) is not looks_of(tree, laser, VOLUME)
+    assert volume_visibility(tree, laser, VOLUME) is not volume_visibility(tree, laser, VOLUME)
 
 
 def test_agreement_is_the_same_part_by_part(
     views: list[View], laser: TwoMirror, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     examined: list[Any] = []
-    for most in (field_looks.REMEMBERED, 0):
-        monkeypatch.setattr(field_looks, "REMEMBERED", most)
+    for most in (field_looks.CACHE_SAMPLES, 0):
+        monkeypatch.setattr(field_looks, "CACHE_BYTES", most)
         run = Examined(
             session(views), np.random.default_rng(), Experiment(laser=laser, volume=VOLUME)
         )

@@ -19,7 +19,7 @@ from sldvexp.field.visibility.visibility import (
     FLAGGED,
     OFF_BOARD,
     OUTSIDE,
-    look,
+    project_samples,
 )
 from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.image.interpolation.methods import Interpolation
@@ -27,7 +27,7 @@ from sldvexp.laser.model import rays
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
 from sldvexp.virtual_lab.beam import beams
 from sldvexp.virtual_lab.plate import VibratingPlate
-from sldvexp.virtual_lab.plate_scene import Edges, Mode, Plate
+from sldvexp.virtual_lab.plate_scene import EdgeSupport, Mode, Plate
 from sldvexp.virtual_lab.scene import Spot
 
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
@@ -57,7 +57,7 @@ def points(count: int = 300, half: float = 0.3, seed: int = 2) -> np.ndarray:
 
 def test_beam_of_the_image_point_meets_the_point() -> None:
     at, p = view(), points()
-    seen = look(at, LASER, p, None, Interpolation.linear)
+    seen = project_samples(at, LASER, p, None, Interpolation.linear)
     start, direction = rays(LASER.angle_from_dac(seen.dac), LASER.mirror_offset)
     begin, along = at.origin + start @ at.rotation, direction @ at.rotation
     to_point = p - begin
@@ -74,7 +74,9 @@ def test_velocity_of_a_plate(curved: bool) -> None:
     """A velocity image's samples are the true velocities along D; the error falls with pixels."""
     modes = {"a": Mode(2, 1), "b": Mode(1, 2, frequency=300.0)}
     size, radius = [0.36, 0.36], 0.5 if curved else None
-    plate = VibratingPlate.built(Plate(size=size, radius=radius, edges=Edges.free, modes=modes))
+    plate = VibratingPlate.built(
+        Plate(size=size, radius=radius, edges=EdgeSupport.free, modes=modes)
+    )
     frequency = np.array([200.0, 300.0])
     place = np.random.default_rng(3).uniform(0.02, 0.34, (500, 2))
     p, normals = plate.position(place), plate.axes(plate.position(place))[:, 2]
@@ -87,7 +89,7 @@ def test_velocity_of_a_plate(curved: bool) -> None:
         at = replace(at, velocity=velocity, flags=~on)
         found = []
         for method in Interpolation:
-            seen = look(at, LASER, p, normals, method)
+            seen = project_samples(at, LASER, p, normals, method)
             assert seen.valid.mean() > 0.8
             truth = [
                 np.einsum("si,si->s", plate.velocity(p, f), seen.directions) for f in frequency
@@ -107,7 +109,7 @@ def test_standard_error_and_correlation() -> None:
     at, p, trials = view(), points(40, 0.1), 4000
     std = np.random.default_rng(4).uniform(1, 3, len(at.dac))
     at = replace(at, std=std)
-    seen = look(at, LASER, p, None, Interpolation.cubic)
+    seen = project_samples(at, LASER, p, None, Interpolation.cubic)
     noise = seen.weights @ (std[:, None] * np.random.default_rng(5).normal(size=(len(std), trials)))
     ratio = noise.std(axis=1) / seen.std(at)
     assert np.abs(ratio - 1).max() < 4.5 / np.sqrt(2 * trials)
@@ -126,7 +128,7 @@ def test_standard_error_and_correlation() -> None:
 def test_pose_derivative(offset: float) -> None:
     laser, at, p = replace(LASER, mirror_offset=offset), view(), points(50)
     p[0] = [0.0, 0.0, 9.0]
-    seen = look(at, laser, p, None, Interpolation.linear)
+    seen = project_samples(at, laser, p, None, Interpolation.linear)
     dac, directions = seen.pose_derivative(at, laser, p)
     assert dac.shape == (50, 2, 6)
     assert directions.shape == (50, 3, 6)
@@ -136,7 +138,7 @@ def test_pose_derivative(offset: float) -> None:
     for k in range(6):
         step = h * np.eye(6)[k]
         moved = [
-            look(
+            project_samples(
                 replace(
                     at,
                     rotation=rotation_from_vector(sign * step[:3]) @ at.rotation,
@@ -174,14 +176,16 @@ def test_every_reason() -> None:
     normals = np.tile(UP, (6, 1))
     normals[3] = [0.0, np.sin(1.4), np.cos(1.4)]
     at = replace(at, flags=flags.ravel())
-    seen = look(at, LASER, p, normals, Interpolation.linear)
+    seen = project_samples(at, LASER, p, normals, Interpolation.linear)
     assert seen.valid.tolist() == [True] + [False] * 5
     assert seen.lost == dict.fromkeys(REASONS, 1)
     assert np.isnan(seen.dac).any(axis=1).tolist() == [False, True, True, False, False, False]
     assert np.diff(seen.weights.indptr).tolist() == [4, 0, 0, 0, 0, 0]
     assert np.diff(seen.gradient[0].indptr).tolist() == [4, 0, 0, 0, 0, 0]
     assert not seen.velocity(at)[1:].any()
-    steep = look(at, LASER, p[3:4], normals[3:4], Interpolation.linear, grazing=np.radians(88))
+    steep = project_samples(
+        at, LASER, p[3:4], normals[3:4], Interpolation.linear, grazing=np.radians(88)
+    )
     assert steep.valid.all()
 
 
@@ -190,17 +194,18 @@ def test_blocks_are_the_whole(method: Interpolation) -> None:
     at, p = view(), points(200, 0.8)
     normals = np.tile(UP, (200, 1))
     interpolator = method.prepare(at)
-    whole = look(at, LASER, p, normals, method)
+    whole = project_samples(at, LASER, p, normals, method)
     parts = [
-        look(at, LASER, p[k : k + 70], normals[k : k + 70], interpolator) for k in (0, 70, 140)
+        project_samples(at, LASER, p[k : k + 70], normals[k : k + 70], interpolator)
+        for k in (0, 70, 140)
     ]
     assert 0 < whole.valid.sum() < 200
     np.testing.assert_array_equal(np.concatenate([s.valid for s in parts]), whole.valid)
     np.testing.assert_allclose(
         np.concatenate([s.velocity(at) for s in parts]), whole.velocity(at), atol=1e-12
     )
-    total = sum((Coverage.of(at, s) for s in parts[1:]), Coverage.of(at, parts[0]))
-    once = Coverage.of(at, whole)
+    total = sum((Coverage.from_view(at, s) for s in parts[1:]), Coverage.from_view(at, parts[0]))
+    once = Coverage.from_view(at, whole)
     assert (total.samples, total.seen, total.lost) == (once.samples, once.seen, once.lost)
     assert total.where() == once.where()
 
@@ -219,7 +224,7 @@ def wave(n: int = 30) -> tuple[np.ndarray, np.ndarray]:
 def hidden_by_any(at: View, p: np.ndarray, nodes: np.ndarray, triangles: np.ndarray,
                   clearance: float) -> np.ndarray:  # fmt: skip
     """Every beam against every triangle, by barycentric coordinates."""
-    seen = look(at, LASER, p, None, Interpolation.linear)
+    seen = project_samples(at, LASER, p, None, Interpolation.linear)
     start, _ = rays(LASER.angle_from_dac(seen.dac), LASER.mirror_offset)
     begin = at.origin + start @ at.rotation
     a, b, c = np.moveaxis(nodes[triangles], 1, 0)
@@ -246,7 +251,7 @@ def test_occlusion_against_every_triangle(
     hidden = hidden_by_any(at, p, nodes, triangles, 0.01)
     np.testing.assert_array_equal(occlusion.hides(p), hidden)
     assert hidden.any() == any(turn)
-    seen = look(at, LASER, p, None, Interpolation.linear, occlusion=occlusion)
+    seen = project_samples(at, LASER, p, None, Interpolation.linear, occlusion=occlusion)
     assert seen.lost[FACING_AWAY] == hidden.sum()
     np.testing.assert_array_equal(seen.valid, ~hidden)
 
@@ -257,7 +262,7 @@ def test_occlusion_by_one_large_triangle() -> None:
     nodes = np.array([[-0.6, -0.6, 0.3], [0.6, -0.6, 0.3], [0.0, 0.6, 0.3]])
     p = points(2000, 0.65)
     occlusion = Occlusion.prepare(at, LASER, nodes, np.array([[0, 1, 2]]), 0.01)
-    inside = np.isfinite(look(at, LASER, p, None, Interpolation.linear).dac).all(axis=1)
+    inside = np.isfinite(project_samples(at, LASER, p, None, Interpolation.linear).dac).all(axis=1)
     expected = hidden_by_any(at, p[inside], nodes, np.array([[0, 1, 2]]), 0.01)
     np.testing.assert_array_equal(occlusion.hides(p[inside]), expected)
     assert 0.2 < expected.mean() < 0.8
@@ -272,12 +277,14 @@ def test_surface_behind_the_instrument() -> None:
 def test_summary() -> None:
     at = view((0.0, 0.0, 0.0))
     p = np.array([[0.0, 0, 0], [0, 0.1, 0], [0, 0.68, 0], [0, 0.69, 0], [1, 0, 0]])
-    coverage = Coverage.of(at, look(at, LASER, p, None, Interpolation.linear))
+    coverage = Coverage.from_view(at, project_samples(at, LASER, p, None, Interpolation.linear))
     assert coverage.summary() == (
         "view 1: sees 2 of 5 samples (outside the image 2, off the board 1)"
     )
     require_coverage([coverage])
-    everything = Coverage.of(at, look(at, LASER, p[:2], None, Interpolation.linear))
+    everything = Coverage.from_view(
+        at, project_samples(at, LASER, p[:2], None, Interpolation.linear)
+    )
     assert everything.summary() == "view 1: sees 2 of 2 samples"
 
 
@@ -285,7 +292,7 @@ def test_volume_that_is_nowhere() -> None:
     views = [view((0.0, 0.0, 0.0), name=n) for n in "ab"]
 
     def coverage(at: View, p: np.ndarray, normals: np.ndarray | None = None) -> Coverage:
-        return Coverage.of(at, look(at, LASER, p, normals, Interpolation.linear))
+        return Coverage.from_view(at, project_samples(at, LASER, p, normals, Interpolation.linear))
 
     beside = np.array([[0.0, 0.68, 0.0], [0.1, 0.68, 0.0]])
     with pytest.raises(
@@ -313,7 +320,7 @@ def test_speed() -> None:
     times = []
     for _ in range(5 if FULL_SIZE else 1):
         start = time.perf_counter()
-        seen = [look(v, LASER, p, normals, Interpolation.linear) for v in views]
+        seen = [project_samples(v, LASER, p, normals, Interpolation.linear) for v in views]
         times.append(time.perf_counter() - start)
     seconds = min(times)
     print(f"{samples} samples in 5 views: {seconds:.2f} s")

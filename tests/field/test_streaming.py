@@ -19,7 +19,7 @@ import xarray as xr
 from sldvexp import dataset
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
-from sldvexp.pose.base import pose_group
+from sldvexp.pose.base import pose_to_dataset
 
 pytest.importorskip("dask")
 psutil = pytest.importorskip("psutil")  # comes with distributed
@@ -67,7 +67,7 @@ def write_images(
     """
     rng, of_noise, step = np.random.default_rng(5), np.random.default_rng(6), 32
     origins = np.array(STANDS)
-    poses = pose_group(
+    poses = pose_to_dataset(
         [str(k + 1) for k in range(5)],
         [towards(o) for o in origins],
         origins,

@@ -14,7 +14,7 @@ from sldvexp.errors import UserError
 from sldvexp.field.visibility.view import View, views_of
 from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.pose.base import pose_group
+from sldvexp.pose.base import pose_to_dataset
 
 ROTATION = rotation_from_vector([0.3, 0.1, 0.2])
 
@@ -80,7 +80,7 @@ def image(frequency: list[float], scale: float = 1.0) -> xr.Dataset:
 def run(names: tuple[str, ...] = ("a", "b")) -> dict[str, xr.Dataset]:
     """Groups of a run; the pose of the second view has no covariance."""
     covariance = np.stack([np.diag(np.arange(1.0, 7.0)), np.full((6, 6), np.nan)])
-    pose = pose_group(
+    pose = pose_to_dataset(
         ["b", "a"], [ROTATION, ROTATION.T], [[1.0, 2, 3], [4, 5, 6]], covariance, [20.0, 20.0], 0.95
     )
     return {"pose": pose} | {f"image/{n}": image([200.0, 300.0], k) for k, n in enumerate(names)}

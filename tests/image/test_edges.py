@@ -15,7 +15,7 @@ from sldvexp.image.edge_detection import (
     profile_edges,
 )
 from sldvexp.image.edge_profile import step_profile
-from sldvexp.image.scan_lines import Edges, Reason, ScanLines
+from sldvexp.image.scan_lines import Reason, ScanLineEdges, ScanLines
 
 METHODS = {"gradient": gradient_edges, "profile": profile_edges}
 NOISE = 0.01
@@ -56,7 +56,7 @@ def horizontal(magnitude: np.ndarray, noise: float = NOISE) -> ScanLines:
     return lines(magnitude, np.stack([column, 10.0 * row], axis=-1).astype(float), noise)
 
 
-def errors(found: Edges, edge: np.ndarray) -> np.ndarray:
+def errors(found: ScanLineEdges, edge: np.ndarray) -> np.ndarray:
     true = np.array([100.0, -2000.0]) + edge[:, None] * directions(len(edge))
     return ((found.position - true[found.line]) * found.direction).sum(axis=1)
 

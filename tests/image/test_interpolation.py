@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.image.interpolation.base import Interpolator, Weights
-from sldvexp.image.interpolation.cubic import Cubic
+from sldvexp.image.interpolation.base import Interpolator, PixelWeights
+from sldvexp.image.interpolation.cubic import CubicInterpolator
 from sldvexp.image.interpolation.lattice import Lattice, StraightLattice
-from sldvexp.image.interpolation.linear import Linear
+from sldvexp.image.interpolation.linear import LinearInterpolator
 from sldvexp.image.interpolation.methods import Interpolation, mesh_of
 from sldvexp.image.interpolation.scattered import Triangles
 
@@ -94,7 +94,7 @@ def smooth(p: np.ndarray) -> np.ndarray:
     return np.sin(p[:, 0] / 150 + 0.3) * np.cos(p[:, 1] / 170 - 0.2)
 
 
-def found(w: Weights) -> np.ndarray:
+def found(w: PixelWeights) -> np.ndarray:
     return ~(w.outside | w.flagged)
 
 
@@ -229,7 +229,7 @@ def test_oblique_lattice_of_few_steps_a_cell(n: int) -> None:
     share[: len(corners) // 4, 2:] = 0.0  # on an edge
     share /= share.sum(axis=1, keepdims=True)
     x = np.einsum("ck,cki->ci", share, corners)
-    w = Linear(mesh).at(x)
+    w = LinearInterpolator(mesh).at(x)
     assert not w.outside.any()
     np.testing.assert_allclose(w.value @ linear(image.dac), linear(x), atol=1e-9)
     assert w.value.min() > -1e-9
@@ -261,7 +261,7 @@ def test_flags_on_a_lattice(kind: str, method: Interpolation) -> None:
     image, x = KINDS[kind][0](21), places()
     flagged = np.random.default_rng(8).random(len(image.dac)) < 0.05
     w = method.prepare(Image(image.dac, image.shape, flagged)).at(x)
-    whole = Linear(mesh_of(image)).at(x).value
+    whole = LinearInterpolator(mesh_of(image)).at(x).value
     np.testing.assert_array_equal(w.flagged, whole @ flagged > 0)
     assert not w.outside.any()
     # What a flagged pixel holds does not matter, and a second order is kept by its neighbours.
@@ -290,10 +290,10 @@ def test_pixels_at_one_place_are_averaged() -> None:
     image = Image(np.concatenate([even(5).dac, [[0.0, 0.0]] * 2]))
     image.std = np.full(27, 1e-3)
     image.std[25] = 0.5e-3
-    w = Linear(mesh_of(image)).at(np.zeros((1, 2))).value.toarray()[0]
+    w = LinearInterpolator(mesh_of(image)).at(np.zeros((1, 2))).value.toarray()[0]
     np.testing.assert_allclose(w[[12, 25, 26]], [1 / 6, 4 / 6, 1 / 6], atol=1e-12)
     image.std[25] = 0.0
-    w = Linear(mesh_of(image)).at(np.zeros((1, 2))).value.toarray()[0]
+    w = LinearInterpolator(mesh_of(image)).at(np.zeros((1, 2))).value.toarray()[0]
     np.testing.assert_allclose(w[[12, 25, 26]], 1 / 3, atol=1e-12)
 
 
@@ -356,7 +356,10 @@ def test_bad_images(what: str, message: str, method: Interpolation) -> None:
 
 
 def test_methods_by_name() -> None:
-    interpolators: dict[str, type[Interpolator]] = {"linear": Linear, "cubic": Cubic}
+    interpolators: dict[str, type[Interpolator]] = {
+        "linear": LinearInterpolator,
+        "cubic": CubicInterpolator,
+    }
     assert {m.value for m in Interpolation} == set(interpolators)
     for name, kind in interpolators.items():
         assert type(Interpolation(name).prepare(even(5))) is kind

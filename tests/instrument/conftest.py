@@ -12,7 +12,7 @@ from hydra import compose, initialize_config_dir
 
 from sldvexp.config import hydra_plugin, schema
 from sldvexp.config.schema import Experiment
-from sldvexp.instrument.protocol import Samples
+from sldvexp.instrument.protocol import RawSamples
 from sldvexp.virtual_lab.lab import VirtualLab
 
 hydra_plugin.install()
@@ -52,10 +52,10 @@ def line() -> np.ndarray:
 
 
 @pytest.fixture
-def same() -> Callable[[Samples, Samples], bool]:
+def same() -> Callable[[RawSamples, RawSamples], bool]:
     """Whether two blocks of samples are the same to the last bit."""
 
-    def compare(a: Samples, b: Samples) -> bool:
+    def compare(a: RawSamples, b: RawSamples) -> bool:
         parts = ((a.counts, b.counts), (a.volts_per_count, b.volts_per_count), (a.status, b.status))
         alike = all(x.dtype == y.dtype and np.array_equal(x, y) for x, y in parts)
         return alike and a.rate == b.rate

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.importers import pointwise
-from sldvexp.importers.pointwise import PointView
+from sldvexp.importers.pointwise import PointwiseView
 from sldvexp.importers.scan_export import ScanExport
 
 POINTS = np.array([[0, 0, 0], [0.3, 0, 0], [0.3, 0.2, 0.01], [0, 0.2, 0]])
@@ -35,7 +35,7 @@ def read(tmp_path):
         for name, origin in (("a", [0.0, 0.0, 1.5]), ("b", [1.0, 0.0, 1.0])):
             path = tmp_path / f"{name}.txt"
             path.write_bytes(text.encode(encoding))
-            views[name] = PointView(path=str(path), origin=origin)
+            views[name] = PointwiseView(path=str(path), origin=origin)
         return ScanExport(views=views, **{**PLAIN, **more}).read()
 
     return read_
@@ -316,12 +316,12 @@ def test_tables_that_are_refused(read, name):
 
 
 def test_settings_that_cannot_be():
-    view = {"a": PointView(path="x", origin=[0.0, 0.0, 1.0])}
+    view = {"a": PointwiseView(path="x", origin=[0.0, 0.0, 1.0])}
     for wrong in (
         {"directions": pointwise.Directions.dof},
         {"columns": {"u": 1}},
         {"columns": {"x": 0}},
-        {"views": {"a": PointView(path="x", dof="+Z", origin=[0.0, 0.0, 1.0])}},
+        {"views": {"a": PointwiseView(path="x", dof="+Z", origin=[0.0, 0.0, 1.0])}},
     ):
         with pytest.raises(ConfigError):
             ScanExport(**{"views": view, **wrong})
@@ -350,6 +350,6 @@ def test_mutated_tables(tmp_path_factory, name, edits):
         text = text[:at] + new + text[at + length :]
     path = tmp_path_factory.mktemp("fuzz") / "a.txt"
     path.write_bytes(text.encode("utf-8", "surrogatepass"))
-    view = {"a": PointView(path=str(path), direction=[0.0, 0.0, 1.0])}
+    view = {"a": PointwiseView(path=str(path), direction=[0.0, 0.0, 1.0])}
     with contextlib.suppress(UserError):
         ScanExport(views=view, **PLAIN).read()

@@ -151,7 +151,7 @@ def test_the_command_serves_the_lab_of_its_configuration(served, lab, line, same
 
 def test_by_default_it_is_the_lab_of_the_automated_pose():
     made = console.experiment([])
-    assert type(made.scene).__name__ == "Calibration"
+    assert type(made.scene).__name__ == "CalibrationScene"
     assert type(made.target).__name__ == "Circles"
 
 

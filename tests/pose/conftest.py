@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from sldvexp.geometry.rotation import KnownPose, euler_from_rotation, vector_from_rotation
-from sldvexp.image.scan_lines import Edges
+from sldvexp.image.scan_lines import ScanLineEdges
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.edge import edge_points
 from sldvexp.pose.edge_solver import EdgePoints, EdgePoses, solve_edges
 from sldvexp.pose.from_scans import CircleImages
-from sldvexp.session.circles import edge_group
+from sldvexp.session.circles import edges_to_dataset
 from sldvexp.targets.base import std_of_bound
 from sldvexp.targets.circles import Circle, Circles
 from sldvexp.targets.plane import Plane
 from sldvexp.units import LengthUnit
-from sldvexp.virtual_lab.calibration_scene import Calibration
+from sldvexp.virtual_lab.calibration_scene import CalibrationScene
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.true_mirrors import MirrorErrors
 
@@ -81,11 +81,11 @@ class EdgeLab:
         self.target = self.target or circles()
         self.laser = TwoMirror(mirror_offset=self.nominal)
         self.names = list(VIEWS)[: self.views]
-        self.scene = Calibration(
+        self.scene = CalibrationScene(
             views={n: VIEWS[n] for n in self.names}, mirrors=self.mirrors or MirrorErrors()
         )
         self.lab = VirtualLab(self.scene, self.laser, self.target, 0)
-        self.exact = Calibration(views=self.scene.views, machine_error=False)
+        self.exact = CalibrationScene(views=self.scene.views, machine_error=False)
         self.machine(None)
         self.direction = {n: self._directions(n) for n in self.names}
 
@@ -111,7 +111,7 @@ class EdgeLab:
 
     def tree(self, rng):
         """Groups ``edge/<view>``."""
-        return {f"edge/{n}": edge_group(list(e.values())) for n, e in self.edges(rng).items()}
+        return {f"edge/{n}": edges_to_dataset(list(e.values())) for n, e in self.edges(rng).items()}
 
     def solve(self, points, adjusted=None, shared=None, aside=1e-3) -> EdgePoses:
         """From starts that are aside."""
@@ -155,7 +155,7 @@ class EdgeLab:
 
     def _edges(self, name, position, direction):
         """Of one circle, seen by a spot without extent."""
-        return Edges(
+        return ScanLineEdges(
             position=position,
             std=np.full(LINES, self.std),
             direction=direction,

@@ -24,10 +24,10 @@ from sldvexp.pose.edge import Edge
 from sldvexp.pose.intrinsics import nominal_intrinsics, true_angles
 from sldvexp.pose.least_squares import INTRINSICS
 from sldvexp.pose.manual import Manual
-from sldvexp.pose.multi_view import Sight, solve_together
+from sldvexp.pose.multi_view import PointObservations, solve_together
 from sldvexp.pose.registration import Registration
 from sldvexp.pose.single_view import solve_pose
-from sldvexp.targets.points import Point, Points
+from sldvexp.targets.points import FiducialPoint, FiducialPoints
 from sldvexp.virtual_lab.true_mirrors import MirrorError, MirrorErrors
 
 INF = float("inf")
@@ -61,7 +61,7 @@ def sights(poses, true, rng=None, std=None, size=1.0):
             recorded = recorded + size * STEP * rng.standard_normal(angle.shape)
         np.testing.assert_allclose(true_angles(angle, nominal_intrinsics(0.0)), angle)
         known = None if std is None else np.full(len(OBJECT), std)
-        found.append(Sight(name, OBJECT, recorded, known))
+        found.append(PointObservations(name, OBJECT, recorded, known))
     return found
 
 
@@ -274,14 +274,14 @@ def test_what_no_view_determines_is_named(poses, edge_lab, make_circles):
     lab = edge_lab(views=2, target=make_circles(0.0))
     with pytest.raises(UserError, match="all views: the edges cannot tell zero_up_down from"):
         lab.solve(lab.points(None), shared={"zero_up_down": INF})
-    few = [Sight("a", OBJECT[:3], seen[0].angles[:3])]
+    few = [PointObservations("a", OBJECT[:3], seen[0].angles[:3])]
     with pytest.raises(UserError, match="6 angles in all views are too few for 7 unknowns"):
         together(few, {"mirror_offset": INF})
 
 
 def test_a_view_without_a_pose_is_named(poses):
     seen = sights(first(poses, 2), {})
-    seen[1] = Sight("b", OBJECT[:2], seen[1].angles[:2])
+    seen[1] = PointObservations("b", OBJECT[:2], seen[1].angles[:2])
     with pytest.raises(UserError, match="view b: a pose needs at least 3 points"):
         together(seen, {"mirror_offset": INF})
 
@@ -368,8 +368,8 @@ def check_between_views(pose, shifts):
 def test_marks_that_stand_elsewhere_move_all_views(tmp_path, poses):
     """Each coordinate of a mark is moved by its standard deviation, and every pose found anew."""
     some, numbers = first(poses, 2), np.arange(1, len(OBJECT) + 1)
-    marks = {int(n): Point(*p) for n, p in zip(numbers, OBJECT, strict=True)}
-    target, laser = Points(accuracy=4e-4, fiducials=marks), TwoMirror(mirror_offset=0.03)
+    marks = {int(n): FiducialPoint(*p) for n, p in zip(numbers, OBJECT, strict=True)}
+    target, laser = FiducialPoints(accuracy=4e-4, fiducials=marks), TwoMirror(mirror_offset=0.03)
 
     def solved(moved):
         paths = {}

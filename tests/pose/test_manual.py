@@ -13,16 +13,16 @@ from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.manual import Manual
-from sldvexp.targets.points import Point, Points
+from sldvexp.targets.points import FiducialPoint, FiducialPoints
 from sldvexp.units import LengthUnit
 
 LASER = TwoMirror()
 ROTATION, ORIGIN = rotation_from_euler([-1.153, 2.547, 1.913]), np.array([0.862, 0.508, 1.553])
 MARKS = {1: (0, 0, 0), 2: (11, 0, 0), 3: (11, 11, 0), 4: (0, 11, 0), 5: (3.5, 3.5, 2), 6: (7, 7, 2)}
-TARGET = Points(
+TARGET = FiducialPoints(
     unit=LengthUnit.inch,
     accuracy=1 / 64,
-    fiducials={n: Point(*map(float, xyz)) for n, xyz in MARKS.items()},
+    fiducials={n: FiducialPoint(*map(float, xyz)) for n, xyz in MARKS.items()},
 )
 
 

@@ -9,11 +9,11 @@ import pytest
 
 from sldvexp.errors import UserError
 from sldvexp.geometry.rotation import rotation_from_euler, rotation_from_vector
-from sldvexp.image.scan_lines import Edges
+from sldvexp.image.scan_lines import ScanLineEdges
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
 from sldvexp.pose.from_scans import match_images
-from sldvexp.pose.wiring import WIRINGS, Wiring, phase_notes, recognised
+from sldvexp.pose.wiring import WIRINGS, Wiring, check_wiring, phase_notes
 from sldvexp.targets.circles import Circle, Circles
 from sldvexp.targets.plane import Plane
 from sldvexp.units import LengthUnit
@@ -72,7 +72,7 @@ def scanned(target, laser=LASER, rotation=ROTATION, wiring=None, mirrored=False,
         outwards = steps(circle.diameter / 2 + 1e-3) - edge
         direction = outwards / np.linalg.norm(outwards, axis=1)[:, None]
         found.append(
-            Edges(
+            ScanLineEdges(
                 position=edge + STD * rng.standard_normal((LINES, 1)) * direction,
                 std=np.full(LINES, STD),
                 direction=direction,
@@ -96,7 +96,7 @@ def sent(wiring, right):
 
 def refuse(edges, target, laser=LASER, upright=True):
     with pytest.raises(UserError) as refused:
-        recognised("front", edges, target, laser, {}, upright)
+        check_wiring("front", edges, target, laser, {}, upright)
     return str(refused.value)
 
 
@@ -121,16 +121,16 @@ def test_every_wrong_wiring_is_named(wiring, target, offset):
 def test_right_mirrors_are_left_in_peace_whatever_the_roll(target):
     for roll in np.linspace(-3.0, 3.0, 4):
         edges = scanned(target, rotation=rolled(roll))
-        recognised("front", edges, target, LASER, {}, upright=False)
+        check_wiring("front", edges, target, LASER, {}, upright=False)
     for roll in (-1.0, 1.0):
         edges = scanned(target, rotation=rolled(roll))
-        recognised("front", edges, target, LASER, {}, upright=True)
+        check_wiring("front", edges, target, LASER, {}, upright=True)
 
 
 def test_an_instrument_on_its_side_is_no_exchanged_one():
     """Its residuals say so, although an exchange would have it upright."""
     edges = scanned(ONE, rotation=rolled(1.5))
-    recognised("front", edges, ONE, LASER, {}, upright=True)
+    check_wiring("front", edges, ONE, LASER, {}, upright=True)
 
 
 def test_an_instrument_upside_down_looks_like_two_inverted_mirrors():
@@ -149,7 +149,7 @@ def test_a_mirrored_object_is_among_what_looks_the_same():
 def test_what_is_not_the_object_at_all_is_no_wiring():
     other = replace(ONE, circles={**FRONT, 3: Circle(6.0, 6.0, 0.8206)})
     with pytest.raises(UserError, match=r"^view front: the ellipses of the image are not those of"):
-        recognised("front", scanned(other), ONE, LASER, {}, upright=True)
+        check_wiring("front", scanned(other), ONE, LASER, {}, upright=True)
 
 
 @pytest.mark.parametrize(
@@ -166,7 +166,7 @@ def test_miscalibrated_mirrors_are_not_taken_for_wrong_ones(true):
     """Neither is a wrong one left in peace because it is miscalibrated besides."""
     laser = TwoMirror()
     for upright in (True, False):
-        recognised("front", scanned(ONE, true), ONE, laser, {}, upright)
+        check_wiring("front", scanned(ONE, true), ONE, laser, {}, upright)
     for wiring in (Wiring(True), Wiring(False, (1, -1))):
         told = refuse(scanned(ONE, true, wiring=wiring), ONE, laser)
         assert f"the mirrors look wired wrongly, {wiring}: " in told
@@ -175,7 +175,7 @@ def test_miscalibrated_mirrors_are_not_taken_for_wrong_ones(true):
 def test_a_negative_gain_puts_an_inverted_mirror_right():
     laser = replace(LASER, left_right=Mirror(-25.0))
     edges = scanned(ONE, wiring=Wiring(False, (1, -1)))
-    recognised("front", edges, ONE, laser, {}, upright=True)
+    check_wiring("front", edges, ONE, laser, {}, upright=True)
 
 
 def test_conjugated_phases_are_noted():

@@ -16,7 +16,7 @@ from sldvexp.pose.bitangent import Bitangent
 from sldvexp.pose.edge import Edge
 from sldvexp.pose.uncertainty import half_width
 from sldvexp.session.camera import Camera
-from sldvexp.session.circles import edge_group, scan_circles
+from sldvexp.session.circles import edges_to_dataset, scan_circles
 from sldvexp.virtual_lab.lab import VirtualLab
 
 SMALL = ["scan.sampling.samples=64", "scan.coarse.pixels=180"]
@@ -48,7 +48,7 @@ class Scans:
             self.truth = lab.true_pose("1")
             with Camera(lambda: nullcontext(lab), e.signal, NoJournal()) as camera:
                 camera.sample(e.scan.sampling)
-                return edge_group(scan_circles(camera, e.scan, e.scan.centres("1"), e.laser))
+                return edges_to_dataset(scan_circles(camera, e.scan, e.scan.centres("1"), e.laser))
 
     def poses(self, method):
         """Errors (scan, 6) of the pose, their standard errors, whether covered; notes."""

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from sldvexp.errors import UserError
 from sldvexp.geometry.rotation import rotation_from_vector, vector_from_rotation
 from sldvexp.laser.model import project
-from sldvexp.pose.least_squares import INTRINSICS, Pose, Problem, levenberg_marquardt, linearise
+from sldvexp.pose.least_squares import INTRINSICS, Pose, PoseProblem, levenberg_marquardt, linearise
 from sldvexp.pose.single_view import PoseSolution, solve_pose
 from sldvexp.pose.uncertainty import standard_error
 
@@ -121,7 +121,7 @@ def costs_from_truth(group: list[Scene]) -> np.ndarray:
     origin = np.array([scene.origin for scene in group])
     centre = np.einsum("mij,mj->mi", rotation, centroid - origin)
     intrinsics = np.array([[scene.mirror_offset, 1.0, 0.0, 1.0, 0.0] for scene in group])
-    problem = Problem(
+    problem = PoseProblem(
         points=points - centroid[:, :, None],
         recorded=np.array([scene.noisy for scene in group]).swapaxes(1, 2),
         weight=np.broadcast_to(1 / STEP[:, None], (1, 2, points.shape[2])),
@@ -184,7 +184,7 @@ def test_the_order_of_the_points_does_not_matter(scene: Scene, seed: int) -> Non
 def test_the_jacobian_is_that_of_finite_differences() -> None:
     rng = np.random.default_rng(4)
     m, n, p = 5, 7, 11
-    problem = Problem(
+    problem = PoseProblem(
         points=rng.uniform(-0.3, 0.3, (m, 3, n)),
         recorded=rng.uniform(-0.3, 0.3, (m, 2, n)),
         weight=rng.uniform(0.5, 2.0, (m, 2, n)),
@@ -234,7 +234,7 @@ def test_four_points_with_three_valleys(seed: int) -> None:
 
 
 def test_a_point_that_is_not_in_front_is_no_solution() -> None:
-    problem = Problem(
+    problem = PoseProblem(
         points=np.array([[[-0.1, 0.0, 0.1], [0.1, -0.2, 0.1], [0.3, 0.0, -0.3]]]),
         recorded=np.zeros((2, 2, 3)),
         weight=np.ones((1, 2, 3)),

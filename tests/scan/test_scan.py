@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.io.scan_files import read_centres, read_list, read_rectangle, write_list
-from sldvexp.scan.calibration import Calibration, Centres, Lines
+from sldvexp.scan.calibration import CalibrationScan, Centres, CircleLines
 from sldvexp.scan.lines import across, along_ellipse, rectangle, strided
 
 steps = st.integers(-4096, 4096)
@@ -83,16 +83,16 @@ def test_wrong_files_are_named(tmp_path, text, message):
 @pytest.mark.parametrize("name", ["", ".", "..", "a/b", "a\\b"])
 def test_views_are_names_of_folders(name):
     with pytest.raises(ConfigError) as error:
-        Calibration(views={name: Centres(dac=[[0, 0]])})
+        CalibrationScan(views={name: Centres(dac=[[0, 0]])})
     assert f"the view {name!r} needs a name" in str(error.value)
 
 
 @pytest.mark.parametrize("stage", ["coarse", "fine"])
 def test_lines_are_no_longer_than_a_mirror_reaches(stage):
     views = {"a": Centres(dac=[[0, 0]])}
-    Calibration(views=views, **{stage: Lines(3, 8193, 5)})
+    CalibrationScan(views=views, **{stage: CircleLines(3, 8193, 5)})
     with pytest.raises(
         ConfigError, match=f"{stage}.pixels: must be at most the 8193 steps"
     ) as error:
-        Calibration(views=views, **{stage: Lines(3, 8194, 5)})
+        CalibrationScan(views=views, **{stage: CircleLines(3, 8194, 5)})
     assert [p.field for p in error.value.problems] == [f"{stage}.pixels"]

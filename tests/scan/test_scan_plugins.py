@@ -8,10 +8,10 @@ import pytest
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.io.scan_files import write_list
 from sldvexp.scan.base import Sampling, Scan, ScanPart
-from sldvexp.scan.calibration import Calibration, Centres
+from sldvexp.scan.calibration import CalibrationScan, Centres
 from sldvexp.scan.lines import rectangle, strided
-from sldvexp.scan.pixel_list import LINE, PixelList, Pixels
-from sldvexp.scan.rectangle import Rectangle, Region
+from sldvexp.scan.pixel_list import LINE, PixelList, PixelSequence
+from sldvexp.scan.rectangle import Rectangle, ScanRegion
 from sldvexp.scan.session import Session
 
 BOX = [[10, -5], [12, 40], [-30, 38], [-28, -6]]
@@ -25,7 +25,7 @@ def problems(cls, **settings):
 
 
 def test_a_rectangle_is_the_grid_over_its_corners():
-    scan = Rectangle(views={"a": Region(BOX)}, pixels=[11, 12])
+    scan = Rectangle(views={"a": ScanRegion(BOX)}, pixels=[11, 12])
     np.testing.assert_array_equal(np.stack(scan.lines("a")), rectangle(BOX, 11, 12))
     assert scan.shape("a") == (11, 12)
     assert scan.pixel_count("a") == 132
@@ -37,16 +37,16 @@ def test_a_rectangle_is_the_grid_over_its_corners():
 
 
 def test_a_stride_is_kept_from_the_first_corner():
-    scan = Rectangle(views={"a": Region(BOX)}, stride=4)
+    scan = Rectangle(views={"a": ScanRegion(BOX)}, stride=4)
     np.testing.assert_array_equal(np.stack(scan.lines("a")), strided(BOX, 4))
     assert scan.shape("a") == (11, 12)
     assert set(np.diff(scan.grid("a")[:, 0, 0])) == {4}
-    assert Rectangle(views={"a": Region(BOX)}, stride=1).shape("a") == (43, 47)
+    assert Rectangle(views={"a": ScanRegion(BOX)}, stride=1).shape("a") == (43, 47)
 
 
 def test_a_file_says_its_rows_and_columns_unless_the_scan_does(tmp_path):
     (tmp_path / "ScanRect").write_text(SCAN_RECT)
-    region = Region(path=str(tmp_path / "ScanRect"))
+    region = ScanRegion(path=str(tmp_path / "ScanRect"))
     scan = Rectangle(views={"a": region})
     np.testing.assert_array_equal(scan.grid("a"), rectangle(BOX, 11, 12))
     assert scan.inputs() == [region.path]
@@ -55,7 +55,7 @@ def test_a_file_says_its_rows_and_columns_unless_the_scan_does(tmp_path):
 
 
 def test_a_box_must_have_room_for_its_pixels():
-    scan = Rectangle(views={"a": Region(BOX)}, pixels=[11, 48])
+    scan = Rectangle(views={"a": ScanRegion(BOX)}, pixels=[11, 48])
     with pytest.raises(UserError, match="view a span 47 steps of left_right, fewer than the 48"):
         scan.lines("a")
 
@@ -65,8 +65,8 @@ def test_a_list_is_scanned_in_its_order_line_by_line(tmp_path):
     write_list(tmp_path / "ScanList", dac)
     path = str(tmp_path / "ScanList")
     for scan in (
-        PixelList(views={"a": Pixels(dac.tolist())}),
-        PixelList(views={"a": Pixels([], path)}),
+        PixelList(views={"a": PixelSequence(dac.tolist())}),
+        PixelList(views={"a": PixelSequence([], path)}),
     ):
         assert [len(line) for line in scan.lines("a")] == [LINE, LINE, 5]
         np.testing.assert_array_equal(scan.known_pixels("a"), dac)
@@ -78,16 +78,24 @@ def test_a_list_is_scanned_in_its_order_line_by_line(tmp_path):
 @pytest.mark.parametrize(
     ("settings", "field", "message"),
     [
-        ({"views": {"a": Region()}, "stride": 1}, "views.a", "give either corners or path"),
-        ({"views": {"a": Region(BOX, "x")}, "stride": 1}, "views.a", "give either corners or path"),
-        ({"views": {"a": Region(BOX[:3])}, "stride": 1}, "views.a.corners", "must be 4 pairs"),
-        ({"views": {"a": Region([[1]] * 4)}, "stride": 1}, "views.a.corners", "must be 4 pairs"),
-        ({"views": {"a": Region(BOX)}}, "views.a", "has corners only"),
+        ({"views": {"a": ScanRegion()}, "stride": 1}, "views.a", "give either corners or path"),
+        (
+            {"views": {"a": ScanRegion(BOX, "x")}, "stride": 1},
+            "views.a",
+            "give either corners or path",
+        ),
+        ({"views": {"a": ScanRegion(BOX[:3])}, "stride": 1}, "views.a.corners", "must be 4 pairs"),
+        (
+            {"views": {"a": ScanRegion([[1]] * 4)}, "stride": 1},
+            "views.a.corners",
+            "must be 4 pairs",
+        ),
+        ({"views": {"a": ScanRegion(BOX)}}, "views.a", "has corners only"),
         ({"pixels": [3, 4], "stride": 1}, "pixels", "give either pixels or stride"),
         ({"pixels": [3]}, "pixels", "must be two positive numbers"),
         ({"pixels": [3, 0]}, "pixels", "must be two positive numbers"),
         ({"stride": 0}, "stride", "must be 1 or more"),
-        ({"views": {"a/b": Region(path="x")}}, "views", "needs a name that a folder can have"),
+        ({"views": {"a/b": ScanRegion(path="x")}}, "views", "needs a name that a folder can have"),
         ({"sampling": Sampling(frequency=[20000.0])}, "sampling.frequency", "needs a rate above"),
     ],
 )
@@ -98,10 +106,14 @@ def test_wrong_rectangles(settings, field, message):
 @pytest.mark.parametrize(
     ("settings", "field", "message"),
     [
-        ({"views": {"a": Pixels()}}, "views.a", "give either dac or path"),
-        ({"views": {"a": Pixels([[1, 2, 3]])}}, "views.a.dac", "must be pairs"),
+        ({"views": {"a": PixelSequence()}}, "views.a", "give either dac or path"),
+        ({"views": {"a": PixelSequence([[1, 2, 3]])}}, "views.a.dac", "must be pairs"),
         ({"sampling": Sampling(samples=3)}, "sampling.samples", "at least 16"),
-        ({"views": {"..": Pixels(path="x")}}, "views", "needs a name that a folder can have"),
+        (
+            {"views": {"..": PixelSequence(path="x")}},
+            "views",
+            "needs a name that a folder can have",
+        ),
     ],
 )
 def test_wrong_lists(settings, field, message):
@@ -110,9 +122,9 @@ def test_wrong_lists(settings, field, message):
 
 def parts(**views):
     made = {
-        "calibration": lambda v: Calibration(views={k: Centres([[0, 0]]) for k in v}),
-        "structure": lambda v: Rectangle(views={k: Region(BOX) for k in v}, stride=1),
-        "pixels": lambda v: PixelList(views={k: Pixels([[0, 0]]) for k in v}),
+        "calibration": lambda v: CalibrationScan(views={k: Centres([[0, 0]]) for k in v}),
+        "structure": lambda v: Rectangle(views={k: ScanRegion(BOX) for k in v}, stride=1),
+        "pixels": lambda v: PixelList(views={k: PixelSequence([[0, 0]]) for k in v}),
     }
     return {name: made[name](v) for name, v in views.items()}
 
@@ -145,8 +157,8 @@ def test_a_session_leaves_no_view_out(views, field, message):
 
 def test_inputs_of_a_session_are_those_of_its_parts():
     session = Session(
-        calibration=Calibration(views={"a": Centres(path="Scan6pt")}),
-        structure=Rectangle(views={"a": Region(path="ScanRect")}),
+        calibration=CalibrationScan(views={"a": Centres(path="Scan6pt")}),
+        structure=Rectangle(views={"a": ScanRegion(path="ScanRect")}),
     )
     assert session.inputs() == ["Scan6pt", "ScanRect"]
 

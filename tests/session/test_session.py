@@ -6,26 +6,26 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.instrument.protocol import Acquisition, Samples
+from sldvexp.instrument.protocol import Acquisition, RawSamples
 from sldvexp.session.journal import Journal
 
 ACQUISITION = Acquisition(25600.0, 64, (450.0,))
 
 
-def line(seed: int) -> tuple[np.ndarray, Samples]:
+def line(seed: int) -> tuple[np.ndarray, RawSamples]:
     rng = np.random.default_rng(seed)
     dac = rng.integers(-100, 100, (5, 2))
     counts = rng.integers(-3000, 3000, (5, 2, 64)).astype(np.int16)
-    return dac, Samples(counts, np.array([3e-4, 2e-4]), 25600.0, np.zeros(5, np.uint8))
+    return dac, RawSamples(counts, np.array([3e-4, 2e-4]), 25600.0, np.zeros(5, np.uint8))
 
 
 class Measured:
     """Counts how often it was asked."""
 
-    def __init__(self, samples: Samples) -> None:
+    def __init__(self, samples: RawSamples) -> None:
         self.samples, self.times = samples, 0
 
-    def __call__(self) -> Samples:
+    def __call__(self) -> RawSamples:
         self.times += 1
         return self.samples
 
@@ -63,7 +63,7 @@ def test_a_line_of_another_configuration_is_refused(tmp_path):
 
 
 def test_a_line_that_fails_leaves_nothing(tmp_path):
-    def fail() -> Samples:
+    def fail() -> RawSamples:
         raise OSError("the cable is out")
 
     with pytest.raises(OSError, match="cable"):

@@ -13,7 +13,7 @@ import xarray as xr
 import yaml
 
 from sldvexp.config.paths import conf_dir
-from sldvexp.sweep.repetition import Kind, compare
+from sldvexp.sweep.repetition import AgreementLevel, compare
 
 FOLDER = conf_dir() / "experiment"
 EXPERIMENTS = sorted(str(p.relative_to(FOLDER).with_suffix("")) for p in FOLDER.rglob("*.yaml"))
@@ -210,9 +210,9 @@ def test_agreement_of_single_quantities():
     after = tree(same=[1.0, nan], close=[1 + 1e-12, nan], far=[1.0, 2.1], hole=[1.0, nan])
     found = {d.name: d.kind for d in compare(before, after)}
     assert found == {
-        "g/same": Kind.identical,
-        "g/close": Kind.rounding,
-        "g/far": Kind.different,
-        "g/gone": Kind.different,
-        "g/hole": Kind.different,
+        "g/same": AgreementLevel.identical,
+        "g/close": AgreementLevel.rounding,
+        "g/far": AgreementLevel.different,
+        "g/gone": AgreementLevel.different,
+        "g/hole": AgreementLevel.different,
     }

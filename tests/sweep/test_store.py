@@ -20,7 +20,7 @@ from sldvexp.config.paths import conf_dir
 from sldvexp.pipeline import provenance
 from sldvexp.pipeline.steps import STEPS, Run, Step
 from sldvexp.sweep.plan import folder_name
-from sldvexp.sweep.repetition import Kind, compare
+from sldvexp.sweep.repetition import AgreementLevel, compare
 from sldvexp.sweep.shared_steps import Store
 
 POSES = ("experiment=dissertation/automated_pose", "expect={}")
@@ -47,7 +47,7 @@ def alike_with_and_without(sldvexp, tmp_path, fixed, swept, shared):
         setting = f"{key}={value}"
         in_sweep = loaded(tmp_path / "swept" / folder_name([*fixed, setting]) / "run.nc")
         alone = sldvexp(*fixed, setting).tree
-        unlike = [d for d in compare(alone, in_sweep) if d.kind is not Kind.identical]
+        unlike = [d for d in compare(alone, in_sweep) if d.kind is not AgreementLevel.identical]
         assert unlike == []
         dtypes = [{f"{n.path}/{k}": v.dtype for n in t.subtree for k, v in n.variables.items()}
                   for t in (alone, in_sweep)]  # fmt: skip

@@ -175,7 +175,7 @@ def test_clock_that_is_set_back(sldvexp, tmp_path, monkeypatch):
 
 def test_folder_that_belongs_to_another_sweep(tmp_path):
     def claim(*settings, others=()):
-        Plan.of(settings).claim(tmp_path, *others)
+        Plan.from_overrides(settings).claim(tmp_path, *others)
 
     ours = ("experiment=point", "reconstruction=absolute,relative")
     claim(*ours)

@@ -129,7 +129,7 @@ def test_folder_that_cannot_be_written(folder, sldvexp, tmp_path):
 
 def test_same_keys_share_a_folder_and_others_do_not():
     def name(*settings):
-        return Plan.of(settings).sweep_name()
+        return Plan.from_overrides(settings).sweep_name()
 
     assert name("seed=1,2", "target=circles") == name("target=circles", "seed=3,4,5")
     assert name("seed=1,2", "sweep.retry=all") == name("seed=1,2")

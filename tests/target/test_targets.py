@@ -15,7 +15,7 @@ from sldvexp.io.registration import read
 from sldvexp.targets.bitangents import bitangents_in_space, bitangents_std
 from sldvexp.targets.circles import Circle, Circles
 from sldvexp.targets.plane import Plane
-from sldvexp.targets.points import Point, Points
+from sldvexp.targets.points import FiducialPoint, FiducialPoints
 from sldvexp.units import LengthUnit
 
 CONF = Path(__file__).parents[2] / "conf"
@@ -81,7 +81,7 @@ def test_the_unit_scales_everything(unit):
     square = {1: (0, 0), 2: (3, 0), 3: (3, 4), 4: (0, 4)}
     for target in (
         Circles(unit, 0.01, {n: Circle(x, y, 1) for n, (x, y) in square.items()}),
-        Points(unit, 0.01, {n: Point(x, y, 0) for n, (x, y) in square.items()}),
+        FiducialPoints(unit, 0.01, {n: FiducialPoint(x, y, 0) for n, (x, y) in square.items()}),
     ):
         accept(target)
         in_m = type(target)(**{**vars(target), "unit": LengthUnit.m})
@@ -174,7 +174,11 @@ def test_std_of_bitangent_points_against_their_scatter():
 
 
 def test_fiducials_keep_their_numbers_and_order():
-    points = Points(LengthUnit.mm, 0.5, {9: Point(1, 2, 3), 2: Point(4, 5, 7), 5: Point(0, 0, 0)})
+    points = FiducialPoints(
+        LengthUnit.mm,
+        0.5,
+        {9: FiducialPoint(1, 2, 3), 2: FiducialPoint(4, 5, 7), 5: FiducialPoint(0, 0, 0)},
+    )
     assert points.points().number.tolist() == [9, 2, 5]
     expected = np.array([[1, 2, 3], [4, 5, 7], [0, 0, 0]]) * 1e-3
     np.testing.assert_allclose(points.points().position, expected)
@@ -281,7 +285,7 @@ def test_all_problems_are_told_at_once():
 
 
 def line(*along):
-    return {n: Point(*(n * v + 1 for v in along)) for n in range(1, 6)}
+    return {n: FiducialPoint(*(n * v + 1 for v in along)) for n in range(1, 6)}
 
 
 @pytest.mark.parametrize(
@@ -292,40 +296,40 @@ def line(*along):
             "fiducials: all 5 points lie on one line; at least one must stand beside it",
         ),
         (
-            {"fiducials": {**line(1, 0, 0), 6: Point(2, 1, 1)}},
+            {"fiducials": {**line(1, 0, 0), 6: FiducialPoint(2, 1, 1)}},
             "fiducials.6: stands where point 1 stands; "
             "fiducials: all 6 points lie on one line; at least one must stand beside it",
         ),
         (
             {
                 "fiducials": {
-                    1: Point(1, 1, 1),
-                    2: Point(1, 1, 1),
-                    3: Point(2, 1, 1),
-                    4: Point(1, 2, 1),
+                    1: FiducialPoint(1, 1, 1),
+                    2: FiducialPoint(1, 1, 1),
+                    3: FiducialPoint(2, 1, 1),
+                    4: FiducialPoint(1, 2, 1),
                 }
             },
             "fiducials.2: stands where point 1 stands",
         ),
         (
-            {"fiducials": {1: Point(0, 0, 0), 2: Point(1, 0, 0)}},
+            {"fiducials": {1: FiducialPoint(0, 0, 0), 2: FiducialPoint(1, 0, 0)}},
             "fiducials: a pose needs three points or more, not 2",
         ),
         (
-            {"fiducials": {**line(1, 0, 0), 7: Point(0, NAN, 0)}},
+            {"fiducials": {**line(1, 0, 0), 7: FiducialPoint(0, NAN, 0)}},
             "fiducials.7: must be finite, not nan",
         ),
         (
-            {"fiducials": {**line(1, 0, 0), 7: Point(0, 5, 0)}, "accuracy": -0.1},
+            {"fiducials": {**line(1, 0, 0), 7: FiducialPoint(0, 5, 0)}, "accuracy": -0.1},
             "accuracy: must be zero or a positive number, not -0.1",
         ),
     ],
 )
 def test_refused_points(fields, message):
     with pytest.raises(ConfigError) as error:
-        Points(**fields)
+        FiducialPoints(**fields)
     assert str(error.value) == message
 
 
 def test_a_point_beside_the_line_is_enough():
-    accept(Points(fiducials={**line(0.1, 0.3, -0.7), 6: Point(1.0, 1.1, 1.0)}))
+    accept(FiducialPoints(fiducials={**line(0.1, 0.3, -0.7), 6: FiducialPoint(1.0, 1.1, 1.0)}))

@@ -9,8 +9,8 @@ import xarray as xr
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.rotation import KnownPose, rotation_from_euler
 from sldvexp.importers import pointwise as settings
-from sldvexp.importers.pointwise import PointView
-from sldvexp.importers.uff import Uff
+from sldvexp.importers.pointwise import PointwiseView
+from sldvexp.importers.uff import UffImport
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
 from sldvexp.pose.given import known_poses
 
@@ -66,8 +66,8 @@ PLAIN = {
 
 
 def read(views, **more):
-    views = {n: PointView(**v) for n, v in views.items()}
-    return Uff(views=views, **{**PLAIN, **more}).read()
+    views = {n: PointwiseView(**v) for n, v in views.items()}
+    return UffImport(views=views, **{**PLAIN, **more}).read()
 
 
 def refused(views, said, **more):
@@ -190,8 +190,8 @@ def poses():
 
 def test_directions_and_pixels_of_poses(write, truth):
     tree, laser = poses()
-    views = {n: PointView(path=v["path"]) for n, v in write().items()}
-    own = Uff(views=views, **{**PLAIN, "directions": settings.Directions.pose, "std": 1e-6})
+    views = {n: PointwiseView(path=v["path"]) for n, v in write().items()}
+    own = UffImport(views=views, **{**PLAIN, "directions": settings.Directions.pose, "std": 1e-6})
     group = own.read(tree, laser)
     rotation = rotation_from_euler([0.0, np.pi, 0.0])
     for name in ORIGINS:
@@ -383,17 +383,17 @@ def test_other_frequencies_in_another_view(write):
 def test_settings_that_cannot_be():
     for wrong in (
         {"views": {}},
-        {"views": {"a": PointView(path="x", origin=[1.0, 2.0])}},
-        {"views": {"a": PointView(path="x", dof="Z")}},
-        {"views": {"a": PointView(path="x", direction=[0.0, 0.0, 0.0])}},
-        {"views": {"a": PointView(path="x")}, "directions": settings.Directions.view},
-        {"views": {"a": PointView(path="x", origin=[1.0, 2.0, 3.0])}},
-        {"views": {"a": PointView(path="x")}, "std": 0.0},
-        {"views": {"a": PointView(path="x")}, "std": 1e-6, "averages": 3},
-        {"views": {"a": PointView(path="x")}, "frequency": [-1.0]},
+        {"views": {"a": PointwiseView(path="x", origin=[1.0, 2.0])}},
+        {"views": {"a": PointwiseView(path="x", dof="Z")}},
+        {"views": {"a": PointwiseView(path="x", direction=[0.0, 0.0, 0.0])}},
+        {"views": {"a": PointwiseView(path="x")}, "directions": settings.Directions.view},
+        {"views": {"a": PointwiseView(path="x", origin=[1.0, 2.0, 3.0])}},
+        {"views": {"a": PointwiseView(path="x")}, "std": 0.0},
+        {"views": {"a": PointwiseView(path="x")}, "std": 1e-6, "averages": 3},
+        {"views": {"a": PointwiseView(path="x")}, "frequency": [-1.0]},
     ):
         with pytest.raises(ConfigError):
-            Uff(**wrong)
+            UffImport(**wrong)
 
 
 def test_group_is_the_dataset_of_the_program(write):

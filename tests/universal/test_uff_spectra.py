@@ -8,8 +8,8 @@ import pyuff
 
 from sldvexp.errors import UserError
 from sldvexp.importers import pointwise as settings
-from sldvexp.importers.pointwise import PointView
-from sldvexp.importers.uff import Estimator, Kind, NodalAxes, Uff
+from sldvexp.importers.pointwise import PointwiseView
+from sldvexp.importers.uff import Estimator, FunctionKind, NodalAxes, UffImport
 
 POINTS = np.array([[0, 0, 0], [0.3, 0, 0], [0.3, 0.2, 0.01]])
 FREQUENCY = np.array([10.0, 20.0, 30.0, 40.0])
@@ -37,8 +37,8 @@ def read(tmp_path):
         path.write_bytes(content)
         more = {**COMMON, **more}
         far = [] if more["directions"] is settings.Directions.dof else [0.0, 0.0, 1.0]
-        views = {"a": PointView(path=str(path), direction=far, dof=dof)}
-        return Uff(views=views, **more).read()
+        views = {"a": PointwiseView(path=str(path), direction=far, dof=dof)}
+        return UffImport(views=views, **more).read()
 
     return read_
 
@@ -89,7 +89,7 @@ def test_response_functions_come_before_the_spectra_they_are_made_of(read, spect
     even = {"first": 10.0, "step": 10.0, "type_": 6, "unit": "m/s"}
     content = spectra() + b"".join(uff.function(n, 3 * row, **even) for n, row in enumerate(H, 1))
     np.testing.assert_allclose(read(content)["velocity"][0], 3 * H, rtol=1e-10)
-    group = read(content, function=Kind.cross, estimator=Estimator.h1)
+    group = read(content, function=FunctionKind.cross, estimator=Estimator.h1)
     np.testing.assert_allclose(group["velocity"][0], H, rtol=1e-10)
 
 
@@ -258,8 +258,8 @@ def test_nodal_values_that_another_program_wrote(tmp_path):
         ],
         "overwrite",
     )
-    views = {"a": PointView(path=str(path), direction=[0.0, 0.0, 1.0], dof="+Z")}
-    group = Uff(views=views, **{**COMMON, **NODAL, **METRES}).read()
+    views = {"a": PointwiseView(path=str(path), direction=[0.0, 0.0, 1.0], dof="+Z")}
+    group = UffImport(views=views, **{**COMMON, **NODAL, **METRES}).read()
     np.testing.assert_allclose(group["velocity"][0], V[:, 2], rtol=1e-5)
 
 
@@ -267,7 +267,7 @@ def test_functions_come_before_nodal_values(read, nodal, uff):
     even = {"first": 10.0, "step": 10.0, "kind": 12, "type_": 6, "unit": "m/s"}
     content = nodal() + b"".join(uff.function(n, row, **even) for n, row in enumerate(H, 1))
     np.testing.assert_allclose(read(content, **NODAL)["velocity"][0], H, rtol=1e-10)
-    group = read(content, "+Y", **NODAL, **METRES, function=Kind.nodal)
+    group = read(content, "+Y", **NODAL, **METRES, function=FunctionKind.nodal)
     np.testing.assert_allclose(group["velocity"][0], V[:, 1], rtol=1e-5)
 
 

@@ -7,13 +7,13 @@ import pytest
 
 from sldvexp.errors import UserError
 from sldvexp.units import LengthUnit
-from sldvexp.volume.mesh import Mesh
+from sldvexp.volume.mesh import MeshFile
 
 PLATE = {5: [0, 0, 0], 7: [40, 0, 0], 9: [40, 30, 0], 11: [0, 30, 0], 13: [80, 0, 0]}
 
 
 def mesh(path, **settings):
-    return Mesh(path=str(path), unit=LengthUnit.mm, thickness=1.0, layers=2, **settings)
+    return MeshFile(path=str(path), unit=LengthUnit.mm, thickness=1.0, layers=2, **settings)
 
 
 @pytest.mark.parametrize("suffix", ["uff", "UNV"])

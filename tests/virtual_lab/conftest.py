@@ -11,7 +11,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from sldvexp.config import hydra_plugin
-from sldvexp.instrument.protocol import Acquisition, Samples
+from sldvexp.instrument.protocol import Acquisition, RawSamples
 from sldvexp.virtual_lab import calibration_scene, plate_scene  # noqa: F401 (registers them)
 from sldvexp.virtual_lab.lab import VirtualLab
 
@@ -56,10 +56,10 @@ def quiet(lab: LabMaker) -> LabMaker:
 
 
 @pytest.fixture
-def phasors() -> Callable[[Samples, float], np.ndarray]:
+def phasors() -> Callable[[RawSamples, float], np.ndarray]:
     """Phasors of exp(+i w t) at one frequency, V, shape (pixel, channel), by least squares."""
 
-    def fit(samples: Samples, *frequencies: float) -> np.ndarray:
+    def fit(samples: RawSamples, *frequencies: float) -> np.ndarray:
         volts = samples.counts * samples.volts_per_count[:, None]
         time = np.arange(volts.shape[-1]) / samples.rate
         angle = 2 * np.pi * np.outer(time, frequencies)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.instrument.protocol import Acquisition, Instrument, InstrumentError, Samples
+from sldvexp.instrument.protocol import Acquisition, Instrument, InstrumentError, RawSamples
 from sldvexp.targets.circles import Circle, Circles
-from sldvexp.virtual_lab.calibration_scene import Calibration
+from sldvexp.virtual_lab.calibration_scene import CalibrationScene
 from sldvexp.virtual_lab.lab import BLOCK, VirtualLab
 
 
@@ -21,7 +21,7 @@ def lines(n=6, pixels=25):
     return starts + np.arange(pixels)[:, None] * [0, 1]
 
 
-def same(a: Samples, b: Samples) -> bool:
+def same(a: RawSamples, b: RawSamples) -> bool:
     return bool((a.counts == b.counts).all() and (a.status == b.status).all())
 
 
@@ -148,7 +148,7 @@ def test_impossible_scenes_are_refused(lab, setting, message):
 
 def test_a_scene_needs_a_view():
     with pytest.raises(ConfigError, match="views: give at least one view, where"):
-        Calibration()
+        CalibrationScene()
 
 
 def test_scenes_that_do_not_fit_the_target(lab):

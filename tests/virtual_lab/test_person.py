@@ -9,7 +9,7 @@ from scipy.stats import chi2, kstest
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.rotation import rigid_transform, rotation_from_euler
 from sldvexp.instrument.person import Mark
-from sldvexp.virtual_lab.scene import Operator
+from sldvexp.virtual_lab.scene import SceneOperator
 
 #: Chance of a false alarm of one statistical test.
 RARE = 1e-5
@@ -107,7 +107,7 @@ def test_the_digitizer_scatters_a_pose_as_the_print_says():
     origin = np.array([0.685, 0.497, 1.621])
     corners = 11 * INCH * np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0]])
     posts = np.array([[0, -0.1, 0], [0.1, 0, 0], [-0.05, 0.1, -0.02]])
-    rng, repeats, error = np.random.default_rng(0), 4000, Operator().digitizer
+    rng, repeats, error = np.random.default_rng(0), 4000, SceneOperator().digitizer
     seen = posts @ rotation + origin, corners
     dug = [p + error * rng.standard_normal((repeats, 3, 3)) for p in seen]
     (to_laser, laser_shift), (to_world, world_shift) = (

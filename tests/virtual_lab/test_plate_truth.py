@@ -8,14 +8,14 @@ import pytest
 from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.beam import beams
 from sldvexp.virtual_lab.plate import VibratingPlate
-from sldvexp.virtual_lab.plate_scene import Direction, Edges, Mode, Plate
+from sldvexp.virtual_lab.plate_scene import Direction, EdgeSupport, Mode, Plate
 
 RADII = [None, 0.3, -0.3]
 SIZE = [0.3, 0.25]
 STEP = 1e-5  # of the differences: errors of (wave number x step)^2 / 6 = 2e-8
 
 
-def plate(radius, edges=Edges.supported, thickness=0.02):
+def plate(radius, edges=EdgeSupport.supported, thickness=0.02):
     modes = {
         "bending": Mode(2, 1, 400.0, 0.02, 0.02),
         "more_bending": Mode(3, 2, 900.0, 0.05, -0.03),
@@ -47,7 +47,7 @@ def difference(function, places, axis, step=STEP):
     return (function(places + h) - function(places - h)) / step
 
 
-@pytest.mark.parametrize("edges", Edges)
+@pytest.mark.parametrize("edges", EdgeSupport)
 @pytest.mark.parametrize("radius", RADII)
 def test_strain_is_the_gradient_of_the_displacement(places, radius, edges):
     ours = plate(radius, edges)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sldvexp.geometry.rotation import rotation_from_euler
-from sldvexp.volume.base import Samples
+from sldvexp.volume.base import SampleSettings
 from sldvexp.volume.grid import Diagonals, Grid
 from sldvexp.volume.prisms import Prisms, extruded
 from sldvexp.volume.samples import (
@@ -29,7 +29,7 @@ def rules(draw):
     """Tensor products and lists of parameters."""
     if draw(st.booleans()):
         triangle, line = draw(st.sampled_from([1, 3, 6, 7, 12])), draw(st.integers(1, 4))
-        return Samples(triangle, line).rule()
+        return SampleSettings(triangle, line).rule()
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     points = draw(st.integers(1, 9))
     return SampleRule(
@@ -104,7 +104,7 @@ def test_basis_functions_are_those_of_eq_5_20():
 
 @pytest.mark.parametrize(("triangle", "line"), [(1, 1), (3, 2), (6, 3), (7, 1), (12, 4)])
 def test_shape_of_a_tensor_product_is_the_product_of_shapes(triangle, line):
-    rule = Samples(triangle, line).rule()
+    rule = SampleSettings(triangle, line).rule()
     assert rule.points == triangle * line
     product = np.einsum("rh,qc->rqhc", rule.line_shape(), rule.triangle_shape())
     np.testing.assert_allclose(rule.shape(), product.reshape(-1, 6), rtol=1e-14)
@@ -207,7 +207,7 @@ def test_frames_of_a_panel_are_those_of_the_cylinder(radius):
 
 
 def test_samples_in_parts_are_those_of_the_whole():
-    prisms, rule = Grid(radius=0.3).prisms(), Samples(6, 2).rule()
+    prisms, rule = Grid(radius=0.3).prisms(), SampleSettings(6, 2).rule()
     parts = [slice(0, 40), slice(40, None)]
     for of in (sample_positions, sample_frames):
         whole = np.concatenate([of(prisms, rule, part) for part in parts], axis=1)

@@ -8,7 +8,7 @@ from math import factorial
 import numpy as np
 import pytest
 
-from sldvexp.volume.base import TRIANGLE_COUNTS, Samples
+from sldvexp.volume.base import TRIANGLE_COUNTS, SampleSettings
 from sldvexp.volume.samples import TRIANGLE_POINTS, tensor_rule, triangle_points
 
 
@@ -46,7 +46,7 @@ def test_points_through_the_thickness_are_those_of_gauss():
 
 def test_given_parameters_are_taken_as_they_are():
     given = [[1, 0, 0, -1], [0.2, 0.3, 0.5, 0.25]]
-    rule = Samples(parameters=given).rule()
+    rule = SampleSettings(parameters=given).rule()
     np.testing.assert_array_equal(rule.parameter, given)
     assert rule.triangle is None
     assert rule.line is None

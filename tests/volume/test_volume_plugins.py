@@ -17,10 +17,10 @@ from sldvexp import dataset
 from sldvexp.config import hydra_plugin
 from sldvexp.errors import UserError
 from sldvexp.units import LengthUnit
-from sldvexp.volume.base import Samples
+from sldvexp.volume.base import SampleSettings
 from sldvexp.volume.grid import Diagonals, Grid
-from sldvexp.volume.mesh import Mesh
-from sldvexp.volume.points import Points
+from sldvexp.volume.mesh import MeshFile
+from sldvexp.volume.points import PointSurface
 from sldvexp.volume.samples import sample_positions, shape_matrix
 
 CONF = Path(__file__).parents[2] / "conf"
@@ -113,9 +113,9 @@ def test_samples_of_the_dissertation_determine_every_node():
 
 @pytest.mark.parametrize("slivers", [0.05, 0.1, 0.3])
 def test_rim_digitised_by_hand_has_no_slivers(slivers):
-    surface = Points(path=PLATE, slivers=slivers).surface()
+    surface = PointSurface(path=PLATE, slivers=slivers).surface()
     assert len(surface.triangles) == 95
-    assert len(Points(path=PLATE, slivers=0.0).surface().triangles) > 95  # the hull has dents
+    assert len(PointSurface(path=PLATE, slivers=0.0).surface().triangles) > 95  # the hull has dents
     corner = surface.position[surface.triangles]
     side = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=-1).max(axis=1)
     area = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
@@ -135,7 +135,7 @@ def test_points_on_a_grid_are_connected_like_one(tmp_path, towards):
     order = np.random.default_rng(1).permutation(35)
     position = grid.position.reshape(2, 35, 3).mean(axis=0)[order]
     path = written(tmp_path / "points.csv", position / 0.0254, "inch")
-    volume = Points(path=path, towards=towards, layers=2)
+    volume = PointSurface(path=path, towards=towards, layers=2)
     accept(volume, tmp_path)
     prisms = volume.prisms()
     assert len(prisms.triangles) == 2 * 6 * 4  # each cell in two, none along the straight rim
@@ -149,7 +149,7 @@ def test_every_point_of_any_cloud_is_connected(tmp_path):
         rng = np.random.default_rng(seed)
         cloud = rng.uniform(size=(rng.integers(4, 40), 3)) * [1, 1, 0]
         path = written(tmp_path / "cloud.csv", cloud)
-        Points(path=path, slivers=0.2).prisms()  # complains of nodes without triangles
+        PointSurface(path=path, slivers=0.2).prisms()  # complains of nodes without triangles
 
 
 def ball(subdivisions: int):
@@ -184,7 +184,7 @@ def test_mesh_files(tmp_path, suffix, capsys):
     position, triangles = cap()
     path = tmp_path / f"cap.{suffix}"
     meshio.write(path, meshio.Mesh(position, [("triangle", triangles)]))
-    volume = Mesh(path=str(path), unit=LengthUnit.cm, thickness=0.2)
+    volume = MeshFile(path=str(path), unit=LengthUnit.cm, thickness=0.2)
     capsys.readouterr()
     accept(volume, tmp_path)
     assert capsys.readouterr() == ("", "")
@@ -197,14 +197,14 @@ def test_mesh_files(tmp_path, suffix, capsys):
     inner = outwards[:, 2] > 0.6
     cosine = np.einsum("ni,ni->n", outwards, prisms.frame[:, 2])[inner]
     assert cosine.min() > np.cos(np.radians(2.0))
-    flipped = Mesh(path=str(path), unit=LengthUnit.cm, thickness=0.2, flip=True).prisms()
+    flipped = MeshFile(path=str(path), unit=LengthUnit.cm, thickness=0.2, flip=True).prisms()
     np.testing.assert_allclose(flipped.frame[:, 2], -prisms.frame[:, 2], atol=1e-14)
 
 
 def test_normals_of_a_symmetric_ball_are_radial(tmp_path):
     position, triangles = ball(0)
     meshio.write(path := tmp_path / "ball.vtk", meshio.Mesh(position, [("triangle", triangles)]))
-    surface = Mesh(path=str(path)).surface()
+    surface = MeshFile(path=str(path)).surface()
     from sldvexp.volume.surface import vertex_normals
 
     np.testing.assert_allclose(vertex_normals(surface), position, atol=1e-12)
@@ -214,7 +214,7 @@ def test_normals_are_weighted_with_the_area(tmp_path):
     ridge = np.array([[0, 0, 0], [0, 1, 0], [-3.0, 0, 0], [0, 0, -1.0]])
     cells = [("triangle", [[0, 1, 2], [1, 0, 3]])]  # of areas 1.5 along z and 0.5 along x
     meshio.write(path := tmp_path / "ridge.vtk", meshio.Mesh(ridge, cells))
-    frame = Mesh(path=str(path), tangent=[0, 1, 0], thickness=0.01).prisms().frame
+    frame = MeshFile(path=str(path), tangent=[0, 1, 0], thickness=0.01).prisms().frame
     np.testing.assert_allclose(frame[0, 2], np.array([1.0, 0, 3]) / np.sqrt(10), atol=1e-12)
     np.testing.assert_allclose(frame[2, 2], [0, 0, 1], atol=1e-12)
 
@@ -223,7 +223,7 @@ def test_quadrilaterals_are_cut_along_the_shorter_diagonal(tmp_path):
     place = np.array([[0, 0, 0], [1, 0, 0], [1.4, 1, 0], [0, 1, 0], [2.4, 0, 0.0]])
     mesh = meshio.Mesh(place, [("quad", [[0, 1, 2, 3]]), ("triangle", [[1, 4, 2]])])
     meshio.write(path := tmp_path / "mixed.vtk", mesh)
-    triangles = {tuple(t) for t in Mesh(path=str(path)).prisms().triangles.tolist()}
+    triangles = {tuple(t) for t in MeshFile(path=str(path)).prisms().triangles.tolist()}
     assert triangles == {(1, 4, 2), (0, 1, 3), (1, 2, 3)}
 
 
@@ -233,7 +233,7 @@ def test_rectangles_are_all_cut_alike_and_keep_their_side(tmp_path):
     at = np.arange(20).reshape(5, 4)
     quads = np.stack([at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]], axis=-1).reshape(-1, 4)
     meshio.write(path := tmp_path / "quads.vtk", meshio.Mesh(place, [("quad", quads)]))
-    triangles = Mesh(path=str(path), layers=2, tangent=[1, 2, 3]).prisms().triangles
+    triangles = MeshFile(path=str(path), layers=2, tangent=[1, 2, 3]).prisms().triangles
     forward = Grid(shape=[5, 4], diagonals=Diagonals.forward).surface().triangles
     assert {tuple(t) for t in triangles.tolist()} == {tuple(t) for t in forward.tolist()}
 
@@ -244,7 +244,7 @@ def test_second_order_elements_and_lines_keep_only_corners_of_the_surface(tmp_pa
     place = np.vstack([[[9, 9, 9.0]], corners, middles, [[0, 2, 0.0]]])
     cells = [("vertex", [[0]]), ("line", [[3, 7]]), ("triangle6", [[1, 2, 3, 4, 5, 6]])]
     meshio.write(path := tmp_path / "second.vtu", meshio.Mesh(place, cells))
-    prisms = Mesh(path=str(path)).prisms()
+    prisms = MeshFile(path=str(path)).prisms()
     assert prisms.triangles.tolist() == [[0, 1, 2]]
     np.testing.assert_allclose(prisms.position[3 * 3 : 4 * 3], corners, atol=1e-15)
 
@@ -252,7 +252,7 @@ def test_second_order_elements_and_lines_keep_only_corners_of_the_surface(tmp_pa
 def test_mesh_needs_meshio(monkeypatch):
     monkeypatch.setitem(sys.modules, "meshio", None)
     with pytest.raises(UserError, match=r"volume=mesh needs the package meshio; install it with"):
-        Mesh(path="any.stl").prisms()
+        MeshFile(path="any.stl").prisms()
 
 
 def test_units_scale_every_length():
@@ -306,7 +306,7 @@ def test_volume_is_a_step_of_a_run(sldvexp, tmp_path):
 
 
 def test_million_nodes_take_seconds_and_little_memory():
-    volume = Grid(shape=[378, 378], radius=0.5, samples=Samples(1, 1))
+    volume = Grid(shape=[378, 378], radius=0.5, samples=SampleSettings(1, 1))
     tracemalloc.start()
     start = time.process_time()
     prisms = volume.prisms()

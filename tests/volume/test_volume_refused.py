@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.volume.base import Samples
+from sldvexp.volume.base import SampleSettings
 from sldvexp.volume.checks import check_prisms, check_surface
 from sldvexp.volume.grid import Grid
-from sldvexp.volume.mesh import Mesh
-from sldvexp.volume.points import Points
+from sldvexp.volume.mesh import MeshFile
+from sldvexp.volume.points import PointSurface
 from sldvexp.volume.prisms import extruded
 from sldvexp.volume.samples import SampleRule
-from sldvexp.volume.surface import Surface, vertex_normals
+from sldvexp.volume.surface import TriangulatedSurface, vertex_normals
 
 NAN = float("nan")
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
@@ -49,40 +49,40 @@ SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
             "not 0.1; null is flat",
         ),
         (
-            {"samples": Samples(4, 2)},
+            {"samples": SampleSettings(4, 2)},
             "samples.triangle: must be one of 1, 3, 6, 7, 12 points, not 4",
         ),
-        ({"samples": Samples(3, 0)}, "samples.line: must be 1 point or more, not 0"),
+        ({"samples": SampleSettings(3, 0)}, "samples.line: must be 1 point or more, not 0"),
         (
-            {"samples": Samples(parameters=[[1, 0, 0]])},
+            {"samples": SampleSettings(parameters=[[1, 0, 0]])},
             "samples.parameters[0]: must be the four numbers [xi1, xi2, xi3, zeta], not [1, 0, 0]",
         ),
         (
-            {"samples": Samples(parameters=[[1, 0, "a", 0]])},
+            {"samples": SampleSettings(parameters=[[1, 0, "a", 0]])},
             "samples.parameters[0]: must be the four numbers [xi1, xi2, xi3, zeta], "
             "not [1, 0, 'a', 0]",
         ),
         (
-            {"samples": Samples(parameters=[7])},
+            {"samples": SampleSettings(parameters=[7])},
             "samples.parameters[0]: must be the four numbers [xi1, xi2, xi3, zeta], not 7",
         ),
         (
-            {"samples": Samples(parameters=[[0.333, 0.333, 0.333, 0]])},
+            {"samples": SampleSettings(parameters=[[0.333, 0.333, 0.333, 0]])},
             "samples.parameters[0]: has xi1 + xi2 + xi3 = 0.999, which must be 1; a third may be "
             "written as 0.3333, 0.3333, 0.3334",
         ),
         (
-            {"samples": Samples(parameters=[[1, 0, 0, 0], [1.5, -0.5, 0, 0]])},
+            {"samples": SampleSettings(parameters=[[1, 0, 0, 0], [1.5, -0.5, 0, 0]])},
             "samples.parameters[1]: lies outside of the prism: xi must be from 0 to 1 and zeta "
             "from -1 to 1",
         ),
         (
-            {"samples": Samples(parameters=[[1, 0, 0, 1.1]])},
+            {"samples": SampleSettings(parameters=[[1, 0, 0, 1.1]])},
             "samples.parameters[0]: lies outside of the prism: xi must be from 0 to 1 and zeta "
             "from -1 to 1",
         ),
         (
-            {"samples": Samples(parameters=[[1, 0, 0, 1], [0, 1, 0, 1], [1, 0, 0, 1]])},
+            {"samples": SampleSettings(parameters=[[1, 0, 0, 1], [0, 1, 0, 1], [1, 0, 0, 1]])},
             "samples.parameters[2]: is the point 0 again",
         ),
     ],
@@ -103,7 +103,7 @@ def test_refused_settings(fields, message):
 )
 def test_refused_settings_of_points(fields, message):
     with pytest.raises(ConfigError) as error:
-        Points(path="points.csv", **fields)
+        PointSurface(path="points.csv", **fields)
     assert str(error.value) == message
 
 
@@ -139,7 +139,7 @@ def test_refused_points(tmp_path, lines, message):
     path = tmp_path / "points.csv"
     path.write_text(lines)
     with pytest.raises(UserError) as error:
-        Points(path=str(path)).prisms()
+        PointSurface(path=str(path)).prisms()
     assert str(error.value) == f"{path}{message}"
 
 
@@ -149,7 +149,7 @@ def test_points_above_one_another_cannot_be_connected(tmp_path):
         "x_m,y_m,z_m\n0,0,0\n1,0,0\n0,1,0\n1,1,0\n1,1,0.01\n0,0,0.01\n1,0,0.01\n0,1,0.01"
     )
     with pytest.raises(UserError, match=r"belongs to no triangle \(4 nodes in all\); leave"):
-        Points(path=str(path)).prisms()
+        PointSurface(path=str(path)).prisms()
 
 
 @pytest.mark.parametrize(
@@ -185,7 +185,7 @@ def test_points_above_one_another_cannot_be_connected(tmp_path):
 def test_refused_surfaces(position, triangles, message):
     triangles = np.array(triangles, np.int64).reshape(-1, 3)
     with pytest.raises(UserError) as error:
-        check_surface(Surface(position, triangles))
+        check_surface(TriangulatedSurface(position, triangles))
     assert str(error.value) == message
 
 
@@ -194,7 +194,7 @@ def test_file_and_its_own_numbers_are_named(tmp_path):
     cells = [("vertex", [[0]]), ("triangle", [[1, 2, 3], [5, 3, 4]])]
     meshio.write(path := tmp_path / "twice.vtk", meshio.Mesh(place, cells))
     with pytest.raises(UserError, match=r"twice\.vtk: the nodes 1 and 5 stand in one place"):
-        Mesh(path=str(path)).prisms()
+        MeshFile(path=str(path)).prisms()
 
 
 @pytest.mark.parametrize(
@@ -211,7 +211,7 @@ def test_refused_mesh_files(tmp_path, capsys, name, content, message):
     path = tmp_path / name
     path.write_text(content)
     with pytest.raises(UserError) as error:
-        Mesh(path=str(path)).prisms()
+        MeshFile(path=str(path)).prisms()
     told = str(error.value)
     assert told.startswith(f"{path}: {message}")
     assert "\n" not in told
@@ -223,9 +223,9 @@ def test_mesh_without_a_surface(tmp_path):
     corners = np.vstack([np.zeros(3), np.eye(3)])
     meshio.write(path := tmp_path / "solid.vtk", meshio.Mesh(corners, [("tetra", [[0, 1, 2, 3]])]))
     with pytest.raises(UserError, match=r"has tetra, but neither triangles nor quadrilaterals$"):
-        Mesh(path=str(path)).prisms()
+        MeshFile(path=str(path)).prisms()
     with pytest.raises(UserError, match=r"nowhere\.stl: there is no such file"):
-        Mesh(path=str(tmp_path / "nowhere.stl")).prisms()
+        MeshFile(path=str(tmp_path / "nowhere.stl")).prisms()
 
 
 @pytest.mark.parametrize("radius", [0.1, -0.1])
@@ -247,7 +247,7 @@ def test_layers_beyond_the_axis_of_a_panel_are_refused(radius, beyond):
 def test_layers_that_skip_a_fold_are_refused():
     """Inside a ball the normals meet twice: beyond its center the prisms look upright again."""
     position = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
-    surface = Surface(position, np.array([[0, 1, 2]]))
+    surface = TriangulatedSurface(position, np.array([[0, 1, 2]]))
     depth = np.array([-2.0, 0.0])
     prisms = extruded(position, surface.triangles, np.tile(position[:, None], (1, 3, 1)), depth)
     low = prisms.position[:3]
@@ -265,7 +265,7 @@ def test_layers_that_skip_a_fold_are_refused():
 def test_the_first_fold_is_the_one_that_is_told():
     sphere = np.eye(3)
     position = np.vstack([2 * sphere, 1 * sphere, 3 * sphere])
-    surface = Surface(position, np.arange(9).reshape(3, 3))
+    surface = TriangulatedSurface(position, np.arange(9).reshape(3, 3))
     with pytest.raises(UserError) as error:
         check_prisms(surface, np.vstack([sphere] * 3), np.array([-2.5, 1.0]))
     assert "the triangle of the nodes 3, 4 and 5 at (1, 0, 0) m" in str(error.value)
@@ -279,7 +279,7 @@ def bumpy(seed: int):
     flat = Grid(size=[1.0, 1.0], shape=[6, 6]).surface()
     height = rng.uniform(0.01, 0.3)
     position = flat.position + height * rng.uniform(-1, 1, flat.position.shape) * [0.2, 0.2, 1]
-    return Surface(position, flat.triangles), np.sort(rng.uniform(-0.3, 0.3, 2))
+    return TriangulatedSurface(position, flat.triangles), np.sort(rng.uniform(-0.3, 0.3, 2))
 
 
 def test_prisms_are_refused_just_when_they_are_inverted_somewhere():
@@ -312,10 +312,10 @@ def test_surface_folded_sharply_is_refused():
     position = np.array(
         [[0, 0, 0], [0, 1, 0], [-1, 0, -wall], [1, 0, -wall], [0.3, 0.5, -3 * wall]]
     )
-    surface = Surface(position, np.array([[0, 1, 2], [1, 0, 3], [0, 4, 3]]))
+    surface = TriangulatedSurface(position, np.array([[0, 1, 2], [1, 0, 3], [0, 4, 3]]))
     with pytest.raises(UserError, match=r"are inverted: the normal of the node \d at .* points to"):
         check_prisms(surface, vertex_normals(surface), np.array([-0.01, 0.01]))
-    closed = Surface(SQUARE[:3], np.array([[0, 1, 2], [0, 2, 1]]))
+    closed = TriangulatedSurface(SQUARE[:3], np.array([[0, 1, 2], [0, 2, 1]]))
     with pytest.raises(UserError, match=r"the node 0 at .* has no normal, because the triangles"):
         vertex_normals(closed)
 

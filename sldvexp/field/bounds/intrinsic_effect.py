@@ -46,7 +46,7 @@ class PoseErrors:
     intrinsic: Array
 
     @classmethod
-    def of(cls, pose: xr.Dataset, views: Sequence[str]) -> PoseErrors | None:
+    def from_dataset(cls, pose: xr.Dataset, views: Sequence[str]) -> PoseErrors | None:
         """Those of some views of the group ``pose``; None if one has no covariance."""
         adjusted = [str(a) for a in pose["adjusted"].values] if "adjusted" in pose.coords else []
         whole = _covariance(pose, views, adjusted)

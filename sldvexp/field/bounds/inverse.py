@@ -18,8 +18,8 @@ from sldvexp.field.bounds.sparse_inverse_rows import (
     surface_rows,
     volume_rows,
 )
-from sldvexp.field.equations.regions import Part
-from sldvexp.field.equations.system import System
+from sldvexp.field.equations.regions import RegionSamples
+from sldvexp.field.equations.system import NormalEquations
 from sldvexp.field.solvers.kronecker import KroneckerInverse
 from sldvexp.field.threads import side_by_side
 from sldvexp.lazy import scipy
@@ -69,11 +69,11 @@ class WholeInverse(InverseRows):
     parameters: int
 
     @classmethod
-    def of(cls, system: System, parameters: int) -> WholeInverse:
+    def from_system(cls, system: NormalEquations, parameters: int) -> WholeInverse:
         """That of a system."""
         return cls(system.inverse, system.layers, parameters)
 
-    def of_part(self, part: Part) -> WholeInverse:
+    def of_part(self, part: RegionSamples) -> WholeInverse:
         """The same: a small field is one part."""
         return self
 
@@ -111,7 +111,7 @@ class NearInverse:
 
     Parameters
     ----------
-    system : System
+    system : NormalEquations
     line : ndarray, shape (layer, layer)
         The inverse of the line's matrix.
     surface : bsr_array, shape (surface_node * block, surface_node * block)
@@ -123,7 +123,7 @@ class NearInverse:
         How far rows reach.
     """
 
-    system: System
+    system: NormalEquations
     line: Array
     surface: scipy.sparse.bsr_array
     turn: Array
@@ -131,9 +131,9 @@ class NearInverse:
     rings: int
 
     @classmethod
-    def of(cls, system: System, rings: int) -> NearInverse:
+    def from_system(cls, system: NormalEquations, rings: int) -> NearInverse:
         """That of a system."""
-        product = KroneckerInverse.of(system)
+        product = KroneckerInverse.from_system(system)
         mean = system.line.sum(axis=1)[:, None, None, None] * system.surface_sums
         turn = np.linalg.pinv(system.lumped, rcond=1e-10, hermitian=True) @ mean
         far = np.abs(np.linalg.eigvals(turn) - 1).max(axis=(0, 2)) > ODD
@@ -141,7 +141,7 @@ class NearInverse:
         rows = surface_rows(system, product.surface, rings)
         return cls(system, product.line, rows, turn, odd, rings)
 
-    def of_part(self, part: Part) -> NearRows:
+    def of_part(self, part: RegionSamples) -> NearRows:
         """Those of a part's own nodes."""
         p, nodes, own = part.model.parameters, part.patch.nodes, part.region.own
         place = np.full(self.system.graph.nodes, -1)

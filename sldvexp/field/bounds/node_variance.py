@@ -16,10 +16,10 @@ import numpy as np
 
 from sldvexp.field.bounds.inverse import InverseRows, NearRows
 from sldvexp.field.bounds.pose_uncertainty import PoseEffect, column_variances
-from sldvexp.field.equations.regions import Part
+from sldvexp.field.equations.regions import RegionSamples
 from sldvexp.field.equations.sample_model import FieldModel
-from sldvexp.field.equations.system import Solve, System
-from sldvexp.field.visibility.visibility import Looks
+from sldvexp.field.equations.system import NormalEquations, Solve
+from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 
@@ -48,7 +48,9 @@ class Bounds:
     pointwise: Array
 
     @classmethod
-    def empty(cls, looks: Looks, model: FieldModel, group: IndexArray, columns: int) -> Bounds:
+    def empty(
+        cls, looks: VolumeVisibility, model: FieldModel, group: IndexArray, columns: int
+    ) -> Bounds:
         """Zeros."""
         shape = (looks.prisms.layers, looks.prisms.surface_nodes, model.parameters)
         equations = model.parameters if model.contravariant else 1
@@ -66,7 +68,7 @@ class Bounds:
         least, own = self.pointwise
         return np.divide(least, own, out=np.full_like(own, np.nan), where=own > 0)
 
-    def add_noise(self, part: Part, rows: InverseRows) -> None:
+    def add_noise(self, part: RegionSamples, rows: InverseRows) -> None:
         """Noise of the part's own nodes, and of the residuals of the samples it owns."""
         own = part.region.own
         variances = [std**2 for std in part.model.pixel_std]
@@ -80,7 +82,7 @@ class Bounds:
             for k in views:
                 self.expected[:, group] += _of_samples(part, k, variances[k])
 
-    def add_efficiency(self, part: Part) -> None:
+    def add_efficiency(self, part: RegionSamples) -> None:
         """Variances of the samples around the part's own nodes."""
         sums = part.patch.to_nodes(np.concatenate(sample_variances(part), axis=1))
         here = np.searchsorted(part.patch.nodes, part.region.own)
@@ -88,7 +90,7 @@ class Bounds:
         self.pointwise[1][:, part.region.own] = sums[:, here, 3:]
 
 
-def _of_samples(part: Part, k: int, variance: Array) -> Array:
+def _of_samples(part: RegionSamples, k: int, variance: Array) -> Array:
     """Variances of a view's samples that the part owns, in every equation, summed."""
     of_samples = (part.look.seen[k].weights.power(2) @ variance) * part.owned
     if part.model.contravariant:
@@ -97,7 +99,7 @@ def _of_samples(part: Part, k: int, variance: Array) -> Array:
     return np.array([of_samples @ part.at.pointwise.weight[:, k, k]])
 
 
-def sample_variances(part: Part) -> tuple[Array, Array]:
+def sample_variances(part: RegionSamples) -> tuple[Array, Array]:
     """Variances of the components at each sample by itself, both (sample, 3).
 
     The least that is possible with all views that see it (Gauss and Markov, no intercept), and that
@@ -129,7 +131,7 @@ class Verification:
 
     Parameters
     ----------
-    part : Part
+    part : RegionSamples
     pose : PoseEffect, optional
     right : ndarray, optional
         Its right-hand sides.
@@ -140,14 +142,14 @@ class Verification:
     determined : ndarray of bool, shape (layer, surface_node, parameter)
     """
 
-    part: Part
+    part: RegionSamples
     pose: PoseEffect | None
     right: Array | None
     noise: Array
     kept: Array
     determined: BoolArray
 
-    def largest_error(self, rows: NearRows, system: System, solve: Solve) -> float:
+    def largest_error(self, rows: NearRows, system: NormalEquations, solve: Solve) -> float:
         """Largest relative error of the standard errors of some of the part's nodes."""
         layer, own = self._chosen(rows)
         node, block = self.part.region.own[own], system.block

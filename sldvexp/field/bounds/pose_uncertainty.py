@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.field.equations.regions import Part
+from sldvexp.field.equations.regions import RegionSamples
 from sldvexp.field.streaming.compression import FrequencyModes
 from sldvexp.field.visibility.view import View
 from sldvexp.typing import Array
@@ -43,7 +43,7 @@ class PoseEffect:
     data: list[Array]
 
     @classmethod
-    def of(
+    def from_modes(
         cls, covariance: Array, modes: FrequencyModes, theta: Array, data: list[Array]
     ) -> PoseEffect:
         """That on all columns of the solution and the data."""
@@ -65,7 +65,7 @@ class PoseEffect:
         gram = np.swapaxes(j, -1, -2) @ (self.covariance @ j)
         return np.maximum(self.modes.quadratic(gram), 0.0)
 
-    def right_sides(self, part: Part) -> Array:
+    def right_sides(self, part: RegionSamples) -> Array:
         """Right-hand sides of the derivatives by all poses, ``M dtheta = ...``.
 
         A change of view k's pose changes its velocity at a sample: ``dv = grad v . d dac`` and its
@@ -75,7 +75,7 @@ class PoseEffect:
 
         Parameters
         ----------
-        part : Part
+        part : RegionSamples
 
         Returns
         -------

@@ -15,9 +15,9 @@ from sldvexp.field.bounds.inverse import NearInverse, NearRows, WholeInverse
 from sldvexp.field.bounds.node_variance import Bounds, Verification
 from sldvexp.field.bounds.pose_uncertainty import PoseEffect, kept_columns
 from sldvexp.field.bounds.sparse_inverse_rows import rings_of
-from sldvexp.field.equations.regions import Part, Parts
+from sldvexp.field.equations.regions import RegionIterator, RegionSamples
 from sldvexp.field.equations.sample_model import FieldModel
-from sldvexp.field.equations.system import Solve, System
+from sldvexp.field.equations.system import NormalEquations, Solve
 from sldvexp.field.streaming.compression import FrequencyModes
 from sldvexp.field.visibility.view import View
 from sldvexp.typing import Array, BoolArray
@@ -61,12 +61,12 @@ class Residuals:
             np.zeros(rows, int),
         )
 
-    def add(self, part: Part, theta: Array, data: list[Array]) -> None:
+    def add(self, part: RegionSamples, theta: Array, data: list[Array]) -> None:
         """Add the samples that a part owns.
 
         Parameters
         ----------
-        part : Part
+        part : RegionSamples
         theta : ndarray, shape (layer, surface_node, parameter, column)
         data : list of ndarray, shape (pixel, column)
         """
@@ -87,7 +87,7 @@ class Residuals:
 
     def _add(
         self,
-        part: Part,
+        part: RegionSamples,
         here: slice,
         some: slice,
         has_row: BoolArray,
@@ -113,7 +113,7 @@ VERIFIED_PARTS = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Second:
+class FieldBounds:
     """What the second way finds.
 
     Attributes
@@ -139,30 +139,30 @@ class Second:
     efficiency: Array | None
 
 
-def residuals_only(parts: Parts, theta: Array, data: list[Array]) -> Second:
+def residuals_only(parts: RegionIterator, theta: Array, data: list[Array]) -> FieldBounds:
     """Go through the samples without computing bounds."""
     left = Residuals.empty(parts.model, len(data), theta.shape[-1])
     for part in parts.disjoint():
         left.add(part, theta, data)
-    return Second(left, None, None, None, np.nan, None)
+    return FieldBounds(left, None, None, None, np.nan, None)
 
 
 def with_bounds(
-    parts: Parts,
-    system: System,
+    parts: RegionIterator,
+    system: NormalEquations,
     solve: Solve,
     theta: Array,
     data: list[Array],
     determined: BoolArray,
     factor: Array,
     pose: PoseEffect | None,
-) -> Second:
+) -> FieldBounds:
     """Go through the samples and compute bounds as well.
 
     Parameters
     ----------
-    parts : Parts
-    system : System
+    parts : RegionIterator
+    system : NormalEquations
     solve : Solve
     theta : ndarray, shape (layer, surface_node, parameter, column)
     data : list of ndarray, shape (pixel, column)
@@ -176,9 +176,13 @@ def with_bounds(
     left = Residuals.empty(model, len(data), theta.shape[-1])
     factors, group = np.unique(factor, axis=0, return_inverse=True)
     found = Bounds.empty(looks, model, group.ravel(), kept_columns(pose))
-    small = system.small
+    small = system.is_small
     rings = rings_of(looks.rule)
-    whole = WholeInverse.of(system, model.parameters) if small else NearInverse.of(system, rings)
+    whole = (
+        WholeInverse.from_system(system, model.parameters)
+        if small
+        else NearInverse.from_system(system, rings)
+    )
     errors: list[float] = [0.0] if small else []
     for part in parts.overlapping(rings, whole=small):
         left.add(part, theta, data)
@@ -194,7 +198,9 @@ def with_bounds(
             errors.append(check.largest_error(rows, system, solve))
     variance = None if pose is None else found.pose
     expected = 2 * found.expected @ factors
-    return Second(left, found.noise @ factors, variance, expected, max(errors), found.efficiency)
+    return FieldBounds(
+        left, found.noise @ factors, variance, expected, max(errors), found.efficiency
+    )
 
 
 def variance_factors(views: Sequence[View], pixel_std: tuple[Array, ...]) -> Array:
@@ -226,5 +232,5 @@ def pose_effect(
     if covariance is None:
         return None
     total = np.array([np.sum(std**2) for std in model.pixel_std])
-    modes = FrequencyModes.of(data, np.repeat(total @ factor, 2))
-    return PoseEffect.of(covariance, modes, theta, data)
+    modes = FrequencyModes.from_data(data, np.repeat(total @ factor, 2))
+    return PoseEffect.from_modes(covariance, modes, theta, data)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sldvexp.field.equations.system import HOLD, PAIRS, System
+from sldvexp.field.equations.system import HOLD, PAIRS, NormalEquations
 from sldvexp.field.solvers.kronecker import factorised, solved
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
@@ -32,7 +32,7 @@ def rings_of(rule: SampleRule) -> int:
 
 
 def surface_rows(
-    system: System, factor: scipy.sparse.linalg.SuperLU, rings: int
+    system: NormalEquations, factor: scipy.sparse.linalg.SuperLU, rings: int
 ) -> scipy.sparse.bsr_array:
     """Rows of the inverse of the surface's matrix.
 
@@ -41,7 +41,7 @@ def surface_rows(
 
     Parameters
     ----------
-    system : System
+    system : NormalEquations
     factor : SuperLU
         Of the surface's matrix.
     rings : int
@@ -102,7 +102,7 @@ def _close(data: Array, row: IndexArray, column: IndexArray, last: BoolArray, su
 
 
 def volume_rows(
-    system: System, nodes: IndexArray, place: IndexArray, rings: int
+    system: NormalEquations, nodes: IndexArray, place: IndexArray, rings: int
 ) -> scipy.sparse.bsr_array:
     """Rows of the inverse of the whole matrix, of some nodes in all layers.
 
@@ -110,7 +110,7 @@ def volume_rows(
 
     Parameters
     ----------
-    system : System
+    system : NormalEquations
     nodes : ndarray of int, shape (some,)
     place : ndarray of int, shape (surface_node,)
         Where columns of the result stand.
@@ -157,7 +157,7 @@ def _factorised(matrix: Array) -> scipy.sparse.linalg.SuperLU:
         )
 
 
-def _blocks_of(system: System, near: IndexArray) -> Array:
+def _blocks_of(system: NormalEquations, near: IndexArray) -> Array:
     """Blocks of some nodes, shape (gap, 3, near, near, block, block)."""
     graph = system.graph
     key = near[:, None] * graph.nodes + near

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.field.equations.regions import Part, Parts
-from sldvexp.field.equations.sample_model import Samples
-from sldvexp.field.equations.system import Assembly, System
+from sldvexp.field.equations.regions import RegionIterator, RegionSamples
+from sldvexp.field.equations.sample_model import SampleContributions
+from sldvexp.field.equations.system import Assembly, NormalEquations
 from sldvexp.field.visibility.coverage import Coverage, require_coverage
 from sldvexp.field.visibility.view import View
 from sldvexp.typing import Array, BoolArray
@@ -25,7 +25,7 @@ class Equations:
 
     Attributes
     ----------
-    system : System
+    system : NormalEquations
     right : ndarray, shape (layer, surface_node, parameter, column)
         Real and imaginary part of b at each frequency, one after the other.
     ranked : ndarray, shape (layer, surface_node, parameter)
@@ -39,7 +39,7 @@ class Equations:
         One a view.
     """
 
-    system: System
+    system: NormalEquations
     right: Array
     ranked: Array
     rows: int
@@ -47,12 +47,12 @@ class Equations:
     coverage: tuple[Coverage, ...]
 
 
-def normal_equations(parts: Parts, data: list[Array]) -> Equations:
+def normal_equations(parts: RegionIterator, data: list[Array]) -> Equations:
     """Go through all samples once.
 
     Parameters
     ----------
-    parts : Parts
+    parts : RegionIterator
     data : list of ndarray, shape (pixel, column), m/s
         Velocities of each view's pixels as real numbers.
 
@@ -76,7 +76,7 @@ def normal_equations(parts: Parts, data: list[Array]) -> Equations:
         whole[:, nodes] += part.patch.to_nodes(np.ones((len(part.look.position), 1)))
         rows += int(at.pointwise.rows.sum())
         samples += int(at.pointwise.kept.sum())
-        each = [Coverage.of(v, s) for v, s in zip(looks.views, part.look.seen, strict=True)]
+        each = [Coverage.from_view(v, s) for v, s in zip(looks.views, part.look.seen, strict=True)]
         coverage = [a + b for a, b in zip(coverage, each, strict=True)] if coverage else each
     require_coverage(coverage)
     ranked /= whole
@@ -84,7 +84,7 @@ def normal_equations(parts: Parts, data: list[Array]) -> Equations:
     return Equations(system, right, ranked, rows, samples, tuple(coverage))
 
 
-def right_sides(parts: Parts, data: list[Array]) -> Array:
+def right_sides(parts: RegionIterator, data: list[Array]) -> Array:
     """Right-hand sides b alone, as `Equations.right`, of further columns."""
     prisms = parts.looks.prisms
     shape = (prisms.layers, prisms.surface_nodes, parts.model.parameters, data[0].shape[1])
@@ -94,7 +94,7 @@ def right_sides(parts: Parts, data: list[Array]) -> Array:
     return right
 
 
-def _right_side(part: Part, data: list[Array]) -> Array:
+def _right_side(part: RegionSamples, data: list[Array]) -> Array:
     """``sum_s B_s^T (x) T_s v_s``, shape (layer, patch_node, parameter, column)."""
     total = sum(r @ velocity for r, velocity in zip(part.influences, data, strict=True))
     return np.reshape(total, (part.patch.layers, len(part.patch.nodes), -1, data[0].shape[1]))
@@ -111,7 +111,7 @@ def real_columns(velocity: NDArray[np.complexfloating], usable: BoolArray) -> Ar
     return columns.view(float)
 
 
-def _ranked(at: Samples, parameters: int) -> Array:
+def _ranked(at: SampleContributions, parameters: int) -> Array:
     """1 where a kept sample determines 1, 2 and so on parameters, shape (sample, parameter)."""
     rank = np.where(at.pointwise.kept, at.pointwise.rank, 0)
     return (rank[:, None] > np.arange(parameters)).astype(float)

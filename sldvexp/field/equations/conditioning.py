@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sldvexp.field.equations.system import Solve, System
+from sldvexp.field.equations.system import NormalEquations, Solve
 from sldvexp.field.solvers.kronecker import KroneckerInverse
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array
@@ -15,7 +15,7 @@ ACCURACY = 1e-3
 STEPS = 6
 
 
-def condition_numbers(system: System, solve: Solve) -> tuple[float, float]:
+def condition_numbers(system: NormalEquations, solve: Solve) -> tuple[float, float]:
     """Largest over smallest eigenvalue of M, and ``1 / (|M| |M^-1|)`` in the 1-norm.
 
     For large systems the latter's ``|M^-1|`` is Hager's estimate, a lower bound, mostly exact.
@@ -23,15 +23,15 @@ def condition_numbers(system: System, solve: Solve) -> tuple[float, float]:
 
     Parameters
     ----------
-    system : System
+    system : NormalEquations
     solve : Solve
     """
     shape = (system.layers, system.graph.nodes, system.block, -1)
     size = system.nodes * system.block
-    if system.small:
+    if system.is_small:
         return _of_dense(system.dense, system.inverse)
     if system.exact:
-        inverse = KroneckerInverse.of(system).surface.solve
+        inverse = KroneckerInverse.from_system(system).surface.solve
         line = _of_dense(system.line, np.linalg.inv(system.line).astype(float))
         surface = _of_operators(lambda x: system.surface @ x, inverse, system.surface.shape[0])
         return line[0] * surface[0], line[1] * surface[1]

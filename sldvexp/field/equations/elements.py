@@ -36,7 +36,7 @@ class Graph:
     place: IndexArray
 
     @classmethod
-    def of(cls, prisms: Prisms) -> Graph:
+    def from_prisms(cls, prisms: Prisms) -> Graph:
         """The graph of a volume's surface."""
         count = prisms.surface_nodes
         row = np.repeat(prisms.triangles, 3, axis=1).astype(np.intp)

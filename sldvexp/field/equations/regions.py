@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from sldvexp.field.equations.elements import Graph, Patch, influence
-from sldvexp.field.equations.sample_model import FieldModel, Samples
-from sldvexp.field.visibility.visibility import Look, Looks
+from sldvexp.field.equations.sample_model import FieldModel, SampleContributions
+from sldvexp.field.visibility.visibility import SampleVisibility, VolumeVisibility
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 from sldvexp.volume.prisms import Prisms
@@ -40,7 +40,7 @@ class Region:
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class SurfaceRegions:
     """What is needed to walk over a surface.
 
     Parameters
@@ -56,7 +56,7 @@ class Surface:
     touching: scipy.sparse.csr_array
 
     @classmethod
-    def of(cls, prisms: Prisms, graph: Graph) -> Surface:
+    def from_prisms(cls, prisms: Prisms, graph: Graph) -> SurfaceRegions:
         """The surface of a volume."""
         nodes, count = prisms.surface_nodes, len(prisms.triangles)
         corner = prisms.triangles.ravel(), np.repeat(np.arange(count), 3)
@@ -102,29 +102,31 @@ SAMPLES_AT_ONCE = 100_000
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class RegionSamples:
     """A region with its samples.
 
     Attributes
     ----------
-    looks : Looks
+    looks : VolumeVisibility
     model : FieldModel
     region : Region
     patch : Patch
         The region's triangles.
-    look : Look
-    at : Samples
+    look : SampleVisibility
+    at : SampleContributions
     """
 
-    looks: Looks
+    looks: VolumeVisibility
     model: FieldModel
     region: Region
     patch: Patch
-    look: Look
-    at: Samples
+    look: SampleVisibility
+    at: SampleContributions
 
     @classmethod
-    def of(cls, looks: Looks, model: FieldModel, region: Region) -> Part:
+    def from_region(
+        cls, looks: VolumeVisibility, model: FieldModel, region: Region
+    ) -> RegionSamples:
         """Look at the samples of a region."""
         patch = Patch.over(looks.prisms, looks.rule, region.triangles)
         look = looks.at(region.triangles)
@@ -165,16 +167,16 @@ class Part:
 
 
 @dataclass(eq=False)
-class Parts:
+class RegionIterator:
     """A way through all samples; a volume of one part stays in memory.
 
     Parameters
     ----------
-    looks : Looks
+    looks : VolumeVisibility
     model : FieldModel
     """
 
-    looks: Looks
+    looks: VolumeVisibility
     model: FieldModel
 
     def __getstate__(self) -> dict[str, Any]:
@@ -184,22 +186,22 @@ class Parts:
     @cached_property
     def graph(self) -> Graph:
         """Which surface nodes share a triangle."""
-        return Graph.of(self.looks.prisms)
+        return Graph.from_prisms(self.looks.prisms)
 
     @cached_property
-    def surface(self) -> Surface:
+    def surface(self) -> SurfaceRegions:
         """The surface to walk over."""
-        return Surface.of(self.looks.prisms, self.graph)
+        return SurfaceRegions.from_prisms(self.looks.prisms, self.graph)
 
-    def disjoint(self) -> Iterator[Part]:
+    def disjoint(self) -> Iterator[RegionSamples]:
         """Go through all samples once."""
         if self._fits:
             yield self._whole
             return
         for own in self.surface.parts(self._largest):
-            yield Part.of(self.looks, self.model, self.surface.of_own(own))
+            yield RegionSamples.from_region(self.looks, self.model, self.surface.of_own(own))
 
-    def overlapping(self, rings: int, whole: bool) -> Iterator[Part]:
+    def overlapping(self, rings: int, whole: bool) -> Iterator[RegionSamples]:
         """Go through regions with all samples that bear on their own nodes.
 
         Parameters
@@ -213,12 +215,12 @@ class Parts:
             yield self._whole
             return
         for own in self.surface.parts(self._largest):
-            yield Part.of(self.looks, self.model, self.surface.around(own, rings))
+            yield RegionSamples.from_region(self.looks, self.model, self.surface.around(own, rings))
 
     @cached_property
-    def _whole(self) -> Part:
+    def _whole(self) -> RegionSamples:
         everything = self.surface.around(np.arange(self.looks.prisms.surface_nodes), 0)
-        return Part.of(self.looks, self.model, everything)
+        return RegionSamples.from_region(self.looks, self.model, everything)
 
     @property
     def _column(self) -> int:

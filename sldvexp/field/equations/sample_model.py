@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.field.visibility.view import View
-from sldvexp.field.visibility.visibility import Look, Looks, Seen
+from sldvexp.field.visibility.visibility import SampleVisibility, ViewSamples, VolumeVisibility
 from sldvexp.reconstruction.base import Model, Reconstruction, Weights
 from sldvexp.reconstruction.least_squares import rank_of
 from sldvexp.reconstruction.rows import RowSet
@@ -28,7 +28,7 @@ FEWEST_ROWS = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Pointwise:
+class SampleLeastSquares:
     """The model at samples.
 
     Attributes
@@ -92,7 +92,7 @@ class RowModel:
         """Unknowns at a point."""
         return 4 if self.intercept else 3
 
-    def at(self, directions: Array, valid: BoolArray, std: Array) -> Pointwise:
+    def at(self, directions: Array, valid: BoolArray, std: Array) -> SampleLeastSquares:
         """Set up the rows' least squares at samples.
 
         A row that needs a view which does not see the sample drops out. Weighted by their
@@ -126,7 +126,7 @@ class RowModel:
         if self.complete:
             rows[rank < self.parameters] = 0
         weight[rows == 0] = 0
-        return Pointwise(design, weight, rank, rows)
+        return SampleLeastSquares(design, weight, rank, rows)
 
     def _rows_of(self, seen: BoolArray) -> Array:
         """Rows that need none of the views that do not see a sample."""
@@ -165,12 +165,12 @@ TRIANGLES_FOR_ROWS = 200
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class SampleContributions:
     """Contributions of samples, ``sum_s B_s^T B_s (x) N_s theta = sum_s B_s^T (x) T_s v_s``.
 
     Attributes
     ----------
-    pointwise : Pointwise
+    pointwise : SampleLeastSquares
     information : ndarray, shape (sample, block, block)
         N_s. The contravariant method's is 1 or 0: all components have the same equations.
     estimator : ndarray, shape (sample, parameter, view)
@@ -182,7 +182,7 @@ class Samples:
         smaller between pixels than on them, but its errors are then shared with more samples.
     """
 
-    pointwise: Pointwise
+    pointwise: SampleLeastSquares
     information: Array
     estimator: Array
     inverse: Array | None
@@ -209,7 +209,9 @@ class FieldModel:
     pixel_std: tuple[Array, ...]
 
     @classmethod
-    def of(cls, method: Reconstruction, looks: Looks, local: bool) -> FieldModel:
+    def from_method(
+        cls, method: Reconstruction, looks: VolumeVisibility, local: bool
+    ) -> FieldModel:
         """Choose the rows; one set serves the whole field."""
         some = _spread(len(looks.prisms.triangles))
         look = looks.at(some)
@@ -265,12 +267,12 @@ class FieldModel:
             complete=self.contravariant,
         )
 
-    def directions(self, look: Look) -> Array:
+    def directions(self, look: SampleVisibility) -> Array:
         """Direction cosines in the components' axes, shape (sample, view, 3)."""
         world = look.directions
         return world @ np.swapaxes(look.frame, 1, 2) if self.local else world
 
-    def at(self, look: Look) -> Samples:
+    def at(self, look: SampleVisibility) -> SampleContributions:
         """Contributions of the samples of a look."""
         std = np.stack(
             [_mean_std(*each) for each in zip(look.seen, self.pixel_std, strict=True)], 1
@@ -278,12 +280,16 @@ class FieldModel:
         relative = std / np.sqrt(self.variance) if self.generalised else std
         pointwise = self.row_model.at(self.directions(look), look.valid, relative)
         if not self.contravariant:
-            return Samples(pointwise, pointwise.information, pointwise.estimator, None, std)
+            return SampleContributions(
+                pointwise, pointwise.information, pointwise.estimator, None, std
+            )
         kept = pointwise.kept
         inverse = np.zeros((len(kept), self.parameters, self.parameters))
         inverse[kept] = np.linalg.inv(pointwise.information[kept])
         estimator = inverse @ pointwise.estimator
-        return Samples(pointwise, kept.astype(float)[:, None, None], estimator, inverse, std)
+        return SampleContributions(
+            pointwise, kept.astype(float)[:, None, None], estimator, inverse, std
+        )
 
     def _check_rows(self) -> None:
         independent = int(np.linalg.matrix_rank(self.rows.matrix))
@@ -312,7 +318,7 @@ def _pixel_std(view: View) -> Array:
     return np.where(view.usable, np.sqrt(np.where(view.usable, square, 0.0)), 0.0)
 
 
-def _mean_std(seen: Seen, pixel_std: Array) -> Array:
+def _mean_std(seen: ViewSamples, pixel_std: Array) -> Array:
     """Root of the mean variance of the pixels around each sample; 0 where there are none."""
     size = abs(seen.weights)
     total = size.sum(axis=1)

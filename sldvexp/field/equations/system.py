@@ -95,7 +95,7 @@ class Assembly:
         column = information.reshape(gaps, triangles, -1, len(self.rule.triangle), square)
         return bool(np.all(column == column[:1, :, :1]))
 
-    def system(self, ranked: BoolArray) -> System:
+    def system(self, ranked: BoolArray) -> NormalEquations:
         """The matrix.
 
         A node around which too few samples determine anything is held at zero: by an equation of
@@ -117,7 +117,7 @@ class Assembly:
                 self.pairs[gap, k, held] += part * size * np.eye(self.block)
         line = line_matrix(self.rule, self.layers)
         exact = self.uniform and bool(ranked.all())
-        return System(self.graph, self.pairs, line, lumped, active, exact)
+        return NormalEquations(self.graph, self.pairs, line, lumped, active, exact)
 
 
 def _row_sums(graph: Graph, pairs: Array) -> Array:
@@ -136,7 +136,7 @@ def _entries(gaps: int) -> list[tuple[int, int, int, int]]:
 
 
 @dataclass(frozen=True, eq=False)
-class System:
+class NormalEquations:
     """The matrix M and its nearest Kronecker product.
 
     Unknowns have the shape (layer, surface_node, block, column).
@@ -197,9 +197,9 @@ class System:
         """`surface_blocks` as a matrix over the surface's unknowns."""
         return self._over_surface(self.surface_blocks)
 
-    def part(self, keep: int) -> System:
+    def part(self, keep: int) -> NormalEquations:
         """The system of the first `keep` unknowns of every node, the others being zero."""
-        return System(
+        return NormalEquations(
             self.graph,
             np.ascontiguousarray(self.pairs[..., :keep, :keep]),
             self.line,
@@ -232,7 +232,7 @@ class System:
         return upper + [(j, i, matrix) for i, j, matrix in upper if i != j]
 
     @property
-    def small(self) -> bool:
+    def is_small(self) -> bool:
         """Whether `dense` and `inverse` are cheap."""
         return self.nodes * self.block <= SMALL
 
@@ -271,7 +271,7 @@ class System:
         )
 
 
-def solution(right: Array, system: System, solve: Solve) -> Array:
+def solution(right: Array, system: NormalEquations, solve: Solve) -> Array:
     """Solutions of right-hand sides (layer, surface_node, parameter, column).
 
     Parameters that the system does not couple are right-hand sides of one matrix.

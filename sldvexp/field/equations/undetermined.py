@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.field.equations.assembly import SMALLEST_PART, Equations
-from sldvexp.field.equations.system import HOLD, Solve, System
+from sldvexp.field.equations.system import HOLD, NormalEquations, Solve
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.visibility.coverage import flagged
 from sldvexp.reconstruction.observability import (
@@ -24,7 +24,7 @@ from sldvexp.typing import Array, BoolArray
 
 
 @dataclass(frozen=True, eq=False)
-class Flags:
+class Observability:
     """What is determined at each node.
 
     Attributes
@@ -46,7 +46,7 @@ class Flags:
     direction: Array
 
 
-def flags(equations: Equations) -> Flags:
+def find_undetermined(equations: Equations) -> Observability:
     """Judge every node by its samples.
 
     As many parameters are determined as at a part of the node's samples, by each one's views alone.
@@ -69,7 +69,7 @@ def flags(equations: Equations) -> Flags:
     if parameters == 4:
         determined[node, 3] = determined_intercept(null)
     value, direction = np.linalg.eigh(undetermined(null))
-    return Flags(
+    return Observability(
         determined[:, :3],
         determined,
         node,
@@ -78,7 +78,9 @@ def flags(equations: Equations) -> Flags:
     )
 
 
-def described(found: Flags, position: Array, components: tuple[str, ...]) -> list[str]:
+def describe_undetermined(
+    found: Observability, position: Array, components: tuple[str, ...]
+) -> list[str]:
     """Sentences about flagged nodes."""
     blind = found.rank == 0
     sentences = []
@@ -109,7 +111,9 @@ def _at(nodes: NDArray[np.int_], position: Array) -> str:
     return f": {which}node {nodes[0]} (from 0) at ({place}) m"
 
 
-def prepared(solver: Solver, equations: Equations, found: Flags) -> tuple[Equations, Solve]:
+def factorise(
+    solver: Solver, equations: Equations, found: Observability
+) -> tuple[Equations, Solve]:
     """The equations as they can be solved, and the solver's factors.
 
     Directions that are not determined at their nodes are flagged; if they make the whole singular
@@ -124,7 +128,7 @@ def prepared(solver: Solver, equations: Equations, found: Flags) -> tuple[Equati
         return equations, solver.prepare(equations.system)
     except UserError as error:
         if len(found.node) and equations.system.block > 1:
-            firm = replace(equations, system=held(equations.system, found))
+            firm = replace(equations, system=constrain_undetermined(equations.system, found))
             try:
                 return firm, solver.prepare(firm.system)
             except UserError:
@@ -135,14 +139,14 @@ def prepared(solver: Solver, equations: Equations, found: Flags) -> tuple[Equati
         raise UserError(f"field: {lost}; without those {told}") from None
 
 
-def held(system: System, found: Flags) -> System:
+def constrain_undetermined(system: NormalEquations, found: Observability) -> NormalEquations:
     """The system with the flagged directions held, as firmly as nodes that have no samples.
 
     Parameters
     ----------
-    system : System
+    system : NormalEquations
         That couples the components.
-    found : Flags
+    found : Observability
     """
     count, last = system.graph.nodes, system.layers - 1
     size = np.trace(system.lumped[system.active], axis1=-2, axis2=-1).mean() / system.block

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-from sldvexp.field.equations.system import Solve, System
+from sldvexp.field.equations.system import NormalEquations, Solve
 
 
 @dataclass
@@ -13,12 +13,12 @@ class Solver(ABC):
     """A way to solve ``M theta = b``. A strategy implements the one hook `prepare`."""
 
     @abstractmethod
-    def prepare(self, system: System) -> Solve:
+    def prepare(self, system: NormalEquations) -> Solve:
         """Do all that does not depend on right-hand sides, which are many.
 
         Parameters
         ----------
-        system : System
+        system : NormalEquations
 
         Returns
         -------

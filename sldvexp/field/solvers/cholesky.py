@@ -13,7 +13,7 @@ import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.field.equations.system import Solve, System
+from sldvexp.field.equations.system import NormalEquations, Solve
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.solvers.kronecker import KroneckerInverse
 from sldvexp.typing import Array
@@ -33,11 +33,11 @@ class Cholesky(Solver):
         checks.require(find_spec("cholespy") is not None, "", needed)
         checks.done()
 
-    def prepare(self, system: System) -> Solve:
+    def prepare(self, system: NormalEquations) -> Solve:
         """Factors of the matrix."""
         import cholespy
 
-        inverse = KroneckerInverse.of(system)  # which says what is singular
+        inverse = KroneckerInverse.from_system(system)  # which says what is singular
         if system.exact:
             return inverse.times
         matrix = system.matrix().tocoo()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sldvexp.config.registry import register
-from sldvexp.field.equations.system import Solve, System
+from sldvexp.field.equations.system import NormalEquations, Solve
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.solvers.kronecker import KroneckerInverse, factorised, solved
 
@@ -15,9 +15,9 @@ from sldvexp.field.solvers.kronecker import KroneckerInverse, factorised, solved
 class Direct(Solver):
     """Sparse LU factors: no iteration, but memory for a field's volume instead of its surface."""
 
-    def prepare(self, system: System) -> Solve:
+    def prepare(self, system: NormalEquations) -> Solve:
         """Factors of the matrix."""
-        inverse = KroneckerInverse.of(system)  # which says what is singular
+        inverse = KroneckerInverse.from_system(system)  # which says what is singular
         if system.exact:
             return inverse.times
         factor = factorised(system.matrix().tocsc())

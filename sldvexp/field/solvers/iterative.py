@@ -12,7 +12,7 @@ import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-from sldvexp.field.equations.system import Solve, System
+from sldvexp.field.equations.system import NormalEquations, Solve
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.solvers.kronecker import KroneckerInverse
 from sldvexp.typing import Array
@@ -47,9 +47,9 @@ class Iterative(Solver):
         )
         checks.done()
 
-    def prepare(self, system: System) -> Solve:
+    def prepare(self, system: NormalEquations) -> Solve:
         """Factors of the preconditioner: a problem over the surface and one over the layers."""
-        inverse = KroneckerInverse.of(system)
+        inverse = KroneckerInverse.from_system(system)
         if system.exact:
             return inverse.times
         return lambda right: solve(

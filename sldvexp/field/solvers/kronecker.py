@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.field.equations.system import System
+from sldvexp.field.equations.system import NormalEquations
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array
 
@@ -62,7 +62,7 @@ class KroneckerInverse:
     surface: scipy.sparse.linalg.SuperLU
 
     @classmethod
-    def of(cls, system: System) -> KroneckerInverse:
+    def from_system(cls, system: NormalEquations) -> KroneckerInverse:
         """That of a system's means over depth.
 
         Raises
@@ -87,7 +87,7 @@ class KroneckerInverse:
         return cls(np.linalg.inv(system.line).astype(float), surface)
 
     def times(self, x: Array) -> Array:
-        """``(line (x) surface)^-1 x``; x as in `System`."""
+        """``(line (x) surface)^-1 x``; x as in `NormalEquations`."""
         layers, columns = len(self.line), x.shape[-1]
         flat = np.tensordot(self.line, x.reshape(layers, -1, columns), axes=1)
         rows = flat.shape[1]
@@ -96,7 +96,7 @@ class KroneckerInverse:
         return done.transpose(1, 0, 2).reshape(x.shape)
 
 
-def _undetermined(system: System) -> str:
+def _undetermined(system: NormalEquations) -> str:
     """Nodes where the matrix's weakest vector is, by inverse iteration with a shift."""
     matrix = scipy.sparse.csc_array(system.surface)
     shift = 1e-8 * matrix.diagonal().mean()

@@ -44,7 +44,7 @@ class FrequencyModes:
     combination: Array
 
     @classmethod
-    def of(cls, data: list[Array], noise: Array) -> FrequencyModes:
+    def from_data(cls, data: list[Array], noise: Array) -> FrequencyModes:
         """Those of the pixels of all views.
 
         Parameters

@@ -19,19 +19,19 @@ from sldvexp import dataset
 from sldvexp.field.bounds.element_error import element_error, mean_squares, told
 from sldvexp.field.bounds.intrinsic_effect import PoseErrors
 from sldvexp.field.bounds.pose_uncertainty import ModeEffect, of_modes, pose_covariance
-from sldvexp.field.bounds.residuals_and_bounds import Second, residuals_only
+from sldvexp.field.bounds.residuals_and_bounds import FieldBounds, residuals_only
 from sldvexp.field.equations.assembly import Equations, real_columns, right_sides
 from sldvexp.field.equations.conditioning import condition_numbers
-from sldvexp.field.equations.regions import Parts
+from sldvexp.field.equations.regions import RegionIterator
 from sldvexp.field.equations.system import Solve, solution
-from sldvexp.field.equations.undetermined import Flags
+from sldvexp.field.equations.undetermined import Observability
 from sldvexp.field.estimate import NO_COVARIANCE, check_views, solved_with
-from sldvexp.field.fit import Fit, Outcome
+from sldvexp.field.fit import FieldEstimate, FieldFit
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.streaming.compression import Compressed, slices
 from sldvexp.field.streaming.dask import Work
-from sldvexp.field.to_dataset import field_group, pooled
-from sldvexp.field.visibility.visibility import Looks
+from sldvexp.field.to_dataset import field_to_dataset, pooled
+from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.typing import Array
@@ -46,10 +46,10 @@ class Ready:
     ----------
     method : Reconstruction
     solver : Solver
-    parts : Parts
+    parts : RegionIterator
     equations : Equations
-    flags : Flags
-    second : Second
+    flags : Observability
+    second : FieldBounds
         Variances from the noise of each view, and the covariance of the modes from the poses.
     compressed : Compressed
         Without images.
@@ -59,19 +59,19 @@ class Ready:
 
     method: Reconstruction
     solver: Solver
-    parts: Parts
+    parts: RegionIterator
     equations: Equations
-    flags: Flags
-    second: Second
+    flags: Observability
+    second: FieldBounds
     compressed: Compressed
     condition: tuple[float, float]
     messages: tuple[str, ...]
 
     @classmethod
-    def of(
+    def from_compressed(
         cls,
         compressed: Compressed,
-        looks: Looks,
+        looks: VolumeVisibility,
         method: Reconstruction,
         solver: Solver,
         local: bool,
@@ -81,7 +81,7 @@ class Ready:
         check_views(looks)
         poses = pose_covariance(looks.views, None if errors is None else errors.covariance)
         data = [np.where(v.usable[:, None], v.velocity.real, 0.0) for v in looks.views]
-        fit = Fit.of(looks, method, solver, local, data)
+        fit = FieldFit.from_images(looks, method, solver, local, data)
         messages, modes = fit.messages, compressed.modes
         effect = None if poses is None else ModeEffect(poses, modes, fit.theta, data)
         if effect is None:
@@ -132,15 +132,15 @@ class Ready:
         second = replace(
             self._second(some), residuals=residuals_only(self.parts, theta, data).residuals
         )
-        outcome = Outcome(looks, model, equations, self.flags, theta, second, self.solver)
+        outcome = FieldEstimate(looks, model, equations, self.flags, theta, second, self.solver)
         result = outcome.result(list(self.messages), self.condition)
         error = element_error(looks.prisms, looks.rule, result.velocity)
         frequency = self.compressed.frequency[some]
-        group = field_group(result, looks.prisms, self.method, frequency, error)
+        group = field_to_dataset(result, looks.prisms, self.method, frequency, error)
         assert result.confidence is not None
         return group, mean_squares(error, result.confidence)
 
-    def _second(self, some: slice) -> Second:
+    def _second(self, some: slice) -> FieldBounds:
         """Bounds of some frequencies."""
         second, factor = self.second, self.compressed.factor[:, some]
         modes = self.compressed.modes.of_part(slice(2 * some.start, 2 * some.stop))
@@ -163,7 +163,7 @@ def _products(change: Array) -> Array:
 def stream_field(
     tree: Mapping[str, xr.Dataset],
     compressed: Compressed,
-    looks: Looks,
+    looks: VolumeVisibility,
     volume: Volume,
     method: Reconstruction,
     solver: Solver,
@@ -178,7 +178,7 @@ def stream_field(
         With the groups ``pose`` and ``image/<view>``, whose velocities are Dask arrays.
     compressed : Compressed
         Of these images.
-    looks : Looks
+    looks : VolumeVisibility
         At its images.
     volume : Volume
     method : Reconstruction
@@ -192,9 +192,9 @@ def stream_field(
     xarray.Dataset
         Variables over the frequency are Dask arrays.
     """
-    errors = PoseErrors.of(tree["pose"], looks.names)
+    errors = PoseErrors.from_dataset(tree["pose"], looks.names)
     local = volume.coordinates is Coordinates.local
-    ready = Ready.of(compressed, looks, method, solver, local, errors)
+    ready = Ready.from_compressed(compressed, looks, method, solver, local, errors)
     shared = work.share(ready)
     images = [tree[f"image/{name}"]["velocity"] for name in looks.names]
     blocks = slices(images[0], "frequency")

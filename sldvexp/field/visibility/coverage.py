@@ -16,7 +16,7 @@ from sldvexp.field.visibility.visibility import (
     FLAGGED,
     OFF_BOARD,
     OUTSIDE,
-    Seen,
+    ViewSamples,
 )
 from sldvexp.laser.two_mirror import MIRRORS
 from sldvexp.typing import Array
@@ -53,7 +53,7 @@ class Coverage:
     high: Array
 
     @classmethod
-    def of(cls, view: View, seen: Seen) -> Self:
+    def from_view(cls, view: View, seen: ViewSamples) -> Self:
         """That of one block."""
         dac = seen.dac[np.isfinite(seen.dac).all(axis=1)]
         low, high = (dac.min(axis=0), dac.max(axis=0)) if len(dac) else np.full((2, 2), np.nan)

@@ -74,7 +74,7 @@ class Occlusion:
             raise UserError(f"view {view.name}: the whole surface is behind the instrument")
         plane = _plane(project(corner, laser.mirror_offset))
         bulge = BULGE * np.ptp(plane, axis=1)
-        bins = Bins.of(plane.min(axis=1) - bulge, plane.max(axis=1) + bulge)
+        bins = Bins.from_boxes(plane.min(axis=1) - bulge, plane.max(axis=1) + bulge)
         return cls(view, laser.mirror_offset, corner, clearance, bins)
 
     def hides(self, points: Array) -> BoolArray:

@@ -14,7 +14,7 @@ from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
 from sldvexp.typing import Array, BoolArray
 
 
-class Sight(NamedTuple):
+class ProjectedPoints(NamedTuple):
     """Where points are in a view.
 
     Parameters
@@ -32,7 +32,7 @@ class Sight(NamedTuple):
     directions: Array
 
 
-def sight(view: View, laser: TwoMirror, points: Array) -> Sight:
+def sight(view: View, laser: TwoMirror, points: Array) -> ProjectedPoints:
     """Image points of points in space (Section 5.3.5) and direction cosines from their angles.
 
     Parameters
@@ -51,7 +51,7 @@ def sight(view: View, laser: TwoMirror, points: Array) -> Sight:
     off_board = ~behind & ((angles < low) | (angles > high)).any(axis=1)
     dac = laser.dac_from_angle(np.clip(angles, low, high))
     dac[behind | off_board] = np.nan
-    return Sight(dac, behind, off_board, direction_cosines(angles) @ view.rotation)
+    return ProjectedPoints(dac, behind, off_board, direction_cosines(angles) @ view.rotation)
 
 
 def to_laser(view: View, points: Array) -> Array:

@@ -18,7 +18,7 @@ from sldvexp.laser.two_mirror import MIRRORS, Mirror, TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import EXTRINSICS
 from sldvexp.pose.intrinsics import nominal_intrinsics, places
-from sldvexp.session.images import flag_text
+from sldvexp.session.images import describe_flagged_pixels
 from sldvexp.signal.pixel_quality import Flag
 from sldvexp.typing import Array, BoolArray, ComplexArray
 from sldvexp.units import AngleUnit
@@ -299,7 +299,7 @@ def why(*views: View) -> str:
     flags = np.concatenate([view.flags for view in views]).astype(int)
     counts = {flag: int(np.sum(flags & flag != 0)) for flag in Flag}
     most = max(counts, key=lambda flag: counts[flag])
-    told = flag_text(flags)
+    told = describe_flagged_pixels(flags)
     return f"{told}: {REMEDIES[most]}" if counts[most] else told
 
 

@@ -35,7 +35,7 @@ FLAGGED = "flagged"
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class ViewSamples:
     """What one view sees of the sample points.
 
     Parameters
@@ -95,7 +95,7 @@ class Seen:
         return pose_derivative(view, laser, points, self.dac)
 
 
-def look(
+def project_samples(
     view: View,
     laser: TwoMirror,
     points: Array,
@@ -104,7 +104,7 @@ def look(
     *,
     grazing: float = GRAZING,
     occlusion: Occlusion | None = None,
-) -> Seen:
+) -> ViewSamples:
     """Find sample points in a view's image (Section 5.3.5). Any number at once, or block by block.
 
     Parameters
@@ -152,7 +152,7 @@ def look(
         _spread(w, kept, len(points)) for w in (weights.value, *weights.gradient)
     )
     lost = {reason: int(np.count_nonzero(where)) for reason, where in reasons.items()}
-    return Seen(valid, found.directions, value, (up_down, left_right), found.dac, lost)
+    return ViewSamples(valid, found.directions, value, (up_down, left_right), found.dac, lost)
 
 
 def _spread(
@@ -168,17 +168,17 @@ def _spread(
 
 
 #: Samples of a volume up to which what the views see of them is remembered.
-REMEMBERED = 200_000
+CACHE_SAMPLES = 200_000
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class SampleVisibility:
     """The samples in the prisms over some triangles, and what each view sees of them.
 
     Attributes
     ----------
     triangles : ndarray of int, shape (triangle,)
-    seen : tuple of Seen
+    seen : tuple of ViewSamples
         One a view; ``sample = (gap * triangles + triangle) * points + point``.
     position : ndarray, shape (sample, 3), m
     frame : ndarray, shape (sample, 3, 3)
@@ -186,7 +186,7 @@ class Look:
     """
 
     triangles: IndexArray
-    seen: tuple[Seen, ...]
+    seen: tuple[ViewSamples, ...]
     position: Array
     frame: Array
 
@@ -202,7 +202,7 @@ class Look:
 
 
 @dataclass(eq=False)
-class Looks:
+class VolumeVisibility:
     """Looks at a volume from all views.
 
     Parameters
@@ -234,7 +234,7 @@ class Looks:
     clearance: float | None = None
     _interpolators: list[Interpolator] = field(init=False, repr=False)
     _occlusions: list[Occlusion | None] = field(init=False, repr=False)
-    _whole: Look | None = field(init=False, repr=False, default=None)
+    _whole: SampleVisibility | None = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
         require_usable(self.views)
@@ -256,16 +256,16 @@ class Looks:
         return np.arange(len(self.prisms.triangles))
 
     @property
-    def small(self) -> bool:
+    def fits_in_cache(self) -> bool:
         """Whether a look at all of it is remembered."""
-        return self.prisms.gaps * len(self.prisms.triangles) * self.rule.points <= REMEMBERED
+        return self.prisms.gaps * len(self.prisms.triangles) * self.rule.points <= CACHE_SAMPLES
 
-    def at(self, triangles: IndexArray) -> Look:
+    def at(self, triangles: IndexArray) -> SampleVisibility:
         """Look at the samples of some triangles' prisms, in all gaps."""
         if self._whole is not None and np.array_equal(triangles, self._whole.triangles):
             return self._whole
         found = self._look(triangles)
-        if self.small and np.array_equal(triangles, self.triangles):
+        if self.fits_in_cache and np.array_equal(triangles, self.triangles):
             self._whole = found
         return found
 
@@ -287,12 +287,12 @@ class Looks:
         moved._occlusions = [moved._occlusion(v) for v in views]
         return moved
 
-    def _look(self, triangles: IndexArray) -> Look:
+    def _look(self, triangles: IndexArray) -> SampleVisibility:
         position = sample_positions(self.prisms, self.rule, triangles).reshape(-1, 3)
         frame = sample_frames(self.prisms, self.rule, triangles).reshape(-1, 3, 3)
 
-        def seen_by(k: int) -> Seen:
-            return look(
+        def seen_by(k: int) -> ViewSamples:
+            return project_samples(
                 self.views[k],
                 self.laser,
                 position,
@@ -303,7 +303,7 @@ class Looks:
             )
 
         seen = tuple(side_by_side(seen_by, range(len(self.views))))
-        return Look(triangles, seen, position, frame)
+        return SampleVisibility(triangles, seen, position, frame)
 
     def _occlusion(self, view: View) -> Occlusion | None:
         if self.clearance is None:

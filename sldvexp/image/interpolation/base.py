@@ -14,7 +14,7 @@ from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, ComplexArray
 
 
-class Pixels(Protocol):
+class ImagePixels(Protocol):
     """What is needed of a velocity image; `sldvexp.field.visibility.view.View` says what each
     means.
     """
@@ -34,7 +34,7 @@ class Pixels(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Weights:
+class PixelWeights:
     """Weights of the pixels at some places.
 
     Parameters
@@ -57,7 +57,7 @@ class Interpolator(ABC):
     """Interpolates in one image."""
 
     @abstractmethod
-    def at(self, dac: Array) -> Weights:
+    def at(self, dac: Array) -> PixelWeights:
         """Weights at places of the image.
 
         Parameters

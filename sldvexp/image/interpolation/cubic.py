@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sldvexp.image.interpolation.base import Interpolator, Weights
-from sldvexp.image.interpolation.mesh import Located, Mesh
+from sldvexp.image.interpolation.base import Interpolator, PixelWeights
+from sldvexp.image.interpolation.mesh import ImageMesh, Located
 from sldvexp.image.interpolation.patches import TERMS, fit_patches, monomials
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array
@@ -19,15 +19,15 @@ from sldvexp.typing import Array
 BLOCK = 65536
 
 
-class Cubic(Interpolator):
+class CubicInterpolator(Interpolator):
     """Blended patches: exact for functions of second order.
 
     Parameters
     ----------
-    mesh : Mesh
+    mesh : ImageMesh
     """
 
-    def __init__(self, mesh: Mesh) -> None:
+    def __init__(self, mesh: ImageMesh) -> None:
         self.mesh = mesh
         self._frame = mesh.frames()
         # Rows: the value of every patch at its own pixel, then its coefficients term by term.
@@ -35,7 +35,7 @@ class Cubic(Interpolator):
             mesh.vertices, self._frame, *mesh.neighbours(), mesh.biquadratic
         )
 
-    def at(self, dac: Array) -> Weights:
+    def at(self, dac: Array) -> PixelWeights:
         """Weights at places, shape (place, 2), steps."""
         blocks = [self._at(dac[k : k + BLOCK]) for k in range(0, max(len(dac), 1), BLOCK)]
         if len(blocks) == 1:
@@ -44,14 +44,14 @@ class Cubic(Interpolator):
             scipy.sparse.vstack(each, format="csr")
             for each in zip(*((b.value, *b.gradient) for b in blocks), strict=True)
         )
-        return Weights(
+        return PixelWeights(
             value,
             (up_down, left_right),
             np.concatenate([b.outside for b in blocks]),
             np.concatenate([b.flagged for b in blocks]),
         )
 
-    def _at(self, dac: Array) -> Weights:
+    def _at(self, dac: Array) -> PixelWeights:
         at = self.mesh.locate(dac)
         frame = self._frame[at.corner]
         away = dac[at.place][:, None] - self.mesh.vertices[at.corner]
@@ -62,7 +62,7 @@ class Cubic(Interpolator):
         gradient += at.weight[..., None, None] * by_dac
         up_down, left_right = (self._over_pixels(at, gradient[..., a]) for a in range(2))
         both = up_down, left_right
-        return Weights(self._over_pixels(at, value), both, at.outside, at.flagged)
+        return PixelWeights(self._over_pixels(at, value), both, at.outside, at.flagged)
 
     def _over_pixels(self, at: Located, weight: Array) -> scipy.sparse.csr_array:
         """Weights of the pixels from those (found, k, term) of the patches' coefficients."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from sldvexp.image.interpolation.base import Pixels
-from sldvexp.image.interpolation.mesh import Mesh, cross
+from sldvexp.image.interpolation.base import ImagePixels
+from sldvexp.image.interpolation.mesh import ImageMesh, cross
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 
-class Lattice(Mesh):
+class Lattice(ImageMesh):
     """Quadrilaterals between rows and columns; where pixels really are counts, rounding included.
 
     Parameters
@@ -70,7 +70,7 @@ class StraightLattice(Lattice):
         return weight, np.stack(by_own, axis=-1) / side[:, None]
 
 
-def lattice_of(image: Pixels) -> Lattice | None:
+def lattice_of(image: ImagePixels) -> Lattice | None:
     """The lattice of an image; None if it is not rectangular or has a cell that is not convex."""
     if image.shape is None or min(image.shape) < 2:
         return None

@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 
-from sldvexp.image.interpolation.base import Interpolator, Weights
-from sldvexp.image.interpolation.mesh import Mesh
+from sldvexp.image.interpolation.base import Interpolator, PixelWeights
+from sldvexp.image.interpolation.mesh import ImageMesh
 from sldvexp.typing import Array
 
 
-class Linear(Interpolator):
+class LinearInterpolator(Interpolator):
     """Bilinear in quadrilaterals, linear in triangles.
 
     Parameters
     ----------
-    mesh : Mesh
+    mesh : ImageMesh
     """
 
-    def __init__(self, mesh: Mesh) -> None:
+    def __init__(self, mesh: ImageMesh) -> None:
         self.mesh = mesh
 
-    def at(self, dac: Array) -> Weights:
+    def at(self, dac: Array) -> PixelWeights:
         """Weights at places, shape (place, 2), steps."""
         at = self.mesh.locate(dac)
         value, up_down, left_right = (
             self.mesh.over_pixels(at.rows(at.corner, weight, len(self.mesh.vertices)))
             for weight in (at.weight, *np.moveaxis(at.gradient, -1, 0))
         )
-        return Weights(value, (up_down, left_right), at.outside, at.flagged)
+        return PixelWeights(value, (up_down, left_right), at.outside, at.flagged)

@@ -49,7 +49,7 @@ class Located(NamedTuple):
         )
 
 
-class Mesh(ABC):
+class ImageMesh(ABC):
     """Convex cells between the vertices of an image.
 
     Parameters
@@ -83,7 +83,7 @@ class Mesh(ABC):
         self.merge = merge
         corners = vertices[cells]
         slack = ROUNDING * np.ptp(corners, axis=1)
-        self._bins = Bins.of(corners.min(axis=1) - slack, corners.max(axis=1) + slack)
+        self._bins = Bins.from_boxes(corners.min(axis=1) - slack, corners.max(axis=1) + slack)
 
     @abstractmethod
     def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:

@@ -10,11 +10,11 @@ from enum import Enum
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.image.interpolation.base import Interpolator, Pixels
-from sldvexp.image.interpolation.cubic import Cubic
+from sldvexp.image.interpolation.base import ImagePixels, Interpolator
+from sldvexp.image.interpolation.cubic import CubicInterpolator
 from sldvexp.image.interpolation.lattice import lattice_of
-from sldvexp.image.interpolation.linear import Linear
-from sldvexp.image.interpolation.mesh import Mesh
+from sldvexp.image.interpolation.linear import LinearInterpolator
+from sldvexp.image.interpolation.mesh import ImageMesh
 from sldvexp.image.interpolation.scattered import triangulate
 
 
@@ -34,12 +34,12 @@ class Interpolation(Enum):
     linear = "linear"
     cubic = "cubic"
 
-    def prepare(self, image: Pixels) -> Interpolator:
+    def prepare(self, image: ImagePixels) -> Interpolator:
         """What interpolates in one image, to be used for any number of places.
 
         Parameters
         ----------
-        image : Pixels
+        image : ImagePixels
             For example a `sldvexp.field.visibility.view.View`.
 
         Raises
@@ -49,14 +49,14 @@ class Interpolation(Enum):
             velocities at one place.
         """
         mesh = mesh_of(image)
-        return Linear(mesh) if self is Interpolation.linear else Cubic(mesh)
+        return LinearInterpolator(mesh) if self is Interpolation.linear else CubicInterpolator(mesh)
 
 
 #: Pixels that make a triangle.
 LEAST_PIXELS = 3
 
 
-def mesh_of(image: Pixels) -> Mesh:
+def mesh_of(image: ImagePixels) -> ImageMesh:
     """The cells of an image.
 
     A rectangular image whose cells are not convex, because rounding to whole steps has folded them

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.image.interpolation.base import Pixels
-from sldvexp.image.interpolation.mesh import Mesh, cross
+from sldvexp.image.interpolation.base import ImagePixels
+from sldvexp.image.interpolation.mesh import ImageMesh, cross
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 
@@ -18,7 +18,7 @@ SLIVER = 1e-9
 AGREE = 6.0
 
 
-class Triangles(Mesh):
+class Triangles(ImageMesh):
     """Triangles between usable pixels.
 
     Parameters
@@ -79,7 +79,7 @@ class Triangles(Mesh):
         return self._flagged_pixel[self._every_pixel.query(places)[1]]
 
 
-def triangulate(image: Pixels) -> Triangles:
+def triangulate(image: ImagePixels) -> Triangles:
     """The triangles of an image; which they are does not depend on the order of its pixels.
 
     Raises
@@ -109,7 +109,7 @@ def triangulate(image: Pixels) -> Triangles:
     return Triangles(vertices, cells[kept], merge, image.dac, ~image.usable)
 
 
-def _merge(image: Pixels, vertex: IndexArray, vertices: int) -> scipy.sparse.csr_array:
+def _merge(image: ImagePixels, vertex: IndexArray, vertices: int) -> scipy.sparse.csr_array:
     """Mean of the usable pixels at each vertex, weighted by their accuracy."""
     pixel = np.flatnonzero(image.usable)
     _require_agreement(image, pixel, vertex, vertices)
@@ -120,7 +120,9 @@ def _merge(image: Pixels, vertex: IndexArray, vertices: int) -> scipy.sparse.csr
     return scipy.sparse.csr_array((share, (vertex, pixel)), shape=(vertices, len(image.dac)))
 
 
-def _require_agreement(image: Pixels, pixel: IndexArray, vertex: IndexArray, vertices: int) -> None:
+def _require_agreement(
+    image: ImagePixels, pixel: IndexArray, vertex: IndexArray, vertices: int
+) -> None:
     """Pixels at one place agree with the first of them within their errors."""
     if vertices == len(pixel):
         return

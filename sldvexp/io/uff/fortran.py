@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sldvexp.io.uff.index import Entry, shown
+from sldvexp.io.uff.index import DataSet, shown
 from sldvexp.io.uff.source import Source
 from sldvexp.typing import Array
 
@@ -21,16 +21,16 @@ LONGEST_INTEGER = 12
 NO_NUMBERS = re.compile(rb"_|[EeDd][+-]?\d{4}")
 
 
-class Lines:
+class TextLines:
     """The lines of a data set of text, with what is wrong in them.
 
     Parameters
     ----------
     source : Source
-    entry : Entry
+    entry : DataSet
     """
 
-    def __init__(self, source: Source, entry: Entry):
+    def __init__(self, source: Source, entry: DataSet):
         self.source, self.entry = source, entry
         self.text = source.read(entry.first, entry.end).splitlines()
         self.at = 0
@@ -105,13 +105,13 @@ def numbers(line: bytes, width: int) -> list[float] | None:
     return None
 
 
-def table(source: Source, entry: Entry, start: int, widths: Sequence[int], count: int) -> Array:
+def table(source: Source, entry: DataSet, start: int, widths: Sequence[int], count: int) -> Array:
     """All numbers from `start` to the end of a data set, which must be `count` of them.
 
     Parameters
     ----------
     source : Source
-    entry : Entry
+    entry : DataSet
     start : int
         Byte at which the first line of numbers begins.
     widths : sequence of int
@@ -145,7 +145,7 @@ def between_blanks(text: bytes) -> Array | None:
 
 
 def _in_columns(
-    source: Source, entry: Entry, start: int, text: bytes, widths: Sequence[int]
+    source: Source, entry: DataSet, start: int, text: bytes, widths: Sequence[int]
 ) -> Array:
     """Numbers in columns of fixed widths, as where a sign fills the last blank between them."""
     edges = np.concatenate([[0], np.cumsum(widths)])

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.io.uff.fortran import Lines, columns, integers, number, table
-from sldvexp.io.uff.index import ASCII_LINES, Entry, shown
+from sldvexp.io.uff.fortran import TextLines, columns, integers, number, table
+from sldvexp.io.uff.index import ASCII_LINES, DataSet, shown
 from sldvexp.io.uff.source import Source
 from sldvexp.typing import Array
 
@@ -66,7 +66,7 @@ class Function(NamedTuple):
 
     Parameters
     ----------
-    entry : Entry
+    entry : DataSet
     text : tuple of str
         The five lines that identify it.
     kind : int
@@ -83,7 +83,7 @@ class Function(NamedTuple):
         `reference` is the denominator of the ordinate.
     """
 
-    entry: Entry
+    entry: DataSet
     text: tuple[str, ...]
     kind: int
     node: int
@@ -106,7 +106,7 @@ class Function(NamedTuple):
         return f"{self.node}{DIRECTIONS[self.direction] if self.direction else ''}"
 
 
-def read_header(source: Source, entry: Entry) -> Function:
+def read_header(source: Source, entry: DataSet) -> Function:
     """The header of a function; nothing is read beyond it.
 
     Raises
@@ -153,7 +153,7 @@ def read_header(source: Source, entry: Entry) -> Function:
     return Function(entry, words, *numbers, *TYPES[type_], spacing == 1, count, first, step, *axes)
 
 
-def bytes_needed(source: Source, entry: Entry) -> list[int]:
+def bytes_needed(source: Source, entry: DataSet) -> list[int]:
     """Possible lengths of the values of a 58b by the header alone."""
     function = read_header(source, entry)
     return [function.size * size for size in _bytes_a_value(function)]
@@ -239,7 +239,7 @@ def _widths(function: Function) -> list[int]:
     return [13, 20, 20] if function.complex else [13, 20, 13, 20]
 
 
-def _end_of_header(source: Source, entry: Entry) -> int:
+def _end_of_header(source: Source, entry: DataSet) -> int:
     lines = source.peek(entry.first, min(entry.end - entry.first, LONGEST_HEADER))
     return entry.first + sum(map(len, lines.splitlines(keepends=True)[:ASCII_LINES]))
 
@@ -310,7 +310,7 @@ class Units:
     length: float
 
 
-def read_units(source: Source, entries: list[Entry]) -> Units | None:
+def read_units(source: Source, entries: list[DataSet]) -> Units | None:
     """The file's units, None if it does not state them.
 
     Raises
@@ -320,7 +320,7 @@ def read_units(source: Source, entries: list[Entry]) -> Units | None:
     """
     found: Units | None = None
     for entry in (e for e in entries if e.kind == 164):
-        lines = Lines(source, entry)
+        lines = TextLines(source, entry)
         head = lines.next("the code of the units")
         factor = lines.numbers("the factors of the units", 1, 25)[0]
         if not factor > 0:
@@ -335,7 +335,7 @@ def read_units(source: Source, entries: list[Entry]) -> Units | None:
     return found
 
 
-def read_amplitude(source: Source, entries: list[Entry]) -> tuple[int, Entry] | None:
+def read_amplitude(source: Source, entries: list[DataSet]) -> tuple[int, DataSet] | None:
     """The scale of amplitudes and where it is stated; None if it is unknown.
 
     Raises
@@ -343,9 +343,9 @@ def read_amplitude(source: Source, entries: list[Entry]) -> tuple[int, Entry] | 
     UserError
         If functions of the file differ in it.
     """
-    found: tuple[int, Entry] | None = None
+    found: tuple[int, DataSet] | None = None
     for entry in (e for e in entries if e.kind == 1858):
-        lines = Lines(source, entry)
+        lines = TextLines(source, entry)
         lines.next("the record's number")
         scale = lines.integers("window, weighting and scale of the amplitudes", 3, 6)[2]
         if scale not in (0, HALF_PEAK, PEAK, RMS):

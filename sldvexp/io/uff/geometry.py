@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sldvexp.io.uff.fortran import Lines, integers, numbers
-from sldvexp.io.uff.index import Entry, shown
+from sldvexp.io.uff.fortran import TextLines, integers, numbers
+from sldvexp.io.uff.index import DataSet, shown
 from sldvexp.io.uff.source import Source
 from sldvexp.typing import Array, IntArray
 
@@ -20,7 +20,7 @@ ORTHONORMAL = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class System:
+class CoordinateSystem:
     """A coordinate system.
 
     Parameters
@@ -69,10 +69,10 @@ class System:
         return own @ self.axes
 
 
-WORLD = System(0, CARTESIAN, np.eye(3), np.zeros(3))
+WORLD = CoordinateSystem(0, CARTESIAN, np.eye(3), np.zeros(3))
 
 
-def read_systems(source: Source, entries: list[Entry]) -> dict[int, System]:
+def read_systems(source: Source, entries: list[DataSet]) -> dict[int, CoordinateSystem]:
     """The coordinate systems of a file by their label.
 
     Raises
@@ -80,9 +80,9 @@ def read_systems(source: Source, entries: list[Entry]) -> dict[int, System]:
     UserError
         If one is given twice, is not orthonormal, or refers to one that comes later or is missing.
     """
-    systems: dict[int, System] = {}
+    systems: dict[int, CoordinateSystem] = {}
     for entry in entries:
-        lines = Lines(source, entry)
+        lines = TextLines(source, entry)
         if entry.kind == 2420:
             lines.integers("the part's number", 1)
             lines.next("the part's name")
@@ -94,7 +94,7 @@ def read_systems(source: Source, entries: list[Entry]) -> dict[int, System]:
     return systems
 
 
-def _system_2420(lines: Lines, _: dict[int, System]) -> System:
+def _system_2420(lines: TextLines, _: dict[int, CoordinateSystem]) -> CoordinateSystem:
     """Axes and origin, one row a line."""
     label, kind = lines.integers("label and type of a coordinate system", 2)[:2]
     _check_kind(lines, label, kind)
@@ -103,10 +103,10 @@ def _system_2420(lines: Lines, _: dict[int, System]) -> System:
     axes = rows[:3]
     if np.abs(axes @ axes.T - np.eye(3)).max() > ORTHONORMAL or np.linalg.det(axes) < 0:
         raise lines.wrong(f"the axes of coordinate system {label} are not orthonormal")
-    return System(label, kind, _orthonormal(axes), rows[3])
+    return CoordinateSystem(label, kind, _orthonormal(axes), rows[3])
 
 
-def _system_18(lines: Lines, known: dict[int, System]) -> System:
+def _system_18(lines: TextLines, known: dict[int, CoordinateSystem]) -> CoordinateSystem:
     """Origin, a point on the x axis and one in the xz plane, in the reference system."""
     label, kind, refers = lines.integers("label, type and reference of a coordinate system", 3)[:3]
     _check_kind(lines, label, kind)
@@ -121,10 +121,10 @@ def _system_18(lines: Lines, known: dict[int, System]) -> System:
     if not np.linalg.norm(normal) > 1e-9 * np.linalg.norm(x) ** 2:
         raise lines.wrong(f"the three points of coordinate system {label} lie on a line")
     x, y = x / np.linalg.norm(x), normal / np.linalg.norm(normal)
-    return System(label, kind, np.stack([x, y, np.cross(x, y)]), origin)
+    return CoordinateSystem(label, kind, np.stack([x, y, np.cross(x, y)]), origin)
 
 
-def _check_kind(lines: Lines, label: int, kind: int) -> None:
+def _check_kind(lines: TextLines, label: int, kind: int) -> None:
     if kind not in (CARTESIAN, CYLINDRICAL, SPHERICAL):
         raise lines.wrong(
             f"the type of coordinate system {label} must be 0, 1 or 2 (Cartesian, cylindrical, "
@@ -150,7 +150,7 @@ GEOMETRY = (NODES_15, NODES_2411, 18, 2420, ELEMENTS, LINES)
 
 
 @dataclass(frozen=True, eq=False)
-class Geometry:
+class UniversalGeometry:
     """Nodes and what connects them.
 
     Parameters
@@ -158,7 +158,7 @@ class Geometry:
     label : ndarray of int, shape (node,)
     position : ndarray, shape (node, 3)
         In the world, the file's unit of length.
-    system : tuple of System
+    system : tuple of CoordinateSystem
         Of each node's directions.
     triangles, quadrilaterals : ndarray of int, shape (element, 3) and (element, 4)
         Indices of nodes.
@@ -168,7 +168,7 @@ class Geometry:
 
     label: IntArray
     position: Array
-    system: tuple[System, ...]
+    system: tuple[CoordinateSystem, ...]
     triangles: IntArray
     quadrilaterals: IntArray
     lines: tuple[tuple[int, ...], ...]
@@ -183,7 +183,7 @@ class Geometry:
         return np.sign(code) * own[abs(code) - 1]
 
 
-def read_geometry(source: Source, entries: list[Entry]) -> Geometry | None:
+def read_geometry(source: Source, entries: list[DataSet]) -> UniversalGeometry | None:
     """The geometry of a file, None if it has no nodes.
 
     Raises
@@ -196,18 +196,18 @@ def read_geometry(source: Source, entries: list[Entry]) -> Geometry | None:
     if not of[NODES_15] and not of[NODES_2411]:
         return None
     systems = read_systems(source, [e for e in entries if e.kind in (18, 2420)])
-    nodes: dict[int, tuple[Array, System]] = {}
+    nodes: dict[int, tuple[Array, CoordinateSystem]] = {}
     for entry in sorted(of[NODES_15] + of[NODES_2411], key=lambda e: e.number):
-        _nodes(Lines(source, entry), systems, nodes)
+        _nodes(TextLines(source, entry), systems, nodes)
     index = {label: i for i, label in enumerate(nodes)}
     elements: list[tuple[int, ...]] = []
     for entry in of[ELEMENTS]:
-        elements += _elements(Lines(source, entry), index)
+        elements += _elements(TextLines(source, entry), index)
     lines: list[tuple[int, ...]] = []
     for entry in of[LINES]:
-        lines += _lines(Lines(source, entry), index)
+        lines += _lines(TextLines(source, entry), index)
     corners = {n: [e for e in elements if len(e) == n] for n in (3, 4)}
-    return Geometry(
+    return UniversalGeometry(
         np.array(list(nodes), np.int64),
         np.array([p for p, _ in nodes.values()]).reshape(-1, 3),
         tuple(s for _, s in nodes.values()),
@@ -218,7 +218,9 @@ def read_geometry(source: Source, entries: list[Entry]) -> Geometry | None:
 
 
 def _nodes(
-    lines: Lines, systems: dict[int, System], nodes: dict[int, tuple[Array, System]]
+    lines: TextLines,
+    systems: dict[int, CoordinateSystem],
+    nodes: dict[int, tuple[Array, CoordinateSystem]],
 ) -> None:
     """Add the nodes of a data set."""
     if not lines:
@@ -237,7 +239,7 @@ def _nodes(
         nodes[label] = (of_position.position(np.array(coordinates)), of_motion)
 
 
-def _node_15(lines: Lines) -> tuple[list[int], list[float]]:
+def _node_15(lines: TextLines) -> tuple[list[int], list[float]]:
     """Label, systems and coordinates of data set 15: 4I10, 3E13.5."""
     line = lines.next("a node")
     for head, rest in ((line[:40], line[40:]), _split(line)):
@@ -253,7 +255,9 @@ def _split(line: bytes) -> tuple[bytes, bytes]:
     return b" ".join(fields[:4]), b" ".join(fields[4:])
 
 
-def _system(lines: Lines, line: int, node: int, label: int, systems: dict[int, System]) -> System:
+def _system(
+    lines: TextLines, line: int, node: int, label: int, systems: dict[int, CoordinateSystem]
+) -> CoordinateSystem:
     """The system of that label; 0, and 1 where a file defines none, is the world."""
     if label in systems:
         return systems[label]
@@ -263,7 +267,7 @@ def _system(lines: Lines, line: int, node: int, label: int, systems: dict[int, S
     raise lines.wrong(message, line)
 
 
-def _elements(lines: Lines, index: dict[int, int]) -> list[tuple[int, ...]]:
+def _elements(lines: TextLines, index: dict[int, int]) -> list[tuple[int, ...]]:
     """Corners of the surface elements of a data set 2412; others are left out."""
     found = []
     while lines:
@@ -299,7 +303,7 @@ def _corners(kind: int, nodes: list[int]) -> list[int]:
     return []
 
 
-def _lines(lines: Lines, index: dict[int, int]) -> list[tuple[int, ...]]:
+def _lines(lines: TextLines, index: dict[int, int]) -> list[tuple[int, ...]]:
     """The lines of a data set 82; a node 0 lifts the pen."""
     number, count = lines.integers("number of the line and of its nodes", 2)[:2]
     lines.next("the line's name")
@@ -317,7 +321,9 @@ def _lines(lines: Lines, index: dict[int, int]) -> list[tuple[int, ...]]:
     return [_indices(lines, part, index, f"the line {number}") for part in found if len(part) > 1]
 
 
-def _indices(lines: Lines, nodes: list[int], index: dict[int, int], whose: str) -> tuple[int, ...]:
+def _indices(
+    lines: TextLines, nodes: list[int], index: dict[int, int], whose: str
+) -> tuple[int, ...]:
     """Indices of nodes by their labels."""
     lost = [n for n in nodes if n not in index]
     if lost:

@@ -39,7 +39,7 @@ class Binary(NamedTuple):
     bytes: int
 
 
-class Entry(NamedTuple):
+class DataSet(NamedTuple):
     """One data set.
 
     Parameters
@@ -76,7 +76,7 @@ class Entry(NamedTuple):
         return UserError(f"{source.path}, data set {self.number} ({kind}), {place}: {message}")
 
 
-def index(source: Source) -> list[Entry]:
+def index(source: Source) -> list[DataSet]:
     """All data sets of a file, in its order.
 
     Raises
@@ -84,7 +84,7 @@ def index(source: Source) -> list[Entry]:
     UserError
         If it is no universal file, or a data set has no end or no number.
     """
-    entries: list[Entry] = []
+    entries: list[DataSet] = []
     position, binary = 0, False
     while (begin := _begin(source, position, entries)) is not None:
         entry, position = _entry(source, begin, len(entries) + 1, binary)
@@ -95,7 +95,7 @@ def index(source: Source) -> list[Entry]:
     return entries
 
 
-def _begin(source: Source, position: int, entries: list[Entry]) -> int | None:
+def _begin(source: Source, position: int, entries: list[DataSet]) -> int | None:
     """The byte after the next line of -1, None at the end of the file."""
     while True:  # skip blank lines, also those of a whole window
         piece = source.peek(position, LONGEST_LINE)
@@ -120,9 +120,9 @@ def _begin(source: Source, position: int, entries: list[Entry]) -> int | None:
     raise entries[-1].wrong(source, start, message)
 
 
-def _entry(source: Source, start: int, number: int, after_binary: bool) -> tuple[Entry, int]:
+def _entry(source: Source, start: int, number: int, after_binary: bool) -> tuple[DataSet, int]:
     """The data set whose identifier line begins at `start`, and the byte after its end."""
-    blind = Entry(number, 0, start, start, start, None, after_binary)
+    blind = DataSet(number, 0, start, start, start, None, after_binary)
     line, first = _line(source, start)
     found = IDENTIFIER.match(line)
     if not found:
@@ -132,19 +132,19 @@ def _entry(source: Source, start: int, number: int, after_binary: bool) -> tuple
     kind = int(found[1])
     if not found[3]:
         end, after = _end(
-            source, first, Entry(number, kind, first, first, first, None, after_binary)
+            source, first, DataSet(number, kind, first, first, first, None, after_binary)
         )
-        return Entry(number, kind, first, first, end, None, after_binary), after
-    known = Entry(number, kind, first, first, first, Binary("<", 0), after_binary)
+        return DataSet(number, kind, first, first, end, None, after_binary), after
+    known = DataSet(number, kind, first, first, first, Binary("<", 0), after_binary)
     if kind != 58:
         raise known.wrong(source, start, "only data set 58 is known in binary form")
     binary = _binary(source, start, line[found.end() :], known)
     data = _after_header(source, known)
-    entry = Entry(number, kind, first, data, data + binary.bytes, binary, after_binary)
+    entry = DataSet(number, kind, first, data, data + binary.bytes, binary, after_binary)
     return _closed(source, entry)
 
 
-def _after_header(source: Source, entry: Entry) -> int:
+def _after_header(source: Source, entry: DataSet) -> int:
     """The byte after the header's eleven lines of a 58b."""
     piece = source.peek(entry.first, LONGEST_LINE)
     lines = piece.split(b"\n", ASCII_LINES)
@@ -154,7 +154,7 @@ def _after_header(source: Source, entry: Entry) -> int:
     return entry.first + len(piece) - len(lines[-1])
 
 
-def _binary(source: Source, start: int, rest: bytes, entry: Entry) -> Binary:
+def _binary(source: Source, start: int, rest: bytes, entry: DataSet) -> Binary:
     """The fields of the identifier line of a 58b: I6, I6, I12 and I12."""
     fields = rest.split()
     if len(fields) < 4 or not all(f.isdigit() for f in fields[:4]):
@@ -179,7 +179,7 @@ def _binary(source: Source, start: int, rest: bytes, entry: Entry) -> Binary:
     return Binary("<" if order == 1 else ">", count)
 
 
-def _closed(source: Source, entry: Entry) -> tuple[Entry, int]:
+def _closed(source: Source, entry: DataSet) -> tuple[DataSet, int]:
     """A 58b with the end that its mark confirms, and the byte after the mark.
 
     Where the identifier line has a wrong number of bytes (some programs count a complex value as
@@ -221,7 +221,7 @@ def _after_mark(source: Source, end: int) -> int | None:
     return None
 
 
-def _line_ends(source: Source, entry: Entry) -> str:
+def _line_ends(source: Source, entry: DataSet) -> str:
     """What to add to the message if a transfer as text turned LF of the values to CR LF."""
     mark = source.find(b"\n" + MARK, entry.end)
     later = source.find(MARK, entry.end) if mark < 0 else min(mark, source.find(MARK, entry.end))
@@ -237,7 +237,7 @@ def _line_ends(source: Source, entry: Entry) -> str:
     )
 
 
-def _end(source: Source, first: int, entry: Entry) -> tuple[int, int]:
+def _end(source: Source, first: int, entry: DataSet) -> tuple[int, int]:
     """End of a data set of text and the byte after the line of -1 that closes it."""
     at = first - 1
     while (at := source.find(b"\n" + MARK, at)) >= 0:

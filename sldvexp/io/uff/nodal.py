@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
-from sldvexp.io.uff.fortran import Lines, between_blanks
+from sldvexp.io.uff.fortran import TextLines, between_blanks
 from sldvexp.io.uff.functions import NODAL, Axis, Function
-from sldvexp.io.uff.index import Entry
+from sldvexp.io.uff.index import DataSet
 from sldvexp.io.uff.source import Source
 from sldvexp.typing import Array, IntArray
 
@@ -36,7 +36,7 @@ class Nodal(NamedTuple):
 
     Parameters
     ----------
-    entry : Entry
+    entry : DataSet
     text : tuple of str
         The five lines that identify it.
     quantity : int
@@ -48,7 +48,7 @@ class Nodal(NamedTuple):
         Real or complex, in the file's units.
     """
 
-    entry: Entry
+    entry: DataSet
     text: tuple[str, ...]
     quantity: int
     frequency: float
@@ -56,7 +56,7 @@ class Nodal(NamedTuple):
     values: NDArray
 
 
-def read_nodal(source: Source, entry: Entry, containing: str = "") -> Nodal | None:
+def read_nodal(source: Source, entry: DataSet, containing: str = "") -> Nodal | None:
     """One data set; None if its identifying lines lack a text.
 
     Raises
@@ -64,7 +64,7 @@ def read_nodal(source: Source, entry: Entry, containing: str = "") -> Nodal | No
     UserError
         If it is broken, is of a mode, or its values are of more than displacements in space.
     """
-    lines = Lines(source, entry)
+    lines = TextLines(source, entry)
     text = tuple(lines.next("a line of text").decode("utf-8", "replace").strip() for _ in range(5))
     if containing not in " ".join(text):
         return None
@@ -96,7 +96,7 @@ def read_nodal(source: Source, entry: Entry, containing: str = "") -> Nodal | No
     return Nodal(entry, text, quantity, frequency, node, values)
 
 
-def _rows(lines: Lines, count: int) -> tuple[IntArray, Array]:
+def _rows(lines: TextLines, count: int) -> tuple[IntArray, Array]:
     """Numbers of nodes and their values, to the end of the data set."""
     start = lines.at
     flat = between_blanks(b"\n".join(lines.text[start:]))
@@ -117,7 +117,7 @@ def _rows(lines: Lines, count: int) -> tuple[IntArray, Array]:
     return np.array(nodes, np.int64), np.array(rows)
 
 
-class Shapes:
+class ShapeFunctions:
     """The data sets 55 of a file as functions of frequency.
 
     Parameters

@@ -19,9 +19,9 @@ from sldvexp.io.uff.functions import (
     read_units,
     read_values,
 )
-from sldvexp.io.uff.geometry import Geometry, read_geometry
-from sldvexp.io.uff.index import Entry, index
-from sldvexp.io.uff.nodal import Shapes, read_nodal
+from sldvexp.io.uff.geometry import UniversalGeometry, read_geometry
+from sldvexp.io.uff.index import DataSet, index
+from sldvexp.io.uff.nodal import ShapeFunctions, read_nodal
 from sldvexp.io.uff.source import Source, opened
 
 
@@ -32,13 +32,13 @@ class UniversalFile:
     Parameters
     ----------
     source : Source
-    entries : list of Entry
+    entries : list of DataSet
         Its data sets, in the file's order.
     """
 
     source: Source
-    entries: list[Entry]
-    _shapes: Shapes | None = field(default=None, repr=False)
+    entries: list[DataSet]
+    _shapes: ShapeFunctions | None = field(default=None, repr=False)
 
     @cached_property
     def functions(self) -> list[Function]:
@@ -56,15 +56,15 @@ class UniversalFile:
         Raises
         ------
         UserError
-            See `sldvexp.io.uff.nodal.read_nodal` and `Shapes`.
+            See `sldvexp.io.uff.nodal.read_nodal` and `ShapeFunctions`.
         """
         entries = [e for e in self.entries if e.kind == NODAL]
         sets = [n for e in entries if (n := read_nodal(self.source, e, containing)) is not None]
-        self._shapes = Shapes(self.source, sets) if sets else None
+        self._shapes = ShapeFunctions(self.source, sets) if sets else None
         return self._shapes.functions if self._shapes else []
 
     @cached_property
-    def geometry(self) -> Geometry | None:
+    def geometry(self) -> UniversalGeometry | None:
         """Nodes, elements and lines; None if there are no nodes."""
         return read_geometry(self.source, self.entries)
 
@@ -74,7 +74,7 @@ class UniversalFile:
         return read_units(self.source, self.entries)
 
     @cached_property
-    def amplitude(self) -> tuple[int, Entry] | None:
+    def amplitude(self) -> tuple[int, DataSet] | None:
         """The scale of amplitudes and who states it; None if it is unknown."""
         return read_amplitude(self.source, self.entries)
 

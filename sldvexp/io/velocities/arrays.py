@@ -18,14 +18,14 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.io.velocities.table import KNOWN, ORDER, OWN, Layout, LineOfSight
+from sldvexp.io.velocities.table import KNOWN, ORDER, OWN, FileLayout, LineOfSight
 from sldvexp.lazy import netCDF4, scipy
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
 from sldvexp.units import VelocityUnit
 
 
-def read_netcdf(path: Path, unit: VelocityUnit, layout: Layout = OWN) -> LineOfSight:
+def read_netcdf(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSight:
     """Read a run's group ``line_of_sight``, or the same variables of another file.
 
     These are at the root or in the layout's group, and may have other names of variables and
@@ -60,7 +60,7 @@ def read_netcdf(path: Path, unit: VelocityUnit, layout: Layout = OWN) -> LineOfS
     return from_arrays(values, path, unit)
 
 
-def _group(path: Path, layout: Layout) -> xr.Dataset:
+def _group(path: Path, layout: FileLayout) -> xr.Dataset:
     """The file's group, in memory."""
     try:
         with dataset.load(path) as tree:
@@ -96,13 +96,13 @@ LIKE = {
 PARTS = {"velocity": ("real", "imag"), "direction_cosines": ("dx", "dy", "dz")}
 
 
-def renamed(data: xr.Dataset, layout: Layout, path: Path) -> tuple[xr.Dataset, dict[str, str]]:
+def renamed(data: xr.Dataset, layout: FileLayout, path: Path) -> tuple[xr.Dataset, dict[str, str]]:
     """The file's variables and dimensions with the program's names, put together of their parts.
 
     Parameters
     ----------
     data : Dataset
-    layout : Layout
+    layout : FileLayout
     path : Path
 
     Returns
@@ -384,7 +384,7 @@ def _frequencies(values: Mapping[str, Any], size: int, path: Path) -> Array | No
     return frequency
 
 
-def read_matlab(path: Path, unit: VelocityUnit, layout: Layout = OWN) -> LineOfSight:
+def read_matlab(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSight:
     """Read a MATLAB file with arrays of these names, or of those that the layout maps to them.
 
     ``direction_cosines`` (views x 3, or views x points x 3), ``velocity`` (views x frequencies, or

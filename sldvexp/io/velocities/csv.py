@@ -10,7 +10,7 @@ import numpy as np
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import read_text
-from sldvexp.io.velocities.table import OWN, Layout, LineOfSight
+from sldvexp.io.velocities.table import OWN, FileLayout, LineOfSight
 from sldvexp.lazy import pandas as pd
 from sldvexp.typing import IndexArray
 from sldvexp.units import VelocityUnit
@@ -28,7 +28,7 @@ LEAST = {
 }
 
 
-def read(path: Path, unit: VelocityUnit, layout: Layout = OWN) -> LineOfSight:
+def read(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSight:
     """Read ``view,dx,dy,dz,frequency,real,imag`` with optional ``point`` and ``std``.
 
     Parameters
@@ -36,7 +36,7 @@ def read(path: Path, unit: VelocityUnit, layout: Layout = OWN) -> LineOfSight:
     path : Path
     unit : VelocityUnit
         Of the columns ``real``, ``imag`` and ``std``.
-    layout : Layout
+    layout : FileLayout
         Its mapping renames columns.
 
     Returns
@@ -107,7 +107,7 @@ def _cells(table: pd.DataFrame, path: Path) -> tuple[list[list[Any]], tuple[int,
     return labels, shape, where
 
 
-def _table(path: Path, layout: Layout) -> pd.DataFrame:
+def _table(path: Path, layout: FileLayout) -> pd.DataFrame:
     """The checked columns, numbers as numbers, with the file's line numbers as index."""
     text = read_text(path)
     lines = [i for i, line in enumerate(text.splitlines(), 1) if line.split("#")[0].strip()]

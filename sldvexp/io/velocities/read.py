@@ -8,17 +8,17 @@ from pathlib import Path
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
 from sldvexp.io.velocities import arrays, csv
-from sldvexp.io.velocities.table import OWN, Layout, LineOfSight
+from sldvexp.io.velocities.table import OWN, FileLayout, LineOfSight
 from sldvexp.units import VelocityUnit
 
-READERS: dict[str, Callable[[Path, VelocityUnit, Layout], LineOfSight]] = {
+READERS: dict[str, Callable[[Path, VelocityUnit, FileLayout], LineOfSight]] = {
     ".csv": csv.read,
     ".nc": arrays.read_netcdf,
     ".mat": arrays.read_matlab,
 }
 
 
-def read(path: Path, unit: VelocityUnit, layout: Layout = OWN) -> LineOfSight:
+def read(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSight:
     """Read a file of velocities.
 
     Parameters
@@ -26,7 +26,7 @@ def read(path: Path, unit: VelocityUnit, layout: Layout = OWN) -> LineOfSight:
     path : Path
     unit : VelocityUnit
         Of the file's velocities.
-    layout : Layout
+    layout : FileLayout
         How the file differs from the program's own.
 
     Raises

@@ -134,7 +134,7 @@ ORDER = ("view", "point", "frequency")
 
 
 @dataclass(frozen=True)
-class Layout:
+class FileLayout:
     """Names and order of a file.
 
     Parameters
@@ -162,4 +162,4 @@ class Layout:
                 )
 
 
-OWN = Layout()
+OWN = FileLayout()

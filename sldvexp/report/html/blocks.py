@@ -58,7 +58,7 @@ class Link:
 
 
 @dataclass(frozen=True)
-class Table:
+class HtmlTable:
     """Rows of cells.
 
     Parameters
@@ -77,7 +77,7 @@ class Table:
     wide: Sequence[int] = ()
 
     @classmethod
-    def of(cls, shown: TerminalTable, wide: Sequence[int] = ()) -> Table:
+    def from_table(cls, shown: TerminalTable, wide: Sequence[int] = ()) -> HtmlTable:
         """The same as a table that the terminal shows."""
         columns = [[Marked.from_markup(str(c)).plain for c in of.cells] for of in shown.columns]
         headers = [Marked.from_markup(str(of.header)).plain for of in shown.columns]

@@ -10,7 +10,7 @@ import numpy as np
 
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.field_tables import strongest, truth_table
-from sldvexp.report.html.blocks import More, Section, Table, Text
+from sldvexp.report.html.blocks import HtmlTable, More, Section, Text
 from sldvexp.report.html.page_data import Subject
 from sldvexp.report.numbers import number
 from sldvexp.report.terminal import published
@@ -32,12 +32,12 @@ def section(run: Subject) -> Section | None:
         if met == of:
             told = f"All {of} expectations are met." if of > 1 else "The one expectation is met."
         blocks.append(Text(told, "good" if met == of else "warning"))
-        blocks.append(replace(Table.of(published(check)), caption=""))
+        blocks.append(replace(HtmlTable.from_table(published(check)), caption=""))
     for field in list(run.fields.values())[:1]:
         own = [g for g in examined.values() if "rms_bound" in g]
-        blocks += [Table.of(truth_table(g, strongest(field))) for g in own]
+        blocks += [HtmlTable.from_table(truth_table(g, strongest(field))) for g in own]
     tables = [
-        Table(["what", "where", "value", "unit"], list(_numbers(name, g)), name)
+        HtmlTable(["what", "where", "value", "unit"], list(_numbers(name, g)), name)
         for name, g in examined.items()
     ]
     if tables:

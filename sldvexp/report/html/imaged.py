@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sldvexp.report.field_tables import MOST_FREQUENCIES
-from sldvexp.report.html.blocks import Section, Table, having
+from sldvexp.report.html.blocks import HtmlTable, Section, having
 from sldvexp.report.html.figures import figures
 from sldvexp.report.html.page_data import Subject
 from sldvexp.report.numbers import number
@@ -34,7 +34,7 @@ def section(run: Subject) -> Section | None:
             row += [number(1e3 * largest[i], 3), number(1e3 * _median(std[:, i]), 2)]
             rows.append([*row, str(image.attrs.get("summary", ""))])
     columns = ["view", "pixels", "Hz", "largest, mm/s", "median std, mm/s", "pixels of use"]
-    table = Table(columns, rows, wide=(5,)) if rows else None
+    table = HtmlTable(columns, rows, wide=(5,)) if rows else None
     return Section("Velocity images", having(table, pictures))
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from sldvexp.lazy import xarray as xr
-from sldvexp.report.html.blocks import More, Section, Table, Text, having
+from sldvexp.report.html.blocks import HtmlTable, More, Section, Text, having
 from sldvexp.report.html.figures import figures
 from sldvexp.report.html.page_data import Subject
 from sldvexp.report.numbers import number, with_bound
@@ -29,14 +29,14 @@ def section(run: Subject) -> Section | None:
         level = f"{float(pose.attrs.get('confidence_level', 0.95)):.0%}"
         by = f" by {name}" if name else ""
         blocks += [
-            Table(*_table(pose, of, more), f"{title}, with {level} bounds")
+            HtmlTable(*_table(pose, of, more), f"{title}, with {level} bounds")
             for title, of, more in (
                 (f"Origin{by}", ("origin", "axis", "mm"), RESIDUALS),
                 (f"Euler angles{by}", ("euler", "angle_index", "mrad"), {}),
             )
         ]
         blocks += _adjusted(pose)
-    methods = [Table.of(pose_methods(g)) for g in run.groups.values() if "s_mean" in g]
+    methods = [HtmlTable.from_table(pose_methods(g)) for g in run.groups.values() if "s_mean" in g]
     note = (
         "World to laser: P_laser = R (P_world - origin), R by Euler angles of the x-convention. "
         "s is the standard deviation of one mirror reading, estimated from the residuals."
@@ -69,7 +69,7 @@ def _with_bounds(view: xr.Dataset, name: str) -> Iterator[str]:
         yield with_bound(value, bound)
 
 
-def _adjusted(pose: xr.Dataset) -> Iterator[Table]:
+def _adjusted(pose: xr.Dataset) -> Iterator[HtmlTable]:
     """Parameters of the instrument that were adjusted with the pose."""
     if "intrinsic" not in pose:
         return
@@ -81,7 +81,7 @@ def _adjusted(pose: xr.Dataset) -> Iterator[Table]:
             one = pose.sel(view=view, adjusted=name)
             told = with_bound(float(one["intrinsic"]), float(one["intrinsic_confidence"]))
             rows.append([str(name), "all" if name in shared else str(view), told])
-    yield Table(["parameter", "view", "value ± bound (SI)"], rows, "Adjusted with the pose")
+    yield HtmlTable(["parameter", "view", "value ± bound (SI)"], rows, "Adjusted with the pose")
 
 
 def _residuals(run: Subject) -> More | None:
@@ -96,5 +96,5 @@ def _residuals(run: Subject) -> More | None:
         for j, point in enumerate(pose["point"].values)
         if np.isfinite(residual[i, j]).any()
     ]
-    table = Table(["view", "point", "up-down", "left-right"], rows)
+    table = HtmlTable(["view", "point", "up-down", "left-right"], rows)
     return More("Residuals of every point, DAC steps", [table])

@@ -6,7 +6,7 @@ import json
 from datetime import datetime
 from typing import Any
 
-from sldvexp.report.html.blocks import Code, Facts, More, Section, Table, Text, having
+from sldvexp.report.html.blocks import Code, Facts, HtmlTable, More, Section, Text, having
 from sldvexp.report.html.page_data import Subject
 
 
@@ -26,7 +26,7 @@ def section(run: Subject) -> Section:
     if reused := attributes.get("reused_steps"):
         facts.append(("taken over", f"from another run of the same sweep: {reused}"))
     inputs = [[name, digest] for name, digest in table(attributes, "inputs_sha256").items()]
-    read = Table(["file", "sha256"], inputs, "Files that were read", (0, 1))
+    read = HtmlTable(["file", "sha256"], inputs, "Files that were read", (0, 1))
     blocks = having(
         Facts(facts),
         read if inputs else Text("No file was read but the program's own configuration."),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from sldvexp.report.field_tables import field_tables
-from sldvexp.report.html.blocks import Section, Shape, Table, Text, having
+from sldvexp.report.html.blocks import HtmlTable, Section, Shape, Text, having
 from sldvexp.report.html.figures import figures
 from sldvexp.report.html.page_data import Subject
 from sldvexp.report.html.shape import shape_of, shape_of_points
@@ -23,10 +23,10 @@ def section(run: Subject) -> Section | None:
     if not fields and not points:
         return None
     own = {name: group for name, group in run.groups.items() if not name.startswith("examined/")}
-    blocks = having(_shape(run), [Table.of(table) for table in field_tables(own)])
+    blocks = having(_shape(run), [HtmlTable.from_table(table) for table in field_tables(own)])
     if points:
         shown = [row for row in points if not row[0].endswith(" more")]
-        table = Table(["of", "velocity ± bound", "unit", "note"], shown, "At points", (3,))
+        table = HtmlTable(["of", "velocity ± bound", "unit", "note"], shown, "At points", (3,))
         left_out = [Text(f"{r[0]} {r[1]}.", "small") for r in points if r[0].endswith(" more")]
         blocks += [table, *left_out]
     if coverage := "; ".join(str(f.attrs.get("coverage", "")) for f in list(fields.values())[:1]):

@@ -8,7 +8,7 @@ from typing import Any
 from sldvexp.config import docs, registry
 from sldvexp.config.schema import NAMED_GROUPS
 from sldvexp.errors import UserError
-from sldvexp.report.html.blocks import More, Section, Table, having
+from sldvexp.report.html.blocks import HtmlTable, More, Section, having
 from sldvexp.report.html.figures import figures
 from sldvexp.report.html.page_data import Subject
 from sldvexp.report.html.presets import preset
@@ -49,10 +49,10 @@ def section(run: Subject) -> Section:
         [told, *_method(group, name, own), _brief(group, name, own)]
         for told, group, name, own in chosen
     ]
-    stages = Table(["stage", "method", "in words", "settings"], rows, wide=(2, 3))
+    stages = HtmlTable(["stage", "method", "in words", "settings"], rows, wide=(2, 3))
     columns = ["setting", "value", "type, unit", "meaning"]
     details = [
-        Table(columns, list(_settings(group, name, own)), f"{told}: {group}={name}", (1, 2, 3))
+        HtmlTable(columns, list(_settings(group, name, own)), f"{told}: {group}={name}", (1, 2, 3))
         for told, group, name, own in chosen
         if own
     ]
@@ -84,7 +84,7 @@ def _meaning(group: str, name: str) -> str:
 def _documented(group: str, name: str, values: dict[str, Any]) -> dict[str, docs.Parameter]:
     """A plugin's fields with unit and meaning; none if it is not installed here."""
     try:
-        return {p.key: p for p in docs.of(registry.get(group, name), values)}
+        return {p.key: p for p in docs.parameters_of(registry.get(group, name), values)}
     except UserError:
         return {}
 
@@ -126,7 +126,7 @@ def _plain(value: Any) -> str:
     return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _views(run: Subject) -> Table | None:
+def _views(run: Subject) -> HtmlTable | None:
     """One row a view: what was scanned there, and what of it was of use."""
     edges, images = run.below("edge"), run.below("image")
     field = next(iter(run.fields.values()), None)
@@ -149,7 +149,7 @@ def _views(run: Subject) -> Table | None:
             counts.setdefault(str(view), {})["samples of the volume seen"] = str(seen)
     columns = list(dict.fromkeys(c for row in counts.values() for c in row))
     rows = [[view, *(row.get(c, "") for c in columns)] for view, row in counts.items()]
-    return Table(["view", *columns], rows, "Views") if rows else None
+    return HtmlTable(["view", *columns], rows, "Views") if rows else None
 
 
 def _settings(group: str, name: str, values: dict[str, Any]) -> Iterator[list[str]]:

@@ -14,7 +14,7 @@ import numpy as np
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.html import render
-from sldvexp.report.html.blocks import Code, Facts, Link, Listing, Section, Table, Text, having
+from sldvexp.report.html.blocks import Code, Facts, HtmlTable, Link, Listing, Section, Text, having
 from sldvexp.report.html.figures import sweep_figures
 from sldvexp.report.numbers import first, number
 
@@ -90,7 +90,7 @@ def _varied(
 
 def _results(
     ranking: Sequence[Mapping[str, Any]], keys: Sequence[str], by: str, unit: str, page: Path
-) -> Iterator[Table | Text]:
+) -> Iterator[HtmlTable | Text]:
     """The ranking, with the way to each run."""
     rows = []
     for place, row in enumerate(ranking, 1):
@@ -102,7 +102,7 @@ def _results(
         rows.append([*cells, *about, _link(page, str(row.get("folder", "")))])
     caption = f"Runs by {by}, {first(by)} first" if by else "Runs"
     result = (by or "result") + (f", {unit}" if unit != "1" else "")
-    yield Table(["", *keys, result, "seconds", "state", "run"], rows, caption)
+    yield HtmlTable(["", *keys, result, "seconds", "state", "run"], rows, caption)
     told = "A result of many numbers is ranked by their root mean square"
     yield Text(f"{told}; sweep.csv beside this page has every number of every run.", "small")
 
