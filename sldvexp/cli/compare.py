@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from sldvexp import dataset
+from sldvexp.config.experiment import NAMED_GROUPS, SINGLE_GROUPS
 from sldvexp.config.paths import RUN_FILE
-from sldvexp.config.schema import NAMED_GROUPS, SINGLE_GROUPS
 from sldvexp.errors import UserError
 from sldvexp.report.html.page import Html
 from sldvexp.sweep import recorded_config

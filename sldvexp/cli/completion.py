@@ -18,7 +18,7 @@ from omegaconf import OmegaConf
 from sldvexp.cli.commands import COMMANDS
 from sldvexp.cli.list import EXPERIMENT
 from sldvexp.config import registry
-from sldvexp.config.schema import NAMED_GROUPS, SINGLE_GROUPS, Experiment
+from sldvexp.config.experiment import NAMED_GROUPS, SINGLE_GROUPS, Experiment
 from sldvexp.config.sources import Origins
 
 GROUPS = (*registry.GROUPS, EXPERIMENT)

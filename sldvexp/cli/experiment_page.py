@@ -12,8 +12,8 @@ from sldvexp.cli.list import WIDTH
 from sldvexp.config import docs
 from sldvexp.config.conf_files import displayed
 from sldvexp.config.docs import as_yaml
+from sldvexp.config.experiment import SINGLE_GROUPS
 from sldvexp.config.paths import conf_dir
-from sldvexp.config.schema import SINGLE_GROUPS
 from sldvexp.config.sources import ConfigLayer, Origins
 
 

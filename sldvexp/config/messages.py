@@ -12,8 +12,8 @@ from yaml import MarkedYAMLError
 
 from sldvexp.config import registry
 from sldvexp.config.conf_files import displayed, wrong
+from sldvexp.config.experiment import NAMED_GROUPS, SINGLE_GROUPS
 from sldvexp.config.refusals import refusal
-from sldvexp.config.schema import NAMED_GROUPS, SINGLE_GROUPS
 from sldvexp.config.sources import COMMAND_LINE, Origins
 from sldvexp.errors import ConfigError, UserError, nearest
 from sldvexp.files import FULL

@@ -21,92 +21,15 @@ from typing import Any, TypeVar
 
 from omegaconf import DictConfig, OmegaConf
 
+from sldvexp.config.experiment import FIELDS
 from sldvexp.errors import UserError, nearest
 
 ENTRY_POINTS = "sldvexp.plugins"
 
-#: The built-in plugins of every configuration group and the modules that register them. A module is
-#: imported when one of its plugins is chosen.
-BUILT_IN: dict[str, dict[str, str]] = {
-    "target": {
-        "circles": "sldvexp.targets.circles",
-        "points": "sldvexp.targets.points",
-    },
-    "laser": {"two_mirror": "sldvexp.laser.two_mirror"},
-    "scene": {
-        "calibration": "sldvexp.virtual_lab.calibration_scene",
-        "plate": "sldvexp.virtual_lab.plate_scene",
-    },
-    "scan": {
-        "by_digitizer": "sldvexp.scan.by_digitizer",
-        "by_hand": "sldvexp.scan.by_hand",
-        "calibration": "sldvexp.scan.calibration",
-        "list": "sldvexp.scan.pixel_list",
-        "rectangle": "sldvexp.scan.rectangle",
-        "session": "sldvexp.scan.session",
-    },
-    "instrument": {
-        "file": "sldvexp.importers.velocity_file",
-        "images": "sldvexp.importers.image_file",
-        "replay": "sldvexp.instrument.recording",
-        "scan_export": "sldvexp.importers.scan_export",
-        "simulated": "sldvexp.virtual_lab.simulated",
-        "uff": "sldvexp.importers.uff",
-        "visa": "sldvexp.instrument.visa",
-    },
-    "signal": {"sine_fit": "sldvexp.signal.sine_fit"},
-    "pose": {
-        "bitangent": "sldvexp.pose.bitangent",
-        "digitizer": "sldvexp.pose.digitizer",
-        "edge": "sldvexp.pose.edge",
-        "given": "sldvexp.pose.given",
-        "manual": "sldvexp.pose.manual",
-        "registration": "sldvexp.pose.registration",
-    },
-    "volume": {
-        "grid": "sldvexp.volume.grid",
-        "mesh": "sldvexp.volume.mesh",
-        "points": "sldvexp.volume.points",
-    },
-    "reconstruction": {
-        "absolute": "sldvexp.reconstruction.absolute",
-        "combined": "sldvexp.reconstruction.combined",
-        "contravariant": "sldvexp.reconstruction.contravariant",
-        "relative": "sldvexp.reconstruction.relative",
-    },
-    "solver": {
-        "cholesky": "sldvexp.field.solvers.cholesky",
-        "direct": "sldvexp.field.solvers.direct",
-        "iterative": "sldvexp.field.solvers.iterative",
-    },
-    "stream": {"dask": "sldvexp.field.streaming.dask"},
-    "check": {
-        "bitangents": "sldvexp.check.bitangents",
-        "cross_ratio": "sldvexp.check.cross_ratio",
-        "field_pattern": "sldvexp.check.field_pattern",
-        "left_out": "sldvexp.check.left_out",
-        "love": "sldvexp.check.love",
-        "phase_image": "sldvexp.check.phase_image",
-        "pose_equivalence": "sldvexp.check.pose_equivalence",
-        "pose_methods": "sldvexp.check.pose_methods",
-        "pose_repeats": "sldvexp.check.pose_repeats",
-        "printed": "sldvexp.check.printed",
-        "repeatability": "sldvexp.check.repeatability",
-        "surface_depth": "sldvexp.check.surface_depth",
-        "truth": "sldvexp.check.truth",
-    },
-    "export": {
-        "csv": "sldvexp.export.csv",
-        "mat": "sldvexp.export.mat",
-        "uff": "sldvexp.export.uff",
-        "ugrid": "sldvexp.export.ugrid",
-        "vtu": "sldvexp.export.vtu",
-    },
-    "report": {
-        "html": "sldvexp.report.html.page",
-        "none": "sldvexp.report.base",
-    },
-}
+#: The built-in plugins of every group and the modules that register them.
+BUILT_IN: dict[str, dict[str, str]] = {}
+for _group in FIELDS.values():
+    BUILT_IN.setdefault(_group.name, {}).update(_group.plugins)
 
 GROUPS = tuple(BUILT_IN)
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
-from enum import Enum
 from typing import Any
 
 from hydra.core.config_store import ConfigStore
@@ -16,127 +15,18 @@ from omegaconf import MISSING, DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sldvexp.config import registry
+from sldvexp.config.experiment import ENTRIES_OF, FIELDS, NAMED_GROUPS, SINGLE_GROUPS, Experiment
 from sldvexp.config.refusals import NO_CODE, names_code, refusal
 from sldvexp.errors import Checks, ConfigError, Problem, UserError, nearest
 
-#: Groups whose value in the root is one plugin; those of `NAMED_GROUPS` hold several, by name.
-SINGLE_GROUPS = (
-    "target",
-    "laser",
-    "scene",
-    "scan",
-    "instrument",
-    "signal",
-    "pose",
-    "volume",
-    "reconstruction",
-    "solver",
-    "stream",
-    "report",
-)
-NAMED_GROUPS = {
-    "compare_scan": "scan",
-    "compare_pose": "pose",
-    "compare": "reconstruction",
-    "check": "check",
-    "export": "export",
-}
-
-#: Parents of groups that entries of a named group make.
-ENTRIES_OF = {"examined": "check", "compare": "compare", "compare_pose": "compare_pose"}
-
-
-class Retry(Enum):
-    """Which runs of a sweep that was started before are done again.
-
-    Attributes
-    ----------
-    unfinished
-        What is missing, failed, or would come out otherwise: other settings, inputs or versions.
-    missing
-        That without what failed.
-    failed
-        Only what failed or was cut off.
-    all
-        Everything.
-    """
-
-    unfinished = "unfinished"
-    missing = "missing"
-    failed = "failed"
-    all = "all"
-
-
-@dataclass
-class SweepSettings:
-    """How many runs of one command (`-m`) are treated.
-
-    Parameters
-    ----------
-    rank : str
-        Result that runs are ranked by, as in ``field.residual_std``; the smallest is the best, but
-        the largest ``rcond``, ``efficiency``, ``passed``, ``covered`` and ``coverage``.
-    retry : Retry
-    """
-
-    rank: str = ""
-    retry: Retry = Retry.unfinished
-
-
-@dataclass
-class Experiment:
-    """Root of the configuration: the plugins of one run, in the order in which data flows.
-
-    Parameters
-    ----------
-    seed : int
-        Seed of the run's one random generator.
-    target, laser, scene, scan, instrument, signal : plugin
-    pose, volume, reconstruction, solver, stream : plugin
-        A stage without a plugin is left out.
-    compare_scan : dict of str to scan
-        Further scans with the same instrument, for the pose methods of the same names.
-    compare_pose : dict of str to pose
-        Further pose methods, ``{plugin: edge}``; without a scan of their name they use ``scan``.
-    compare : dict of str to reconstruction
-        Further reconstructions of the same measurements, ``{plugin: relative, rows: all}``.
-    check : dict of str to check
-        What is examined after the estimates, ``{plugin: pose_repeats, repeats: 1000}``.
-    export : dict of str to export
-        Files of the velocities for other programs, ``{plugin: vtu}``; the name is that of the file.
-    expect : dict of str to Expectation
-        What the run must reproduce.
-    report : plugin
-        The page that the run leaves for people.
-    overwrite : bool
-        Whether a finished run in the folder is replaced, once this one is done.
-    """
-
-    seed: int = 0
-    target: Any = None
-    laser: Any = None
-    scene: Any = None
-    scan: Any = None
-    instrument: Any = None
-    signal: Any = None
-    pose: Any = None
-    volume: Any = None
-    reconstruction: Any = None
-    solver: Any = None
-    stream: Any = None
-    compare_scan: dict[str, Any] = field(default_factory=dict)
-    compare_pose: dict[str, Any] = field(default_factory=dict)
-    compare: dict[str, Any] = field(default_factory=dict)
-    check: dict[str, Any] = field(default_factory=dict)
-    export: dict[str, Any] = field(default_factory=dict)
-    expect: dict[str, Any] = field(default_factory=dict)
-    report: Any = None
-    overwrite: bool = False
-    sweep: SweepSettings = field(default_factory=SweepSettings)
-
-
 ConfigStore.instance().store(
     name="experiment_schema", node=registry.schema_of(Experiment), provider="sldvexp"
+)
+#: Every group of which one plugin is chosen, with what is chosen where nothing else is said.
+ConfigStore.instance().store(
+    name="experiment_groups",
+    node={"defaults": [{name: FIELDS[name].chosen} for name in SINGLE_GROUPS]},
+    provider="sldvexp",
 )
 
 

@@ -16,7 +16,7 @@ import xarray as xr
 
 from sldvexp.check.base import Examined
 from sldvexp.check.expectations import evaluate
-from sldvexp.config import schema
+from sldvexp.config.experiment import Experiment
 from sldvexp.errors import UserError
 from sldvexp.instrument.protocol import ScanningPlugin
 from sldvexp.reconstruction.base import Reconstruction
@@ -47,7 +47,7 @@ class Run:
         Groups that stay in the file they are streamed from, one of `inputs`.
     """
 
-    experiment: schema.Experiment
+    experiment: Experiment
     rng: np.random.Generator
     folder: Path
     operator: Operator = field(default_factory=Operator)
@@ -250,16 +250,16 @@ def _expectations(run: Run) -> None:
         run.tree["check"] = found
 
 
-def _reconstructs(e: schema.Experiment) -> bool:
+def _reconstructs(e: Experiment) -> bool:
     return bool(e.reconstruction or e.compare)
 
 
-def _has_pixels(e: schema.Experiment) -> bool:
+def _has_pixels(e: Experiment) -> bool:
     """Whether points of files become pixels of images, because there is a volume."""
     return e.volume is not None and hasattr(e.instrument, "images_of_points")
 
 
-def _has_truth(e: schema.Experiment) -> bool:
+def _has_truth(e: Experiment) -> bool:
     """Whether the images are those of a plate in the virtual lab."""
     return bool(e.volume and e.reconstruction and e.scan and hasattr(e.scene, "plate"))
 
@@ -282,7 +282,7 @@ class Step:
     """
 
     name: str
-    needed: Callable[[schema.Experiment], bool]
+    needed: Callable[[Experiment], bool]
     work: Callable[[Run], None]
     reads: tuple[str, ...] = ()
     after: tuple[str, ...] = ()

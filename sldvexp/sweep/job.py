@@ -10,8 +10,8 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
+from sldvexp.config.experiment import Retry
 from sldvexp.config.paths import RUN_FILE, locate
-from sldvexp.config.schema import Retry
 from sldvexp.errors import UserError
 from sldvexp.instrument.recording import JOURNAL
 from sldvexp.lazy import netCDF4

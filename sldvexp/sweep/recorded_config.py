@@ -13,8 +13,8 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sldvexp.config import registry, security
+from sldvexp.config.experiment import SINGLE_GROUPS, Experiment
 from sldvexp.config.refusals import refusal
-from sldvexp.config.schema import SINGLE_GROUPS, Experiment
 from sldvexp.config.sources import ConfigLayer
 from sldvexp.errors import UserError
 

@@ -13,8 +13,8 @@ from omegaconf import DictConfig, open_dict
 
 from sldvexp import dataset
 from sldvexp.config import messages, schema, security
+from sldvexp.config.experiment import NAMED_GROUPS, SINGLE_GROUPS, Experiment
 from sldvexp.config.paths import RUN_FILE, locate
-from sldvexp.config.schema import Experiment
 from sldvexp.config.sources import COMMAND_LINE, Origins
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
@@ -157,8 +157,8 @@ def _looked_at(experiment: Experiment) -> str:
     """What is to be said of a configuration that is not run, after all files were looked for."""
     if not any(step.needed(experiment) for step in STEPS):
         raise UserError("there is nothing to do: choose a target, a pose or an instrument")
-    named: list[Any] = [getattr(experiment, group) for group in schema.SINGLE_GROUPS]
-    for group in schema.NAMED_GROUPS:
+    named: list[Any] = [getattr(experiment, group) for group in SINGLE_GROUPS]
+    for group in NAMED_GROUPS:
         named += getattr(experiment, group).values()
     for plugin in named:
         for path in plugin.inputs() if hasattr(plugin, "inputs") else []:

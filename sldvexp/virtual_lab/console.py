@@ -15,7 +15,7 @@ from sldvexp.errors import UserError
 if TYPE_CHECKING:
     from omegaconf import DictConfig
 
-    from sldvexp.config.schema import Experiment
+    from sldvexp.config.experiment import Experiment
 
 #: Where `instrument=visa` looks for it.
 PORT = 5025

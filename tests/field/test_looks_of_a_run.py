@@ -15,7 +15,7 @@ import sldvexp.field.visibility.visibility as field_looks
 from sldvexp import dataset
 from sldvexp.check.agreement import agreement
 from sldvexp.check.base import Examined
-from sldvexp.config.schema import Experiment
+from sldvexp.config.experiment import Experiment
 from sldvexp.field.estimate import volume_visibility
 from sldvexp.field.visibility.view import View
 from sldvexp.laser.two_mirror import TwoMirror
@@ -84,7 +84,7 @@ def test_agreement_is_the_same_part_by_part(
 ) -> None:
     examined: list[Any] = []
     for most in (field_looks.CACHE_SAMPLES, 0):
-        monkeypatch.setattr(field_looks, "CACHE_BYTES", most)
+        monkeypatch.setattr(field_looks, "CACHE_SAMPLES", most)
         run = Examined(
             session(views), np.random.default_rng(), Experiment(laser=laser, volume=VOLUME)
         )

@@ -11,7 +11,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 
 from sldvexp.config import hydra_plugin, schema
-from sldvexp.config.schema import Experiment
+from sldvexp.config.experiment import Experiment
 from sldvexp.instrument.protocol import RawSamples
 from sldvexp.virtual_lab.lab import VirtualLab
 

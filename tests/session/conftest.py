@@ -9,7 +9,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 
 from sldvexp.config import hydra_plugin, schema
-from sldvexp.config.schema import Experiment
+from sldvexp.config.experiment import Experiment
 
 hydra_plugin.install()
 

@@ -16,6 +16,7 @@ from omegaconf import OmegaConf
 
 from sldvexp import dataset
 from sldvexp.config import hydra_plugin, schema
+from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import conf_dir
 from sldvexp.pipeline import provenance
 from sldvexp.pipeline.steps import STEPS, Run, Step
@@ -96,9 +97,7 @@ def as_declared(settings, tmp_path):
         hidden = {
             f.name: Undeclared() for f in fields(e) if step.shared and f.name not in step.reads
         }
-        given = schema.Experiment(
-            **{f.name: hidden.get(f.name, getattr(e, f.name)) for f in fields(e)}
-        )
+        given = Experiment(**{f.name: hidden.get(f.name, getattr(e, f.name)) for f in fields(e)})
         rng = None if step.shared else np.random.default_rng(0)
         run = Run(given, rng, tmp_path, tree=dict(seen))
         step.work(run)

@@ -8,8 +8,8 @@ import time
 import pytest
 import xarray as xr
 
+from sldvexp.config.experiment import Retry
 from sldvexp.config.paths import conf_dir
-from sldvexp.config.schema import Retry
 from sldvexp.pipeline import provenance
 from sldvexp.sweep import job, record
 from sldvexp.sweep.plan import folder_name

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from sldvexp.config import docs, registry
-from sldvexp.config.schema import NAMED_GROUPS
+from sldvexp.config.experiment import NAMED_GROUPS
 from sldvexp.errors import UserError
 from sldvexp.report.html.blocks import HtmlTable, More, Section, having
 from sldvexp.report.html.figures import figures
