@@ -80,7 +80,7 @@ def run(
     rng = np.random.default_rng(experiment.seed)
     run = Run(experiment, rng, Path(folder), Operator(lambda: _paused(bar)))
     with bar, _told_how_to_go_on(run.folder):
-        _do(steps, run, bar, share or (lambda step, run: step.work(run)))
+        _do(steps, run, bar, share or (lambda step, run: step.perform(run)))
     path = Path(folder) / RUN_FILE
     attributes = provenance.attributes(cfg, run.inputs, start)
     if run.reused:

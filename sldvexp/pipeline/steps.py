@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import weakref
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import chain, count
 from pathlib import Path
@@ -266,7 +266,12 @@ def _has_truth(e: Experiment) -> bool:
 
 @dataclass(frozen=True)
 class Step:
-    """One stage of a run.
+    """One stage of a run, and its contract.
+
+    A name of groups that ends with a slash means all below it. Runs of a sweep share the result of
+    a step that `reads` keys: it must be decided by them and by the groups that it needs alone, and
+    draw no random numbers. The contracts are checked when this module is imported
+    (`check_contracts`) and what a step adds in every run (`Step.perform`).
 
     Parameters
     ----------
@@ -275,52 +280,145 @@ class Step:
         Whether an experiment has it.
     work : callable
         Adds groups to the run's tree; it changes none that are there.
+    makes : tuple of str
+        Groups that it may add.
+    needs : tuple of str
+        Groups that it looks at, as far as they are there; ``/`` for all.
     reads : tuple of str
         Keys of the configuration that decide what it adds, if it is shared.
-    after : tuple of str
-        Steps whose groups it reads, if it is shared.
     """
 
     name: str
     needed: Callable[[Experiment], bool]
     work: Callable[[Run], None]
+    makes: tuple[str, ...]
+    needs: tuple[str, ...] = ()
     reads: tuple[str, ...] = ()
-    after: tuple[str, ...] = ()
 
     @property
     def shared(self) -> bool:
-        """Whether runs of a sweep share its result; it must then draw no random numbers."""
+        """Whether runs of a sweep share its result."""
         return bool(self.reads)
 
+    def after(self, earlier: Iterable[Step]) -> tuple[str, ...]:
+        """Name those of the steps before this one that make what it needs."""
+        return tuple(step.name for step in earlier if _overlap(step.makes, self.needs))
 
+    def perform(self, run: Run) -> None:
+        """Do the work.
+
+        Raises
+        ------
+        RuntimeError
+            If it adds a group that it does not declare.
+        """
+        before = set(run.tree)
+        self.work(run)
+        for group in run.tree.keys() - before:
+            if not _overlap([group], self.makes):
+                raise RuntimeError(f"the step {self.name} adds {group}, which it does not declare")
+
+
+def _overlap(some: Iterable[str], others: Iterable[str]) -> bool:
+    """Say whether two declarations of groups have one in common."""
+
+    def covers(a: str, b: str) -> bool:
+        return a in ("/", b) or (a.endswith("/") and b.startswith(a))
+
+    return any(covers(a, b) or covers(b, a) for a in some for b in others)
+
+
+EVERYTHING = ("/",)
 TARGET, SCAN, POSE, VOLUME = "calibration object", "scan", "pose", "volume"
 IMAGES, PIXELS = "velocity images", "images of points"
-MEASURING = ("seed", "target", "laser", "scene", "scan", "compare_scan", "instrument", "signal")
+#: Of the configuration, what decides a measurement, a pose and a field.
+MEASURING = (
+    *("seed", "target", "laser", "scene", "scan", "compare_scan", "instrument", "signal"),
+    "stream",  # which decides where images are kept
+)
 POSING = ("target", "laser", "pose", "compare_pose")
 SOLVING = ("laser", "volume", "reconstruction", "compare", "solver", "stream")
+SCANNED = ("edge/", "image/", "registration", f"{COMPARED_SCANS}/")
 
 STEPS: tuple[Step, ...] = (
-    Step(TARGET, lambda e: e.target is not None, _target),
+    Step(TARGET, lambda e: e.target is not None, _target, makes=("target",)),
     # Before anything is measured: an unsound volume should not cost a morning's scan.
-    Step(VOLUME, lambda e: e.volume is not None, _volume, ("volume",)),
-    Step(SCAN, lambda e: bool(e.scan or e.compare_scan), _scan, MEASURING, (TARGET,)),
-    Step(POSE, lambda e: bool(e.pose or e.compare_pose), _pose, POSING, (TARGET, SCAN)),
-    Step(IMAGES, lambda e: hasattr(e.instrument, "images"), _images),
+    Step(VOLUME, lambda e: e.volume is not None, _volume, makes=("volume",), reads=("volume",)),
+    Step(
+        SCAN,
+        lambda e: bool(e.scan or e.compare_scan),
+        _scan,
+        makes=SCANNED,
+        needs=("target",),
+        reads=MEASURING,
+    ),
+    Step(
+        POSE,
+        lambda e: bool(e.pose or e.compare_pose),
+        _pose,
+        makes=("pose", "registration", "compare_pose/"),
+        needs=("target", *SCANNED),
+        reads=POSING,
+    ),
+    Step(IMAGES, lambda e: hasattr(e.instrument, "images"), _images, makes=("image/",)),
     Step(
         "line-of-sight velocities",
         lambda e: hasattr(e.instrument, "read") and not _has_pixels(e),
         _line_of_sight,
+        makes=("line_of_sight",),
+        needs=("pose",),
     ),
-    Step(PIXELS, lambda e: _has_pixels(e), _images_of_points, ("laser", "instrument"), (POSE,)),
-    Step("velocity at points", lambda e: _reconstructs(e) and e.volume is None, _point),
+    Step(
+        PIXELS,
+        lambda e: _has_pixels(e),
+        _images_of_points,
+        makes=("image/",),
+        needs=("pose",),
+        reads=("laser", "instrument"),
+    ),
+    Step(
+        "velocity at points",
+        lambda e: _reconstructs(e) and e.volume is None,
+        _point,
+        makes=("point", "compare/"),
+        needs=("line_of_sight",),
+    ),
     Step(
         "velocity field",
         lambda e: _reconstructs(e) and e.volume is not None,
         _field,
-        SOLVING,
-        (SCAN, POSE, VOLUME, IMAGES, PIXELS),
+        makes=("field", "compare/"),
+        needs=("pose", "volume", "image/"),
+        reads=SOLVING,
     ),
-    Step("truth of the virtual lab", lambda e: _reconstructs(e) and _has_truth(e), _truth),
-    Step("checks", lambda e: bool(e.check), _checks),
-    Step("expectations", lambda e: bool(e.expect), _expectations),
+    Step(
+        "truth of the virtual lab",
+        lambda e: _reconstructs(e) and _has_truth(e),
+        _truth,
+        makes=("truth",),
+        needs=("field",),
+    ),
+    Step("checks", lambda e: bool(e.check), _checks, makes=("examined/",), needs=EVERYTHING),
+    Step("expectations", lambda e: bool(e.expect), _expectations, ("check",), needs=EVERYTHING),
 )
+
+
+def check_contracts(steps: Sequence[Step]) -> None:
+    """Check that what steps declare can be true.
+
+    Raises
+    ------
+    ValueError
+        If a step reads a key that the configuration does not have, or needs groups that no step
+        before it makes.
+    """
+    keys = {f.name for f in fields(Experiment)}
+    for place, step in enumerate(steps):
+        if unknown := set(step.reads) - keys:
+            raise ValueError(f"the step {step.name} reads {sorted(unknown)}, which no key is")
+        made = [group for earlier in steps[:place] for group in earlier.makes]
+        if lost := [group for group in step.needs if not _overlap([group], made)]:
+            raise ValueError(f"the step {step.name} needs {lost}, which no step before it makes")
+
+
+check_contracts(STEPS)

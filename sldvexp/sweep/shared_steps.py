@@ -55,6 +55,7 @@ class Store:
     def __init__(self, cfg: DictConfig, folder: Path):
         self.cfg, self.folder = cfg, folder
         self._states: dict[str, str] = {}
+        self._done: list[Step] = []
 
     def __call__(self, step: Step, run: Run) -> None:
         """Do a step, or what is the same; two processes never do the same one at once."""
@@ -65,7 +66,8 @@ class Store:
                 if not _take(path, step, run):
                     _work(path, step, run)
         else:
-            step.work(run)
+            step.perform(run)
+        self._done.append(step)
         self._states[step.name] = _digest([key, _digests(run.inputs[known:])])
 
     @cached_property
@@ -83,7 +85,7 @@ class Store:
                 step.name,
                 {key: repr(self._settings[key]) for key in step.reads},
                 {key: self._plugins.get(key) for key in step.reads},
-                {name: self._states.get(name) for name in step.after},
+                {name: self._states.get(name) for name in step.after(self._done)},
                 provenance.versions(),
             ]
         )
@@ -92,7 +94,7 @@ class Store:
 def _work(path: Path, step: Step, run: Run) -> None:
     """Do the step and keep what it added."""
     before, known = dict(run.tree), len(run.inputs)
-    step.work(run)
+    step.perform(run)
     added = {name: g for name, g in run.tree.items() if before.get(name) is not g}
     inputs = sorted(set(run.inputs[known:]))
     dataset.save(added, {"title": f"shared step of sldvexp: {step.name}"}, path)
