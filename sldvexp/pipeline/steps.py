@@ -226,7 +226,7 @@ def _reconstruct(run: Run, group: str, work: Callable[[Reconstruction], xr.Datas
 
 def _truth(run: Run) -> None:
     """What truly happens at the field's nodes, which only a virtual lab can tell."""
-    from sldvexp.virtual_lab.truth import truth_to_dataset
+    from sldvexp.virtual_lab.plate_scene import truth_to_dataset
 
     e = run.experiment
     field = run.tree["field"]

@@ -2,49 +2,12 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.virtual_lab.server import LabServer, block
-
-Send = Callable[[bytes], None]
-
-
-@dataclass
-class Fault(ABC):
-    """A fault that strikes at a command.
-
-    Parameters
-    ----------
-    command : str
-        Beginning of the lines at which it strikes.
-    times : int
-        How often it strikes.
-    after : int
-        At how many such lines it does not strike before.
-    """
-
-    command: str
-    times: int = 1
-    after: int = 0
-
-    def strikes(self, line: str) -> bool:
-        """Whether it strikes now; that time is used up."""
-        if not line.startswith(self.command):
-            return False
-        if self.after > 0:
-            self.after -= 1
-            return False
-        self.times -= 1
-        return self.times >= 0
-
-    @abstractmethod
-    def spoil(self, answer: bytes, send: Send, server: LabServer) -> None:
-        """Do something else than to send the answer (empty for a command)."""
+from sldvexp.virtual_lab.server import Fault, LabServer, Send, block
 
 
 @dataclass

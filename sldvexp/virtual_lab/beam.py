@@ -2,16 +2,46 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sldvexp.errors import Checks
 from sldvexp.laser.model import rays
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import scipy
-from sldvexp.typing import Array
-from sldvexp.virtual_lab.scene import Spot
+from sldvexp.typing import Array, ComplexArray
+
+
+@dataclass
+class Spot:
+    """The laser spot: a Gaussian beam focused at some distance.
+
+    Its radius (intensity 1/e^2 of the axis) at distance d is
+    ``waist sqrt(1 + ((d - focus) / rayleigh)**2)``.
+
+    Parameters
+    ----------
+    waist : float, m
+        Radius where it is smallest; 0 makes the beam a line.
+    focus : float, m
+        Distance of the waist from the scanning mirror.
+    rayleigh : float, m
+        Distance from the waist at which the spot's area has doubled; a diffraction-limited beam
+        has pi waist^2 / wavelength.
+    """
+
+    waist: float = 0.0003
+    focus: float = 1.7
+    rayleigh: float = 0.45
+
+    def check(self, checks: Checks, name: str) -> None:
+        """Note under `name` what no beam can be."""
+        checks.non_negative(f"{name}.waist", self.waist)
+        checks.non_negative(f"{name}.focus", self.focus)
+        checks.positive(f"{name}.rayleigh", self.rayleigh)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,3 +124,25 @@ def part_inside(
     sag = c_tt - c_ot**2 / sigma**2 + (c_ot / sigma * z) ** 2
     density = np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * sigma)
     return scipy.special.ndtr(z) - 0.5 * curvature * sag * density
+
+
+class SceneObject(ABC):
+    """Something that the beam can hit. A new object implements the one hook `seen`."""
+
+    @abstractmethod
+    def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:
+        """What the instrument sees of this object.
+
+        Parameters
+        ----------
+        beams : Beams
+        frequency : ndarray, shape (tone,), Hz
+
+        Returns
+        -------
+        distance : ndarray, shape (beam,), m
+            From the beam's origin; infinite where it misses the object.
+        velocity : ndarray of complex, shape (beam, tone), m/s per V of excitation
+            Along the line of sight, positive towards the instrument (v = V . D), averaged over
+            the spot; finite, but without meaning, where the beam misses.
+        """

@@ -15,9 +15,8 @@ from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.targets.base import Target
 from sldvexp.targets.circles import Circles
 from sldvexp.typing import Array, ComplexArray, IntArray
-from sldvexp.virtual_lab.beam import Beams, part_inside
+from sldvexp.virtual_lab.beam import Beams, SceneObject, part_inside
 from sldvexp.virtual_lab.scene import Scene
-from sldvexp.virtual_lab.scene_object import SceneObject
 
 
 @dataclass

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sldvexp.config.registry import register
 from sldvexp.errors import UserError, nearest
 from sldvexp.geometry.rotation import rotation_from_euler
-from sldvexp.instrument.protocol import Acquisition, InstrumentError, RawSamples
+from sldvexp.instrument.person import Mark, Place, Steps
+from sldvexp.instrument.protocol import (
+    Acquisition,
+    Instrument,
+    InstrumentError,
+    RawSamples,
+    ScanningPlugin,
+)
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
 from sldvexp.targets.base import Target
@@ -18,7 +29,6 @@ from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 from sldvexp.virtual_lab.beam import Beams, beams
 from sldvexp.virtual_lab.calibration_scene import CalibrationObject
 from sldvexp.virtual_lab.electronics import Electronics, PixelNoise
-from sldvexp.virtual_lab.person import SimulatedPerson
 from sldvexp.virtual_lab.plate import VibratingPlate
 from sldvexp.virtual_lab.scene import Scene
 
@@ -280,3 +290,73 @@ class VirtualLab:
         velocity = np.stack([v for _, v in seen])[first, np.arange(len(dac))]
         velocity = np.where(hit[:, None], velocity, resting[:, None])
         return velocity, (hit | self.scene.backdrop) & self.shutter_open
+
+
+@register("instrument", "simulated")
+@dataclass
+class Simulated(ScanningPlugin):
+    """A scene's virtual lab, without a socket."""
+
+    real = False
+
+    def open(
+        self,
+        scene: Any,
+        laser: TwoMirror,
+        target: Target | None = None,
+        seed: int = 0,
+        view: str = "",
+    ) -> AbstractContextManager[Instrument]:
+        """See `ScanningPlugin`.
+
+        Raises
+        ------
+        UserError
+            If there is no scene, or it has no such view or does not fit the target.
+        """
+        if scene is None:
+            raise UserError("instrument=simulated needs a scene; choose scene=calibration or plate")
+        lab = VirtualLab(scene, laser, target, seed)
+        if view:
+            lab.use_view(view)
+        return lab
+
+
+class SimulatedPerson:
+    """A `Person` who knows the truth but for the errors that the scene states.
+
+    Errors belong to the seed, the view and the mark or spot: who points again points the same.
+
+    Parameters
+    ----------
+    lab : VirtualLab
+    """
+
+    def __init__(self, lab: VirtualLab) -> None:
+        self.lab = lab
+
+    def true_position(self, mark: Mark) -> np.ndarray:
+        """Where a mark truly stands, shape (3,), m: within its accuracy, from anywhere the same."""
+        if not self.lab.scene.operator.mark_error:
+            return mark.position
+        bound = math.sqrt(3.0) * mark.std
+        return mark.position + bound * self.lab.generator(f"mark {mark.number}").uniform(-1, 1, 3)
+
+    def aim(self, mark: Mark, start: Steps) -> Steps:
+        """See `Person`; all marks can be seen from everywhere."""
+        lab = self.lab
+        true = self.true_position(mark)
+        light = lab.light(lab.true_dac(true)[None])
+        radius = light.radius(np.linalg.norm(true - light.origin, axis=1))
+        rng = lab.generator(f"aim at {mark.number} in {lab.view}")
+        # The part of it along the beam moves nothing.
+        off = lab.scene.operator.pointing * radius * rng.standard_normal(3)
+        up_down, left_right = np.rint(lab.true_dac(true + off)).astype(int).tolist()
+        lab.move((up_down, left_right))
+        return up_down, left_right
+
+    def digitise(self, spot: int, samples: int) -> list[Place]:
+        """See `Person`."""
+        rng = self.lab.generator(f"digitise {spot} in {self.lab.view}")
+        error = self.lab.scene.operator.digitizer * rng.standard_normal((samples, 3))
+        return [(x, y, z) for x, y, z in (self.lab.spot() + error).tolist()]

@@ -12,11 +12,70 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 
+from sldvexp.errors import Checks
 from sldvexp.typing import Array, ComplexArray, IntArray
-from sldvexp.virtual_lab.plate_scene import Direction, EdgeSupport, Mode
+
+
+class EdgeSupport(Enum):
+    """How the plate's edges are held; decides the shapes of bending."""
+
+    supported = "supported"
+    free = "free"
+
+
+class Direction(Enum):
+    """Where a mode moves the middle surface: along the plate's own x, its y, or its normal."""
+
+    x = 0
+    y = 1
+    normal = 2
+
+
+@dataclass
+class Mode:
+    """One damped mode of the plate.
+
+    Bending has the shape ``sin(x pi s / a) sin(y pi t / b)`` of supported or
+    ``cos(x pi s / a) cos(y pi t / b)`` of free edges, motion in the plane always the latter.
+
+    Parameters
+    ----------
+    x, y : int
+        Half waves along the plate's two sides.
+    frequency : float, Hz
+        Of the undamped mode.
+    damping : float
+        Over critical.
+    velocity : float, m/s per V of excitation
+        Peak at an antinode of the middle surface, at resonance, where it is in phase with the
+        excitation; negative for opposite phase.
+    direction : Direction
+    """
+
+    x: int = 1
+    y: int = 1
+    frequency: float = 200.0
+    damping: float = 0.01
+    velocity: float = 0.02
+    direction: Direction = Direction.normal
+
+    def check(self, checks: Checks, name: str, edges: EdgeSupport) -> None:
+        """Note under `name` what no mode can be."""
+        checks.positive(f"{name}.frequency", self.frequency)
+        checks.positive(f"{name}.damping", self.damping)
+        checks.finite(f"{name}.velocity", self.velocity)
+        sines = self.direction is Direction.normal and edges is EdgeSupport.supported
+        least = 1 if sines else 0
+        for key in ("x", "y"):
+            message = f"must be {least} or more half waves, not {getattr(self, key)}"
+            checks.require(getattr(self, key) >= least, f"{name}.{key}", message)
+        checks.require(
+            max(self.x, self.y) > 0, name, "has no half waves: a rigid motion is not a mode"
+        )
 
 
 @dataclass(frozen=True, eq=False)

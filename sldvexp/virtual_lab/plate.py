@@ -9,18 +9,80 @@ What every surface of a plate must tell: where it is, how it is turned, where a 
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sldvexp.errors import Checks
 from sldvexp.geometry.rotation import rotation_from_euler
 from sldvexp.typing import Array, BoolArray, ComplexArray
-from sldvexp.virtual_lab.beam import Beams
-from sldvexp.virtual_lab.modes import Modes
-from sldvexp.virtual_lab.plate_scene import Plate
-from sldvexp.virtual_lab.scene_object import SceneObject
+from sldvexp.units import LengthUnit
+from sldvexp.virtual_lab.beam import Beams, SceneObject
+from sldvexp.virtual_lab.modes import EdgeSupport, Mode, Modes
+
+
+@dataclass
+class Plate:
+    """A rectangular thin plate, flat or bent to a cylinder about its own y axis.
+
+    The plate's own axes stand at the center of its middle surface, z along its normal.
+
+    Parameters
+    ----------
+    unit : LengthUnit
+        Unit of all lengths below.
+    center : list of 3 float
+        Where the center stands in the world.
+    euler : list of 3 float, rad
+        phi1, phi2, phi3 in the x-convention, world to plate.
+    size : list of 2 float
+        Sides along its own x (the arc, if it is curved) and y.
+    thickness : float
+        The beam sees the surface half of this above the middle surface.
+    radius : float, optional
+        Of the middle surface's curvature; positive if the normal points away from the axis of
+        the cylinder, negative towards it. Without it the plate is flat.
+    edges : EdgeSupport
+    modes : dict of str to Mode
+    """
+
+    unit: LengthUnit = LengthUnit.m
+    center: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    euler: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    size: list[float] = field(default_factory=lambda: [0.3, 0.25])
+    thickness: float = 0.003
+    radius: float | None = None
+    edges: EdgeSupport = EdgeSupport.supported
+    modes: dict[str, Mode] = field(default_factory=dict)
+
+    def check(self, checks: Checks, name: str) -> None:
+        """Note under `name` what no plate can be."""
+        known = len(checks.problems)
+        for key, count in (("center", 3), ("euler", 3), ("size", 2)):
+            values = getattr(self, key)
+            message = f"must be {count} numbers, not {len(values)}"
+            checks.require(len(values) == count, f"{name}.{key}", message)
+            checks.finite(f"{name}.{key}", *values)
+        for side in self.size:
+            checks.positive(f"{name}.size", side)
+        checks.non_negative(f"{name}.thickness", self.thickness)
+        checks.require(bool(self.modes), f"{name}.modes", "give at least one mode")
+        for mode_name, mode in self.modes.items():
+            mode.check(checks, f"{name}.modes.{mode_name}", self.edges)
+        if self.radius is not None and len(checks.problems) == known:
+            self._check_radius(checks, f"{name}.radius", self.radius)
+
+    def _check_radius(self, checks: Checks, name: str, radius: float) -> None:
+        least = max(self.thickness / 2, self.size[0] / (2 * math.pi))
+        checks.require(
+            math.isfinite(radius) and abs(radius) > least,
+            name,
+            f"must be finite and beyond +-{least:.6g} {self.unit.name}, where the panel would "
+            f"close to a tube or its surface vanish, not {radius}",
+        )
 
 
 @dataclass(frozen=True, eq=False)

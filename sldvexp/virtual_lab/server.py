@@ -7,21 +7,18 @@ from __future__ import annotations
 
 import socket
 import threading
+from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.instrument.protocol import Acquisition, InstrumentError, RawSamples
 from sldvexp.virtual_lab.lab import VirtualLab
-
-if TYPE_CHECKING:
-    from sldvexp.testing.faults import Fault
 
 #: How soon the server notices that it shall stop, s.
 POLL = 0.02
@@ -277,3 +274,39 @@ def _version() -> str:
         return version("sldvexp")
     except PackageNotFoundError:
         return "0"
+
+
+Send = Callable[[bytes], None]
+
+
+@dataclass
+class Fault(ABC):
+    """A fault that strikes at a command.
+
+    Parameters
+    ----------
+    command : str
+        Beginning of the lines at which it strikes.
+    times : int
+        How often it strikes.
+    after : int
+        At how many such lines it does not strike before.
+    """
+
+    command: str
+    times: int = 1
+    after: int = 0
+
+    def strikes(self, line: str) -> bool:
+        """Whether it strikes now; that time is used up."""
+        if not line.startswith(self.command):
+            return False
+        if self.after > 0:
+            self.after -= 1
+            return False
+        self.times -= 1
+        return self.times >= 0
+
+    @abstractmethod
+    def spoil(self, answer: bytes, send: Send, server: LabServer) -> None:
+        """Do something else than to send the answer (empty for a command)."""

@@ -16,9 +16,8 @@ from sldvexp import dataset
 from sldvexp.cli import main
 from sldvexp.config import hydra_plugin, schema
 from sldvexp.config.paths import conf_dir
-from sldvexp.testing.faults import Fault
 from sldvexp.virtual_lab.lab import VirtualLab
-from sldvexp.virtual_lab.server import LabServer
+from sldvexp.virtual_lab.server import Fault, LabServer
 
 #: Two small views over the socket, so that the instrument outlives whoever speaks to it.
 SMALL = [
