@@ -43,7 +43,7 @@ class Assignment:
 
 
 class _Image:
-    """The image's ellipses as far as assignments need them: centres and all bitangent points."""
+    """Image's ellipses as far as assignments need them: centres and all bitangent points."""
 
     def __init__(self, ellipses: Sequence[Ellipse]):
         parameters = np.array([e.parameters for e in ellipses])
@@ -51,7 +51,10 @@ class _Image:
         self.table = bitangent.bitangent_points(parameters[:, None], parameters[None])
 
     def points(self, pairs: IndexArray, mirrored: bool) -> Array:
-        """Points of pairs in the order of the object's, shape (..., 8 pairs, 2); NaN for none."""
+        """Return points of pairs in the order of the object's, shape (..., 8 pairs, 2).
+
+        NaN for none.
+        """
         points = self.table[pairs[..., 0], pairs[..., 1]]
         points = points[..., bitangent.MIRRORED, :, :] if mirrored else points
         return points.reshape(*pairs.shape[:-2], -1, 2)
@@ -60,7 +63,7 @@ class _Image:
 def assignments(
     target: Circles, ellipses: Sequence[Ellipse], turns: Sequence[bool]
 ) -> list[Assignment]:
-    """All assignments that a projective map allows, best first.
+    """Find all assignments that a projective map allows, best first.
 
     Circles on several planes are assigned plane by plane and then together, by one camera matrix
     for all. A circle alone on its plane has no bitangents and is left out.
@@ -92,7 +95,7 @@ def assignments(
 
 
 def circles_by_plane(target: Circles) -> list[list[int]]:
-    """Numbers of the circles of each plane."""
+    """Group numbers of the circles of each plane."""
     planes: dict[str, list[int]] = {}
     for number in sorted(target.circles):
         planes.setdefault(target.circles[number].plane, []).append(number)
@@ -102,7 +105,7 @@ def circles_by_plane(target: Circles) -> list[list[int]]:
 def _on_plane(
     target: Circles, members: list[int], image: _Image, turns: Sequence[bool]
 ) -> list[Assignment]:
-    """Assignments of one plane's circles to ellipses, best first.
+    """Find assignments of one plane's circles to ellipses, best first.
 
     All ordered choices of ellipses are tried for three circles that stand far from one line; the
     homography of each tells which ellipses are nearest to where the other circles must be.
@@ -132,7 +135,7 @@ def _sorted(found: list[Assignment]) -> list[Assignment]:
 
 
 def _base(target: Circles, members: list[int]) -> list[int]:
-    """Three circles of a plane (or both of two) whose centres make the largest triangle."""
+    """Choose three circles of a plane (or both of two) whose centres make the largest triangle."""
 
     def area(chosen: Iterable[int]) -> float:
         (x1, y1, _), (x2, y2, _), (x3, y3, _) = (_numbers(target, n) for n in chosen)
@@ -149,7 +152,7 @@ def _numbers(target: Circles, number: int) -> list[float]:
 
 
 def _plane_points(target: Circles, pairs: Sequence[tuple[int, int]]) -> Array:
-    """Bitangent points of pairs of circles in their plane's axes, shape (8 pairs, 2)."""
+    """Compute bitangent points of pairs of circles in their plane's axes, shape (8 pairs, 2)."""
     a, b = np.swapaxes([[_numbers(target, n) for n in pair] for pair in pairs], 0, 1)
     return circles.bitangent_points(a, b).reshape(-1, 2)
 
@@ -162,7 +165,7 @@ def _fit(
     choice: IndexArray,
     mirrored: bool,
 ) -> tuple[Array, Array]:
-    """Homography and residual of every choice of ellipses, shapes (choice, 3, 3) and (choice,)."""
+    """Fit a homography to every choice of ellipses, (choice, 3, 3); residuals too, (choice,)."""
     points = _plane_points(target, [(order[i], order[j]) for i, j in pairs])
     return fit_projection(points, image.points(choice[:, np.array(pairs)], mirrored))
 
@@ -183,7 +186,7 @@ def _with_nearest(choice: IndexArray, place: Array, centre: Array) -> IndexArray
 def _by_camera(
     target: Circles, ellipse: dict[int, int], mirrored: bool, image: _Image
 ) -> Assignment:
-    """Assignment on all planes, judged by one camera matrix.
+    """Assign circles on all planes, judged by one camera matrix.
 
     Objects with the same circles on two planes fit one camera as well that exchanges the planes and
     turns space inside out. The axes (up, left, away from the instrument) are left-handed, so that
@@ -205,7 +208,7 @@ def _by_camera(
 
 
 def fit_projection(points: Array, image: Array) -> tuple[Array, Array]:
-    """Projective map that takes object points to image points, by the direct linear transformation.
+    """Fit the projective map from object to image points (direct linear transformation).
 
     Of points in a plane it is a homography, of points in space a camera matrix. Both sides are
     moved to their mean and scaled to their spread first.
@@ -239,19 +242,19 @@ def fit_projection(points: Array, image: Array) -> tuple[Array, Array]:
 
 
 def apply(projection: Array, points: Array) -> tuple[Array, Array]:
-    """Images of points, shape (..., K, 2), and depths to a common factor, shape (..., K)."""
+    """Compute images of points, (..., K, 2), and depths to a common factor, (..., K)."""
     mapped = homogeneous(points) @ np.swapaxes(projection, -1, -2)
     with np.errstate(divide="ignore", invalid="ignore"):
         return mapped[..., :2] / mapped[..., 2:], mapped[..., 2]
 
 
 def homogeneous(points: Array) -> Array:
-    """Points with a one appended, shape (..., K, d + 1)."""
+    """Append a one to points, shape (..., K, d + 1)."""
     return np.concatenate([points, np.ones_like(points[..., :1])], axis=-1)
 
 
 def _frame(points: Array) -> Array:
-    """Similarity that moves points to mean zero and mean square one, shape (..., d + 1, d + 1)."""
+    """Find the similarity to mean zero and mean square one, shape (..., d + 1, d + 1)."""
     mean = points.mean(axis=-2)
     scale = 1.0 / np.sqrt(((points - mean[..., None, :]) ** 2).sum(-1).mean(-1))
     d = points.shape[-1]

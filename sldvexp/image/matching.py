@@ -99,7 +99,7 @@ def match_circles(
 def bitangent_images(
     ellipses: Sequence[Ellipse], match: Match, pairs: Sequence[tuple[int, int]]
 ) -> BitangentPoints:
-    """Image points of the object's bitangent points.
+    """Find image points of the object's bitangent points.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def bitangent_images(
 
 
 def _upright(found: list[Assignment]) -> list[Assignment]:
-    """Assignments without those that rival an upright one but see space inside out."""
+    """Leave out assignments that rival an upright one but see space inside out."""
     near = [a for a in found if not _worse(a, found[0])]
     if not any(a.upright for a in near):
         return found

@@ -101,11 +101,11 @@ class CommandedInstrument:
         self._persistently("moving", self._move)
 
     def acquire(self) -> RawSamples:
-        """Sample one pixel where the beam stands."""
+        """Return the recorded pixel, if a line of one pixel there was recorded."""
         return self._persistently("sampling", self._acquire)
 
     def scan(self, dac: IntArray, stream: int | None = None) -> RawSamples:
-        """Move to and sample a list of pixels.
+        """Return the samples of a line with these very pixels and sampling.
 
         Parameters
         ----------
@@ -147,7 +147,7 @@ class CommandedInstrument:
             self._move(dialogue)
 
     def _go_to_view(self, dialogue: Dialogue) -> None:
-        """Stand in the view, whose name the configuration and the instrument must share."""
+        """Go to the view, whose name the configuration and the instrument must share."""
         try:
             dialogue.run(self.profile.commands.view, {"view": self._view})
         except DisturbanceError:
@@ -180,7 +180,7 @@ class CommandedInstrument:
         dialogue.verify(playing=bool(a.excitation))
 
     def _microseconds(self, rate: float) -> int:
-        """Whole microseconds between samples, for a device that counts them."""
+        """Count whole microseconds between samples, for a device that counts them."""
         exact = 1e6 / rate
         whole = max(1, round(exact))
         texts = [t for ts in self.profile.commands.configure.values() for t in ts]
@@ -206,7 +206,7 @@ class CommandedInstrument:
     def _scan_list(
         self, dialogue: Dialogue, steps: list[tuple[int, int]], stream: int | None
     ) -> RawSamples:
-        """A list that the instrument goes through by itself."""
+        """Scan a list that the instrument goes through by itself."""
         commands, samples = self.profile.commands, self._configured().samples
         if stream is not None:
             dialogue.run(commands.stream, {"stream": stream})
@@ -220,7 +220,7 @@ class CommandedInstrument:
     def _scan_pixels(
         self, dialogue: Dialogue, steps: list[tuple[int, int]], stream: int | None
     ) -> RawSamples:
-        """A list that the program goes through."""
+        """Scan a list that the program goes through."""
         if stream is not None:
             dialogue.run(self.profile.commands.stream, {"stream": stream})
         found = []
@@ -233,7 +233,7 @@ class CommandedInstrument:
         return RawSamples(counts, found[0].volts_per_count, self._rate, status)
 
     def _fetch(self, dialogue: Dialogue, pixels: int) -> RawSamples:
-        """The samples of the last pixels."""
+        """Fetch the samples of the last pixels."""
         data, patience = self.profile.data, self._duration(pixels)
         size = block_size(data, pixels, self._configured().samples)
         block = dialogue.block(data.ask, size, patience)
@@ -250,7 +250,7 @@ class CommandedInstrument:
         return found
 
     def _duration(self, pixels: int) -> float:
-        """How long sampling takes, s."""
+        """Say how long sampling takes, s."""
         a = self._configured()
         return pixels * (a.samples / a.rate + self.profile.settle)
 
@@ -260,7 +260,7 @@ class CommandedInstrument:
         return self._acquisition
 
     def _go_home(self, dialogue: Dialogue) -> None:
-        """Generator off and mirrors home, each also if the other is refused."""
+        """Switch the generator off and send the mirrors home, each also if the other is refused."""
         refused: list[str] = []
         for commands in (self.profile.commands.generator_off, self.profile.commands.home):
             try:

@@ -1,4 +1,4 @@
-"""What every instrument that scans can do; the rest of the program knows no more about it.
+"""Protocol of every instrument that scans; the rest of the program knows no more about it.
 
 What every plugin of the group `instrument` that can scan has in common.
 """
@@ -24,7 +24,7 @@ CHANNELS = ("velocity", "reference")
 
 
 class Status(IntFlag):
-    """What the instrument itself says about a pixel."""
+    """Word of the instrument itself about a pixel."""
 
     good = 0
     dropped_out = 1
@@ -74,7 +74,7 @@ class RawSamples:
 
 
 class InstrumentError(Exception):
-    """The instrument did not do what was asked; its text says what happened at which command."""
+    """Refusal or failure of the instrument; its text says what happened at which command."""
 
 
 class Instrument(Protocol):
@@ -96,10 +96,10 @@ class Instrument(Protocol):
         """Point the beam at (up_down, left_right) in DAC steps."""
 
     def acquire(self) -> RawSamples:
-        """Sample one pixel where the beam stands."""
+        """Return the recorded pixel, if a line of one pixel there was recorded."""
 
     def scan(self, dac: IntArray, stream: int | None = None) -> RawSamples:
-        """Move and sample a whole list, shape (pixel, 2), buffered by the instrument.
+        """Return the samples of a line with these very pixels and sampling.
 
         A simulated instrument draws the noise of scan line `stream` again whenever it is given the
         same number; to others it means nothing.
@@ -119,11 +119,11 @@ class ScanningPlugin(ABC):
 
     @property
     def takes_views_itself(self) -> bool:
-        """Whether `open` puts the instrument where a view is; otherwise somebody must move it."""
+        """True if `open` puts the instrument where a view is; otherwise somebody must move it."""
         return True
 
     def inputs(self) -> list[str]:
-        """Files that are read besides the configuration."""
+        """List files that are read besides the configuration."""
         return []
 
     @abstractmethod
@@ -135,7 +135,7 @@ class ScanningPlugin(ABC):
         seed: int = 0,
         view: str = "",
     ) -> AbstractContextManager[Instrument]:
-        """The instrument in one view; leaving it sends the mirrors home, the generator off.
+        """Open the instrument in one view; leaving it sends the mirrors home, the generator off.
 
         Parameters
         ----------

@@ -79,7 +79,7 @@ class Centres:
 @register("scan", "calibration")
 @dataclass
 class CalibrationScan(ScanPart):
-    """The dissertation's coarse and fine lines across each circle (Section 4.5.2).
+    """Dissertation's coarse and fine lines across each circle (Section 4.5.2).
 
     Parameters
     ----------
@@ -113,12 +113,12 @@ class CalibrationScan(ScanPart):
         checks.done()
 
     def centres(self, view: str) -> IntArray:
-        """Rough centres of a view's circles, shape (circle, 2), steps."""
+        """Return rough centres of a view's circles, shape (circle, 2), steps."""
         given = self.views[view]
         return read_centres(locate(given.path)) if given.path else np.array(given.dac, np.int64)
 
     def known_pixels(self, view: str) -> IntArray:
-        """See `ScanPart`; the rough centres."""
+        """Say where the beam goes in a view, as far as it is known beforehand, shape (pixel, 2)."""
         return self.centres(view)
 
     def pixel_count(self, view: str) -> int:

@@ -15,7 +15,7 @@ from sldvexp.typing import IntArray
 
 @dataclass
 class ScanRegion:
-    """What is imaged in a view.
+    """Part of a view that is imaged.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class Rectangle(ImageScan):
         checks.done()
 
     def grid(self, view: str) -> IntArray:
-        """Pixels of a view, shape (row, column, 2), DAC steps.
+        """Lay the pixels of a view, shape (row, column, 2), DAC steps.
 
         Raises
         ------
@@ -94,10 +94,13 @@ class Rectangle(ImageScan):
         return grid
 
     def lines(self, view: str) -> list[IntArray]:
-        """See `ImageScan`; every row is a line."""
+        """List the pixels of a view line by line.
+
+        A session that was cut off repeats at most one line.
+        """
         return list(self.grid(view))
 
     def shape(self, view: str) -> tuple[int, int] | None:
-        """See `ImageScan`."""
+        """Return rows and columns, if the pixels are a grid."""
         rows, columns, _ = self.grid(view).shape
         return rows, columns

@@ -43,7 +43,7 @@ class Operator:
         self._screen = screen
 
     def ask(self, request: str) -> str:
-        """Show a request and wait for a line, which is returned without spaces around it.
+        """Ask a question; the line that answers it.
 
         Raises
         ------
@@ -97,7 +97,7 @@ class Camera:
 
     @property
     def instrument(self) -> Instrument:
-        """The instrument, sampling as was said last."""
+        """Instrument, sampling as was said last."""
         if self._instrument is None:
             self._instrument = self._opened.enter_context(self._arrive())
         if self._wanted is not None and self._set != self._wanted:
@@ -111,7 +111,7 @@ class Camera:
         self._wanted = Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude)
 
     def image(self, name: str, lines: Sequence[IntArray]) -> ComplexImage:
-        """Complex pixels of some scan lines.
+        """Scan some lines and turn them into complex pixels.
 
         Parameters
         ----------
@@ -139,7 +139,7 @@ class Camera:
         return replace(image, flags=image.flags | over)
 
     def _line(self, name: str, dac: IntArray) -> RawSamples:
-        """One scan line; its number in the view makes a repeated one the same on a virtual lab."""
+        """Scan one line; its number in the view makes a repeated one the same on a virtual lab."""
         number, self._taken = self._taken, self._taken + 1
         assert self._wanted is not None
         return self.journal.line(

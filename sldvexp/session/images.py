@@ -50,7 +50,7 @@ def image_to_dataset(
     angle: Array,
     frequency: list[float],
 ) -> xr.Dataset:
-    """A velocity image as the group ``image/<view>``.
+    """Make the group ``image/<view>`` of a velocity image.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def image_to_dataset(
 
 
 def describe_flagged_pixels(flags: NDArray[np.uint8]) -> str:
-    """How many pixels are flagged, and by which kinds.
+    """Say how many pixels are flagged, and by which kinds.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What was measured, kept line by line, so that a session that was cut off goes on where it was."""
+"""Scan lines and answers, kept one by one, so that a session goes on where it was cut off."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Journal:
         acquisition: Acquisition,
         measure: Callable[[], RawSamples],
     ) -> RawSamples:
-        """The samples of a line: those kept earlier, or measured now and kept.
+        """Return the samples of a line: those kept earlier, or measured now and kept.
 
         Parameters
         ----------
@@ -70,7 +70,7 @@ class Journal:
         return samples
 
     def answer(self, name: str, question: Any, ask: Callable[[], Any]) -> Any:
-        """What a person answered: kept earlier, or asked for now and kept.
+        """Return what a person answered: kept earlier, or asked for now and kept.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The least-squares sine of every pixel of one channel (Eqs 3.5 to 3.8), with its noise."""
+"""Least-squares sine of every pixel of one channel (Eqs 3.5 to 3.8), with its noise."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class ChannelFit:
         return self.sample_variance[:, None] * self._over_columns(self.phasor_map**2)
 
     def intercept_test(self, confidence: float) -> FTest:
-        """F-test of every pixel's intercept, with its p-value (recommendation of Section 6.2)."""
+        """Test every pixel's intercept by F, with its p-value (recommendation of Section 6.2)."""
         return f_test(self.f_intercept, 1, self.full_dof, confidence)
 
     def _over_columns(self, terms: NDArray) -> NDArray:
@@ -117,12 +117,12 @@ def fit_channel(
 
 
 def squared(z: ComplexArray) -> Array:
-    """``|z|^2``, without the square root of `abs`."""
+    """Square ``|z|^2``, without the square root of `abs`."""
     return z.real**2 + z.imag**2
 
 
 def _combine(coefficients: list[Array], matrix: ComplexArray) -> ComplexArray:
-    """``c M``, shape (pixel, frequency), each pixel by the same operations in the same order."""
+    """Compute ``c M``, (pixel, frequency), each pixel by the same operations in the same order."""
     result = np.zeros((len(coefficients[0]), matrix.shape[1]), complex)
     for c, row in zip(coefficients, matrix, strict=True):
         result.real += np.multiply.outer(c, row.real)
@@ -131,7 +131,7 @@ def _combine(coefficients: list[Array], matrix: ComplexArray) -> ComplexArray:
 
 
 def _critical(model: SineModel, intercept: Intercept, confidence: float) -> float:
-    """Value that F must exceed for the intercept to stay."""
+    """Compute value that F must exceed for the intercept to stay."""
     if intercept is Intercept.always:
         return -np.inf
     if intercept is Intercept.never:

@@ -87,14 +87,17 @@ class ComplexImage:
 
 
 def against(reference: ComplexArray) -> ComplexArray:
-    """``conj(R) / |R|``, the turn that takes the reference's phase away; 1 if there is none."""
+    """Compute ``conj(R) / |R|``, the turn that takes the reference's phase away.
+
+    1 if there is none.
+    """
     size = np.sqrt(squared(reference))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(size == 0, 1.0, np.conj(reference) / size)
 
 
 def phase_variance(fit: ChannelFit, turn: ComplexArray) -> Array:
-    """Variance of a channel's phase, shape (pixel, frequency), rad2.
+    """Compute variance of a channel's phase, shape (pixel, frequency), rad2.
 
     That of the error across the phasor over its squared length, ``Im(e conj(R))^2 / |R|^4``, and
     at most that of a phase uniform over the circle.
@@ -126,7 +129,7 @@ def demodulate(
     rules: FlagRules | None = None,
     threads: int | None = None,
 ) -> ComplexImage:
-    """Samples of a whole image to complex pixels with standard errors and flags.
+    """Turn the samples of a whole image into complex pixels with standard errors and flags.
 
     Parameters
     ----------
@@ -187,7 +190,7 @@ def demodulate(
 
 
 def records(samples: NDArray, channel_axis: int) -> NDArray:
-    """View of the samples as (channel, pixel, sample); refuses what is not two channels."""
+    """View the samples as (channel, pixel, sample); refuse what is not two channels."""
     if samples.ndim != 3 or channel_axis not in (0, 1) or samples.shape[channel_axis] != 2:
         names = ("channel", "pixel") if channel_axis == 0 else ("pixel", "channel")
         raise UserError(
@@ -208,7 +211,7 @@ def find_flags(
     quality: ArrayLike | None,
     rules: FlagRules,
 ) -> NDArray[np.uint8]:
-    """Flags of every pixel.
+    """Flag the pixels that are not to be trusted.
 
     Parameters
     ----------
@@ -254,7 +257,7 @@ def find_flags(
 
 
 def _dropped_out(velocity: ChannelFit, usable: BoolArray, rules: FlagRules) -> BoolArray:
-    """Pixels whose residual stands out from the usable ones' median, either way."""
+    """Find pixels whose residual stands out from the usable ones' median, either way."""
     if not usable.any():
         return np.zeros(usable.shape, bool)
     floor = NOISE_FLOOR * _sine_rms(velocity)[usable].max()
@@ -264,11 +267,11 @@ def _dropped_out(velocity: ChannelFit, usable: BoolArray, rules: FlagRules) -> B
 
 
 def _reference_missing(reference: ChannelFit, rules: FlagRules) -> BoolArray:
-    """Pixels whose reference is too small or too noisy to give a phase at every frequency."""
+    """Find pixels whose reference is too small or too noisy to give a phase at every frequency."""
     least = np.maximum(rules.reference_minimum**2, rules.reference_snr**2 * reference.variance / 2)
     return np.any(~(squared(reference.phasor) >= least), axis=1)
 
 
 def _sine_rms(fit: ChannelFit) -> Array:
-    """Root mean square of the fitted sines, shape (pixel,)."""
+    """Compute root mean square of the fitted sines, shape (pixel,)."""
     return np.sqrt(squared(fit.phasor).sum(axis=1) / 2)

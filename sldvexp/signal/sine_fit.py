@@ -77,7 +77,7 @@ class SineFit:
         limits: ArrayLike | None = None,
         quality: ArrayLike | None = None,
     ) -> ComplexImage:
-        """Complex pixels of a whole image.
+        """Fit the sines of a whole image; its complex pixels.
 
         Parameters
         ----------

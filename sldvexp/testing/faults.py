@@ -1,4 +1,4 @@
-"""What can go wrong with an instrument, on purpose: for tests of whoever talks to the server."""
+"""Faults of an instrument, on purpose: for tests of whoever talks to the server."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Silence(Fault):
 
 @dataclass
 class Slow(Fault):
-    """The answer comes late, or in small parts.
+    """Answer comes late, or in small parts.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class ShortBlock(Fault):
 
 @dataclass
 class Disconnect(Fault):
-    """The connection ends within the answer.
+    """Connection ends within the answer.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class Disconnect(Fault):
 
 @dataclass
 class ServerDies(Fault):
-    """The server goes down within the answer, and nobody listens there any more.
+    """Server goes down within the answer, and nobody listens there any more.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ class Refusal(Fault):
 
 @dataclass
 class GeneratorDies(Fault):
-    """The generator's output goes off."""
+    """Generator's output goes off."""
 
     def spoil(self, answer: bytes, send: Send, server: LabServer) -> None:
         """Turn it off, and answer."""
@@ -176,7 +176,7 @@ class GeneratorDies(Fault):
 
 @dataclass
 class ShutterCloses(Fault):
-    """The laser's shutter closes."""
+    """Laser's shutter closes."""
 
     def spoil(self, answer: bytes, send: Send, server: LabServer) -> None:
         """Close it, and answer."""
@@ -228,6 +228,6 @@ class Volts(Fault):
 
 
 def _parts(answer: bytes) -> tuple[bytes, NDArray[np.int16]]:
-    """Header and counts of a block."""
+    """Name header and counts of a block."""
     begin = 2 + int(answer[1:2])
     return answer[:begin], np.frombuffer(answer[begin:-1], "<i2")

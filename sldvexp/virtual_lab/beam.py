@@ -1,4 +1,4 @@
-"""The true beam in the world, and how a spot of finite size lies across an edge."""
+"""True beam in the world, and how a spot of finite size lies across an edge."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sldvexp.typing import Array, ComplexArray
 
 @dataclass
 class Spot:
-    """The laser spot: a Gaussian beam focused at some distance.
+    """Laser spot: a Gaussian beam focused at some distance.
 
     Its radius (intensity 1/e^2 of the axis) at distance d is
     ``waist sqrt(1 + ((d - focus) / rayleigh)**2)``.
@@ -60,14 +60,14 @@ class Beams:
     spot: Spot
 
     def radius(self, distance: Array) -> Array:
-        """Spot radius (1/e^2 of the intensity) across the beam at each distance, m."""
+        """Compute spot radius (1/e^2 of the intensity) across the beam at each distance, m."""
         return self.spot.waist * np.hypot(1.0, (distance - self.spot.focus) / self.spot.rayleigh)
 
 
 def beams(
     mirrors: TwoMirror, dac: ArrayLike, rotation: ArrayLike, origin: ArrayLike, spot: Spot
 ) -> Beams:
-    """The beams of DAC steps, by the true mirrors and the true pose.
+    """Send the beams of DAC steps, by the true mirrors and the true pose.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def beams(
 def part_inside(
     depth: Array, outward: Array, normal: Array, curvature: Array, direction: Array, radius: Array
 ) -> Array:
-    """Part of the spot's light that falls inside a circular edge.
+    """Compute the part of the spot's light that falls inside a circular edge.
 
     On a plane with unit normal n the light of a Gaussian beam of radius w along d has the
     covariance ``C(a, b) = w^2/4 (a.b + (a.d)(b.d) / (n.d)^2)`` of in-plane unit vectors a and b.
@@ -131,7 +131,7 @@ class SceneObject(ABC):
 
     @abstractmethod
     def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:
-        """What the instrument sees of this object.
+        """Compute distance and velocity of this object, as the instrument sees them.
 
         Parameters
         ----------

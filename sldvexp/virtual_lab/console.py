@@ -1,4 +1,4 @@
-"""The `sldvexp-lab` command: the virtual lab of a configuration as a server on this machine."""
+"""`sldvexp-lab` command: the virtual lab of a configuration as a server on this machine."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def serve(settings: Sequence[str], host: str = "127.0.0.1", port: int = PORT) ->
 
 
 def experiment(settings: Sequence[str]) -> Experiment:
-    """The plugins of a configuration, `EXPERIMENT` if it does not choose another.
+    """Make the plugins of a configuration, `EXPERIMENT` if it does not choose another.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The virtual lab: an instrument in front of a scene, and the truth about both."""
+"""Virtual lab: an instrument in front of a scene, and the truth about both."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ class VirtualLab:
         )
 
     def home(self) -> None:
-        """Mirrors to step 0 and the generator off."""
+        """Send the mirrors to step 0 and switch the generator off."""
         self.position = (0, 0)
         if self._acquisition is not None:
             self.configure(Acquisition(self._acquisition.rate, self._acquisition.samples, ()))
@@ -130,11 +130,11 @@ class VirtualLab:
         self.position = (int(steps[0, 0]), int(steps[0, 1]))
 
     def acquire(self) -> RawSamples:
-        """Sample one pixel where the beam stands."""
+        """Return the recorded pixel, if a line of one pixel there was recorded."""
         return self.scan(np.array([self.position]))
 
     def scan(self, dac: ArrayLike, stream: int | None = None) -> RawSamples:
-        """Move to and sample a list of pixels.
+        """Return the samples of a line with these very pixels and sampling.
 
         Parameters
         ----------
@@ -168,14 +168,14 @@ class VirtualLab:
         return RawSamples(counts, scales, self._acquisition.rate, status)
 
     def true_pose(self, view: str) -> tuple[Array, Array]:
-        """Rotation (3, 3), world to laser, and origin (3,), m, of a view."""
+        """Return rotation (3, 3), world to laser, and origin (3,), m, of a view."""
         if view not in self.scene.views:
             raise UserError(f"the scene has no view {view}; {nearest(view, self.scene.views)}")
         pose = self.scene.views[view]
         return rotation_from_euler(pose.euler), pose.unit.value * np.array(pose.origin)
 
     def true_dac(self, points: ArrayLike) -> Array:
-        """DAC steps, not rounded, that point the beam at points of the world from this view.
+        """Find DAC steps, not rounded, that point the beam at points of the world from this view.
 
         Parameters
         ----------
@@ -191,7 +191,7 @@ class VirtualLab:
         return dac[..., ::-1] if self.scene.mirrors.swapped else dac
 
     def true_edge(self, circle: int, azimuth: ArrayLike) -> Array:
-        """Where the edge of a circle lies in this view, machining errors included.
+        """Find where the edge of a circle lies in this view, machining errors included.
 
         Parameters
         ----------
@@ -208,13 +208,13 @@ class VirtualLab:
         return self.true_dac(self.calibration_object.edge(circle, np.asarray(azimuth)))
 
     def light(self, dac: ArrayLike) -> Beams:
-        """The beams of DAC steps, whole or not, shape (beam, 2), from this view."""
+        """Send the beams of DAC steps, whole or not, shape (beam, 2), from this view."""
         steps = np.asarray(dac)
         wired = steps[:, ::-1] if self.scene.mirrors.swapped else steps
         return beams(self.mirrors, wired, self._rotation, self._origin, self.scene.spot)
 
     def spot(self) -> Array:
-        """Where the beam falls now, shape (3,), m; UserError if on no object."""
+        """Find where the beam falls now, shape (3,), m; UserError if on no object."""
         light = self.light([self.position])
         distance = min(float(o.seen(light, np.zeros(0))[0][0]) for o in self.objects)
         if not np.isfinite(distance):
@@ -226,7 +226,7 @@ class VirtualLab:
         return light.origin[0] + distance * light.direction[0]
 
     def generator(self, what: str) -> np.random.Generator:
-        """Random numbers that belong to a name, whatever was drawn before."""
+        """Make a generator of random numbers that belong to a name, whatever was drawn before."""
         entropy = [len(self._seed), *self._seed, *what.encode()]
         return np.random.default_rng(np.random.SeedSequence(entropy))
 
@@ -237,7 +237,7 @@ class VirtualLab:
 
     @property
     def calibration_object(self) -> CalibrationObject:
-        """The true calibration object; UserError if there is none."""
+        """True calibration object; UserError if there is none."""
         found = [o for o in self.objects if isinstance(o, CalibrationObject)]
         if not found:
             raise UserError("the virtual lab has no calibration object; choose a target of circles")
@@ -245,14 +245,14 @@ class VirtualLab:
 
     @property
     def plate(self) -> VibratingPlate:
-        """The true plate with its `velocity` and `strain`; UserError if there is none."""
+        """True plate with its `velocity` and `strain`; UserError if there is none."""
         found = [o for o in self.objects if isinstance(o, VibratingPlate)]
         if not found:
             raise UserError("the virtual lab has no plate; choose scene=plate")
         return found[0]
 
     def _checked(self, dac: IntArray) -> IntArray:
-        """The steps, if the board has them."""
+        """Check the steps, if the board has them."""
         if dac.ndim != 2 or dac.shape[1] != len(MIRRORS) or dac.dtype.kind not in "iu":
             raise InstrumentError(
                 f"move: needs pairs of whole DAC steps (up_down, left_right), not an array of "
@@ -269,7 +269,7 @@ class VirtualLab:
         return dac
 
     def _block(self, dac: IntArray) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
-        """Counts and status of at most BLOCK pixels."""
+        """Acquire counts and status of at most BLOCK pixels."""
         assert self._acquisition is not None
         n, samples = len(dac), self._acquisition.samples
         filled = dac[np.minimum(np.arange(BLOCK), n - 1)]
@@ -280,7 +280,7 @@ class VirtualLab:
         return self._electronics.record(velocity, lit, uniform, normal)
 
     def _look(self, dac: IntArray) -> tuple[ComplexArray, BoolArray]:
-        """Velocity (pixel, tone), m/s per V, along the beams, and whether light comes back."""
+        """Look along the beams: velocity (pixel, tone), m/s per V, and whether light comes back."""
         light = self.light(dac)
         seen = [o.seen(light, self._frequency) for o in self.objects]
         distance = np.stack([d for d, _ in seen])
@@ -307,7 +307,7 @@ class Simulated(ScanningPlugin):
         seed: int = 0,
         view: str = "",
     ) -> AbstractContextManager[Instrument]:
-        """See `ScanningPlugin`.
+        """Open the instrument in one view; leaving it sends the mirrors home, the generator off.
 
         Raises
         ------
@@ -336,7 +336,10 @@ class SimulatedPerson:
         self.lab = lab
 
     def true_position(self, mark: Mark) -> np.ndarray:
-        """Where a mark truly stands, shape (3,), m: within its accuracy, from anywhere the same."""
+        """Find where a mark truly stands, shape (3,), m.
+
+        Within its accuracy, from anywhere the same.
+        """
         if not self.lab.scene.operator.mark_error:
             return mark.position
         bound = math.sqrt(3.0) * mark.std

@@ -104,7 +104,7 @@ class Modes:
 
     @classmethod
     def built(cls, modes: Iterable[Mode], size: Array, edges: EdgeSupport) -> Modes:
-        """The modes of a configuration on a plate of that size, m."""
+        """Make the modes of a configuration on a plate of that size, m."""
         modes = list(modes)
         sines = [m.direction is Direction.normal and edges is EdgeSupport.supported for m in modes]
         return cls(
@@ -117,7 +117,7 @@ class Modes:
         )
 
     def response(self, frequency: Array) -> ComplexArray:
-        """Modal velocity ``v 2i zeta r / (1 - r^2 + 2i zeta r)``, r = frequency / own frequency.
+        """Compute ``v 2i zeta r / (1 - r^2 + 2i zeta r)``, r = frequency / own frequency.
 
         Parameters
         ----------
@@ -132,7 +132,7 @@ class Modes:
         return np.asarray(self.velocity[:, None] * damped / (1.0 - r**2 + damped), complex)
 
     def motion(self, coordinates: Array, height: float, curvature: float) -> Array:
-        """Shape of each mode on the surface at a height: u, v, w along its local axes.
+        """Compute shape of each mode on the surface at a height: u, v, w along its local axes.
 
         Parameters
         ----------
@@ -151,7 +151,7 @@ class Modes:
         )
 
     def strain(self, coordinates: Array, height: float, curvature: float) -> Array:
-        """Strains e_ss, e_tt, e_st (tensor) of each mode on the surface at a height.
+        """Compute strains e_ss, e_tt, e_st (tensor) of each mode on the surface at a height.
 
         Parameters
         ----------
@@ -172,7 +172,7 @@ class Modes:
         return np.stack([along_s, along_t, shear / 2], axis=-1)
 
     def _derivative(self, coordinates: Array, direction: Direction) -> Callable[[int, int], Array]:
-        """The function (i, j) -> i-th derivative by s, j-th by t, of the modes in one direction."""
+        """Make the function (i, j) -> i-th derivative by s, j-th by t, in one direction."""
         angle = coordinates[:, None, :] * self.wave_number + self.phase[:, None]
         moving = self.direction == direction.value
 

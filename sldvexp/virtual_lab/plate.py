@@ -1,4 +1,4 @@
-"""The vibrating plate: what the beam sees of it, and its true velocity and strain.
+"""Vibrating plate: what the beam sees of it, and its true velocity and strain.
 
 The flat plate.
 
@@ -87,7 +87,7 @@ class Plate:
 
 @dataclass(frozen=True, eq=False)
 class PlateSurface(ABC):
-    """The upper surface of a plate in the plate's own axes, by coordinates of its middle surface.
+    """Upper surface of a plate in the plate's own axes, by coordinates of its middle surface.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class PlateSurface(ABC):
 
     @abstractmethod
     def meet(self, origin: Array, direction: Array) -> tuple[Array, Array]:
-        """Where each beam first meets the upper surface.
+        """Find where each beam first meets the upper surface.
 
         Parameters
         ----------
@@ -123,18 +123,18 @@ class PlateSurface(ABC):
 
     @abstractmethod
     def coordinates(self, points: Array) -> Array:
-        """Coordinates of the nearest places, shape (..., 2), m; beyond `size` for points beside."""
+        """Find the nearest places, shape (..., 2), m; beyond `size` for points beside."""
 
     @abstractmethod
     def frame(self, coordinates: Array) -> Array:
-        """Unit rows along s, along t and along the normal, shape (..., 3, 3)."""
+        """Compute unit rows along s, along t and along the normal, shape (..., 3, 3)."""
 
     @abstractmethod
     def position(self, coordinates: Array) -> Array:
-        """Places on the upper surface, shape (..., 3), m."""
+        """Compute places on the upper surface, shape (..., 3), m."""
 
     def inside(self, coordinates: Array) -> BoolArray:
-        """Whether coordinates are on the plate, shape (...)."""
+        """Tell whether coordinates are on the plate, shape (...)."""
         return np.all((coordinates >= 0) & (coordinates <= self.size), axis=-1)
 
 
@@ -158,7 +158,7 @@ class VibratingPlate(SceneObject):
 
     @classmethod
     def built(cls, plate: Plate) -> VibratingPlate:
-        """The plate of a configuration."""
+        """Make the plate of a configuration."""
         unit = plate.unit.value
         size, height = unit * np.array(plate.size), unit * plate.thickness / 2
         surface: PlateSurface = FlatSurface(size, height)
@@ -172,7 +172,10 @@ class VibratingPlate(SceneObject):
         )
 
     def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:
-        """Distance to the surface and the velocity at the beam's axis; see `SceneObject`."""
+        """Compute the distance to the surface and the velocity at the beam's axis.
+
+        See `SceneObject`.
+        """
         direction = beams.direction @ self.rotation.T
         origin = (beams.origin - self.center) @ self.rotation.T
         distance, place = self.surface.meet(origin, direction)
@@ -182,7 +185,7 @@ class VibratingPlate(SceneObject):
         return distance, np.einsum("bm,mf->bf", along_sight, response)
 
     def velocity(self, points: ArrayLike, frequency: float) -> ComplexArray:
-        """True velocity of the measured surface at the places nearest to points of the world.
+        """Compute the measured surface's true velocity, nearest to points of the world.
 
         Parameters
         ----------
@@ -199,7 +202,7 @@ class VibratingPlate(SceneObject):
         return np.einsum("pij,pi->pj", self.surface.frame(place) @ self.rotation, local)
 
     def strain(self, points: ArrayLike, frequency: float) -> ComplexArray:
-        """True strain of the measured surface at the places nearest to points of the world.
+        """Compute true strain of the measured surface at the places nearest to points of the world.
 
         Parameters
         ----------
@@ -217,18 +220,21 @@ class VibratingPlate(SceneObject):
         return np.einsum("pmi,m->pi", shape, displacement)
 
     def height(self, points: ArrayLike) -> Array:
-        """Height of points above the measured surface, shape (point,), m; NaN beside the plate."""
+        """Compute height of points above the measured surface, shape (point,), m.
+
+        NaN beside the plate.
+        """
         place = self._place(points)
         own = (np.atleast_2d(np.asarray(points, float)) - self.center) @ self.rotation.T
         normal = self.surface.frame(place)[:, 2]
         return np.einsum("pi,pi->p", own - self.surface.position(place), normal)
 
     def axes(self, points: ArrayLike) -> Array:
-        """Two tangents and the normal of the surface, unit rows, shape (point, 3, 3)."""
+        """Compute two tangents and the normal of the surface, unit rows, shape (point, 3, 3)."""
         return self.surface.frame(self._place(points)) @ self.rotation
 
     def position(self, coordinates: ArrayLike) -> Array:
-        """Points of the measured surface in the world.
+        """Compute points of the measured surface in the world.
 
         Parameters
         ----------
@@ -242,7 +248,7 @@ class VibratingPlate(SceneObject):
         return self.surface.position(np.asarray(coordinates, float)) @ self.rotation + self.center
 
     def _place(self, points: ArrayLike) -> Array:
-        """Coordinates on the plate, NaN beside it."""
+        """Read three coordinates in m, None if the answer has not three finite numbers."""
         own = (np.atleast_2d(np.asarray(points, float)) - self.center) @ self.rotation.T
         place = self.surface.coordinates(own)
         rounding = 1e-9 * self.surface.size
@@ -266,7 +272,7 @@ class FlatSurface(PlateSurface):
         return 0.0
 
     def meet(self, origin: Array, direction: Array) -> tuple[Array, Array]:
-        """See `PlateSurface`."""
+        """Find where each beam first meets the upper surface."""
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = (self.height - origin[:, 2]) / direction[:, 2]
             coordinates = self.coordinates(origin + distance[:, None] * direction)
@@ -274,7 +280,7 @@ class FlatSurface(PlateSurface):
         return np.where(hits, distance, np.inf), np.where(hits[:, None], coordinates, 0.0)
 
     def coordinates(self, points: Array) -> Array:
-        """See `PlateSurface`."""
+        """Find the nearest places, shape (..., 2), m; beyond `size` for points beside."""
         return points[..., :2] + self.size / 2
 
     def frame(self, coordinates: Array) -> Array:
@@ -305,7 +311,7 @@ class CylinderSurface(PlateSurface):
         return 1.0 / self.radius
 
     def meet(self, origin: Array, direction: Array) -> tuple[Array, Array]:
-        """The nearer of the two crossings that lies on the panel; see `PlateSurface`."""
+        """Find where each beam first meets the upper surface."""
         ox, oz = origin[:, 0], origin[:, 2] + self.radius
         dx, dz = direction[:, 0], direction[:, 2]
         a, b = dx**2 + dz**2, ox * dx + oz * dz
@@ -322,7 +328,7 @@ class CylinderSurface(PlateSurface):
         return distance, coordinates
 
     def coordinates(self, points: Array) -> Array:
-        """See `PlateSurface`."""
+        """Find the nearest places, shape (..., 2), m; beyond `size` for points beside."""
         reach = self.radius + self.height
         angle = np.arctan2(points[..., 0] / reach, (points[..., 2] + self.radius) / reach)
         return np.stack([self.radius * angle, points[..., 1]], axis=-1) + self.size / 2
@@ -342,6 +348,6 @@ class CylinderSurface(PlateSurface):
         return np.stack([reach * sine, y, reach * cosine - self.radius], axis=-1)
 
     def _turn(self, coordinates: Array) -> tuple[Array, Array]:
-        """Sine and cosine of the angle from the panel's center."""
+        """Compute sine and cosine of the angle from the panel's center."""
         angle = (coordinates[..., 0] - self.size[0] / 2) / self.radius
         return np.sin(angle), np.cos(angle)

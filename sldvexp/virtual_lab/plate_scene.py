@@ -37,7 +37,7 @@ class PlateScene(CalibrationScene):
         self.plate.check(checks, "plate")
 
     def objects(self, target: Target | None, rng: np.random.Generator) -> list[SceneObject]:
-        """The plate, and the calibration object if there is one."""
+        """List the plate, and the calibration object if there is one."""
         from sldvexp.virtual_lab.plate import VibratingPlate
 
         objects = super().objects(target, rng) if isinstance(target, Circles) else []
@@ -47,7 +47,7 @@ class PlateScene(CalibrationScene):
 def truth_to_dataset(
     scene: PlateScene, points: Array, frequency: ArrayLike, amplitude: float
 ) -> xr.Dataset:
-    """True velocity of the plate near points, as the group ``truth``.
+    """Make the group ``truth``: true velocity of the plate near points.
 
     Parameters
     ----------

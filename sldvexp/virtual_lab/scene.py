@@ -1,4 +1,4 @@
-"""What every scene of the virtual lab has: where the instrument stands and how it measures."""
+"""Scenes of the virtual lab: where the instrument stands and how it measures."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class MirrorError:
     polynomial: list[float] = field(default_factory=list)
 
     def applied(self, nominal: Mirror) -> Mirror:
-        """The true mirror."""
+        """Apply the errors: the true mirror."""
         zero, gain, *powers = nominal.coefficients
         scale = 1.0 + self.gain
         polynomial = [
@@ -73,7 +73,7 @@ class MirrorErrors:
             checks.finite(f"{name}.{mirror}.polynomial", *error.polynomial)
 
     def applied(self, nominal: TwoMirror) -> TwoMirror:
-        """The true mirrors; UserError if there can be no such mirrors."""
+        """Apply the errors: the true mirror."""
         try:
             return TwoMirror(
                 mirror_offset=nominal.mirror_offset + self.mirror_offset,
@@ -137,7 +137,7 @@ class Vibrometer:
 
 @dataclass
 class AnalogInput:
-    """The 16-bit A/D converter of both channels.
+    """16-bit A/D converter of both channels.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ class AnalogInput:
 
 @dataclass
 class SceneOperator:
-    """The person at the instrument, and what was measured by hand.
+    """Person at the instrument, and what was measured by hand.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ class SceneOperator:
 
 @dataclass
 class Scene(ABC):
-    """The truth: everything that the program behind the instrument does not know.
+    """Truth: everything that the program behind the instrument does not know.
 
     Parameters
     ----------
@@ -255,13 +255,13 @@ class Scene(ABC):
 
     @property
     def noisy_vibrometer(self) -> Vibrometer:
-        """The vibrometer with the scene's factor of noise."""
+        """Vibrometer with the scene's factor of noise."""
         v = self.vibrometer
         return replace(v, noise=self.noise * v.noise, burst=self.noise * v.burst)
 
     @property
     def noisy_digitizer(self) -> AnalogInput:
-        """The converter with the scene's factor of noise."""
+        """Converter with the scene's factor of noise."""
         d = self.digitizer
         return replace(d, reference_noise=self.noise * d.reference_noise)
 
@@ -270,7 +270,7 @@ class Scene(ABC):
 
     @abstractmethod
     def objects(self, target: Target | None, rng: np.random.Generator) -> list[SceneObject]:
-        """Everything that the beam can hit.
+        """List everything that the beam can hit.
 
         Parameters
         ----------

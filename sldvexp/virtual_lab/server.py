@@ -1,4 +1,4 @@
-"""The virtual lab as a TCP server on this machine: one client at a time, one command a line.
+"""Virtual lab as a TCP server on this machine: one client at a time, one command a line.
 
 The virtual lab's own commands, in the manner of SCPI; a profile teaches them to the program.
 """
@@ -167,7 +167,7 @@ class Dialect:
         }
 
     def answer(self, line: str) -> bytes | None:
-        """What a line is answered, with its end; None if it is a command, or is refused."""
+        """Answer a line, with its end; None if it is a command, or is refused."""
         word, _, argument = line.strip().partition(" ")
         try:
             if word in self._questions:
@@ -192,7 +192,7 @@ class Dialect:
         self.errors.append((code, text))
 
     def stop_generator(self) -> None:
-        """Generator off."""
+        """Switch the generator off."""
         self.playing = False
         self._configure()
 
@@ -258,13 +258,13 @@ class Dialect:
         return self._samples
 
     def scale(self) -> list[float]:
-        """Volts per count of each channel."""
+        """Return volts per count of each channel."""
         digitizer = self.lab.scene.digitizer
         return [digitizer.velocity_range / 2**15, digitizer.reference_range / 2**15]
 
 
 def block(content: memoryview) -> bytes:
-    """IEEE 488.2 definite length block."""
+    """Make an IEEE 488.2 definite length block."""
     length = str(content.nbytes)
     return b"#" + str(len(length)).encode() + length.encode() + content.tobytes()
 
@@ -298,7 +298,7 @@ class Fault(ABC):
     after: int = 0
 
     def strikes(self, line: str) -> bool:
-        """Whether it strikes now; that time is used up."""
+        """Tell whether it strikes now; that time is used up."""
         if not line.startswith(self.command):
             return False
         if self.after > 0:

@@ -35,7 +35,7 @@ class CubicInterpolator(Interpolator):
         )
 
     def at(self, dac: Array) -> PixelWeights:
-        """Weights at places, shape (place, 2), steps."""
+        """Compute weights at places, shape (place, 2), steps."""
         blocks = [self._at(dac[k : k + BLOCK]) for k in range(0, max(len(dac), 1), BLOCK)]
         if len(blocks) == 1:
             return blocks[0]
@@ -64,7 +64,7 @@ class CubicInterpolator(Interpolator):
         return PixelWeights(self._over_pixels(at, value), both, at.outside, at.flagged)
 
     def _over_pixels(self, at: Located, weight: Array) -> scipy.sparse.csr_array:
-        """Weights of the pixels from those (found, k, term) of the patches' coefficients."""
+        """Turn weights of the pixels from those (found, k, term) of the patches' coefficients."""
         vertices = len(self.mesh.vertices)
         column = at.corner[..., None] + vertices * np.arange(TERMS)
         flat = len(at.place), at.corner.shape[1] * TERMS
@@ -92,7 +92,7 @@ NOTHING = 1e-14
 
 
 def monomials(place: Array) -> tuple[Array, Array]:
-    """All terms and their derivatives.
+    """Compute all terms and their derivatives.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def monomials(place: Array) -> tuple[Array, Array]:
 def fit_patches(
     vertices: Array, frame: Array, first: IndexArray, second: IndexArray, biquadratic: bool
 ) -> scipy.sparse.csr_array:
-    """The coefficients of every vertex' patch from the values of the vertices.
+    """Fit the coefficients of every vertex' patch from the values of the vertices.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def fit_patches(
 
 
 def _fit(first: IndexArray, term: Array, weight: Array, last: bool) -> tuple[Array, BoolArray]:
-    """Coefficients by each pair's value, shape (pair, term), and whether they are determined."""
+    """Fit each pair's values: coefficients, shape (pair, term), and whether they are determined."""
     start = np.flatnonzero(np.diff(first, prepend=-1))
     patch = np.cumsum(np.diff(first, prepend=first[0]) > 0)
     weighted = weight[:, None] * term

@@ -1,4 +1,4 @@
-"""The ways to interpolate, by the names a configuration uses.
+"""Ways to interpolate, by the names a configuration uses.
 
 The mesh of an image: a lattice if it is one, else triangles.
 """
@@ -35,7 +35,7 @@ class Interpolation(Enum):
     cubic = "cubic"
 
     def prepare(self, image: ImagePixels) -> Interpolator:
-        """What interpolates in one image, to be used for any number of places.
+        """Prepare one image for interpolation at any number of places.
 
         Parameters
         ----------
@@ -57,7 +57,7 @@ LEAST_PIXELS = 3
 
 
 def mesh_of(image: ImagePixels) -> ImageMesh:
-    """The cells of an image.
+    """Make the cells of an image.
 
     A rectangular image whose cells are not convex, because rounding to whole steps has folded them
     or lines were taken to and fro, is triangulated like scattered pixels.
@@ -92,7 +92,7 @@ class LinearInterpolator(Interpolator):
         self.mesh = mesh
 
     def at(self, dac: Array) -> PixelWeights:
-        """Weights at places, shape (place, 2), steps."""
+        """Find weights at places, shape (place, 2), steps."""
         at = self.mesh.locate(dac)
         value, up_down, left_right = (
             self.mesh.over_pixels(at.rows(at.corner, weight, len(self.mesh.vertices)))
