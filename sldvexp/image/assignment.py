@@ -70,8 +70,6 @@ def assignments(
 
     Parameters
     ----------
-    target : Circles
-    ellipses : sequence of Ellipse
     turns : sequence of bool
         Whether to try the image as it is (False) and mirrored (True).
     """

@@ -32,7 +32,6 @@ def gradient_edges(lines: ScanLines, edges_per_line: int, window: int) -> ScanLi
 
     Parameters
     ----------
-    lines : ScanLines
     edges_per_line : int
         2 for lines across a whole circle, which rise and then fall; 1 for lines across one edge.
     window : int
@@ -53,7 +52,6 @@ def pixel_edges(lines: ScanLines, edges_per_line: int, window: int) -> ScanLineE
 
     Parameters
     ----------
-    lines : ScanLines
     edges_per_line : int
         2 for lines across a whole circle, which rise and then fall; 1 for lines across one edge.
     window : int
@@ -80,7 +78,6 @@ def profile_edges(lines: ScanLines, edges_per_line: int, window: int) -> ScanLin
 
     Parameters
     ----------
-    lines : ScanLines
     edges_per_line : int
         2 for lines across a whole circle, which rise and then fall; 1 for lines across one edge.
     window : int
@@ -215,7 +212,6 @@ def candidates(lines: ScanLines, edges_per_line: int, window: int) -> Candidates
 
     Parameters
     ----------
-    lines : ScanLines
     edges_per_line : int
         1 or 2.
     window : int

@@ -62,7 +62,6 @@ def match_circles(
 
     Parameters
     ----------
-    target : Circles
     ellipses : sequence of Ellipse
         One for each circle, in any order.
     mirrored : bool, optional
@@ -105,7 +104,6 @@ def bitangent_images(
     ----------
     ellipses : sequence of Ellipse
         As given to `match_circles`.
-    match : Match
     pairs : sequence of (int, int)
         Ordered pairs of circles by their numbers, such as those of ``Circles.selected_pairs``.
 

@@ -30,7 +30,6 @@ def pinhole_from_dac(laser: TwoMirror, dac: ArrayLike) -> Array:
 
     Parameters
     ----------
-    laser : TwoMirror
     dac : array_like, shape (..., 2), steps
 
     Returns

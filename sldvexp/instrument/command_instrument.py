@@ -113,10 +113,6 @@ class CommandedInstrument:
         stream : int, optional
             Number of the scan line, for an instrument that is a simulation.
 
-        Returns
-        -------
-        RawSamples
-
         Raises
         ------
         InstrumentError

@@ -79,7 +79,6 @@ class Dialogue:
 
         Parameters
         ----------
-        commands : dict of str to list of str
         values : mapping, optional
             Of the placeholders.
         patience : float, s
@@ -259,7 +258,6 @@ class Persistence:
         ----------
         what : str
             What is being done, for messages.
-        step : callable
 
         Raises
         ------
@@ -332,7 +330,6 @@ def decoded(
     ----------
     data : Data
         How the block is written.
-    block : bytes
     status : bytes
         One a pixel; empty if there is none.
     shape : tuple of int
@@ -340,10 +337,6 @@ def decoded(
     volts_per_count : sequence of float
         In the order of `CHANNELS`.
     rate : float, Hz
-
-    Returns
-    -------
-    RawSamples
 
     Raises
     ------

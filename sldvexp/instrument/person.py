@@ -44,7 +44,6 @@ class Person(Protocol):
 
         Parameters
         ----------
-        mark : Mark
         start : (up_down, left_right), steps
             Where the beam may begin.
 

@@ -141,8 +141,6 @@ class ScanningPlugin(ABC):
         ----------
         scene : Scene or None
             Of the virtual lab; only a simulation looks at it.
-        laser : TwoMirror
-        target : Target, optional
         seed : int
             Of everything random in a simulation.
         view : str

@@ -40,7 +40,6 @@ def write_line(path: Path, dac: IntArray, acquisition: Acquisition, samples: Raw
 
     Parameters
     ----------
-    path : Path
     dac : ndarray of int, shape (pixel, 2)
     acquisition : Acquisition
         What was asked for.

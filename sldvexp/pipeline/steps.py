@@ -1,4 +1,4 @@
-"""The steps of a run, in the order in which data flows."""
+"""Steps of a run, in the order in which data flows."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ COMPARED_SCANS = "compare_scan"
 
 @dataclass
 class Run:
-    """What the steps of one run have in common: plugins, generator, and the groups made so far.
+    """Common ground of the steps of one run: plugins, generator, and the groups made so far.
 
     Parameters
     ----------
@@ -58,11 +58,14 @@ class Run:
 
     @property
     def kept(self) -> dict[str, xr.Dataset]:
-        """The groups that the run's file gets."""
+        """Groups that the run's file gets."""
         return {name: group for name, group in self.tree.items() if name not in self.elsewhere}
 
     def keep(self, name: str, group: xr.Dataset) -> xr.Dataset:
-        """A scanned group; with a stream an image goes to a file, before the next view comes."""
+        """Keep a scanned group.
+
+        With a stream an image goes to a file, before the next view comes.
+        """
         if self.experiment.stream is None or not name.startswith("image/"):
             return group
         from sldvexp.importers.image_file import spilled
@@ -80,12 +83,12 @@ class Run:
 
 
 def _target(run: Run) -> None:
-    """The calibration object's points."""
+    """Add the calibration object's points."""
     run.tree["target"] = run.experiment.target.group()
 
 
 def _scan(run: Run) -> None:
-    """What the instrument sees in every view: edges of circles, images."""
+    """Scan what the instrument sees in every view: edges of circles, images."""
     from sldvexp.instrument.protocol import InstrumentError
     from sldvexp.instrument.recording import JOURNAL
     from sldvexp.session.session import scan_views, takes_samples
@@ -113,7 +116,7 @@ def _scan(run: Run) -> None:
 
 
 def _pose(run: Run) -> None:
-    """Where the instrument stood, by the chosen method and those it is compared with."""
+    """Find where the instrument stood, by the chosen method and those it is compared with."""
     e = run.experiment
     if e.pose is not None:
         run.inputs += e.pose.inputs()
@@ -130,7 +133,7 @@ def _pose(run: Run) -> None:
 
 
 def _images(run: Run) -> None:
-    """Velocity images that were made before."""
+    """Read velocity images that were made before."""
     e = run.experiment
     run.inputs += e.instrument.inputs()
     found = e.instrument.images(e.stream.chunks if e.stream else None)
@@ -140,7 +143,7 @@ def _images(run: Run) -> None:
 
 
 def _volume(run: Run) -> None:
-    """Surfaces around the real one, and where between them velocities are sampled."""
+    """Add surfaces around the real one, and where between them velocities are sampled."""
     run.inputs += run.experiment.volume.inputs()
     try:
         run.tree["volume"] = run.experiment.volume.group()
@@ -149,21 +152,21 @@ def _volume(run: Run) -> None:
 
 
 def _line_of_sight(run: Run) -> None:
-    """Velocities along the lines of sight."""
+    """Read velocities along the lines of sight."""
     e = run.experiment
     run.inputs += e.instrument.inputs()
     run.tree["line_of_sight"] = e.instrument.read(run.tree, e.laser)
 
 
 def _images_of_points(run: Run) -> None:
-    """Velocities of points that were measured one by one, as the images that a field needs."""
+    """Read velocities of points that were measured one by one, as the images that a field needs."""
     e = run.experiment
     run.inputs += e.instrument.inputs()
     run.tree |= e.instrument.images_of_points(run.tree, e.laser)
 
 
 def _point(run: Run) -> None:
-    """Velocity vectors at points, by the chosen method and those it is compared with."""
+    """Reconstruct velocity vectors at points, by the chosen method and the others."""
     if "line_of_sight" not in run.tree:
         raise UserError(
             "reconstruction: there are no velocities to reconstruct from; "
@@ -175,7 +178,7 @@ def _point(run: Run) -> None:
 
 
 def _field(run: Run) -> None:
-    """Velocity over the volume, by the chosen method and those it is compared with."""
+    """Reconstruct the velocity over the volume, by the chosen method and the others."""
     from sldvexp.field.estimate import reconstruct, volume_visibility
 
     e = run.experiment
@@ -189,7 +192,7 @@ def _field(run: Run) -> None:
 
 
 def _streamed_field(run: Run) -> None:
-    """The same, with some frequencies in memory at a time."""
+    """Do the same with some frequencies in memory at a time."""
     from sldvexp.field.estimate import volume_visibility
     from sldvexp.field.streaming.compression import compress
     from sldvexp.field.streaming.streamed import stream_field
@@ -212,7 +215,7 @@ def _streamed_field(run: Run) -> None:
 
 
 def _reconstruct(run: Run, group: str, work: Callable[[Reconstruction], xr.Dataset]) -> None:
-    """Groups of the chosen method and of those it is compared with."""
+    """Add the groups of the chosen method and of those it is compared with."""
     e = run.experiment
     methods = {group: e.reconstruction} if e.reconstruction else {}
     methods |= {f"compare/{name}": method for name, method in e.compare.items()}
@@ -225,7 +228,7 @@ def _reconstruct(run: Run, group: str, work: Callable[[Reconstruction], xr.Datas
 
 
 def _truth(run: Run) -> None:
-    """What truly happens at the field's nodes, which only a virtual lab can tell."""
+    """Add what truly happens at the field's nodes, which only a virtual lab can tell."""
     from sldvexp.virtual_lab.plate_scene import truth_to_dataset
 
     e = run.experiment
@@ -237,14 +240,14 @@ def _truth(run: Run) -> None:
 
 
 def _checks(run: Run) -> None:
-    """What the configuration wants examined."""
+    """Examine what the configuration wants examined."""
     for name, check in run.experiment.check.items():
         run.inputs += check.inputs()
         run.tree[f"examined/{name}"] = check.examine(Examined(run.tree, run.rng, run.experiment))
 
 
 def _expectations(run: Run) -> None:
-    """Published numbers against this run's."""
+    """Compare published numbers with this run's."""
     found = evaluate(run.experiment.expect, run.tree)
     if found is not None:
         run.tree["check"] = found
@@ -255,12 +258,12 @@ def _reconstructs(e: Experiment) -> bool:
 
 
 def _has_pixels(e: Experiment) -> bool:
-    """Whether points of files become pixels of images, because there is a volume."""
+    """Tell whether points of files become pixels of images, because there is a volume."""
     return e.volume is not None and hasattr(e.instrument, "images_of_points")
 
 
 def _has_truth(e: Experiment) -> bool:
-    """Whether the images are those of a plate in the virtual lab."""
+    """Tell whether the images are those of a plate in the virtual lab."""
     return bool(e.volume and e.reconstruction and e.scan and hasattr(e.scene, "plate"))
 
 
@@ -297,7 +300,7 @@ class Step:
 
     @property
     def shared(self) -> bool:
-        """Whether runs of a sweep share its result."""
+        """True if runs of a sweep share its result."""
         return bool(self.reads)
 
     def after(self, earlier: Iterable[Step]) -> tuple[str, ...]:

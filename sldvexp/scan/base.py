@@ -130,13 +130,10 @@ def check_pairs(
 
     Parameters
     ----------
-    checks : Checks
     name : str
         Of the view's entry.
     key : str
         What the pairs are called there.
-    pairs : list of list of int
-    path : str
     count : int
         How many pairs there must be; 0 for any number.
     """

@@ -19,7 +19,6 @@ def across(centre: ArrayLike, lines: int, pixels: int, stride: int = 1) -> IntAr
     centre : array_like, shape (2,), steps
     lines : int
         The dissertation's three give six edge points, one more than a conic needs.
-    pixels : int
     stride : int, steps
         From one pixel to the next along the mirror that moves faster; 1 scans contiguously.
 

@@ -58,8 +58,6 @@ def scan_circles(
 
     Parameters
     ----------
-    camera : Camera
-    scan : CalibrationScan
     centres : ndarray of int, shape (circle, 2), steps
         Rough centres, in any order.
     laser : TwoMirror
@@ -81,7 +79,7 @@ def scan_circles(
 
 
 def _other_board(centres: IntArray, laser: TwoMirror) -> str:
-    """Name a board with coarser steps whose centres these may be, as all lie in its range, if any."""
+    """Name a board with coarser steps, if any, in whose range all these centres lie."""
     own = laser.board.value[1]
     for board in type(laser.board):
         if board.value[1] < own and np.abs(centres).max() <= board.value[1]:
@@ -289,7 +287,6 @@ def require_instrument(image: ComplexImage, name: str, files: Path, share: float
 
     Parameters
     ----------
-    image : ComplexImage
     name : str
         What they are of.
     files : Path

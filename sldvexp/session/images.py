@@ -54,7 +54,6 @@ def image_to_dataset(
 
     Parameters
     ----------
-    image : ComplexImage
     dac : ndarray of int, shape (pixel, 2), steps
     angle : ndarray, shape (pixel, 2), rad
     frequency : list of float, Hz

@@ -46,7 +46,6 @@ class Journal:
         name : str
             Of the line, unique in the view.
         dac : ndarray of int, shape (pixel, 2)
-        acquisition : Acquisition
         measure : callable
             Called only if the line is not in the journal, or its file is not whole.
 

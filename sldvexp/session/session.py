@@ -45,7 +45,6 @@ def scan_views(
         With ready plugins: scene, laser, target, scan, instrument and signal, and the seed.
     journal : Path
         Folder for finished scan lines; what it has is not scanned again.
-    operator : Operator, optional
     keep : callable
         What becomes of a group, by its name, before the next view: it may go to a file.
 
@@ -73,7 +72,7 @@ def scan_views(
 
 
 def estimate(scan: Scan) -> str:
-    """Estimate how long the session takes at least, and at six pixels a second, the dissertation's."""
+    """Estimate how long the session takes at least, and at six pixels a second."""
     views = scan.view_names()
     parts = [(part, view) for view in views for part in scan.parts(view)]
     pixels = sum(part.pixel_count(view) for part, view in parts)

@@ -88,8 +88,6 @@ def fit_channel(
         c = Q^T V, with the intercept's last.
     square : ndarray, shape (pixel,)
         |V|^2.
-    model : SineModel
-    intercept : Intercept
     confidence : float
         1 - alpha of the F-test.
     scale : float
@@ -97,10 +95,6 @@ def fit_channel(
     quantum : float
         Step of the converter in units of the samples. Rounding alone gives a sample the variance
         quantum^2 / 12, and the noise is never taken to be less.
-
-    Returns
-    -------
-    ChannelFit
     """
     # An all-zero channel makes F = 0/0, a missing sample makes everything NaN; both get flagged.
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):

@@ -104,7 +104,6 @@ def phase_variance(fit: ChannelFit, turn: ComplexArray) -> Array:
 
     Parameters
     ----------
-    fit : ChannelFit
     turn : ndarray of complex, shape (pixel, frequency)
         ``conj(R) / |R|``.
     """
@@ -149,15 +148,8 @@ def demodulate(
         the limits of their type unless given; floats have none.
     quality : array_like of bool, shape (pixel,), optional
         False where the instrument itself reported a lost signal.
-    intercept : Intercept
     confidence : float
         Of the intercept's F-test.
-    rules : FlagRules, optional
-    threads : int, optional
-
-    Returns
-    -------
-    ComplexImage
 
     Raises
     ------
@@ -221,7 +213,6 @@ def find_flags(
         Of both channels.
     quality : array_like of bool, shape (pixel,), optional
         False where the instrument reported a lost signal.
-    rules : FlagRules
 
     Returns
     -------

@@ -66,10 +66,6 @@ def refine_frequencies(
     search : float, Hz
         Half-width of the interval around each frequency that is searched first; 0 for none.
 
-    Returns
-    -------
-    Refined
-
     Raises
     ------
     UserError

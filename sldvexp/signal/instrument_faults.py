@@ -22,7 +22,6 @@ def instrument_fault(image: ComplexImage, share: float = MOST) -> str:
 
     Parameters
     ----------
-    image : ComplexImage
     share : float
         Of the pixels, from which a flag counts.
     """

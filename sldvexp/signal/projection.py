@@ -71,10 +71,6 @@ def project(
     threads : int, optional
         All processors that this process may use unless given.
 
-    Returns
-    -------
-    Projection
-
     Raises
     ------
     UserError

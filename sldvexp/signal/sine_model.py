@@ -80,10 +80,6 @@ def sine_model(
     hum : array_like, Hz
         Further disturbing frequencies, as 50.
 
-    Returns
-    -------
-    SineModel
-
     Raises
     ------
     UserError

@@ -79,7 +79,10 @@ class Store:
         return OmegaConf.to_container(self.cfg, resolve=True, enum_to_str=True)
 
     def _key(self, step: Step) -> str:
-        """Digest of all that decides what a step adds, but for the content of files it reads."""
+        """Compute a digest of all that decides what a step adds.
+
+        But for the content of files it reads.
+        """
         return _digest(
             [
                 step.name,
@@ -129,14 +132,14 @@ def _take(path: Path, step: Step, run: Run) -> bool:
 
 
 def _read(path: Path, digest: str, about: str) -> dict[str, xr.Dataset]:
-    """The groups of an entry; those that this process read last are still there."""
+    """Read the groups of an entry; those that this process read last are still there."""
     small = path.stat().st_size <= CACHE_BYTES
     return (_groups if small else _groups.__wrapped__)(path, digest, about)
 
 
 @lru_cache(maxsize=6)
 def _groups(path: Path, digest: str, described: str) -> dict[str, xr.Dataset]:
-    """The groups of an entry of this digest, as they were when they were kept."""
+    """Read the groups of an entry of this digest, as they were when they were kept."""
     groups, about = {}, json.loads(described)
     with closing(dataset.load(path)) as tree:
         for name, kept in about.items():
@@ -154,7 +157,7 @@ def _groups(path: Path, digest: str, described: str) -> dict[str, xr.Dataset]:
 
 
 def _about(group: xr.Dataset) -> dict[str, Any]:
-    """What netCDF does not keep of a group: kinds of text, and of attributes."""
+    """Describe what netCDF does not keep of a group: kinds of text, and of attributes."""
     text = {str(n): v.dtype.str for n, v in group.variables.items() if v.dtype.kind == "U"}
     return {"text": text, "attrs": {str(k): _encoded(v) for k, v in group.attrs.items()}}
 
@@ -178,7 +181,10 @@ def _decoded(kind: str, value: Any) -> Any:
 
 
 def _digests(paths: Iterable[str]) -> dict[str, str]:
-    """Digests of files by the names that the configuration has for them; empty of missing ones."""
+    """Compute digests of files by the names that the configuration has for them.
+
+    Empty of missing ones.
+    """
     found = {}
     for path in sorted(set(paths)):
         file = locate(path)

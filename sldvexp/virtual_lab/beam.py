@@ -71,13 +71,11 @@ def beams(
 
     Parameters
     ----------
-    mirrors : TwoMirror
     dac : array_like, shape (beam, 2), steps
     rotation : array_like, shape (3, 3)
         World to laser.
     origin : array_like, shape (3,), m
         Of the laser frame, in the world.
-    spot : Spot
     """
     start, along = rays(mirrors.angle_from_dac(dac), mirrors.mirror_offset)
     r = np.asarray(rotation, float)
@@ -135,7 +133,6 @@ class SceneObject(ABC):
 
         Parameters
         ----------
-        beams : Beams
         frequency : ndarray, shape (tone,), Hz
 
         Returns

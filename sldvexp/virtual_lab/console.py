@@ -42,7 +42,6 @@ def serve(settings: Sequence[str], host: str = "127.0.0.1", port: int = PORT) ->
     ----------
     settings : sequence of str
         As `sldvexp` takes them; of the experiment only scene, target, laser and seed matter.
-    host : str
     port : int
         0 takes a free one.
 

@@ -219,7 +219,6 @@ class PixelNoise:
             From 0 to 2^64 - 1, for example a scan line's number.
         first : int
             Place of the first pixel in the stream.
-        pixels : int
         samples : int
             Samples per channel; other numbers of samples are other streams.
 

@@ -143,10 +143,6 @@ class VirtualLab:
             Number of the scan line that this list begins, see `start_stream`; without it the
             pixels go on where the last ones ended.
 
-        Returns
-        -------
-        RawSamples
-
         Raises
         ------
         InstrumentError

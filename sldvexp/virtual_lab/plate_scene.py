@@ -51,7 +51,6 @@ def truth_to_dataset(
 
     Parameters
     ----------
-    scene : PlateScene
     points : ndarray, shape (node, 3), m
         In the world.
     frequency : array_like, shape (frequency,), Hz
