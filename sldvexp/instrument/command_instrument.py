@@ -101,11 +101,11 @@ class CommandedInstrument:
         self._persistently("moving", self._move)
 
     def acquire(self) -> RawSamples:
-        """Return the recorded pixel, if a line of one pixel there was recorded."""
+        """Sample one pixel where the beam stands."""
         return self._persistently("sampling", self._acquire)
 
     def scan(self, dac: IntArray, stream: int | None = None) -> RawSamples:
-        """Return the samples of a line with these very pixels and sampling.
+        """Move to and sample a list of pixels.
 
         Parameters
         ----------

@@ -86,10 +86,7 @@ class VisaLine:
             raise DisturbanceError(f"the connection was lost ({_first_line(error)})") from error
 
     def receive_line(self, end: bytes, patience: float) -> bytes:
-        """Receive the bytes up to `end`, which is left away.
-
-        The first is waited for `patience` s.
-        """
+        """See `Line`."""
         self._session.read_termination = end.decode("latin-1")
         return self._received(self._session.read_raw, patience).removesuffix(end)
 
@@ -99,7 +96,7 @@ class VisaLine:
         return self._received(lambda: self._session.read_bytes(count, CHUNK), patience)
 
     def close(self) -> None:
-        """Hang up."""
+        """See `Line`."""
         self._session.close()
 
     def _received(self, read: Any, patience: float) -> bytes:

@@ -96,10 +96,10 @@ class Instrument(Protocol):
         """Point the beam at (up_down, left_right) in DAC steps."""
 
     def acquire(self) -> RawSamples:
-        """Return the recorded pixel, if a line of one pixel there was recorded."""
+        """Sample one pixel where the beam stands."""
 
     def scan(self, dac: IntArray, stream: int | None = None) -> RawSamples:
-        """Return the samples of a line with these very pixels and sampling.
+        """Move and sample a whole list, shape (pixel, 2), buffered by the instrument.
 
         A simulated instrument draws the noise of scan line `stream` again whenever it is given the
         same number; to others it means nothing.

@@ -179,7 +179,7 @@ class Replay(ScanningPlugin):
         seed: int = 0,
         view: str = "",
     ) -> AbstractContextManager[Instrument]:
-        """Open the instrument in one view; leaving it sends the mirrors home, the generator off.
+        """See `ScanningPlugin`.
 
         Raises
         ------

@@ -86,7 +86,7 @@ class Visa(ScanningPlugin):
         seed: int = 0,
         view: str = "",
     ) -> AbstractContextManager[Instrument]:
-        """Open the instrument in one view; leaving it sends the mirrors home, the generator off.
+        """See `ScanningPlugin`; of the arguments only `view` matters.
 
         Raises
         ------

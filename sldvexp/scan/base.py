@@ -171,7 +171,7 @@ class ImageScan(ScanPart):
         return None
 
     def known_pixels(self, view: str) -> IntArray:
-        """Say where the beam goes in a view, as far as it is known beforehand, shape (pixel, 2)."""
+        """See `ScanPart`; all of them."""
         return np.concatenate(self.lines(view))
 
     def pixel_count(self, view: str) -> int:
@@ -187,5 +187,5 @@ class PersonPart(ScanPart):
         return 0
 
     def seconds(self, view: str) -> float:
-        """Estimate how long a view's samples take, s."""
+        """See `ScanPart`; nobody knows how long a person takes."""
         return 0.0

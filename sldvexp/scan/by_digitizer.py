@@ -62,6 +62,6 @@ class ByDigitizer(PersonPart):
         checks.done()
 
     def known_pixels(self, view: str) -> IntArray:
-        """Say where the beam goes in a view, as far as it is known beforehand, shape (pixel, 2)."""
+        """See `ScanPart`."""
         given = self.views[view]
         return read_centres(locate(given.path)) if given.path else np.array(given.dac, np.int64)

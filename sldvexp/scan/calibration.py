@@ -118,7 +118,7 @@ class CalibrationScan(ScanPart):
         return read_centres(locate(given.path)) if given.path else np.array(given.dac, np.int64)
 
     def known_pixels(self, view: str) -> IntArray:
-        """Say where the beam goes in a view, as far as it is known beforehand, shape (pixel, 2)."""
+        """See `ScanPart`; the rough centres."""
         return self.centres(view)
 
     def pixel_count(self, view: str) -> int:

@@ -55,10 +55,7 @@ class PixelList(ImageScan):
         checks.done()
 
     def lines(self, view: str) -> list[IntArray]:
-        """List the pixels of a view line by line.
-
-        A session that was cut off repeats at most one line.
-        """
+        """See `ImageScan`; every `LINE` pixels are a line."""
         given = self.views[view]
         dac = read_list(locate(given.path)) if given.path else np.array(given.dac, np.int64)
         return [dac[first : first + LINE] for first in range(0, len(dac), LINE)]

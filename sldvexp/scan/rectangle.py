@@ -94,13 +94,10 @@ class Rectangle(ImageScan):
         return grid
 
     def lines(self, view: str) -> list[IntArray]:
-        """List the pixels of a view line by line.
-
-        A session that was cut off repeats at most one line.
-        """
+        """See `ImageScan`; every row is a line."""
         return list(self.grid(view))
 
     def shape(self, view: str) -> tuple[int, int] | None:
-        """Return rows and columns, if the pixels are a grid."""
+        """See `ImageScan`."""
         rows, columns, _ = self.grid(view).shape
         return rows, columns

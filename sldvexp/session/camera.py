@@ -19,9 +19,9 @@ from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.scan.base import Sampling
 from sldvexp.session.interruption import undisturbed
 from sldvexp.session.journal import Journal
+from sldvexp.signal.base import SignalEstimator
 from sldvexp.signal.complex_image import ComplexImage
 from sldvexp.signal.pixel_quality import Flag
-from sldvexp.signal.sine_fit import SineFit
 from sldvexp.targets.base import Target
 from sldvexp.typing import IntArray
 
@@ -43,7 +43,7 @@ class Operator:
         self._screen = screen
 
     def ask(self, request: str) -> str:
-        """Ask a question; the line that answers it.
+        """Show a request and wait for a line, which is returned without spaces around it.
 
         Raises
         ------
@@ -68,7 +68,7 @@ class Camera:
     arrive : callable
         Opens the instrument in this view. Called when it is needed for the first time; a view
         that is in the journal as a whole needs none.
-    signal : SineFit
+    signal : SignalEstimator
     journal : Journal
         Of this view.
     """
@@ -76,7 +76,7 @@ class Camera:
     def __init__(
         self,
         arrive: Callable[[], AbstractContextManager[Instrument]],
-        signal: SineFit,
+        signal: SignalEstimator,
         journal: Journal,
     ) -> None:
         self.signal = signal

@@ -130,11 +130,11 @@ class VirtualLab:
         self.position = (int(steps[0, 0]), int(steps[0, 1]))
 
     def acquire(self) -> RawSamples:
-        """Return the recorded pixel, if a line of one pixel there was recorded."""
+        """Sample one pixel where the beam stands."""
         return self.scan(np.array([self.position]))
 
     def scan(self, dac: ArrayLike, stream: int | None = None) -> RawSamples:
-        """Return the samples of a line with these very pixels and sampling.
+        """Move to and sample a list of pixels.
 
         Parameters
         ----------
@@ -303,7 +303,7 @@ class Simulated(ScanningPlugin):
         seed: int = 0,
         view: str = "",
     ) -> AbstractContextManager[Instrument]:
-        """Open the instrument in one view; leaving it sends the mirrors home, the generator off.
+        """See `ScanningPlugin`.
 
         Raises
         ------

@@ -272,7 +272,7 @@ class FlatSurface(PlateSurface):
         return 0.0
 
     def meet(self, origin: Array, direction: Array) -> tuple[Array, Array]:
-        """Find where each beam first meets the upper surface."""
+        """See `PlateSurface`."""
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = (self.height - origin[:, 2]) / direction[:, 2]
             coordinates = self.coordinates(origin + distance[:, None] * direction)
@@ -280,7 +280,7 @@ class FlatSurface(PlateSurface):
         return np.where(hits, distance, np.inf), np.where(hits[:, None], coordinates, 0.0)
 
     def coordinates(self, points: Array) -> Array:
-        """Find the nearest places, shape (..., 2), m; beyond `size` for points beside."""
+        """See `PlateSurface`."""
         return points[..., :2] + self.size / 2
 
     def frame(self, coordinates: Array) -> Array:
@@ -328,7 +328,7 @@ class CylinderSurface(PlateSurface):
         return distance, coordinates
 
     def coordinates(self, points: Array) -> Array:
-        """Find the nearest places, shape (..., 2), m; beyond `size` for points beside."""
+        """See `PlateSurface`."""
         reach = self.radius + self.height
         angle = np.arctan2(points[..., 0] / reach, (points[..., 2] + self.radius) / reach)
         return np.stack([self.radius * angle, points[..., 1]], axis=-1) + self.size / 2
