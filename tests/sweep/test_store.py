@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import threading
-import time
 from dataclasses import fields, replace
 from types import SimpleNamespace
 
@@ -20,6 +19,7 @@ from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import conf_dir
 from sldvexp.pipeline import provenance
 from sldvexp.pipeline.steps import STEPS, Run, Step, check_contracts
+from sldvexp.sweep import shared_steps
 from sldvexp.sweep.plan import folder_name
 from sldvexp.sweep.repetition import AgreementLevel, compare
 from sldvexp.sweep.shared_steps import Store
@@ -128,7 +128,6 @@ def step():
     done = []
 
     def work(run):
-        time.sleep(0.1)
         done.append(run)
         run.inputs.append("input.txt")
         run.tree["g/h"] = xr.Dataset(
@@ -223,10 +222,27 @@ def test_damaged_entry_is_noticed_and_made_again(damage, perform, tmp_path, capl
     assert perform()[0]
 
 
-def test_two_at_once_do_it_once(perform, step):
+def test_two_at_once_do_it_once(perform, step, monkeypatch):
+    """The one that is first is at work until the others have come, too."""
     perform("seed=7", work=replace(step.step, name="another", reads=("laser",)))
-    before = len(step.done)
-    together = [threading.Thread(target=perform, args=("seed=7",)) for _ in range(3)]
+    before, come, all_there = len(step.done), [], threading.Event()
+    locked = shared_steps.locked
+
+    def locked_after_coming(path):
+        come.append(path)
+        if len(come) == 3:
+            all_there.set()
+        return locked(path)
+
+    def work(run):
+        assert all_there.wait(300)
+        step.step.work(run)
+
+    monkeypatch.setattr(shared_steps, "locked", locked_after_coming)
+    slow = replace(step.step, work=work)
+    together = [
+        threading.Thread(target=perform, args=("seed=7",), kwargs={"work": slow}) for _ in range(3)
+    ]
     for thread in together:
         thread.start()
     for thread in together:
