@@ -28,6 +28,7 @@ COMMANDS = {
     "check": "sldvexp.cli.check",
     "compare": "sldvexp.cli.compare",
     "export": "sldvexp.cli.export",
+    "handbook": "sldvexp.cli.handbook",
     "list": "sldvexp.cli.list",
     "plot": "sldvexp.cli.plot",
     "report": "sldvexp.cli.report",

@@ -19,6 +19,7 @@ from sldvexp.cli.commands import COMMANDS
 from sldvexp.cli.list import EXPERIMENT
 from sldvexp.config import registry
 from sldvexp.config.experiment import NAMED_GROUPS, SINGLE_GROUPS, Experiment
+from sldvexp.config.paths import HANDBOOK
 from sldvexp.config.sources import Origins
 
 GROUPS = (*registry.GROUPS, EXPERIMENT)
@@ -55,6 +56,8 @@ def _all(words: list[str], word: str) -> Iterable[str]:
     command = next(iter(origins.options.overrides), None)
     if command == "list":
         return GROUPS
+    if command == "handbook":
+        return [page.stem for page in HANDBOOK.glob("*.md")]
     if command == "show":
         return _choices(word, GROUPS, origins) or [f"{group}=" for group in GROUPS]
     if command == "check":

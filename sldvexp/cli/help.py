@@ -26,6 +26,7 @@ usage: sldvexp [group=choice | key=value ...] [options]
 Commands; <run> is the folder of a run, or its run.nc:
   list [group]                 plugins and experiments, one line each
   show pose=edge               what can be set of a choice, and what it means
+  handbook [topic]             pages that explain conventions, words, and how a result is read
   check plate lab              whether experiments, or all of a folder, work as they expect
   report <run or sweep>        its page, report.html, anew
   plot <run or sweep> [names]  figures as PNG and SVG

@@ -11,6 +11,9 @@ CONF_SCHEME = "conf://"
 #: The dataset that a run leaves in its folder, once it is done.
 RUN_FILE = "run.nc"
 
+#: The pages of the handbook, one file a topic.
+HANDBOOK = Path(__file__).resolve().parents[1] / "handbook"
+
 
 def conf_dir() -> Path:
     """The packaged configuration, or the checkout's when running from one."""
