@@ -42,6 +42,18 @@ def gradient_edges(lines: ScanLines, edges_per_line: int, window: int) -> ScanLi
     ScanLineEdges
         The standard error is that of the pixels' noise, to first order and as if the filter did not
         reduce it; where the spot is smaller than a pixel, a pixel's share is added.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.image import ScanLines, gradient_edges
+    >>> pixel = np.arange(40.0)
+    >>> step = np.clip((pixel - 20.3) / 3, 0, 1)  # rests on one side, moves on the other
+    >>> lines = ScanLines(
+    ...     magnitude=step[None], std=np.full((1, 40), 0.01),
+    ...     position=np.stack([np.zeros(40), pixel], axis=1)[None], flag=np.zeros((1, 40), bool))
+    >>> gradient_edges(lines, edges_per_line=1, window=3).position.round(1)
+    array([[ 0. , 21.8]])
     """
     found = candidates(lines, edges_per_line, window)
     return _edges(lines, found, found.edge, found.std, found.width, found.reason)
@@ -61,6 +73,18 @@ def pixel_edges(lines: ScanLines, edges_per_line: int, window: int) -> ScanLineE
     -------
     ScanLineEdges
         The standard error is that of `gradient_edges` and of a place rounded to pixels.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.image import ScanLines, pixel_edges
+    >>> pixel = np.arange(40.0)
+    >>> step = np.clip((pixel - 20.3) / 3, 0, 1)  # rests on one side, moves on the other
+    >>> lines = ScanLines(
+    ...     magnitude=step[None], std=np.full((1, 40), 0.01),
+    ...     position=np.stack([np.zeros(40), pixel], axis=1)[None], flag=np.zeros((1, 40), bool))
+    >>> pixel_edges(lines, edges_per_line=1, window=3).position.round(1)
+    array([[ 0. , 22.]])
     """
     found = candidates(lines, edges_per_line, window)
     along = lines.along[found.line]
@@ -88,6 +112,18 @@ def profile_edges(lines: ScanLines, edges_per_line: int, window: int) -> ScanLin
     ScanLineEdges
         The standard error is that of the fit, larger by the root of the mean chi square per degree
         of freedom of all edges where that exceeds one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.image import ScanLines, profile_edges
+    >>> pixel = np.arange(40.0)
+    >>> step = np.clip((pixel - 20.3) / 3, 0, 1)  # rests on one side, moves on the other
+    >>> lines = ScanLines(
+    ...     magnitude=step[None], std=np.full((1, 40), 0.01),
+    ...     position=np.stack([np.zeros(40), pixel], axis=1)[None], flag=np.zeros((1, 40), bool))
+    >>> profile_edges(lines, edges_per_line=1, window=3).position.round(1)
+    array([[ 0. , 21.8]])
     """
     found = candidates(lines, edges_per_line, window)
     edge, std, width = found.edge.copy(), found.std.copy(), found.width.copy()

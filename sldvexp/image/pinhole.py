@@ -40,6 +40,15 @@ def pinhole_from_dac(laser: TwoMirror, dac: ArrayLike) -> Array:
     ------
     UserError
         If a step is beyond the board's range.
+
+    Examples
+    --------
+    >>> from sldvexp.image import pinhole_from_dac
+    >>> from sldvexp.laser import TwoMirror
+    >>> laser = TwoMirror()
+    >>> pinhole_from_dac(laser, [[0, 0], [400, -300]]).round(4)
+    array([[   0.    ,    0.    ],
+           [ 400.2423, -300.3748]])
     """
     up_down, left_right = np.moveaxis(laser.angle_from_dac(dac), -1, 0)
     plane = np.stack([np.tan(up_down), np.tan(left_right) / np.cos(up_down)], axis=-1)
@@ -47,7 +56,17 @@ def pinhole_from_dac(laser: TwoMirror, dac: ArrayLike) -> Array:
 
 
 def dac_from_pinhole(laser: TwoMirror, pinhole: ArrayLike) -> Array:
-    """Convert pinhole coordinates to DAC steps, shape (..., 2): `pinhole_from_dac` inverted."""
+    """Convert pinhole coordinates to DAC steps, shape (..., 2): `pinhole_from_dac` inverted.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.image import dac_from_pinhole, pinhole_from_dac
+    >>> from sldvexp.laser import TwoMirror
+    >>> laser = TwoMirror()
+    >>> dac_from_pinhole(laser, pinhole_from_dac(laser, [[400, -300]])).round(6)
+    array([[ 400., -300.]])
+    """
     y, x = np.moveaxis(np.asarray(pinhole, float) * laser.step, -1, 0)
     up_down = np.arctan(y)
     angle = np.stack([up_down, np.arctan(x * np.cos(up_down))], axis=-1)
@@ -71,7 +90,21 @@ def pinhole_jacobian(laser: TwoMirror, dac: ArrayLike) -> Array:
 
 
 def pinhole_edges(laser: TwoMirror, edges: ScanLineEdges) -> ScanLineEdges:
-    """Convert edges to pinhole coordinates, with their directions, standard errors and widths."""
+    """Convert edges to pinhole coordinates, with their directions, standard errors and widths.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.image import ScanLineEdges, pinhole_edges
+    >>> from sldvexp.laser import TwoMirror
+    >>> step = ScanLineEdges(
+    ...     position=np.array([[400.0, -300.0]]), std=np.array([0.5]),
+    ...     direction=np.array([[0.0, 1.0]]), width=np.array([2.0]),
+    ...     line=np.array([0]), rising=np.array([True]), phase=np.array([0.0]),
+    ...     rejected=(), lines=1, name="the circle")
+    >>> pinhole_edges(TwoMirror(), step).position.round(4)
+    array([[ 400.2423, -300.3748]])
+    """
     along = np.einsum("nij,nj->ni", pinhole_jacobian(laser, edges.position), edges.direction)
     stretch = np.linalg.norm(along, axis=-1)
     return replace(
@@ -131,6 +164,19 @@ def fit_circle(edges: ScanLineEdges, method: str = "likelihood") -> tuple[ConicF
     ------
     UserError
         If the edges make no ellipse; it names the circle and says what was seen on its lines.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.image import ScanLineEdges, fit_circle
+    >>> turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    >>> out = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    >>> edges = ScanLineEdges(
+    ...     position=0.02 * out + 0.1, std=np.full(24, 1e-4), direction=out,
+    ...     width=np.full(24, 1e-3), line=np.arange(24), rising=np.full(24, False),
+    ...     phase=np.zeros(24), rejected=(), lines=24, name="the circle")
+    >>> fit_circle(edges)[0].ellipse.semi_axes.round(4)
+    array([0.02, 0.02])
     """
     try:
         first = _fit(edges, method)

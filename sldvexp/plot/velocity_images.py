@@ -41,7 +41,7 @@ def raw_unavailable_because(run: RunData) -> str:
 def images(
     source: Source | RunData, view: str | None = None, frequency: float | None = None
 ) -> Figure:
-    """ComplexArray velocity of the pixels, a row for each view.
+    """Complex velocity of the pixels, a row for each view.
 
     Flagged pixels are hatched, and phases where the velocity is less than `CERTAIN` of its standard
     deviations.

@@ -70,6 +70,15 @@ def refine_frequencies(
     ------
     UserError
         If the records have no clear frequency within reach, or do not fit the times.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.signal import refine_frequencies
+    >>> times = np.arange(512) / 5120.0
+    >>> record = np.cos(2 * np.pi * 200.3 * times + 1.0)
+    >>> refine_frequencies(record[None], times, [200.0]).frequencies.round(4)
+    array([200.3])
     """
     t = np.asarray(times, float)
     start = np.atleast_1d(np.asarray(frequencies, float))

@@ -24,6 +24,18 @@ def instrument_fault(image: ComplexImage, share: float = MOST) -> str:
     ----------
     share : float
         Of the pixels, from which a flag counts.
+
+    Examples
+    --------
+    Nothing but noise on both channels:
+
+    >>> import numpy as np
+    >>> from sldvexp.signal import demodulate, instrument_fault, sine_model
+    >>> rng, times = np.random.default_rng(1), np.arange(256) / 2560.0
+    >>> samples = 1e-3 * rng.standard_normal((50, 2, 256))
+    >>> print(instrument_fault(demodulate(samples, sine_model(times, [100.0]))))
+    the reference channel has no signal of 100 Hz (...), and nothing moves; the generator's output
+    is off
     """
     flags = image.flags
 

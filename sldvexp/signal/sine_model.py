@@ -84,6 +84,13 @@ def sine_model(
     ------
     UserError
         If the samples are too few, out of order, or cannot tell the frequencies apart.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.signal import sine_model
+    >>> sine_model(np.arange(64) / 640.0, [50.0]).columns.shape  # cosine, sine, constant
+    (64, 3)
     """
     t = np.asarray(times, float)
     wanted = np.atleast_1d(np.asarray(frequencies, float))

@@ -1,0 +1,11 @@
+from .edge_detection import gradient_edges as gradient_edges
+from .edge_detection import pixel_edges as pixel_edges
+from .edge_detection import profile_edges as profile_edges
+from .interpolation.base import Interpolator as Interpolator
+from .interpolation.methods import Interpolation as Interpolation
+from .pinhole import dac_from_pinhole as dac_from_pinhole
+from .pinhole import fit_circle as fit_circle
+from .pinhole import pinhole_edges as pinhole_edges
+from .pinhole import pinhole_from_dac as pinhole_from_dac
+from .scan_lines import ScanLineEdges as ScanLineEdges
+from .scan_lines import ScanLines as ScanLines

@@ -1,0 +1,9 @@
+from .connection import DisturbanceError as DisturbanceError
+from .protocol import Acquisition as Acquisition
+from .protocol import Instrument as Instrument
+from .protocol import InstrumentError as InstrumentError
+from .protocol import RawSamples as RawSamples
+from .protocol import ScanningPlugin as ScanningPlugin
+from .protocol import Status as Status
+from .recording import Recording as Recording
+from .recording import Replay as Replay

@@ -1,0 +1,3 @@
+from .camera import Camera as Camera
+from .camera import Operator as Operator
+from .journal import Journal as Journal

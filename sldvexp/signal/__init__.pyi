@@ -1,0 +1,12 @@
+from .base import SignalEstimator as SignalEstimator
+from .complex_image import ComplexImage as ComplexImage
+from .complex_image import demodulate as demodulate
+from .frequency import Refined as Refined
+from .frequency import refine_frequencies as refine_frequencies
+from .instrument_faults import instrument_fault as instrument_fault
+from .pixel_quality import Flag as Flag
+from .pixel_quality import FlagRules as FlagRules
+from .pixel_quality import Intercept as Intercept
+from .sine_fit import SineFit as SineFit
+from .sine_model import SineModel as SineModel
+from .sine_model import sine_model as sine_model
