@@ -1,4 +1,4 @@
-"""What a user did wrong, said in one sentence: what is wrong, where, and what would be right."""
+"""Mistakes of a user, each said in one sentence: what, where, and what would be right."""
 
 from __future__ import annotations
 

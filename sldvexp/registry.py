@@ -1,4 +1,4 @@
-"""The old place of `register`, which packages of others import from here."""
+"""Old place of `register`, from which packages of others import it."""
 
 from sldvexp.config.registry import register
 

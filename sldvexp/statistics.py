@@ -51,16 +51,11 @@ def f_test(
 
     Parameters
     ----------
-    statistic : array_like
     numerator_dof, denominator_dof : array_like, broadcastable to `statistic`
         An infinite denominator stands for a known noise. Without any degrees of freedom
         everything but the statistic is NaN and nothing is rejected.
     confidence : float
         1 - alpha, as 0.95.
-
-    Returns
-    -------
-    FTest
     """
     f, p, q = np.broadcast_arrays(
         np.asarray(statistic, float),
@@ -99,11 +94,6 @@ def nested_f_test(
         Residual sums of squares of the model without and with the parameters.
     added_dof, residual_dof : array_like
         Real parameters that were added; real degrees of freedom that the full model leaves.
-    confidence : float
-
-    Returns
-    -------
-    FTest
     """
     partial, full = np.asarray(sse_partial, float), np.asarray(sse_full, float)
     statistic = (partial - full) / np.asarray(added_dof) / (full / np.asarray(residual_dof))
@@ -111,7 +101,7 @@ def nested_f_test(
 
 
 def student_factor(confidence: float, dof: ArrayLike) -> Array:
-    """Factor t of the interval ``estimate +- t standard_error``.
+    """Compute the factor t of the interval ``estimate +- t standard_error``.
 
     Parameters
     ----------
@@ -138,17 +128,13 @@ def student_factor(confidence: float, dof: ArrayLike) -> Array:
 
 
 def chi_square_p_value(chi_square: ArrayLike, dof: ArrayLike) -> Array:
-    """Probability of a larger chi-square if the stated noise is right; NaN without freedom.
+    """Compute the probability of a larger chi-square if the stated noise is right.
 
     Parameters
     ----------
     chi_square : array_like
         Sum of squared residuals, each over its standard deviation.
     dof : array_like, broadcastable to `chi_square`
-
-    Returns
-    -------
-    ndarray
     """
     nu = np.asarray(dof, float)
     p_value = scipy.special.chdtrc(np.where(nu > 0, nu, 1.0), np.asarray(chi_square, float))
@@ -202,10 +188,6 @@ def welch(
         Degrees of freedom of the standard errors; infinite if they are known.
     confidence : float
         1 - alpha; the dissertation's Table 4.2 uses 0.99.
-
-    Returns
-    -------
-    WelchTest
     """
     variance1, variance2 = np.square(standard_error1), np.square(standard_error2)
     statistic = (np.asarray(mean1, float) - mean2) / np.sqrt(variance1 + variance2)

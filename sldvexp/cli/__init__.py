@@ -1,1 +1,1 @@
-"""What there is to choose from: `sldvexp list` and `sldvexp show`."""
+"""Commands of the terminal: what they take, do and print."""

@@ -59,7 +59,7 @@ def run(words: list[str], config_dir: str | None) -> int:
 
 
 def named(word: str, config_dir: str | None) -> list[tuple[list[Cell], str | None]]:
-    """What a word stands for: combinations, and the user's folder that they belong to.
+    """Find what a word stands for: combinations, and the user's folder that they belong to.
 
     Raises
     ------
@@ -86,7 +86,10 @@ def named(word: str, config_dir: str | None) -> list[tuple[list[Cell], str | Non
 
 
 def _of_file(path: Path, config_dir: str | None) -> tuple[list[Cell], str | None]:
-    """An experiment's or a matrix's file; what it names may lie in the same folder of the user."""
+    """Read an experiment's or a matrix's file.
+
+    What it names may lie in the same folder of the user.
+    """
     above = {parent.name: parent for parent in path.parents}
     folder = above.get(EXPERIMENT) or above.get(MATRIX)
     own = config_dir or (str(folder.parent) if folder else None)

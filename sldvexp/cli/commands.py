@@ -41,12 +41,12 @@ TAKEN = ("overrides", "config_dir")
 
 
 def begins(arguments: Sequence[str]) -> bool:
-    """Whether a command is the first of all arguments."""
+    """Tell whether a command is the first of all arguments."""
     return next(iter(arguments), None) in COMMANDS
 
 
 def named(options: Namespace) -> bool:
-    """Whether the command line is a command and no list of settings.
+    """Tell whether the command line is a command and no list of settings.
 
     Raises
     ------
@@ -86,7 +86,7 @@ KEY = "resume="
 
 
 def arguments_of(arguments: Sequence[str]) -> list[str]:
-    """The command line that goes on with a run: what it was started with, into the same folder.
+    """Write the command line that goes on with a run: what it was started with, into its folder.
 
     Paths of a configuration are relative to where its run was started, so this changes to that
     folder.
@@ -137,7 +137,7 @@ def arguments_of(arguments: Sequence[str]) -> list[str]:
 
 
 def _read(path: Path) -> Any:
-    """The content of a file that Hydra left, as data."""
+    """Read a file that Hydra left, as data."""
     try:
         return yaml.safe_load(read_text(path))
     except (yaml.YAMLError, RecursionError):
@@ -145,7 +145,7 @@ def _read(path: Path) -> Any:
 
 
 def _recorded(settings: Any, key: str, kind: type, path: Path) -> Any:
-    """What Hydra recorded under a dotted key."""
+    """Find what Hydra recorded under a dotted key."""
     found = settings
     for part in key.split("."):
         found = found.get(part) if isinstance(found, dict) else None

@@ -45,7 +45,7 @@ def run(words: list[str], config_dir: str | None) -> int:
 
 
 def runs_in(paths: Sequence[Path]) -> list[Path]:
-    """The folders of runs: each path is one, or a run's file, or the folder of a sweep.
+    """List the folders of runs: each path is one, or a run's file, or the folder of a sweep.
 
     Of runs that failed it is told that they are left out.
 
@@ -71,14 +71,10 @@ def runs_in(paths: Sequence[Path]) -> list[Path]:
 
 
 def settings_that_differ(runs: Sequence[Recorded]) -> dict[str, list[str]]:
-    """Keys whose values set runs apart, with the value of each run.
+    """Find keys whose values set runs apart, with the value of each run.
 
     A group's settings count among runs with the same plugin only, and of settings that always
     change together the first stands for all.
-
-    Parameters
-    ----------
-    runs : sequence of Recorded
     """
     flat = [_flat(run) for run in runs]
     keys = dict.fromkeys(key for settings in flat for key in settings)
@@ -106,7 +102,7 @@ def _recorded(folder: Path) -> Recorded:
 
 
 def _flat(run: Recorded) -> dict[str, str]:
-    """Dotted keys with their values as text; a group's own key has its plugin."""
+    """Flatten to dotted keys with their values as text; a group's own key has its plugin."""
     found = {g: run.plugins.get(g, "null") for g in SINGLE_GROUPS if g not in IDLE}
     for key, value in run.values.items():
         if key not in IDLE:

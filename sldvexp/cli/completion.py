@@ -1,4 +1,4 @@
-"""What the shell offers when TAB is pressed: choices, settings, commands and options."""
+"""Completion by the shell when TAB is pressed: choices, settings, commands and options."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ GROUPS = (*registry.GROUPS, EXPERIMENT)
 
 
 def suggestions(line: str) -> list[str]:
-    """How the last word of a command line may go on.
+    """Suggest how the last word of a command line may go on.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def suggestions(line: str) -> list[str]:
 
 
 def _all(words: list[str], word: str) -> Iterable[str]:
-    """What may stand in the place of a word, whether it begins so or not."""
+    """List what may stand in the place of a word, whether it begins so or not."""
     if word.startswith("-"):
         return [o for action in get_args_parser()._actions for o in action.option_strings]
     registry.load_installed()
@@ -72,7 +72,7 @@ def _all(words: list[str], word: str) -> Iterable[str]:
 
 
 def _choices(word: str, groups: Iterable[str], origins: Origins) -> list[str]:
-    """All choices of a group, also after those of a sweep, ``pose=bitangent,edge``."""
+    """List all choices of a group, also after those of a sweep, ``pose=bitangent,edge``."""
     group, chosen, value = word.partition("=")
     others, comma, _ = value.rpartition(",")
     names = origins.options_of(group) if chosen and group in groups else ()
@@ -80,7 +80,10 @@ def _choices(word: str, groups: Iterable[str], origins: Origins) -> list[str]:
 
 
 def _values(word: str, origins: Origins) -> list[str]:
-    """The values of a setting that has only a few, and the plugins of an entry that names one."""
+    """List the values of a setting that has only a few.
+
+    And the plugins of an entry that names one.
+    """
     key, given, _ = word.partition("=")
     above, _, last = key.lstrip("+").rpartition(".")
     if not (given and above):
@@ -96,7 +99,7 @@ def _values(word: str, origins: Origins) -> list[str]:
 
 
 def _settings(word: str, origins: Origins) -> list[str]:
-    """Groups and settings of the configuration so far, as Hydra finds them."""
+    """List groups and settings of the configuration so far, as Hydra finds them."""
     line = " ".join([*origins.arguments, word])
     valid = {*GROUPS, *(f.name for f in fields(Experiment)), "hydra"}  # no other folder of files
     found = DefaultCompletionPlugin(origins.loader)._query("config", line)

@@ -1,4 +1,4 @@
-"""What `sldvexp show experiment=plate` prints: what an experiment chooses, sets and expects."""
+"""Page that `sldvexp show experiment=plate` prints: what it chooses, sets and expects."""
 
 from __future__ import annotations
 
@@ -18,13 +18,12 @@ from sldvexp.config.sources import ConfigLayer, Origins
 
 
 def lines(choice: str, file: Path, origins: Origins, config: DictConfig) -> Iterator[str]:
-    """The page, line by line.
+    """Yield the page, line by line.
 
     Parameters
     ----------
     choice : str
         ``experiment=name``.
-    file : Path
     origins : Origins
         Of the configuration that chooses it.
     config : DictConfig
@@ -43,7 +42,7 @@ def lines(choice: str, file: Path, origins: Origins, config: DictConfig) -> Iter
 
 
 def _settings(layer: ConfigLayer) -> Iterator[str]:
-    """What a file sets, a line for each setting of a plugin and each named table."""
+    """Yield what a file sets, a line for each setting of a plugin and each named table."""
     for key, value in layer.values.items():
         table = value.items() if isinstance(value, dict) else [("", value)]
         for name, inner in table:
@@ -53,7 +52,7 @@ def _settings(layer: ConfigLayer) -> Iterator[str]:
 
 
 def _expected(table: dict[str, Any]) -> str:
-    """How much an expectation compares, and with what."""
+    """Say how much an expectation compares, and with what."""
     compared = (len(table.get(kind, {})) for kind in ("published", "at_most", "at_least"))
     source = table.get("source")
     return f"{sum(compared)} compared{f' with {source}' if source else ''}"

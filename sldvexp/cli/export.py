@@ -51,7 +51,7 @@ def run(words: list[str], config_dir: str | None) -> int:
 
 
 def _configured(name: str, settings: list[str]) -> Export:
-    """The format with the settings that begin with its name, as in ``vtu.phases=36``."""
+    """Make the format with the settings that begin with its name, as in ``vtu.phases=36``."""
     own = [s.removeprefix(f"{name}.") for s in settings if s.startswith(f"{name}.")]
     schema = registry.schema_of(registry.get("export", name))
     try:

@@ -44,6 +44,6 @@ def run(words: list[str], config_dir: str | None) -> int:
 
 
 def first_sentence(page: Path) -> str:
-    """The first sentence below a page's title."""
+    """Find the first sentence below a page's title."""
     _, paragraph, *_ = page.read_text(encoding="utf-8").split("\n\n", 2)
     return docs.sentence(" ".join(paragraph.split()))

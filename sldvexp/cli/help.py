@@ -1,4 +1,4 @@
-"""What `sldvexp --help` prints: the groups, their choices with one line each, and how to go on."""
+"""Page that `sldvexp --help` prints: the groups, their choices, and how to go on."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ compare, check and export hold plugins by name, for example
 
 
 def text(folders: list[Path]) -> str:
-    """The help page.
+    """Write the help page.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def text(folders: list[Path]) -> str:
 
 
 def _choices(group: str, folders: list[Path]) -> Iterator[str]:
-    """A line for each file of a group, and for each plugin that has none."""
+    """Yield a line for each file of a group, and for each plugin that has none."""
     found = files(group, folders)
     others = [p for p in registry.names(group) if p not in found and _by_name(group, p)]
     for name in [*found, *others]:
@@ -69,5 +69,5 @@ def _choices(group: str, folders: list[Path]) -> Iterator[str]:
 
 
 def _by_name(group: str, name: str) -> bool:
-    """Whether a plugin without a file can be chosen: by name, or of another package."""
+    """Tell whether a plugin without a file can be chosen: by name, or of another package."""
     return group in ("check", "export") or not registry.is_built_in(registry.get(group, name))

@@ -35,14 +35,14 @@ def run(words: list[str], config_dir: str | None) -> int:
 
 
 def folders(config_dir: str | None) -> list[Path]:
-    """Where configuration files are looked for: the user's folder wins over the program's."""
+    """List where configuration files are looked for: the user's folder wins over the program's."""
     registry.load_installed()
     others = [package.conf for package in registry.packages() if package.conf]
     return [*([Path(config_dir)] if config_dir else []), conf_dir(), *others]
 
 
 def files(group: str, folders: list[Path]) -> dict[str, Path]:
-    """The configuration files of a group by what chooses them."""
+    """Find the configuration files of a group by what chooses them."""
     found: dict[str, Path] = {}
     for folder in folders:
         for path in sorted((folder / group).rglob("*.yaml")):
@@ -51,7 +51,7 @@ def files(group: str, folders: list[Path]) -> dict[str, Path]:
 
 
 def _lines(group: str, folders: list[Path]) -> Iterator[str]:
-    """The lines of a group, names in a column of their own."""
+    """Yield the lines of a group, names in a column of their own."""
     entries = list(_entries(group, folders))
     width = max((len(name) for name, _, _ in entries), default=0)
     for name, told, origin in entries:
@@ -75,7 +75,7 @@ def _entries(group: str, folders: list[Path]) -> Iterator[tuple[str, str, str]]:
 
 
 def origin(plugin: type) -> str:
-    """The package of a plugin that is not built in, with its version."""
+    """Name the package of a plugin that is not built in, with its version."""
     if registry.is_built_in(plugin):
         return ""
     package = registry.package_of(plugin)
@@ -83,7 +83,10 @@ def origin(plugin: type) -> str:
 
 
 def _choices_of(plugin: str, bases: dict[str, list[str]]) -> list[str]:
-    """The files that set up a plugin, also by way of others; `bases` is what each begins with."""
+    """List the files that set up a plugin, also by way of others.
+
+    `bases` is what each begins with.
+    """
     found = {f"schema/{plugin}"}
     while more := {name for name, base in bases.items() if found & set(base)} - found:
         found |= more

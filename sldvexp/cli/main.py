@@ -1,4 +1,4 @@
-"""The `sldvexp` command. It imports nothing heavy: help, completion and `--cfg` answer at once."""
+"""Entry of the `sldvexp` command: it composes and runs, and tells mistakes in a sentence."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def main() -> None:
 
 
 def _warning(message: Warning | str, category: type[Warning], *place: Any, **line: Any) -> str:
-    """How a warning is printed: about plugins of others in one sentence, without its place."""
+    """Format a warning: about plugins of others in one sentence, without its place."""
     if issubclass(category, registry.PluginWarning):
         return f"sldvexp: {message}\n"
     return USUAL_WARNING(message, category, *place, **line)
@@ -90,7 +90,7 @@ class Command:
         self.held = ExitStack()  # the lock of a single run's folder
 
     def __getstate__(self) -> dict[str, Any]:
-        """What a launcher takes to other processes: the sweep itself stays in this one."""
+        """Take along to other processes all but the sweep, which stays in this one."""
         return {**vars(self), "sweep": None, "held": ExitStack()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -235,7 +235,7 @@ class Command:
         self.held.enter_context(alone(folder))
 
     def _job(self, cfg: DictConfig) -> None:
-        """One job; its mistakes are told here, so that a sweep goes on with the next."""
+        """Do one job; its mistakes are told here, so that a sweep goes on with the next."""
         gc.enable()
         from hydra.core.hydra_config import HydraConfig
 
@@ -277,7 +277,10 @@ class Command:
                 leave_sign(Path(job.runtime.output_dir), computed)
 
     def _options(self) -> Namespace:
-        """The options, all of which are Hydra's; a wrong one is a user's mistake like others."""
+        """Parse the options, all of which are Hydra's.
+
+        A wrong one is a user's mistake like others.
+        """
         parser = get_args_parser()
 
         def refuse(message: str) -> NoReturn:
@@ -289,7 +292,7 @@ class Command:
         return parser.parse_args(list(self.arguments))
 
     def _check(self, options: Namespace) -> None:
-        """Files that do not belong to the program must not make Hydra run code."""
+        """Check that files that do not belong to the program do not make Hydra run code."""
         if options.config_path:
             raise UserError(
                 "command line: --config-path would replace the program's own configuration; "

@@ -46,7 +46,7 @@ def run(words: list[str], config_dir: str | None) -> int:
 
 
 def _file(path: Path) -> Path:
-    """The file of a run or a sweep, from it or its folder."""
+    """Find the file of a run or a sweep, from it or its folder."""
     if not path.is_dir():
         return path
     found = [path / name for name in (RUN_FILE, SWEEP_FILE) if (path / name).is_file()]
@@ -56,7 +56,7 @@ def _file(path: Path) -> Path:
 
 
 def _opened(path: Path) -> RunData:
-    """The groups of a run's file; of one without groups, the dataset of a sweep."""
+    """Open the groups of a run's file; of one without groups, the dataset of a sweep."""
     tree = dataset.load(path)
     if not tree.children:
         return shown(tree.to_dataset())

@@ -1,4 +1,4 @@
-"""What `sldvexp show pose=edge` prints: a plugin's purpose, its source, and every setting."""
+"""Page that `sldvexp show pose=edge` prints: a plugin's purpose, source and settings."""
 
 from __future__ import annotations
 
@@ -17,11 +17,10 @@ from sldvexp.errors import UserError, nearest
 
 
 def lines(group: str, node: DictConfig, file: Path | None) -> Iterator[str]:
-    """The page, line by line.
+    """Yield the page, line by line.
 
     Parameters
     ----------
-    group : str
     node : DictConfig
         What choosing it makes of the group.
     file : Path or None
@@ -47,7 +46,7 @@ def lines(group: str, node: DictConfig, file: Path | None) -> Iterator[str]:
 
 
 def _setting(parameter: docs.Parameter) -> Iterator[str]:
-    """A setting as in a file, and below it what it means."""
+    """Yield a setting as in a file, and below it what it means."""
     yield docs.shortened(f"  {parameter.key}: {parameter.value}", WIDTH)
     told = ". ".join(filter(None, [parameter.kind, parameter.meaning]))
     yield from textwrap.wrap(told, WIDTH, initial_indent=" " * 6, subsequent_indent=" " * 6)

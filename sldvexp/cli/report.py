@@ -44,7 +44,7 @@ def run(words: list[str], config_dir: str | None) -> int:
 
 
 def _of_sweep(report: Html, path: Path) -> Path:
-    """The page of a sweep, whose dataset ranks its runs."""
+    """Make the page of a sweep, whose dataset ranks its runs."""
     try:
         with xr.open_dataset(path, engine="netcdf4", auto_complex=True) as opened:
             table = opened.load()

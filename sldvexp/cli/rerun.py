@@ -57,7 +57,7 @@ def _loaded(path: Path) -> xr.DataTree:
 
 
 def _without_hardware(found: Recorded) -> Recorded:
-    """The same with the scan lines that a run kept, in the place of an instrument's."""
+    """Put the scan lines that a run kept in the place of an instrument's."""
     if found.plugins.get("instrument") != "visa":
         return found
     folder = found.path.parent
@@ -74,7 +74,7 @@ def _without_hardware(found: Recorded) -> Recorded:
 
 
 def _started_in(found: Recorded) -> Path:
-    """The folder from which the run's input files are found with the content that it read."""
+    """Find the folder from which the run's input files are found with the content that it read."""
     complaint = ""
     for base in _bases(found.path.parent):
         wrong = next((w for p, d in found.inputs.items() if (w := _wrong(base, p, d))), "")
@@ -85,7 +85,7 @@ def _started_in(found: Recorded) -> Path:
 
 
 def _bases(folder: Path) -> list[Path]:
-    """Where this was called, and where the run was, if Hydra's folder still tells."""
+    """List where this was called, and where the run was, if Hydra's folder still tells."""
     found = [Path.cwd()]
     try:
         settings: Any = OmegaConf.load(folder / ".hydra" / "hydra.yaml")
@@ -96,7 +96,7 @@ def _bases(folder: Path) -> list[Path]:
 
 
 def _wrong(base: Path, name: str, digest: str) -> str:
-    """What is wrong with an input file; empty if nothing is."""
+    """Say what is wrong with an input file; empty if nothing is."""
     path = locate(name) if name.startswith(CONF_SCHEME) else base / locate(name)
     if not path.is_file():
         return f"the run read {name}, which is not there (looked from {base})"

@@ -1,1 +1,1 @@
-"""Configuration: its schema, its plugins by name, its files and its mistakes."""
+"""Commands of the terminal: what they take, do and print."""

@@ -32,7 +32,7 @@ from yaml.resolver import Resolver
 
 
 def _copies(value: Any) -> Callable[[], Any]:
-    """What gives a new copy at every call, thrice as fast as a deep copy where that is possible."""
+    """Make what gives a new copy at every call, faster than a deep copy where that is possible."""
     try:
         content = pickle.dumps(value)
     except (pickle.PicklingError, TypeError, AttributeError):
@@ -42,7 +42,7 @@ def _copies(value: Any) -> Callable[[], Any]:
 
 @cache
 def _compiled_loader() -> type:
-    """OmegaConf's loader of YAML, its rules included, over the parser that is compiled."""
+    """Make OmegaConf's loader of YAML, its rules included, over the parser that is compiled."""
     usual = _utils.get_yaml_loader()
     if not hasattr(yaml, "CSafeLoader"):
         return usual  # type: ignore[no-any-return]
@@ -58,7 +58,7 @@ def _compiled_loader() -> type:
 
 @contextmanager
 def _compiled_parser() -> Iterator[None]:
-    """While in it, OmegaConf parses ten times faster; it has no setting for its loader."""
+    """Parse YAML ten times faster while in it; OmegaConf has no setting for its loader."""
     usual = _utils.get_yaml_loader
     _compiled_loader()  # before it is asked for in place of the usual one, which it is made of
     _utils.get_yaml_loader = _compiled_loader
@@ -69,7 +69,7 @@ def _compiled_parser() -> Iterator[None]:
 
 
 class Memory(dict[Any, Callable[[], Any]]):
-    """What is remembered. It goes to another process with every job: empty, and fills up there."""
+    """Memory that goes to another process with every job: empty, and fills up there."""
 
     def __init__(self) -> None:
         self.name = uuid4().hex
@@ -80,7 +80,7 @@ class Memory(dict[Any, Callable[[], Any]]):
 
 @cache
 def _of_process(name: str) -> Memory:
-    """The part of a memory that a process has for itself."""
+    """Return the part of a memory that a process has for itself."""
     return Memory()
 
 
@@ -107,7 +107,7 @@ class RememberingRepository(ConfigRepository):
         return found
 
     def __deepcopy__(self, memo: dict[int, Any]) -> RememberingRepository:
-        """Other sources, as Hydra's search path may set, and the same memory."""
+        """Copy the sources, which Hydra's search path may set, and share the memory."""
         other = RememberingRepository.__new__(RememberingRepository)
         vars(other).update({**vars(self), "sources": list(self.sources)})
         return other
@@ -139,7 +139,7 @@ class RememberingLoader(ConfigLoaderImpl):
         )
 
     def _on_top(self, overrides: list[Override], config_name: str | None) -> DictConfig:
-        """The values that are set, put onto what is composed of the choices."""
+        """Put the values that are set onto what is composed of the choices."""
         setting = [o for o in overrides if self._sets(o)]
         choosing = [str(o.input_line) for o in overrides if o not in setting]
         config = self._composed(config_name, tuple(choosing))
@@ -156,7 +156,7 @@ class RememberingLoader(ConfigLoaderImpl):
         return config
 
     def _sets(self, override: Override) -> bool:
-        """Whether an override sets a value, and has no say in which files are composed."""
+        """Tell whether an override sets a value, and has no say in which files are composed."""
         if override.is_sweep_override() or override.get_key_element() == "hydra.mode":
             return True
         if override.is_hydra_override():
@@ -165,7 +165,7 @@ class RememberingLoader(ConfigLoaderImpl):
         return not is_group or isinstance(override.value(), dict)
 
     def _composed(self, config_name: str | None, choosing: tuple[str, ...]) -> DictConfig:
-        """What Hydra composes of choices, to be changed at will."""
+        """Compose the choices as Hydra does, to be changed at will."""
         key = config_name, choosing
         if key not in self._known:
             composed = super()._load_configuration_impl(config_name, [*choosing], RunMode.RUN)
@@ -175,7 +175,7 @@ class RememberingLoader(ConfigLoaderImpl):
 
 
 def _named(override: Override, config: DictConfig) -> Override:
-    """The override with text for the names of a table whose entries have texts for names.
+    """Name entries by text where a table's entries have texts for names.
 
     A shell cannot quote ``{1: {}}`` so that Hydra reads a text.
     """
@@ -190,7 +190,7 @@ def _named(override: Override, config: DictConfig) -> Override:
 
 @contextmanager
 def remembering(before_run: Callable[[DictConfig], None]) -> Iterator[None]:
-    """While in it, Hydra uses `RememberingLoader`; it has no setting for its loader.
+    """Let Hydra use `RememberingLoader` while in it; it has no setting for its loader.
 
     Parameters
     ----------

@@ -13,14 +13,14 @@ DEFAULTS = "its defaults must be a list of names, as in '- override /pose: regis
 
 
 def displayed(file: Path) -> str:
-    """A configuration file's name for messages."""
+    """Show a configuration file's name for messages."""
     if file.is_relative_to(conf_dir()):
         return f"conf/{file.relative_to(conf_dir())}"
     return str(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file)
 
 
 def wrong(file: Path) -> str:
-    """What makes a file no configuration, empty if nothing does."""
+    """Say what makes a file no configuration, empty if nothing does."""
     try:
         return _wrong(_read(file))
     except (UnicodeDecodeError, yaml.reader.ReaderError):
@@ -30,7 +30,7 @@ def wrong(file: Path) -> str:
 
 
 def choices(file: Path) -> dict[str, list[str]]:
-    """What a file's defaults list chooses, by group; a bare name belongs to the file's group."""
+    """List what a file's defaults list chooses, by group; a bare name is of the file's group."""
     try:
         content = _read(file)
     except (OSError, UnicodeDecodeError, yaml.YAMLError):
@@ -47,13 +47,13 @@ def choices(file: Path) -> dict[str, list[str]]:
 
 
 def names(value: Any) -> list[str]:
-    """The names in a choice, which is one or a list."""
+    """List the names in a choice, which is one or a list."""
     values = value if isinstance(value, list) else [value]
     return [v for v in values if isinstance(v, str)]
 
 
 def _read(file: Path) -> Any:
-    """A file's content; the loader that is compiled is ten times faster, where there is one."""
+    """Read a file; the loader that is compiled is ten times faster, where there is one."""
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     return yaml.load(file.read_text(encoding="utf-8"), loader)
 
@@ -68,7 +68,7 @@ def _wrong(content: Any) -> str:
 
 
 def _is_choice(item: Any) -> bool:
-    """Whether an item of a defaults list is a name, or a group with what is chosen of it."""
+    """Tell whether an item of a defaults list is a name, or a group with what is chosen of it."""
     if not isinstance(item, dict):
         return isinstance(item, str)
     return len(item) == 1 and all(

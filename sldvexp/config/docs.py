@@ -1,4 +1,4 @@
-"""What can be chosen, in its own words: a file's comment, a plugin's docstring.
+"""Words about choices from where they are made: a file's comment, a plugin's docstring.
 
 The fields of a plugin as its configuration has them: value, type with unit, meaning.
 """
@@ -18,17 +18,17 @@ from omegaconf import MISSING, OmegaConf
 
 
 def of_file(file: Path) -> str:
-    """The first sentence of a configuration file's first comment."""
+    """Take the first sentence of a configuration file's first comment."""
     return sentence(" ".join(comment(file)))
 
 
 def of_plugin(plugin: type) -> str:
-    """The first sentence of a plugin's docstring."""
+    """Take the first sentence of a plugin's docstring."""
     return sentence(next(iter(description(plugin)), ""))
 
 
 def description(plugin: type) -> list[str]:
-    """The paragraphs of a plugin's docstring, up to its sections."""
+    """Take the paragraphs of a plugin's docstring, up to its sections."""
     told = inspect.cleandoc(plugin.__dict__.get("__doc__") or "")
     if told.startswith(f"{plugin.__name__}("):
         return []  # a dataclass without a docstring gets its signature
@@ -37,7 +37,7 @@ def description(plugin: type) -> list[str]:
 
 
 def comment(file: Path) -> list[str]:
-    """The lines of the comment that a configuration file begins with, but for Hydra's."""
+    """Take the lines of the comment that a configuration file begins with, but for Hydra's."""
     lines = []
     for line in file.read_text(encoding="utf-8", errors="replace").splitlines():
         if not line.startswith("#"):
@@ -48,12 +48,12 @@ def comment(file: Path) -> list[str]:
 
 
 def shortened(line: str, width: int) -> str:
-    """A line that is not longer than so many characters."""
+    """Shorten a line to so many characters."""
     return line if len(line) <= width else f"{line[: width - 4].rpartition(' ')[0]} ..."
 
 
 def sentence(words: str) -> str:
-    """Up to the first full stop that ends a sentence."""
+    """Take the text up to the first full stop that ends a sentence."""
     end = words.find(". ")
     return (words if end < 0 else words[:end]).rstrip(".")
 
@@ -84,7 +84,7 @@ class Parameter:
 
 
 def parameters_of(plugin: type, values: dict[str, Any], above: str = "") -> Iterator[Parameter]:
-    """All fields of a plugin, those of tables below them.
+    """Yield all fields of a plugin, those of tables below them.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def parameters_of(plugin: type, values: dict[str, Any], above: str = "") -> Iter
 
 
 def documented(plugin: type) -> dict[str, tuple[str, str]]:
-    """Type and meaning of each field by its name, from the docstrings of a class and its bases."""
+    """Read type and meaning of each field from the docstrings of a class and its bases."""
     found: dict[str, tuple[str, str]] = {}
     for cls in reversed(plugin.__mro__):
         found |= _described(inspect.cleandoc(cls.__dict__.get("__doc__") or ""))
@@ -122,7 +122,7 @@ def documented(plugin: type) -> dict[str, tuple[str, str]]:
 
 
 def as_yaml(value: Any) -> str:
-    """A plain value on one line."""
+    """Write a plain value on one line."""
     if value == MISSING:
         return "(must be given)"
     text: str = yaml.safe_dump(value, default_flow_style=True, width=float("inf"), sort_keys=False)
@@ -130,7 +130,7 @@ def as_yaml(value: Any) -> str:
 
 
 def _described(docstring: str) -> dict[str, tuple[str, str]]:
-    """The entries of the sections that describe fields."""
+    """Read the entries of the sections that describe fields."""
     found: dict[str, tuple[str, str]] = {}
     for heading in HEADINGS:
         section = re.search(rf"^{heading}\n-+\n(.*?)(?=^\w[^\n]*\n-+$|\Z)", docstring, re.M | re.S)
@@ -144,12 +144,12 @@ def _described(docstring: str) -> dict[str, tuple[str, str]]:
 
 
 def _told(meaning: str, *tables: type) -> str:
-    """What a field means, and what the tables in it are."""
+    """Say what a field means, and what the tables in it are."""
     return " ".join(filter(None, [meaning, *("".join(description(t)[:1]) for t in tables)]))
 
 
 def _kind(hint: Any, kind: str) -> str:
-    """Type and unit: of an enumeration its members, else as documented."""
+    """Say type and unit: of an enumeration its members, else as documented."""
     for part in (hint, *get_args(hint)):
         if inspect.isclass(part) and issubclass(part, Enum):
             _, comma, unit = kind.partition(", ")
@@ -159,7 +159,7 @@ def _kind(hint: Any, kind: str) -> str:
 
 
 def _entries(hint: Any) -> Iterator[tuple[type, str]]:
-    """The dataclasses in a table or list of them, with what stands for their place in it."""
+    """Yield the dataclasses in a table or list of them, with what stands for their place in it."""
     arguments = get_args(hint)
     for argument in filter(_is_table, arguments):
         if get_origin(hint) is dict:
@@ -174,6 +174,6 @@ def _is_table(hint: Any) -> TypeGuard[type]:
 
 
 def _defaults(entry: type) -> dict[str, Any]:
-    """What an entry's fields are if nothing is said."""
+    """Find what an entry's fields are if nothing is said."""
     values: Any = OmegaConf.to_container(OmegaConf.structured(entry), enum_to_str=True)
     return dict(values)

@@ -1,4 +1,4 @@
-"""The root of the configuration: its groups, and which modules bring their plugins.
+"""Root of the configuration: its groups, and which modules bring their plugins.
 
 This is the one place that lists them. A further group is a field of `Experiment` here, its
 plugins, and a folder of files in ``conf/``; a further plugin of a group is a line here and its
@@ -15,7 +15,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Group:
-    """What a field of `Experiment` says about the plugins that it holds.
+    """Word of a field of `Experiment` about the plugins that it holds.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ class PluginSource(ConfigSource):
 
 
 class PluginSearchPath(SearchPathPlugin):
-    """The order in which files are looked for: the user's, the program's, those of packages.
+    """Order in which files are looked for: the user's, the program's, those of packages.
 
     Hydra puts the user's folder before the first source of the provider "schema".
     """

@@ -77,11 +77,10 @@ UNREACHABLE = (
 
 
 def sentence(error: BaseException, origins: Origins) -> str | None:
-    """The user's sentence for an error, or None for a defect of the program itself.
+    """Say an error in a sentence for the user; None for a defect of the program itself.
 
     Parameters
     ----------
-    error : BaseException
     origins : Origins
         Tells where settings come from.
     """
@@ -95,7 +94,7 @@ def sentence(error: BaseException, origins: Origins) -> str | None:
 
 
 def of_composition(error: Exception, origins: Origins) -> str:
-    """The sentence for whatever keeps a configuration from being composed."""
+    """Say in a sentence whatever keeps a configuration from being composed."""
     if told := sentence(error, origins):
         return told
     if type(error).__module__.partition(".")[0] in OF_LAUNCHERS:
@@ -136,13 +135,13 @@ def of_composition(error: Exception, origins: Origins) -> str:
 
 
 def _joined(where: str, message: str) -> str:
-    """A message that goes on from the name of its setting, or that stands by itself."""
+    """Join a setting's name and a message that goes on from it, or that stands by itself."""
     goes_on = re.match(r"(must|is|are|has|cannot|needs|refers|says)\b", message)
     return f"{where} {message}" if goes_on else f"{where}: {message}"
 
 
 def _misfit(told: str, key: str, origins: Origins) -> str | None:
-    """A file's setting for its own choice, where the command line chose another; else None."""
+    """Say where a file's setting is for its own choice and the command line chose another."""
     where = told.partition(f": {key} is not a known setting")[0]
     if where in (told, COMMAND_LINE):
         return None
@@ -159,7 +158,7 @@ def _misfit(told: str, key: str, origins: Origins) -> str | None:
 
 
 def _missing_choice(path: str, origins: Origins) -> str:
-    """An unknown plugin, experiment or other choice of a group."""
+    """Say that a plugin, experiment or other choice of a group is unknown."""
     group, _, name = path.partition("/")
     where = origins.where_chosen(group, name)
     if not name:
@@ -179,7 +178,7 @@ def _missing_choice(path: str, origins: Origins) -> str:
 
 
 def _refused(text: str, cause: OmegaConfBaseException, origins: Origins) -> str:
-    """A key or value that does not fit where a file or an argument puts it."""
+    """Say that a key or value does not fit where a file or an argument puts it."""
     key = str(cause.full_key)
     if file := re.match(r"In '([^']+)'", text):
         shown = origins.shown(file[1])
@@ -213,7 +212,7 @@ def _refused(text: str, cause: OmegaConfBaseException, origins: Origins) -> str:
 
 
 def _bad_choice(origins: Origins) -> str | None:
-    """An argument that chooses from a group what cannot be a name."""
+    """Say that an argument chooses from a group what cannot be a name."""
     for choice in origins.choices:
         value, group = choice.value(), choice.key_or_group
         if choice.is_delete() or choice.is_sweep_override():
@@ -234,7 +233,7 @@ def _bad_choice(origins: Origins) -> str | None:
 
 
 def _bad_argument(error: Exception, origins: Origins) -> str:
-    """What Hydra says about an argument or a defaults list, or at least its first line."""
+    """Say what Hydra says about an argument or a defaults list, or at least its first line."""
     text = str(error).strip() or type(error).__name__
     file, text = re.match(r"(?:In '?([^']*?)'?: )?(.*)", text, re.DOTALL).groups()  # type: ignore[union-attr]
     where = origins.shown(file) if file else COMMAND_LINE

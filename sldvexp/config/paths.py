@@ -16,7 +16,7 @@ HANDBOOK = Path(__file__).resolve().parents[1] / "handbook"
 
 
 def conf_dir() -> Path:
-    """The packaged configuration, or the checkout's when running from one."""
+    """Find the packaged configuration, or the checkout's when running from one."""
     package = Path(__file__).resolve().parents[1]
     candidates = (package / "conf", package.parent / "conf")
     for candidate in candidates:
@@ -26,7 +26,7 @@ def conf_dir() -> Path:
 
 
 def locate(path: str) -> Path:
-    """The file that a configuration names: ``conf://`` is the packaged configuration's folder.
+    """Find the file that a configuration names: ``conf://`` is the packaged configuration's folder.
 
     Anything else is relative to the folder where the command was started.
     """

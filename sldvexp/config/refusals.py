@@ -41,12 +41,12 @@ WORDS = (
 
 
 def names_code(key: str) -> bool:
-    """Whether a key is one by which Hydra finds something to call, such as ``_target_``."""
+    """Tell whether a key is one by which Hydra finds something to call, such as ``_target_``."""
     return key.startswith("_") and key.endswith("_")
 
 
 def refusal(error: OmegaConfBaseException) -> str:
-    """What is wrong with the key or value of an error, as the rest of a sentence."""
+    """Say what is wrong with the key or value of an error, as the rest of a sentence."""
     text = str(error.msg or error).splitlines()[0]
     text = re.sub(r"^While dereferencing interpolation '.*?': ", "", text)
     if re.fullmatch(r"Key '.*' (not in '\w+'|is not in struct)", text):
@@ -62,7 +62,7 @@ def refusal(error: OmegaConfBaseException) -> str:
 
 
 def _unknown_key(error: OmegaConfBaseException) -> str:
-    """A key that a schema does not know, or that a table of named entries does not have yet."""
+    """Say that a schema does not know a key, or that a table does not have the entry yet."""
     if names_code(str(error.key)):
         return NO_CODE
     schema = error.object_type
@@ -75,7 +75,7 @@ def _unknown_key(error: OmegaConfBaseException) -> str:
 
 
 def _wrong_shape(error: OmegaConfBaseException) -> str:
-    """A list, a table or a single value in the place of another."""
+    """Say that a list, a table or a single value stands in the place of another."""
     node: Any = error.parent_node
     if error.key is not None and OmegaConf.is_dict(node):
         node = node._get_node(error.key) if error.key in node else node

@@ -1,4 +1,4 @@
-"""Names to plugins, one namespace per configuration group.
+"""Old place of `register`, from which packages of others import it.
 
 A plugin is a dataclass whose fields are its configuration. `sldvexp.config.hydra_plugin` gives it
 to
@@ -63,7 +63,7 @@ _packages: list[tuple[Package, list[type]]] = []
 
 
 def register(group: str, name: str) -> Callable[[P], P]:
-    """Class decorator: make a dataclass known as `name` in a configuration group.
+    """Make a dataclass known as `name` in a configuration group, as a decorator.
 
     Parameters
     ----------
@@ -97,13 +97,13 @@ def register(group: str, name: str) -> Callable[[P], P]:
 
 
 def schema_of(cls: type) -> DictConfig:
-    """The schema of a dataclass, in which entries can be added to tables of names without a +."""
+    """Make the schema of a dataclass, in which tables of names take entries without a +."""
     return copy.deepcopy(_schema(cls))
 
 
 @functools.cache
 def _schema(cls: type) -> DictConfig:
-    """It takes several times as long to make as to copy, and a sweep needs many."""
+    """Make a schema once, since making one takes several times as long as copying it."""
     schema: DictConfig = OmegaConf.structured(cls)
     for key in schema:
         child = schema._get_node(key)
@@ -149,7 +149,7 @@ def load_installed() -> bool:
 
 
 def _others(before: Collection[type] = ()) -> list[type]:
-    """The plugins that are registered by now, not built in, and were not there before."""
+    """List the plugins that are registered by now, not built in, and were not there before."""
     registered = (p for members in _plugins.values() for p in members.values())
     return [p for p in registered if not is_built_in(p) and p not in before]
 
@@ -162,29 +162,29 @@ def _forget(plugins: Collection[type]) -> None:
 
 
 def _conf_beside(module: str) -> Path | None:
-    """The folder ``conf`` of the package that a module belongs to, None if there is none."""
+    """Find the folder ``conf`` of the package that a module belongs to, if there is one."""
     package = getattr(sys.modules.get(module), "__package__", None)
     paths = getattr(sys.modules.get(package or ""), "__path__", ())
     return next((Path(p) / "conf" for p in paths if (Path(p) / "conf").is_dir()), None)
 
 
 def packages() -> list[Package]:
-    """The installed packages with plugins, as far as `load_installed` has loaded them."""
+    """List the installed packages with plugins, as far as `load_installed` has loaded them."""
     return list(dict.fromkeys(package for package, _ in _packages))
 
 
 def package_of(plugin: type) -> Package | None:
-    """The installed package that a plugin comes from, None if it is built in."""
+    """Find the installed package that a plugin comes from, None if it is built in."""
     return next((package for package, plugins in _packages if plugin in plugins), None)
 
 
 def is_built_in(plugin: type) -> bool:
-    """Whether a plugin is this program's own."""
+    """Tell whether a plugin is this program's own."""
     return plugin.__module__.startswith(f"{__package__.partition('.')[0]}.")
 
 
 def get(group: str, name: str) -> type:
-    """The plugin class of that name, or a `UserError` that lists the valid ones."""
+    """Get the plugin class of that name, or a `UserError` that lists the valid ones."""
     if not known(group, name):
         load_installed()
     if not known(group, name):
@@ -195,18 +195,18 @@ def get(group: str, name: str) -> type:
 
 
 def known(group: str, name: str) -> bool:
-    """Whether a plugin is built in, or of an installed package that was loaded already."""
+    """Tell whether a plugin is built in, or of an installed package that was loaded already."""
     return name in BUILT_IN.get(group, {}) or name in _plugins.get(group, {})
 
 
 def names(group: str) -> list[str]:
-    """The names of a group's plugins, sorted."""
+    """List the names of a group's plugins, sorted."""
     load_installed()
     return sorted({*BUILT_IN.get(group, {}), *_plugins.get(group, {})})
 
 
 def name_of(cls: Any) -> str | None:
-    """``group/name`` of a registered class, None for any other class."""
+    """Name a registered class as ``group/name``; None for any other class."""
     for group, members in _plugins.items():
         for name, member in members.items():
             if member is cls:

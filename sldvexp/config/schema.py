@@ -1,4 +1,4 @@
-"""The configuration: what its root looks like, and what is wrong with it.
+"""Check of a composed configuration as a whole, and its plugins made.
 
 What a run must reproduce: an entry of a configuration's `expect`.
 """
@@ -83,7 +83,7 @@ def build(config: DictConfig) -> Experiment:
 def _expected_of_nothing(
     expect: dict[str, Expectation | None], values: dict[str, Any]
 ) -> Iterator[Problem]:
-    """Expectations of what no entry of the configuration makes, told before the work begins."""
+    """Find expectations of what no entry makes, told before the work begins."""
     for name, expectation in expect.items():
         for of in expectation.compared if expectation else ():
             parent, _, rest = of.strip(" |").partition("/")
@@ -97,14 +97,14 @@ def _expected_of_nothing(
 
 
 def plugin_names(config: DictConfig) -> dict[str, str]:
-    """Which plugin each group has, ``{"pose": "registration"}``; a file alone may not say it."""
+    """Name the plugin of each group, ``{"pose": "registration"}``; a file alone may not say it."""
     kinds = {g: OmegaConf.get_type(config[g]) for g in SINGLE_GROUPS if config[g] is not None}
     names = {g: registry.name_of(kind) for g, kind in kinds.items()}
     return {g: name.partition("/")[2] for g, name in names.items() if name}
 
 
 def _with_schemas(config: DictConfig) -> DictConfig:
-    """The configuration with named plugins and expectations merged onto their schemas."""
+    """Merge named plugins and expectations onto their schemas."""
     typed = config.copy()
     problems: list[Problem] = []
     for key in (*NAMED_GROUPS, "expect"):
@@ -124,7 +124,7 @@ def _with_schemas(config: DictConfig) -> DictConfig:
 
 
 def _onto_schema(node: Any, group: str | None) -> Any:
-    """One entry of `compare` or `check`, typed as its `plugin` says, or one of `expect`."""
+    """Type one entry of `compare` or `check` as its `plugin` says, or one of `expect`."""
     if group is None:
         if not isinstance(node, DictConfig):
             raise ConfigError([Problem("", "must be a table, as in {at_most: {group/name: 1.0}}")])
@@ -141,13 +141,13 @@ def _onto_schema(node: Any, group: str | None) -> Any:
 
 
 def _from_omegaconf(error: OmegaConfBaseException, key: str) -> Problem:
-    """OmegaConf's complaint about a value or key at or below `key`."""
+    """Turn OmegaConf's complaint into a problem of a key at or below `key`."""
     found = error.full_key or key
     return Problem(found if found.startswith(key) else f"{key}.{found}", refusal(error))
 
 
 def _plugin(node: Any, group: str, key: str, problems: list[Problem]) -> Any:
-    """The plugin object of one node, or None with its problems noted."""
+    """Make the plugin object of one node, or None with its problems noted."""
     if node is None:
         return None
     name = registry.name_of(OmegaConf.get_type(node)) if isinstance(node, DictConfig) else None
@@ -164,7 +164,7 @@ def _plugin(node: Any, group: str, key: str, problems: list[Problem]) -> Any:
 
 
 def _object(node: Any, key: str, problems: list[Problem]) -> Any:
-    """The object that a typed node stands for, or None with its problems noted."""
+    """Make the object that a typed node stands for, or None with its problems noted."""
     try:
         return OmegaConf.to_object(node)
     except ConfigError as error:
@@ -180,7 +180,7 @@ def _object(node: Any, key: str, problems: list[Problem]) -> Any:
 
 
 def _refused_keys(node: Any, path: str) -> Iterator[Problem]:
-    """Keys that no schema knows, also those that a `+` forced in, and values still `???`."""
+    """Find keys that no schema knows, also those that a `+` forced in, and values still `???`."""
     if isinstance(node, ListConfig):
         for i, item in enumerate(node._iter_ex(resolve=False)):
             yield from _refused_keys(item, f"{path}[{i}]")
@@ -246,5 +246,5 @@ class Expectation:
 
     @property
     def compared(self) -> list[str]:
-        """What it says something of."""
+        """Groups and variables that it says something of."""
         return [*self.published, *self.at_most, *self.at_least]

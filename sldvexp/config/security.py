@@ -1,4 +1,4 @@
-"""What a configuration file that does not belong to the program may not do: make Hydra run code.
+"""Guard: a configuration file that is not the program's must not make Hydra run code.
 
 Hydra calls what its own settings name (callbacks, launchers, loggers), before a job begins.
 """
@@ -39,7 +39,7 @@ def check(origins: Origins) -> None:
 
 
 def _jobs(origins: Origins) -> Iterator[Origins]:
-    """One configuration for every combination of choices that a sweep makes."""
+    """Yield one configuration for every combination of choices that a sweep makes."""
     swept = [o for o in origins.choices if o.is_sweep_override()]
     lines = [line for line in origins.settings if line not in [s.input_line for s in swept]]
     values = [[f"{s.get_key_element()}={v}" for v in s.sweep_string_iterator()] for s in swept]
@@ -108,14 +108,14 @@ def check_recorded(source: str, lines: Iterable[Any]) -> None:
 
 
 def _whole(package: str, values: Any) -> Any:
-    """The configuration in which nothing but `values` stand at a dotted place."""
+    """Make the configuration in which nothing but `values` stand at a dotted place."""
     for part in reversed(parts_of(package)):
         values = {part: values}
     return values
 
 
 def _keys(node: Any, path: str = "") -> Iterator[str]:
-    """Dotted keys of all settings, those of tables before what is in them."""
+    """Yield dotted keys of all settings, those of tables before what is in them."""
     for key, value in node.items() if isinstance(node, dict) else enumerate(node):
         full = f"{path}.{key}" if path else str(key)
         yield full

@@ -29,7 +29,7 @@ NOTHING = object()
 
 @dataclass(frozen=True)
 class ConfigLayer:
-    """What one argument or one file contributes to the configuration.
+    """Contribution of one argument or one file to the configuration.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class ConfigLayer:
     outside: bool = False
 
     def value(self, key: str) -> Any:
-        """What this gives to a dotted key, `NOTHING` if it does not."""
+        """Find what this gives to a dotted key, `NOTHING` if it does not."""
         package, parts = parts_of(self.package), parts_of(key)
         if parts[: len(package)] != package:
             return NOTHING
@@ -62,7 +62,7 @@ class ConfigLayer:
 
 
 class Origins:
-    """The layers of a configuration, in the order in which later ones win.
+    """Layers of a configuration, in the order in which later ones win.
 
     Parameters
     ----------
@@ -78,34 +78,34 @@ class Origins:
 
     @cached_property
     def options(self) -> Namespace:
-        """The command line's options."""
+        """Command line's options."""
         return get_args_parser().parse_known_args(list(self.arguments))[0]
 
     @cached_property
     def settings(self) -> list[str]:
-        """The arguments that are no options."""
+        """Arguments that are no options."""
         return list(self.options.overrides if self._settings is None else self._settings)
 
     @property
     def unreadable(self) -> list[str]:
-        """The arguments that cannot be read as settings."""
+        """Arguments that cannot be read as settings."""
         return [text for text in self.settings if not _read(text)]
 
     @cached_property
     def overrides(self) -> list[Override]:
-        """The arguments that can be read as settings."""
+        """Arguments that can be read as settings."""
         read = (_read(text, self.loader) for text in self.settings)
         return [override for override in read if override]
 
     @cached_property
     def choices(self) -> list[Override]:
-        """Those of them that choose from a group, and do not set a value."""
+        """Settings that choose from a group, and do not set a value."""
         exists = self.loader.repository.group_exists
         found = [o for o in self.overrides if exists(o.key_or_group)]
         return [o for o in found if not isinstance(o.value(), dict)]
 
     def where(self, key: str) -> str:
-        """The key after the argument or file that sets it; the key alone if none is found."""
+        """Name a key after the argument or file that sets it; the key alone if none is found."""
         for layer in self._last_first():
             value = layer.value(key)
             if value is not NOTHING:
@@ -115,7 +115,7 @@ class Origins:
         return next((f"{layer.source}: {key}" for layer in below), key)
 
     def _last_first(self) -> Iterator[ConfigLayer]:
-        """Arguments that set values, files, arguments that choose."""
+        """Yield arguments that set values, then files, then arguments that choose."""
         for o in reversed([o for o in self.overrides if o not in self.choices]):
             yield ConfigLayer(COMMAND_LINE, o.key_or_group, o.value())
         yield from reversed(self._composed)
@@ -124,14 +124,14 @@ class Origins:
 
     @cached_property
     def _composed(self) -> list[ConfigLayer]:
-        """The layers of files, none if they cannot be found out."""
+        """Compose the choices as Hydra does, to be changed at will."""
         try:
             return self.layers_of_files()
         except Exception:  # the configuration is broken, which is told with better words elsewhere
             return []
 
     def layers_of_files(self) -> list[ConfigLayer]:
-        """The files of the composition, also those from outside."""
+        """List the files of the composition, also those from outside."""
         defaults = self.loader.compute_defaults_list(
             self.options.config_name or "config", self.settings, RunMode.RUN
         ).defaults
@@ -150,12 +150,12 @@ class Origins:
         return layers
 
     def compose(self) -> DictConfig:
-        """The composed configuration, with Hydra's own."""
+        """Compose the composed configuration, with Hydra's own."""
         name = self.options.config_name or "config"
         return self.loader.load_configuration(name, self.settings, RunMode.RUN)
 
     def options_of(self, group: str) -> set[str]:
-        """What can be chosen of a group, also in folders below it."""
+        """List what can be chosen of a group, also in folders below it."""
         found = set(self.loader.repository.get_group_options(group))
         for folder in self.folders:
             below = (folder / group).rglob("*.yaml")
@@ -165,7 +165,10 @@ class Origins:
         return {o for o in found if not o.startswith("schema")}
 
     def where_chosen(self, group: str, name: str) -> str:
-        """The argument or the one file that chooses `name` of a group; empty if none is found."""
+        """Find the argument or the one file that chooses `name` of a group.
+
+        Empty if none is found.
+        """
         for choice in (o for o in self.choices if o.key_or_group == group):
             swept = choice.sweep_string_iterator() if choice.is_sweep_override() else []
             if name in [*swept, *conf_files.names(choice.value())]:
@@ -174,25 +177,28 @@ class Origins:
         return displayed(choosing[0]) if len(choosing) == 1 else ""
 
     def shown(self, path: str) -> str:
-        """The file of a configuration such as ``pose/given``, for messages; empty if none."""
+        """Show the file of a configuration such as ``pose/given``, for messages; empty if none."""
         files = [folder / f"{path}.yaml" for folder in self.folders]
         return next((displayed(f.resolve()) for f in files if f.is_file()), "")
 
     @property
     def files(self) -> list[Path]:
-        """All configuration files, whether composed or not."""
+        """Find the configuration files of a group by what chooses them."""
         found = (file for folder in self.folders for file in folder.rglob("*.yaml"))
         return [file for file in found if file.is_file()]
 
     @property
     def folders(self) -> list[Path]:
-        """The folders that hold configuration files."""
+        """List where configuration files are looked for.
+
+        The user's folder wins over the program's.
+        """
         sources = self.loader.repository.get_sources()
         return [Path(source.path) for source in sources if source.scheme() == "file"]
 
     @cached_property
     def folders_added(self) -> list[str]:
-        """Those that the command line adds to the program's own."""
+        """Folders that the command line adds to the program's own."""
         added = [self.options.config_dir] if self.options.config_dir else []
         for override in map(_read, self.settings):
             if override and override.key_or_group == "hydra.searchpath":
@@ -210,12 +216,12 @@ class Origins:
 
 
 def parts_of(key: str) -> list[str]:
-    """``a.b[0].c`` as ``[a, b, 0, c]``."""
+    """Split ``a.b[0].c`` into ``[a, b, 0, c]``."""
     return [part for part in re.split(r"\.|\[(\d+)\]\.?", key) if part]
 
 
 def _read(text: str, loader: ConfigLoaderImpl | None = None) -> Override | None:
-    """An argument as a setting, None if it cannot be read as one."""
+    """Read an argument as a setting, None if it cannot be read as one."""
     try:
         override = OverridesParser.create(loader).parse_overrides([text])[0]
     except HydraException:

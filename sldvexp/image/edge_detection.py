@@ -84,7 +84,7 @@ def pixel_edges(lines: ScanLines, edges_per_line: int, window: int) -> ScanLineE
     ...     magnitude=step[None], std=np.full((1, 40), 0.01),
     ...     position=np.stack([np.zeros(40), pixel], axis=1)[None], flag=np.zeros((1, 40), bool))
     >>> pixel_edges(lines, edges_per_line=1, window=3).position.round(1)
-    array([[ 0. , 22.]])
+    array([[ 0., 22.]])
     """
     found = candidates(lines, edges_per_line, window)
     along = lines.along[found.line]
