@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import os
+import select
+import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import hypothesis
 import pytest
 import xarray as xr
 from hydra.core.config_search_path import ConfigSearchPath
@@ -17,7 +24,9 @@ from sldvexp import dataset
 from sldvexp.cli import commands, main
 from sldvexp.config.cached_loader import Memory, RememberingLoader
 from sldvexp.config.paths import conf_dir
+from sldvexp.instrument import connection
 from sldvexp.report.html.page import Html
+from sldvexp.testing import faults
 
 #: Heavy libraries by a module of theirs, since one that is imported lazily stands in sys.modules
 #: from the start.
@@ -28,6 +37,13 @@ HEAVY = {
     "matplotlib": "matplotlib.cbook",
     "netCDF4": "netCDF4._netCDF4",
 }
+
+#: How long anything is waited for that comes at once on a quiet machine, s.
+LONGEST = 300.0
+
+# How long an example takes says more about the machine than about the program.
+hypothesis.settings.register_profile("any machine", deadline=None)
+hypothesis.settings.load_profile("any machine")
 
 #: What makes the pages of runs and sweeps.
 PAGES = {name: getattr(Html, name) for name in ("of_run", "of_sweep")}
@@ -127,3 +143,108 @@ def loaded_by(tmp_path: Path) -> Callable[..., tuple[str, str]]:
         return done.stderr.splitlines()[-1], done.stdout
 
     return run
+
+
+class ClientClock:
+    """The time of a client of the virtual lab, which stands still while the server is at work.
+
+    A time-out then says nothing about how busy the machine is: time passes only where a fault keeps
+    the server silent on purpose, and there at once.
+    """
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self._tell, self._told = socket.socketpair()
+        self._changed = threading.Condition()
+        self._connection = object()
+        self._left = 0.0
+
+    def keep_silent(self, seconds: float, connection: object) -> None:
+        """Say nothing for so long of the client's time, or until it hangs up: the server's part."""
+        with self._changed:
+            if connection is not self._connection:
+                return
+            self._left = seconds
+            self._tell.send(b"!")
+            assert self._changed.wait_for(
+                lambda: self._left == 0 or connection is not self._connection, LONGEST
+            )
+
+    @property
+    def connection(self) -> object:
+        """The client's present connection."""
+        return self._connection
+
+    def hang_up(self) -> None:
+        """End whatever silence there is: the client's part."""
+        with self._changed:
+            if self._left > 0:
+                self._told.recv(1)
+            self._left, self._connection = 0.0, object()
+            self._changed.notify_all()
+
+    def select(
+        self, readers: list[socket.socket], writers: list[Any], others: list[Any], *timeout: float
+    ) -> tuple[list[Any], list[Any], list[Any]]:
+        """Wait for an answer as `select.select` does, in the client's time."""
+        if writers:
+            return select.select(readers, writers, others, *timeout)
+        (link,), (left,) = readers, timeout or (math.inf,)
+        while True:
+            ready = select.select([link, self._told], [], [], LONGEST)[0]
+            assert ready, "the server neither answers nor is it silent on purpose"
+            if link in ready:
+                if connection._closed(link):  # PyVISA goes on asking until its time is over
+                    self.now += left
+                return [link], [], []
+            with self._changed:
+                passed = min(left, self._left)
+                self.now += passed
+                left -= passed
+                self._left -= passed
+                if self._left > 0:
+                    return [], [], []
+                self._told.recv(1)
+                self._changed.notify_all()
+
+
+@pytest.fixture
+def client_clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[ClientClock]:
+    """Let clients in this process have no time but `ClientClock`'s."""
+    from pyvisa_py import tcpip
+
+    clock = ClientClock()
+    seen = SimpleNamespace(select=clock.select)
+    monkeypatch.setattr(connection, "select", seen)
+    monkeypatch.setattr(tcpip, "select", seen)
+    monkeypatch.setattr(tcpip, "time", SimpleNamespace(time=lambda: clock.now))
+    close, cut, slow = connection.VisaLine.close, faults.Cut.spoil, faults.Slow.spoil
+
+    def hang_up(line: connection.VisaLine) -> None:
+        close(line)
+        clock.hang_up()
+
+    def say_nothing(*_: object) -> None:
+        clock.keep_silent(math.inf, clock.connection)
+
+    def say_less(*how: Any) -> None:
+        cut(*how)
+        say_nothing()
+
+    def say_late(
+        fault: faults.Slow, answer: bytes, send: faults.Send, server: faults.LabServer
+    ) -> None:
+        there = clock.connection
+
+        def wait(seconds: float) -> None:
+            clock.keep_silent(seconds, there)
+
+        slow(fault, answer, send, SimpleNamespace(stopping=SimpleNamespace(wait=wait)))
+
+    monkeypatch.setattr(connection.VisaLine, "close", hang_up)
+    monkeypatch.setattr(faults.Silence, "spoil", say_nothing)
+    monkeypatch.setattr(faults.Cut, "spoil", say_less)
+    monkeypatch.setattr(faults.Slow, "spoil", say_late)
+    yield clock
+    clock._tell.close()
+    clock._told.close()

@@ -16,6 +16,7 @@ from functools import cache
 from typing import Any
 from uuid import uuid4
 
+import yaml
 from hydra._internal import hydra as program
 from hydra._internal.config_loader_impl import ConfigLoaderImpl, get_overrides_dirname
 from hydra._internal.config_repository import ConfigRepository
@@ -25,7 +26,9 @@ from hydra.core.override_parser.types import Override
 from hydra.core.utils import JobReturn
 from hydra.plugins.config_source import ConfigResult
 from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, OmegaConf, _utils
+from yaml.constructor import SafeConstructor
+from yaml.resolver import Resolver
 
 
 def _copies(value: Any) -> Callable[[], Any]:
@@ -35,6 +38,34 @@ def _copies(value: Any) -> Callable[[], Any]:
     except (pickle.PicklingError, TypeError, AttributeError):
         return lambda: deepcopy(value)  # of a class that Hydra's search for plugins has made anew
     return lambda: pickle.loads(content)
+
+
+@cache
+def _compiled_loader() -> type:
+    """OmegaConf's loader of YAML, its rules included, over the parser that is compiled."""
+    usual = _utils.get_yaml_loader()
+    if not hasattr(yaml, "CSafeLoader"):
+        return usual  # type: ignore[no-any-return]
+
+    class CompiledLoader(yaml.cyaml.CParser, usual):  # type: ignore[misc]
+        def __init__(self, stream: Any):
+            yaml.cyaml.CParser.__init__(self, stream)
+            SafeConstructor.__init__(self)
+            Resolver.__init__(self)
+
+    return CompiledLoader
+
+
+@contextmanager
+def _compiled_parser() -> Iterator[None]:
+    """While in it, OmegaConf parses ten times faster; it has no setting for its loader."""
+    usual = _utils.get_yaml_loader
+    _compiled_loader()  # before it is asked for in place of the usual one, which it is made of
+    _utils.get_yaml_loader = _compiled_loader
+    try:
+        yield
+    finally:
+        _utils.get_yaml_loader = usual
 
 
 class Memory(dict[Any, Callable[[], Any]]):
@@ -66,7 +97,11 @@ class RememberingRepository(ConfigRepository):
         if key in self._known:
             known: ConfigResult = self._known[key]()
             return known
-        found = super().load_config(config_path)
+        try:
+            with _compiled_parser():
+                found = super().load_config(config_path)
+        except yaml.YAMLError:  # the usual parser has the better words
+            found = super().load_config(config_path)
         if found is not None:  # a package that is looked for later may still bring it
             self._known[key] = _copies(found)
         return found

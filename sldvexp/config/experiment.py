@@ -146,7 +146,7 @@ class Experiment:
             "images": "sldvexp.importers.image_file",
             "replay": "sldvexp.instrument.recording",
             "scan_export": "sldvexp.importers.scan_export",
-            "simulated": "sldvexp.virtual_lab.simulated",
+            "simulated": "sldvexp.virtual_lab.lab",
             "uff": "sldvexp.importers.uff",
             "visa": "sldvexp.instrument.visa",
         },

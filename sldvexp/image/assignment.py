@@ -10,7 +10,6 @@ import numpy as np
 
 from sldvexp.geometry import bitangent, circles
 from sldvexp.geometry.conic import Ellipse
-from sldvexp.image.projection import apply, fit_projection
 from sldvexp.targets.circles import Circles
 from sldvexp.typing import Array, IndexArray
 
@@ -44,7 +43,7 @@ class Assignment:
 
 
 class _Image:
-    """The image's ellipses as far as assignments need them: centres and all bitangent points."""
+    """Image's ellipses as far as assignments need them: centres and all bitangent points."""
 
     def __init__(self, ellipses: Sequence[Ellipse]):
         parameters = np.array([e.parameters for e in ellipses])
@@ -52,7 +51,10 @@ class _Image:
         self.table = bitangent.bitangent_points(parameters[:, None], parameters[None])
 
     def points(self, pairs: IndexArray, mirrored: bool) -> Array:
-        """Points of pairs in the order of the object's, shape (..., 8 pairs, 2); NaN for none."""
+        """Return points of pairs in the order of the object's, shape (..., 8 pairs, 2).
+
+        NaN for none.
+        """
         points = self.table[pairs[..., 0], pairs[..., 1]]
         points = points[..., bitangent.MIRRORED, :, :] if mirrored else points
         return points.reshape(*pairs.shape[:-2], -1, 2)
@@ -61,15 +63,13 @@ class _Image:
 def assignments(
     target: Circles, ellipses: Sequence[Ellipse], turns: Sequence[bool]
 ) -> list[Assignment]:
-    """All assignments that a projective map allows, best first.
+    """Find all assignments that a projective map allows, best first.
 
     Circles on several planes are assigned plane by plane and then together, by one camera matrix
     for all. A circle alone on its plane has no bitangents and is left out.
 
     Parameters
     ----------
-    target : Circles
-    ellipses : sequence of Ellipse
     turns : sequence of bool
         Whether to try the image as it is (False) and mirrored (True).
     """
@@ -93,7 +93,7 @@ def assignments(
 
 
 def circles_by_plane(target: Circles) -> list[list[int]]:
-    """Numbers of the circles of each plane."""
+    """Group numbers of the circles of each plane."""
     planes: dict[str, list[int]] = {}
     for number in sorted(target.circles):
         planes.setdefault(target.circles[number].plane, []).append(number)
@@ -103,7 +103,7 @@ def circles_by_plane(target: Circles) -> list[list[int]]:
 def _on_plane(
     target: Circles, members: list[int], image: _Image, turns: Sequence[bool]
 ) -> list[Assignment]:
-    """Assignments of one plane's circles to ellipses, best first.
+    """Find assignments of one plane's circles to ellipses, best first.
 
     All ordered choices of ellipses are tried for three circles that stand far from one line; the
     homography of each tells which ellipses are nearest to where the other circles must be.
@@ -133,7 +133,7 @@ def _sorted(found: list[Assignment]) -> list[Assignment]:
 
 
 def _base(target: Circles, members: list[int]) -> list[int]:
-    """Three circles of a plane (or both of two) whose centres make the largest triangle."""
+    """Choose three circles of a plane (or both of two) whose centres make the largest triangle."""
 
     def area(chosen: Iterable[int]) -> float:
         (x1, y1, _), (x2, y2, _), (x3, y3, _) = (_numbers(target, n) for n in chosen)
@@ -150,7 +150,7 @@ def _numbers(target: Circles, number: int) -> list[float]:
 
 
 def _plane_points(target: Circles, pairs: Sequence[tuple[int, int]]) -> Array:
-    """Bitangent points of pairs of circles in their plane's axes, shape (8 pairs, 2)."""
+    """Compute bitangent points of pairs of circles in their plane's axes, shape (8 pairs, 2)."""
     a, b = np.swapaxes([[_numbers(target, n) for n in pair] for pair in pairs], 0, 1)
     return circles.bitangent_points(a, b).reshape(-1, 2)
 
@@ -163,7 +163,7 @@ def _fit(
     choice: IndexArray,
     mirrored: bool,
 ) -> tuple[Array, Array]:
-    """Homography and residual of every choice of ellipses, shapes (choice, 3, 3) and (choice,)."""
+    """Fit a homography to every choice of ellipses, (choice, 3, 3); residuals too, (choice,)."""
     points = _plane_points(target, [(order[i], order[j]) for i, j in pairs])
     return fit_projection(points, image.points(choice[:, np.array(pairs)], mirrored))
 
@@ -184,7 +184,7 @@ def _with_nearest(choice: IndexArray, place: Array, centre: Array) -> IndexArray
 def _by_camera(
     target: Circles, ellipse: dict[int, int], mirrored: bool, image: _Image
 ) -> Assignment:
-    """Assignment on all planes, judged by one camera matrix.
+    """Assign circles on all planes, judged by one camera matrix.
 
     Objects with the same circles on two planes fit one camera as well that exchanges the planes and
     turns space inside out. The axes (up, left, away from the instrument) are left-handed, so that
@@ -203,3 +203,68 @@ def _by_camera(
     _, depth = apply(camera, in_space)
     turn = np.linalg.det(camera[:, :3]) * np.sign(depth[0])
     return Assignment(ellipse, mirrored, float(residual), bool((turn > 0) == mirrored))
+
+
+def fit_projection(points: Array, image: Array) -> tuple[Array, Array]:
+    """Fit the projective map from object to image points (direct linear transformation).
+
+    Of points in a plane it is a homography, of points in space a camera matrix. Both sides are
+    moved to their mean and scaled to their spread first.
+
+    Parameters
+    ----------
+    points : ndarray, shape (..., K, d), any unit
+        In a plane (d = 2) or in space (d = 3).
+    image : ndarray, shape (..., K, 2), steps
+
+    Returns
+    -------
+    projection : ndarray, shape (..., 3, d + 1)
+    residual : ndarray, shape (...), steps
+        Root mean square distance of the points from their images; infinite where the map sends one
+        of the points behind the image, or an image point is not a number.
+    """
+    d = points.shape[-1]
+    known = np.nan_to_num(image)
+    object_frame, image_frame = _frame(points), _frame(known)
+    x = homogeneous(points) @ np.swapaxes(object_frame, -1, -2)
+    u, v, _ = np.moveaxis(homogeneous(known) @ np.swapaxes(image_frame, -1, -2), -1, 0)
+    x, u, v = np.broadcast_arrays(x, u[..., None], v[..., None])
+    none = np.zeros_like(x)
+    rows = [np.concatenate(r, axis=-1) for r in ((x, none, -u * x), (none, x, -v * x))]
+    design = np.concatenate(rows, axis=-2)
+    _, vectors = np.linalg.eigh(np.swapaxes(design, -1, -2) @ design)
+    normalised = vectors[..., 0].reshape(*vectors.shape[:-2], 3, d + 1)
+    projection = np.linalg.inv(image_frame) @ normalised @ object_frame
+    return projection, _residual(projection, points, image)
+
+
+def apply(projection: Array, points: Array) -> tuple[Array, Array]:
+    """Compute images of points, (..., K, 2), and depths to a common factor, (..., K)."""
+    mapped = homogeneous(points) @ np.swapaxes(projection, -1, -2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return mapped[..., :2] / mapped[..., 2:], mapped[..., 2]
+
+
+def homogeneous(points: Array) -> Array:
+    """Append a one to points, shape (..., K, d + 1)."""
+    return np.concatenate([points, np.ones_like(points[..., :1])], axis=-1)
+
+
+def _frame(points: Array) -> Array:
+    """Find the similarity to mean zero and mean square one, shape (..., d + 1, d + 1)."""
+    mean = points.mean(axis=-2)
+    scale = 1.0 / np.sqrt(((points - mean[..., None, :]) ** 2).sum(-1).mean(-1))
+    d = points.shape[-1]
+    frame = np.zeros((*points.shape[:-2], d + 1, d + 1))
+    frame[..., range(d), range(d)] = scale[..., None]
+    frame[..., :d, d] = -scale[..., None] * mean
+    frame[..., d, d] = 1.0
+    return frame
+
+
+def _residual(projection: Array, points: Array, image: Array) -> Array:
+    mapped, depth = apply(projection, points)
+    square = ((mapped - image) ** 2).sum(axis=-1).mean(axis=-1)
+    before = np.all(depth > 0, axis=-1) | np.all(depth < 0, axis=-1)
+    return np.where(before & np.isfinite(square), np.sqrt(square), np.inf)

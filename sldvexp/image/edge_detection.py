@@ -28,11 +28,10 @@ MISFIT = 5.0
 
 
 def gradient_edges(lines: ScanLines, edges_per_line: int, window: int) -> ScanLineEdges:
-    """Edges where the median-filtered magnitude is steepest, placed by a parabola.
+    """Place edges where the median-filtered magnitude is steepest, by a parabola.
 
     Parameters
     ----------
-    lines : ScanLines
     edges_per_line : int
         2 for lines across a whole circle, which rise and then fall; 1 for lines across one edge.
     window : int
@@ -49,11 +48,10 @@ def gradient_edges(lines: ScanLines, edges_per_line: int, window: int) -> ScanLi
 
 
 def pixel_edges(lines: ScanLines, edges_per_line: int, window: int) -> ScanLineEdges:
-    """Edges at the pixel where the median-filtered magnitude is steepest, a whole DAC step.
+    """Place edges at the pixel where the median-filtered magnitude is steepest, a whole DAC step.
 
     Parameters
     ----------
-    lines : ScanLines
     edges_per_line : int
         2 for lines across a whole circle, which rise and then fall; 1 for lines across one edge.
     window : int
@@ -76,11 +74,10 @@ def pixel_edges(lines: ScanLines, edges_per_line: int, window: int) -> ScanLineE
 
 
 def profile_edges(lines: ScanLines, edges_per_line: int, window: int) -> ScanLineEdges:
-    """Edges where the profile of a finite spot fits the unfiltered magnitude best.
+    """Place edges where the profile of a finite spot fits the unfiltered magnitude best.
 
     Parameters
     ----------
-    lines : ScanLines
     edges_per_line : int
         2 for lines across a whole circle, which rise and then fall; 1 for lines across one edge.
     window : int
@@ -119,7 +116,7 @@ def _fit(lines: ScanLines, found: Candidates, good: IndexArray) -> Profiles:
 
 
 def _judge(profiles: Profiles, rising: BoolArray) -> tuple[BoolArray, Array]:
-    """Which profiles fit, and by how much the standard errors of those are too small."""
+    """Find which profiles fit, and by how much the standard errors of those are too small."""
     same_sense = (profiles.after > profiles.before) == rising
     fits = profiles.settled & same_sense & (profiles.dof > 0) & (profiles.edge_std <= WORST)
     if not (fits & profiles.resolved).any():
@@ -211,11 +208,10 @@ class Candidates:
 
 
 def candidates(lines: ScanLines, edges_per_line: int, window: int) -> Candidates:
-    """The steepest rise and the steepest fall of every line (or, for one edge, the steeper).
+    """Find the steepest rise and the steepest fall of every line (or, for one edge, the steeper).
 
     Parameters
     ----------
-    lines : ScanLines
     edges_per_line : int
         1 or 2.
     window : int
@@ -254,27 +250,27 @@ def candidates(lines: ScanLines, edges_per_line: int, window: int) -> Candidates
 
 
 def _std(lines: ScanLines) -> Array:
-    """Standard errors, those of flagged pixels replaced by their line's median, shape as given."""
+    """Give flagged pixels their line's median standard error, shape as given."""
     good = ~lines.flag
     usual = _median(np.where(good, lines.std, 1.0), good)
     return np.where(good, lines.std, usual[:, None])
 
 
 def _swapped(pixel: IndexArray, good: BoolArray) -> BoolArray:
-    """Candidates of the lines that, as far as they are good, fall before they rise."""
+    """Find candidates of the lines that, as far as they are good, fall before they rise."""
     rise, fall = slice(0, None, 2), slice(1, None, 2)
     return np.repeat(good[rise] & good[fall] & (pixel[fall] < pixel[rise]), 2)
 
 
 def _evenly(along: Array, values: Array) -> tuple[Array, Array]:
-    """Evenly spaced places and the values there; on an oblique line whole steps are not even."""
+    """Space places evenly and interpolate there; on an oblique line whole steps are not even."""
     grid = np.linspace(along[:, 0], along[:, -1], along.shape[1], axis=1)
     even = [np.interp(g, t, v) for g, t, v in zip(grid, along, values, strict=True)]
     return grid, np.array(even)
 
 
 def _steepest(gradient: Array, edges_per_line: int) -> tuple[IndexArray, IndexArray, BoolArray]:
-    """Line, pixel and sense of the candidates: of two, the rise and then the fall of each line."""
+    """Find line, pixel and sense of the candidates; of two, first the rise."""
     lines = np.arange(len(gradient))
     if edges_per_line == 1:
         pixel = np.argmax(np.abs(gradient), axis=1)
@@ -284,14 +280,14 @@ def _steepest(gradient: Array, edges_per_line: int) -> tuple[IndexArray, IndexAr
 
 
 def _surroundings(pixels: int, pixel: IndexArray) -> tuple[IndexArray, BoolArray]:
-    """Pixels within reach, and which of them there are."""
+    """Find pixels within reach, and which of them there are."""
     around = pixel[:, None] + np.arange(-REACH, REACH + 1)
     inside = (around >= 0) & (around < pixels)
     return np.clip(around, 0, pixels - 1), inside
 
 
 def _sides(values: Array, std: Array, counts: BoolArray) -> tuple[Array, Array, Array]:
-    """Median on each side, NaN for a side of too few pixels, and the noise around both.
+    """Take the median on each side, NaN for a side of too few pixels, and the noise around both.
 
     The noise is the pixels' standard error or, where that is larger, their scatter.
     """
@@ -305,14 +301,14 @@ def _sides(values: Array, std: Array, counts: BoolArray) -> tuple[Array, Array, 
 
 
 def _median(values: Array, counts: BoolArray) -> Array:
-    """Median of the values that count in each row; of none, the largest number there is."""
+    """Take the median of the values that count in each row; if none, the largest number."""
     return np.asarray(np.ma.median(np.ma.array(values, mask=~counts), axis=1).filled(np.inf))
 
 
 def _parabola(
     along: Array, gradient: Array, line: IndexArray, pixel: IndexArray
 ) -> tuple[Array, Array]:
-    """Top of the parabola through the gradient at a pixel and its neighbours, and the gradient.
+    """Find the top of the parabola through the gradient at a pixel and its neighbours.
 
     Where the three are level, as a median filter may leave them, the pixel itself.
     """
@@ -332,7 +328,7 @@ def _parabola_std(
     slope: Array,
     contrast: Array,
 ) -> Array:
-    """Standard error of the parabola's top to first order.
+    """Compute standard error of the parabola's top to first order.
 
     The slope of the gradient is ``(m[+2] - 2 m[0] + m[-2]) / 4`` a pixel^2; the bend at the top of
     a Gaussian whose peak is `slope` and whose area is `contrast` is ``2 pi slope^3 / contrast^2``.

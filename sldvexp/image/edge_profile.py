@@ -1,4 +1,4 @@
-"""The profile of an edge seen by a finite spot, fitted to many edges at once.
+"""Profile of an edge seen by a finite spot, fitted to many edges at once.
 
 A Gaussian spot that moves over the edge between a moving and a resting part sees
 ``before + (after - before) Phi((t - edge) / width)``, Phi the normal distribution and `width` the
@@ -61,7 +61,7 @@ class Profiles:
 
 
 def step_profile(along: Array, numbers: Array) -> tuple[Array, Array]:
-    """Magnitude that a finite spot sees, and its derivatives.
+    """Compute magnitude that a finite spot sees, and its derivatives.
 
     Parameters
     ----------
@@ -126,7 +126,10 @@ def fit_profiles(
 
 
 def _edge_std(rows: Array) -> Array:
-    """Standard error of the first of four numbers; huge where the pixels do not determine it."""
+    """Compute standard error of the first of four numbers.
+
+    Huge where the pixels do not determine it.
+    """
     normal = np.swapaxes(rows, 1, 2) @ rows
     scale = np.sqrt(np.maximum(np.einsum("nii->ni", normal), TINY))
     correlation = normal / (scale[:, :, None] * scale[:, None, :]) + 1e-12 * np.eye(4)
@@ -136,7 +139,7 @@ def _edge_std(rows: Array) -> Array:
 def _without_outliers(
     along: Array, magnitude: Array, weight: Array, numbers: Array, pitch: Array
 ) -> Array:
-    """Weights with zero for the pixels that speckle or a spike moved off the profile.
+    """Weight with zero the pixels that speckle or a spike moved off the profile.
 
     On an edge that is not resolved the pixels next to it are spared: the least width is not its.
     """
@@ -154,7 +157,7 @@ def _resolved(numbers: Array, pitch: Array) -> BoolArray:
 def _least_squares(
     along: Array, magnitude: Array, weight: Array, start: Array, pitch: Array
 ) -> tuple[Array, BoolArray]:
-    """Levenberg-Marquardt of every row with its own damping; returns which rows settled."""
+    """Fit every row by Levenberg-Marquardt with its own damping; which rows settled."""
     narrowest = np.log(NARROWEST * pitch)
     widest = np.log(along[:, -1] - along[:, 0])
     numbers = start.copy()

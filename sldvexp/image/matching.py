@@ -62,7 +62,6 @@ def match_circles(
 
     Parameters
     ----------
-    target : Circles
     ellipses : sequence of Ellipse
         One for each circle, in any order.
     mirrored : bool, optional
@@ -99,13 +98,12 @@ def match_circles(
 def bitangent_images(
     ellipses: Sequence[Ellipse], match: Match, pairs: Sequence[tuple[int, int]]
 ) -> BitangentPoints:
-    """Image points of the object's bitangent points.
+    """Find image points of the object's bitangent points.
 
     Parameters
     ----------
     ellipses : sequence of Ellipse
         As given to `match_circles`.
-    match : Match
     pairs : sequence of (int, int)
         Ordered pairs of circles by their numbers, such as those of ``Circles.selected_pairs``.
 
@@ -131,7 +129,7 @@ def bitangent_images(
 
 
 def _upright(found: list[Assignment]) -> list[Assignment]:
-    """Assignments without those that rival an upright one but see space inside out."""
+    """Leave out assignments that rival an upright one but see space inside out."""
     near = [a for a in found if not _worse(a, found[0])]
     if not any(a.upright for a in near):
         return found

@@ -26,11 +26,10 @@ from sldvexp.typing import Array
 
 
 def pinhole_from_dac(laser: TwoMirror, dac: ArrayLike) -> Array:
-    """Pinhole coordinates of DAC steps.
+    """Convert DAC steps to pinhole coordinates.
 
     Parameters
     ----------
-    laser : TwoMirror
     dac : array_like, shape (..., 2), steps
 
     Returns
@@ -48,7 +47,7 @@ def pinhole_from_dac(laser: TwoMirror, dac: ArrayLike) -> Array:
 
 
 def dac_from_pinhole(laser: TwoMirror, pinhole: ArrayLike) -> Array:
-    """DAC steps of pinhole coordinates, the inverse of `pinhole_from_dac`, shape (..., 2)."""
+    """Convert pinhole coordinates to DAC steps, shape (..., 2): `pinhole_from_dac` inverted."""
     y, x = np.moveaxis(np.asarray(pinhole, float) * laser.step, -1, 0)
     up_down = np.arctan(y)
     angle = np.stack([up_down, np.arctan(x * np.cos(up_down))], axis=-1)
@@ -56,7 +55,7 @@ def dac_from_pinhole(laser: TwoMirror, pinhole: ArrayLike) -> Array:
 
 
 def pinhole_jacobian(laser: TwoMirror, dac: ArrayLike) -> Array:
-    """Derivative of `pinhole_from_dac`, shape (..., 2, 2)."""
+    """Differentiate `pinhole_from_dac`, shape (..., 2, 2)."""
     steps = np.asarray(dac, float)
     up_down, left_right = np.moveaxis(laser.angle_from_dac(steps), -1, 0)
     by_angle = np.zeros((*steps.shape, 2))
@@ -72,7 +71,7 @@ def pinhole_jacobian(laser: TwoMirror, dac: ArrayLike) -> Array:
 
 
 def pinhole_edges(laser: TwoMirror, edges: ScanLineEdges) -> ScanLineEdges:
-    """Edges in pinhole coordinates, with their directions, standard errors and widths."""
+    """Convert edges to pinhole coordinates, with their directions, standard errors and widths."""
     along = np.einsum("nij,nj->ni", pinhole_jacobian(laser, edges.position), edges.direction)
     stretch = np.linalg.norm(along, axis=-1)
     return replace(
@@ -85,7 +84,7 @@ def pinhole_edges(laser: TwoMirror, edges: ScanLineEdges) -> ScanLineEdges:
 
 
 def dac_edges(laser: TwoMirror, edges: ScanLineEdges) -> ScanLineEdges:
-    """Edges in DAC steps, the inverse of `pinhole_edges`."""
+    """Convert edges to DAC steps, the inverse of `pinhole_edges`."""
     position = dac_from_pinhole(laser, edges.position)
     inverse = np.linalg.inv(pinhole_jacobian(laser, position))
     along = np.einsum("nij,nj->ni", inverse, edges.direction)
@@ -100,7 +99,7 @@ def dac_edges(laser: TwoMirror, edges: ScanLineEdges) -> ScanLineEdges:
 
 
 def dac_bitangents(laser: TwoMirror, found: BitangentPoints) -> BitangentPoints:
-    """Bitangent points of ellipses in pinhole coordinates, in DAC steps."""
+    """Find the bitangent points of ellipses in pinhole coordinates, in DAC steps."""
     points = dac_from_pinhole(laser, found.points)
     inverse = np.linalg.inv(pinhole_jacobian(laser, points))
     covariance = np.einsum(
@@ -110,7 +109,7 @@ def dac_bitangents(laser: TwoMirror, found: BitangentPoints) -> BitangentPoints:
 
 
 def fit_circle(edges: ScanLineEdges, method: str = "likelihood") -> tuple[ConicFit, ScanLineEdges]:
-    """Conic through the edges of one circle, freed from the spot's size.
+    """Fit a conic through the edges of one circle, freed from the spot's size.
 
     A spot of width w sees half the motion not on a curved edge but ``curvature w^2 / 2`` inside of
     it. The first fit tells the curvature, the edges are moved out by that much, and fitted again.

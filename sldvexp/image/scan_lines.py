@@ -29,7 +29,7 @@ class Reason(Enum):
 
 
 def is_edge(reason: NDArray[np.object_]) -> BoolArray:
-    """Which candidates have no reason against them, shape (n,)."""
+    """Tell which candidates have no reason against them, shape (n,)."""
     return np.array([r is None for r in reason], bool)
 
 
@@ -146,7 +146,7 @@ class ScanLines:
         return (self.along[:, -1] - self.along[:, 0]) / (self.along.shape[1] - 1)
 
     def place(self, line: IndexArray, edge: Array, width: Array) -> Array:
-        """Position of edges on lines, shape (n, 2), steps.
+        """Place edges on their lines, shape (n, 2), steps.
 
         On an oblique line whole steps lie beside it. A pixel beside it by q shifts an edge that is
         not square to the line in proportion to q and to the pixel's weight in the fit of a profile,
@@ -162,7 +162,7 @@ class ScanLines:
         return self.origin[line] + edge[:, None] * ahead + aside[:, None] * left
 
     def filled(self) -> Array:
-        """Magnitudes, flagged pixels interpolated along their line (zero on a flagged line)."""
+        """Fill flagged pixels by interpolation along their line (zero on a flagged line)."""
         values = np.where(self.flag, 0.0, self.magnitude)
         for k in np.flatnonzero(self.flag.any(axis=1) & ~self.flag.all(axis=1)):
             good, t = ~self.flag[k], self.along[k]
@@ -170,7 +170,7 @@ class ScanLines:
         return values
 
     def _frame(self) -> tuple[Array, Array]:
-        """Coordinates of the pixels along and across their line."""
+        """Find coordinates of the pixels along and across their line."""
         away = self.position - self.origin[:, None]
         x, y = np.moveaxis(self.direction[:, None], -1, 0)
         return away[..., 0] * x + away[..., 1] * y, away[..., 1] * x - away[..., 0] * y
@@ -218,11 +218,11 @@ class ScanLineEdges:
     name: str
 
     def counts(self) -> dict[Reason, int]:
-        """How many candidates were rejected for each reason."""
+        """Count how many candidates were rejected for each reason."""
         return dict(Counter(reason for _, reason in self.rejected))
 
     def summary(self) -> str:
-        """What was seen, in one phrase."""
+        """Summarise what was seen, in one phrase."""
         seen = f"{len(self.std)} edges on {self.lines} scan lines"
         lost = [f"{n} {reason.value}" for reason, n in self.counts().items()]
         return f"{seen}; rejected {', '.join(lost)}" if lost else seen

@@ -113,10 +113,6 @@ class CommandedInstrument:
         stream : int, optional
             Number of the scan line, for an instrument that is a simulation.
 
-        Returns
-        -------
-        RawSamples
-
         Raises
         ------
         InstrumentError
@@ -147,7 +143,7 @@ class CommandedInstrument:
             self._move(dialogue)
 
     def _go_to_view(self, dialogue: Dialogue) -> None:
-        """Stand in the view, whose name the configuration and the instrument must share."""
+        """Go to the view, whose name the configuration and the instrument must share."""
         try:
             dialogue.run(self.profile.commands.view, {"view": self._view})
         except DisturbanceError:
@@ -180,7 +176,7 @@ class CommandedInstrument:
         dialogue.verify(playing=bool(a.excitation))
 
     def _microseconds(self, rate: float) -> int:
-        """Whole microseconds between samples, for a device that counts them."""
+        """Count whole microseconds between samples, for a device that counts them."""
         exact = 1e6 / rate
         whole = max(1, round(exact))
         texts = [t for ts in self.profile.commands.configure.values() for t in ts]
@@ -206,7 +202,7 @@ class CommandedInstrument:
     def _scan_list(
         self, dialogue: Dialogue, steps: list[tuple[int, int]], stream: int | None
     ) -> RawSamples:
-        """A list that the instrument goes through by itself."""
+        """Scan a list that the instrument goes through by itself."""
         commands, samples = self.profile.commands, self._configured().samples
         if stream is not None:
             dialogue.run(commands.stream, {"stream": stream})
@@ -220,7 +216,7 @@ class CommandedInstrument:
     def _scan_pixels(
         self, dialogue: Dialogue, steps: list[tuple[int, int]], stream: int | None
     ) -> RawSamples:
-        """A list that the program goes through."""
+        """Scan a list that the program goes through."""
         if stream is not None:
             dialogue.run(self.profile.commands.stream, {"stream": stream})
         found = []
@@ -233,7 +229,7 @@ class CommandedInstrument:
         return RawSamples(counts, found[0].volts_per_count, self._rate, status)
 
     def _fetch(self, dialogue: Dialogue, pixels: int) -> RawSamples:
-        """The samples of the last pixels."""
+        """Fetch the samples of the last pixels."""
         data, patience = self.profile.data, self._duration(pixels)
         size = block_size(data, pixels, self._configured().samples)
         block = dialogue.block(data.ask, size, patience)
@@ -250,7 +246,7 @@ class CommandedInstrument:
         return found
 
     def _duration(self, pixels: int) -> float:
-        """How long sampling takes, s."""
+        """Say how long sampling takes, s."""
         a = self._configured()
         return pixels * (a.samples / a.rate + self.profile.settle)
 
@@ -260,7 +256,7 @@ class CommandedInstrument:
         return self._acquisition
 
     def _go_home(self, dialogue: Dialogue) -> None:
-        """Generator off and mirrors home, each also if the other is refused."""
+        """Switch the generator off and send the mirrors home, each also if the other is refused."""
         refused: list[str] = []
         for commands in (self.profile.commands.generator_off, self.profile.commands.home):
             try:

@@ -15,7 +15,7 @@ CHUNK = 2**16
 
 
 class DisturbanceError(InstrumentError):
-    """What may be gone at the next try: no answer, a lost connection, garbage."""
+    """Failure that may be gone at the next try: no answer, a lost connection, garbage."""
 
 
 class Line(Protocol):
@@ -25,10 +25,13 @@ class Line(Protocol):
         """Send all bytes."""
 
     def receive_line(self, end: bytes, patience: float) -> bytes:
-        """The bytes up to `end`, which is left away; the first is waited for `patience` s."""
+        """Receive the bytes up to `end`, which is left away.
+
+        The first is waited for `patience` s.
+        """
 
     def receive(self, count: int, patience: float) -> bytes:
-        """So many bytes."""
+        """Receive so many bytes."""
 
     def close(self) -> None:
         """Hang up."""
@@ -97,7 +100,7 @@ class VisaLine:
         self._session.close()
 
     def _received(self, read: Any, patience: float) -> bytes:
-        """What a reading function returns, or what came in its way."""
+        """Return what a reading function returns, or what came in its way."""
         if self._socket is None:
             self._session.timeout = max(1, round(1000 * max(patience, self._timeout)))
         else:
@@ -121,14 +124,14 @@ class VisaLine:
 
 
 def _socket_of(session: Any) -> socket.socket | None:
-    """The socket under a session of PyVISA-py, None if it has none."""
+    """Find the socket under a session of PyVISA-py, None if it has none."""
     known = getattr(session.visalib, "sessions", {})
     interface = getattr(known.get(session.session), "interface", None)
     return interface if isinstance(interface, socket.socket) else None
 
 
 def _closed(link: socket.socket) -> bool:
-    """Whether the other side has hung up, and nothing is left to read."""
+    """Tell whether the other side has hung up, and nothing is left to read."""
     try:
         return link.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT) == b""
     except BlockingIOError:
@@ -138,5 +141,5 @@ def _closed(link: socket.socket) -> bool:
 
 
 def _first_line(error: Exception) -> str:
-    """What an error says, in one line."""
+    """Say what an error says, in one line."""
     return (str(error).strip() or type(error).__name__).splitlines()[0].rstrip(".")

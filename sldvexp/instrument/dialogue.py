@@ -79,7 +79,6 @@ class Dialogue:
 
         Parameters
         ----------
-        commands : dict of str to list of str
         values : mapping, optional
             Of the placeholders.
         patience : float, s
@@ -93,7 +92,7 @@ class Dialogue:
                 self.require_no_error(device, "; ".join(filled), patience)
 
     def ask(self, device: str, question: str, patience: float = 0.0) -> str:
-        """The line that answers a question."""
+        """Ask a question; the line that answers it."""
         self._send(device, question)
         end = self._ends(device)[1]
         line = self._lines[device]
@@ -101,7 +100,7 @@ class Dialogue:
         return answer.decode("ascii", errors="replace").strip()
 
     def numbers(self, device: str, question: str, count: int) -> list[float]:
-        """The finite numbers that answer a question, separated by commas."""
+        """Ask a question; the finite numbers that answer it, separated by commas."""
         answer = self.ask(device, question)
         try:
             values = [float(text) for text in answer.split(",")]
@@ -115,7 +114,7 @@ class Dialogue:
         return values
 
     def block(self, question: str, count: int, patience: float = 0.0) -> bytes:
-        """The block of `count` bytes that answers a question of the profile's data."""
+        """Ask a question of the profile's data; the block of `count` bytes that answers it."""
         data = self.profile.data
         line, end = self._lines[data.device], data.end.encode("latin-1")
 
@@ -164,7 +163,7 @@ class Dialogue:
         self._errors(name)
 
     def _errors(self, device: str, patience: float = 0.0) -> list[str]:
-        """All entries of a device's queue of errors, the oldest first."""
+        """Empty a device's queue of errors; all its entries, the oldest first."""
         queue = self.profile.devices[device].errors
         found = []
         for _ in range(QUEUE):
@@ -190,7 +189,7 @@ class Dialogue:
         return known.sent_end.encode("latin-1"), known.answer_end.encode("latin-1")
 
     def _read_header(self, received: Callable[[int], bytes], question: str, count: int) -> None:
-        """``#<digits><bytes>`` must announce the right number of bytes."""
+        """Require that ``#<digits><bytes>`` announces the right number of bytes."""
         start = received(2)
         digits = received(int(start[1:])) if re.fullmatch(rb"#[1-9]", start) else b""
         if not digits.isdigit():
@@ -206,7 +205,10 @@ class Dialogue:
 
 
 def _told(device: str, command: str, action: Callable[..., Any], *arguments: Any) -> Any:
-    """What `action` returns; its complaints begin with the device and end with the command."""
+    """Return what `action` returns.
+
+    Its complaints begin with the device and end with the command.
+    """
     try:
         return action(*arguments)
     except InstrumentError as error:
@@ -215,7 +217,7 @@ def _told(device: str, command: str, action: Callable[..., Any], *arguments: Any
 
 
 def _short(text: str) -> str:
-    """A text as messages show it."""
+    """Shorten a text as messages show it."""
     shown = repr(text if len(text) <= SHOWN else f"{text[:SHOWN]}...")
     return shown
 
@@ -256,7 +258,6 @@ class Persistence:
         ----------
         what : str
             What is being done, for messages.
-        step : callable
 
         Raises
         ------
@@ -311,7 +312,7 @@ HALF_COUNTS = 2**15
 
 
 def block_size(data: Data, pixels: int, samples: int) -> int:
-    """Bytes of a block of samples."""
+    """Count bytes of a block of samples."""
     return pixels * len(CHANNELS) * samples * np.dtype(data.type.value).itemsize
 
 
@@ -323,13 +324,12 @@ def decoded(
     volts_per_count: Sequence[float],
     rate: float,
 ) -> RawSamples:
-    """Samples of a block.
+    """Decode samples of a block.
 
     Parameters
     ----------
     data : Data
         How the block is written.
-    block : bytes
     status : bytes
         One a pixel; empty if there is none.
     shape : tuple of int
@@ -337,10 +337,6 @@ def decoded(
     volts_per_count : sequence of float
         In the order of `CHANNELS`.
     rate : float, Hz
-
-    Returns
-    -------
-    RawSamples
 
     Raises
     ------
@@ -369,7 +365,7 @@ def decoded(
 def _rounded(
     volts: NDArray[np.floating], scale: Array
 ) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
-    """Volts as counts, and the status of pixels whose volts are beyond them."""
+    """Round volts to counts, with the status of pixels whose volts are beyond them."""
     if not np.isfinite(volts).all():
         pixel = int(np.argwhere(~np.isfinite(volts))[0, 0])
         raise DisturbanceError(f"pixel {pixel} has a sample that is not a finite number of volts")

@@ -40,11 +40,10 @@ class Person(Protocol):
     """Who points the beam and measures where it falls."""
 
     def aim(self, mark: Mark, start: Steps) -> Steps | None:
-        """Bring the beam onto a mark.
+        """Return bring the beam onto a mark.
 
         Parameters
         ----------
-        mark : Mark
         start : (up_down, left_right), steps
             Where the beam may begin.
 
@@ -112,12 +111,12 @@ class RecordedPerson:
 
 
 def mark_name(number: int) -> str:
-    """What the answer about a mark is called."""
+    """Name the answer about a mark."""
     return f"mark_{number}"
 
 
 def spot_name(spot: int) -> str:
-    """What the answer about a digitised spot is called."""
+    """Name the answer about a digitised spot."""
     return f"spot_{spot}"
 
 
@@ -129,7 +128,7 @@ def write_answer(path: Path, question: Any, answer: Any) -> None:
 
 
 def read_answer(path: Path) -> dict[str, Any] | None:
-    """A kept question and its answer; None if there is none or its file is damaged."""
+    """Read a kept question and its answer; None if there is none or its file is damaged."""
     try:
         kept = json.loads(path.read_text())
     except (FileNotFoundError, ValueError):

@@ -29,7 +29,7 @@ class ByteOrder(Enum):
 
 
 class Header(Enum):
-    """What precedes the bytes of a block: IEEE 488.2's ``#<digits><bytes>``, or nothing."""
+    """Beginning of a block: IEEE 488.2's ``#<digits><bytes>``, or nothing."""
 
     ieee = "ieee"
     none = "none"
@@ -92,7 +92,7 @@ Commands = dict[str, list[str]]
 
 @dataclass(kw_only=True)
 class CommandGroups:
-    """The commands of each step, by device, in the order in which they are sent.
+    """Commands of each step, by device, in the order in which they are sent.
 
     Parameters
     ----------

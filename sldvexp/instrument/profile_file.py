@@ -37,7 +37,7 @@ class _Texts(yaml.BaseLoader):
 
 
 def profile_path(name: str) -> Path:
-    """The file of a profile.
+    """Find the file of a profile.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def profile_path(name: str) -> Path:
 
 
 def load_profile(name: str) -> Profile:
-    """The profile of that name or path.
+    """Load the profile of that name or path.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def load_profile(name: str) -> Profile:
 
 
 def _made(kind: Any, node: Any, key: str, checks: Checks) -> Any:
-    """What a type hint says, from texts, lists and tables; what does not fit is noted."""
+    """Make what a type hint says from texts, lists and tables; note what does not fit."""
     if is_dataclass(kind):
         return _made_table(kind, node, key, checks)
     inner = get_args(kind)
@@ -121,7 +121,7 @@ def _made(kind: Any, node: Any, key: str, checks: Checks) -> Any:
 
 
 def _made_table(kind: Any, node: Any, key: str, checks: Checks) -> Any:
-    """A dataclass from a table, None if something is wrong with it."""
+    """Make a dataclass from a table, None if something is wrong with it."""
     if not isinstance(node, dict):
         names = ", ".join(f.name for f in fields(kind))
         checks.require(False, key, f"must be a table of the settings {names}")
@@ -207,7 +207,7 @@ def check(profile: Profile, checks: Checks) -> None:
 
 
 def _check_group(profile: Profile, checks: Checks, group: str, allowed: tuple[str, ...]) -> None:
-    """Commands address known devices, and say what they must and no more."""
+    """Check that commands address known devices, and say what they must and no more."""
     commands: Commands = getattr(profile.commands, group)
     for device, texts in commands.items():
         _check_device(profile, checks, f"commands.{group}.{device}", device)
@@ -220,7 +220,7 @@ def _check_group(profile: Profile, checks: Checks, group: str, allowed: tuple[st
 
 
 def _check_data(profile: Profile, checks: Checks) -> None:
-    """Blocks come from a known device, hold both channels, and have a scale."""
+    """Check that blocks come from a known device, hold both channels, and have a scale."""
     data = profile.data
     _check_device(profile, checks, "data.device", data.device)
     message = f"must be {' and '.join(CHANNELS)} in the block's order, not {data.channels}"
@@ -238,7 +238,7 @@ def _check_data(profile: Profile, checks: Checks) -> None:
 
 
 def _check_device(profile: Profile, checks: Checks, key: str, device: str) -> None:
-    """A device that is named must be one of the profile's."""
+    """Check that a device that is named is one of the profile's."""
     message = f"addresses the unknown device {device}; {nearest(device, profile.devices)}"
     checks.require(device in profile.devices or not profile.devices, key, message)
 
@@ -254,7 +254,7 @@ def _expression(checks: Checks, key: str, text: str, groups: int = 0) -> None:
 
 
 def _named(text: str) -> Iterator[str]:
-    """The placeholders of a command; those of one that cannot be read are none."""
+    """Yield the placeholders of a command; none of one that cannot be read."""
     try:
         parsed = list(Formatter().parse(text))
     except ValueError:

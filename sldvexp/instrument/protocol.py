@@ -1,4 +1,4 @@
-"""What every instrument that scans can do; the rest of the program knows no more about it.
+"""Protocol of every instrument that scans; the rest of the program knows no more about it.
 
 What every plugin of the group `instrument` that can scan has in common.
 """
@@ -24,7 +24,7 @@ CHANNELS = ("velocity", "reference")
 
 
 class Status(IntFlag):
-    """What the instrument itself says about a pixel."""
+    """Word of the instrument itself about a pixel."""
 
     good = 0
     dropped_out = 1
@@ -74,7 +74,7 @@ class RawSamples:
 
 
 class InstrumentError(Exception):
-    """The instrument did not do what was asked; its text says what happened at which command."""
+    """Refusal or failure of the instrument; its text says what happened at which command."""
 
 
 class Instrument(Protocol):
@@ -119,11 +119,11 @@ class ScanningPlugin(ABC):
 
     @property
     def takes_views_itself(self) -> bool:
-        """Whether `open` puts the instrument where a view is; otherwise somebody must move it."""
+        """True if `open` puts the instrument where a view is; otherwise somebody must move it."""
         return True
 
     def inputs(self) -> list[str]:
-        """Files that are read besides the configuration."""
+        """List files that are read besides the configuration."""
         return []
 
     @abstractmethod
@@ -135,14 +135,12 @@ class ScanningPlugin(ABC):
         seed: int = 0,
         view: str = "",
     ) -> AbstractContextManager[Instrument]:
-        """The instrument in one view; leaving it sends the mirrors home, the generator off.
+        """Open the instrument in one view; leaving it sends the mirrors home, the generator off.
 
         Parameters
         ----------
         scene : Scene or None
             Of the virtual lab; only a simulation looks at it.
-        laser : TwoMirror
-        target : Target, optional
         seed : int
             Of everything random in a simulation.
         view : str

@@ -40,7 +40,6 @@ def write_line(path: Path, dac: IntArray, acquisition: Acquisition, samples: Raw
 
     Parameters
     ----------
-    path : Path
     dac : ndarray of int, shape (pixel, 2)
     acquisition : Acquisition
         What was asked for.
@@ -61,7 +60,7 @@ def write_line(path: Path, dac: IntArray, acquisition: Acquisition, samples: Raw
 
 
 def read_line(path: Path) -> tuple[IntArray, Array, RawSamples] | None:
-    """Pixels, sampling as asked, and samples of a kept line; None if its file is damaged."""
+    """Read pixels, sampling as asked, and samples of a kept line; None if its file is damaged."""
     try:
         with np.load(path) as kept:
             found = {key: kept[key] for key in kept.files}
@@ -74,7 +73,7 @@ def read_line(path: Path) -> tuple[IntArray, Array, RawSamples] | None:
 
 
 def asked(acquisition: Acquisition) -> Array:
-    """An acquisition as numbers that can be kept and compared."""
+    """Express an acquisition as numbers that can be kept and compared."""
     a = acquisition
     return np.array([a.rate, a.samples, a.amplitude, *a.excitation], float)
 
@@ -123,11 +122,11 @@ class Recording:
         self._dac = np.array([dac], np.int64)
 
     def acquire(self) -> RawSamples:
-        """The recorded pixel, if a line of one pixel there was recorded."""
+        """Return the recorded pixel, if a line of one pixel there was recorded."""
         return self.scan(self._dac)
 
     def scan(self, dac: IntArray, stream: int | None = None) -> RawSamples:
-        """The samples of a line with these very pixels and sampling.
+        """Return the samples of a line with these very pixels and sampling.
 
         If it was recorded several times, each of them in turn.
 
@@ -161,7 +160,7 @@ class Recording:
 @register("instrument", "replay")
 @dataclass
 class Replay(ScanningPlugin):
-    """The scan lines that an earlier run kept, so that they can be processed anew.
+    """Scan lines that an earlier run kept, so that they can be processed anew.
 
     Parameters
     ----------

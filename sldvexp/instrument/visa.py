@@ -71,11 +71,11 @@ class Visa(ScanningPlugin):
 
     @property
     def takes_views_itself(self) -> bool:
-        """Whether the profile has commands that go to a view."""
+        """True if the profile has commands that go to a view."""
         return bool(self._spoken.commands.view)
 
     def inputs(self) -> list[str]:
-        """The profile's file."""
+        """List the profile's file."""
         return [str(profile_path(self.profile))]
 
     def open(

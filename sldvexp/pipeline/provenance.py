@@ -1,4 +1,4 @@
-"""What a run's file must carry so that it can be explained and repeated."""
+"""Provenance: what a run's file carries so that it can be explained and repeated."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PACKAGES = ("sldvexp", "numpy", "scipy", "xarray", "netCDF4", "hydra-core", "ome
 
 
 def attributes(config: DictConfig, inputs: Iterable[str], start: datetime) -> dict[str, Any]:
-    """Attributes of the dataset's root.
+    """Gather the attributes of the dataset's root.
 
     Parameters
     ----------
@@ -52,12 +52,15 @@ def attributes(config: DictConfig, inputs: Iterable[str], start: datetime) -> di
 
 
 def about_program() -> dict[str, str]:
-    """Which program it was, as attributes."""
+    """Tell which program it was, as attributes."""
     return {"packages": json.dumps(versions()), "git_commit": git_commit()}
 
 
 def identity(config: DictConfig) -> str:
-    """Digest of all that decides a run's numbers, but for the content of the files it reads."""
+    """Compute a digest of all that decides a run's numbers.
+
+    But for the content of files it reads.
+    """
     settings: Any = OmegaConf.to_container(config, resolve=True, enum_to_str=True)
     wanted = {key: value for key, value in settings.items() if key not in NO_NUMBERS}
     text = repr(wanted) + json.dumps(versions(), sort_keys=True)  # ten times as fast as YAML
@@ -66,7 +69,7 @@ def identity(config: DictConfig) -> str:
 
 @functools.cache
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that decide the numbers, plugins' among them."""
+    """List versions of Python and of the packages that decide the numbers, plugins' among them."""
     found = {"python": platform.python_version()}
     for package in PACKAGES:
         try:
@@ -77,7 +80,7 @@ def versions() -> dict[str, str]:
 
 
 def sha256(path: Path) -> str:
-    """Digest of an input file."""
+    """Compute the digest of an input file."""
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -87,7 +90,7 @@ def sha256(path: Path) -> str:
 
 @functools.cache
 def git_commit() -> str:
-    """Commit of the checkout that the program runs from, marked if changed; empty if installed."""
+    """Name the commit of the checkout, marked if changed; empty if the program is installed."""
     here = Path(__file__).resolve().parents[1]
     if not (here.parent / ".git").exists():
         return ""

@@ -80,7 +80,7 @@ def run(
     rng = np.random.default_rng(experiment.seed)
     run = Run(experiment, rng, Path(folder), Operator(lambda: _paused(bar)))
     with bar, _told_how_to_go_on(run.folder):
-        _do(steps, run, bar, share or (lambda step, run: step.work(run)))
+        _do(steps, run, bar, share or (lambda step, run: step.perform(run)))
     path = Path(folder) / RUN_FILE
     attributes = provenance.attributes(cfg, run.inputs, start)
     if run.reused:
@@ -101,7 +101,7 @@ def run(
 
 
 def _do(steps: Sequence[Step], run: Run, bar: Progress, do: Callable[[Step, Run], None]) -> None:
-    """One step after the other."""
+    """Do one step after the other."""
     task, scanned = bar.add_task("", total=len(steps)), False
     for step in steps:
         bar.update(task, description=step.name, advance=1)
@@ -124,7 +124,7 @@ def _told_how_to_go_on(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _paused(bar: Progress) -> Iterator[None]:
-    """The terminal without the bar, which would draw over what is asked and typed there."""
+    """Give the terminal back without the bar, which would draw over what is asked there."""
     bar.stop()
     try:
         yield
@@ -147,7 +147,7 @@ def _remove_outdated(cfg: DictConfig, folder: Path, made: Collection[str]) -> No
 
 
 def _texts(node: Any) -> Iterator[str]:
-    """Every text in a configuration."""
+    """Yield every text in a configuration."""
     if isinstance(node, str):
         yield node
     elif isinstance(node, dict | list):

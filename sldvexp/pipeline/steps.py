@@ -1,12 +1,12 @@
-"""The steps of a run, in the order in which data flows."""
+"""Steps of a run, in the order in which data flows."""
 
 from __future__ import annotations
 
 import os
 import shutil
 import weakref
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import chain, count
 from pathlib import Path
@@ -29,7 +29,7 @@ COMPARED_SCANS = "compare_scan"
 
 @dataclass
 class Run:
-    """What the steps of one run have in common: plugins, generator, and the groups made so far.
+    """Common ground of the steps of one run: plugins, generator, and the groups made so far.
 
     Parameters
     ----------
@@ -58,11 +58,14 @@ class Run:
 
     @property
     def kept(self) -> dict[str, xr.Dataset]:
-        """The groups that the run's file gets."""
+        """Groups that the run's file gets."""
         return {name: group for name, group in self.tree.items() if name not in self.elsewhere}
 
     def keep(self, name: str, group: xr.Dataset) -> xr.Dataset:
-        """A scanned group; with a stream an image goes to a file, before the next view comes."""
+        """Keep a scanned group.
+
+        With a stream an image goes to a file, before the next view comes.
+        """
         if self.experiment.stream is None or not name.startswith("image/"):
             return group
         from sldvexp.importers.image_file import spilled
@@ -80,12 +83,12 @@ class Run:
 
 
 def _target(run: Run) -> None:
-    """The calibration object's points."""
+    """Add the calibration object's points."""
     run.tree["target"] = run.experiment.target.group()
 
 
 def _scan(run: Run) -> None:
-    """What the instrument sees in every view: edges of circles, images."""
+    """Scan what the instrument sees in every view: edges of circles, images."""
     from sldvexp.instrument.protocol import InstrumentError
     from sldvexp.instrument.recording import JOURNAL
     from sldvexp.session.session import scan_views, takes_samples
@@ -113,7 +116,7 @@ def _scan(run: Run) -> None:
 
 
 def _pose(run: Run) -> None:
-    """Where the instrument stood, by the chosen method and those it is compared with."""
+    """Find where the instrument stood, by the chosen method and those it is compared with."""
     e = run.experiment
     if e.pose is not None:
         run.inputs += e.pose.inputs()
@@ -130,7 +133,7 @@ def _pose(run: Run) -> None:
 
 
 def _images(run: Run) -> None:
-    """Velocity images that were made before."""
+    """Read velocity images that were made before."""
     e = run.experiment
     run.inputs += e.instrument.inputs()
     found = e.instrument.images(e.stream.chunks if e.stream else None)
@@ -140,7 +143,7 @@ def _images(run: Run) -> None:
 
 
 def _volume(run: Run) -> None:
-    """Surfaces around the real one, and where between them velocities are sampled."""
+    """Add surfaces around the real one, and where between them velocities are sampled."""
     run.inputs += run.experiment.volume.inputs()
     try:
         run.tree["volume"] = run.experiment.volume.group()
@@ -149,21 +152,21 @@ def _volume(run: Run) -> None:
 
 
 def _line_of_sight(run: Run) -> None:
-    """Velocities along the lines of sight."""
+    """Read velocities along the lines of sight."""
     e = run.experiment
     run.inputs += e.instrument.inputs()
     run.tree["line_of_sight"] = e.instrument.read(run.tree, e.laser)
 
 
 def _images_of_points(run: Run) -> None:
-    """Velocities of points that were measured one by one, as the images that a field needs."""
+    """Read velocities of points that were measured one by one, as the images that a field needs."""
     e = run.experiment
     run.inputs += e.instrument.inputs()
     run.tree |= e.instrument.images_of_points(run.tree, e.laser)
 
 
 def _point(run: Run) -> None:
-    """Velocity vectors at points, by the chosen method and those it is compared with."""
+    """Reconstruct velocity vectors at points, by the chosen method and the others."""
     if "line_of_sight" not in run.tree:
         raise UserError(
             "reconstruction: there are no velocities to reconstruct from; "
@@ -175,7 +178,7 @@ def _point(run: Run) -> None:
 
 
 def _field(run: Run) -> None:
-    """Velocity over the volume, by the chosen method and those it is compared with."""
+    """Reconstruct the velocity over the volume, by the chosen method and the others."""
     from sldvexp.field.estimate import reconstruct, volume_visibility
 
     e = run.experiment
@@ -189,7 +192,7 @@ def _field(run: Run) -> None:
 
 
 def _streamed_field(run: Run) -> None:
-    """The same, with some frequencies in memory at a time."""
+    """Do the same with some frequencies in memory at a time."""
     from sldvexp.field.estimate import volume_visibility
     from sldvexp.field.streaming.compression import compress
     from sldvexp.field.streaming.streamed import stream_field
@@ -212,7 +215,7 @@ def _streamed_field(run: Run) -> None:
 
 
 def _reconstruct(run: Run, group: str, work: Callable[[Reconstruction], xr.Dataset]) -> None:
-    """Groups of the chosen method and of those it is compared with."""
+    """Add the groups of the chosen method and of those it is compared with."""
     e = run.experiment
     methods = {group: e.reconstruction} if e.reconstruction else {}
     methods |= {f"compare/{name}": method for name, method in e.compare.items()}
@@ -225,8 +228,8 @@ def _reconstruct(run: Run, group: str, work: Callable[[Reconstruction], xr.Datas
 
 
 def _truth(run: Run) -> None:
-    """What truly happens at the field's nodes, which only a virtual lab can tell."""
-    from sldvexp.virtual_lab.truth import truth_to_dataset
+    """Add what truly happens at the field's nodes, which only a virtual lab can tell."""
+    from sldvexp.virtual_lab.plate_scene import truth_to_dataset
 
     e = run.experiment
     field = run.tree["field"]
@@ -237,14 +240,14 @@ def _truth(run: Run) -> None:
 
 
 def _checks(run: Run) -> None:
-    """What the configuration wants examined."""
+    """Examine what the configuration wants examined."""
     for name, check in run.experiment.check.items():
         run.inputs += check.inputs()
         run.tree[f"examined/{name}"] = check.examine(Examined(run.tree, run.rng, run.experiment))
 
 
 def _expectations(run: Run) -> None:
-    """Published numbers against this run's."""
+    """Compare published numbers with this run's."""
     found = evaluate(run.experiment.expect, run.tree)
     if found is not None:
         run.tree["check"] = found
@@ -255,18 +258,23 @@ def _reconstructs(e: Experiment) -> bool:
 
 
 def _has_pixels(e: Experiment) -> bool:
-    """Whether points of files become pixels of images, because there is a volume."""
+    """Tell whether points of files become pixels of images, because there is a volume."""
     return e.volume is not None and hasattr(e.instrument, "images_of_points")
 
 
 def _has_truth(e: Experiment) -> bool:
-    """Whether the images are those of a plate in the virtual lab."""
+    """Tell whether the images are those of a plate in the virtual lab."""
     return bool(e.volume and e.reconstruction and e.scan and hasattr(e.scene, "plate"))
 
 
 @dataclass(frozen=True)
 class Step:
-    """One stage of a run.
+    """One stage of a run, and its contract.
+
+    A name of groups that ends with a slash means all below it. Runs of a sweep share the result of
+    a step that `reads` keys: it must be decided by them and by the groups that it needs alone, and
+    draw no random numbers. The contracts are checked when this module is imported
+    (`check_contracts`) and what a step adds in every run (`Step.perform`).
 
     Parameters
     ----------
@@ -275,52 +283,145 @@ class Step:
         Whether an experiment has it.
     work : callable
         Adds groups to the run's tree; it changes none that are there.
+    makes : tuple of str
+        Groups that it may add.
+    needs : tuple of str
+        Groups that it looks at, as far as they are there; ``/`` for all.
     reads : tuple of str
         Keys of the configuration that decide what it adds, if it is shared.
-    after : tuple of str
-        Steps whose groups it reads, if it is shared.
     """
 
     name: str
     needed: Callable[[Experiment], bool]
     work: Callable[[Run], None]
+    makes: tuple[str, ...]
+    needs: tuple[str, ...] = ()
     reads: tuple[str, ...] = ()
-    after: tuple[str, ...] = ()
 
     @property
     def shared(self) -> bool:
-        """Whether runs of a sweep share its result; it must then draw no random numbers."""
+        """True if runs of a sweep share its result."""
         return bool(self.reads)
 
+    def after(self, earlier: Iterable[Step]) -> tuple[str, ...]:
+        """Name those of the steps before this one that make what it needs."""
+        return tuple(step.name for step in earlier if _overlap(step.makes, self.needs))
 
+    def perform(self, run: Run) -> None:
+        """Do the work.
+
+        Raises
+        ------
+        RuntimeError
+            If it adds a group that it does not declare.
+        """
+        before = set(run.tree)
+        self.work(run)
+        for group in run.tree.keys() - before:
+            if not _overlap([group], self.makes):
+                raise RuntimeError(f"the step {self.name} adds {group}, which it does not declare")
+
+
+def _overlap(some: Iterable[str], others: Iterable[str]) -> bool:
+    """Say whether two declarations of groups have one in common."""
+
+    def covers(a: str, b: str) -> bool:
+        return a in ("/", b) or (a.endswith("/") and b.startswith(a))
+
+    return any(covers(a, b) or covers(b, a) for a in some for b in others)
+
+
+EVERYTHING = ("/",)
 TARGET, SCAN, POSE, VOLUME = "calibration object", "scan", "pose", "volume"
 IMAGES, PIXELS = "velocity images", "images of points"
-MEASURING = ("seed", "target", "laser", "scene", "scan", "compare_scan", "instrument", "signal")
+#: Of the configuration, what decides a measurement, a pose and a field.
+MEASURING = (
+    *("seed", "target", "laser", "scene", "scan", "compare_scan", "instrument", "signal"),
+    "stream",  # which decides where images are kept
+)
 POSING = ("target", "laser", "pose", "compare_pose")
 SOLVING = ("laser", "volume", "reconstruction", "compare", "solver", "stream")
+SCANNED = ("edge/", "image/", "registration", f"{COMPARED_SCANS}/")
 
 STEPS: tuple[Step, ...] = (
-    Step(TARGET, lambda e: e.target is not None, _target),
+    Step(TARGET, lambda e: e.target is not None, _target, makes=("target",)),
     # Before anything is measured: an unsound volume should not cost a morning's scan.
-    Step(VOLUME, lambda e: e.volume is not None, _volume, ("volume",)),
-    Step(SCAN, lambda e: bool(e.scan or e.compare_scan), _scan, MEASURING, (TARGET,)),
-    Step(POSE, lambda e: bool(e.pose or e.compare_pose), _pose, POSING, (TARGET, SCAN)),
-    Step(IMAGES, lambda e: hasattr(e.instrument, "images"), _images),
+    Step(VOLUME, lambda e: e.volume is not None, _volume, makes=("volume",), reads=("volume",)),
+    Step(
+        SCAN,
+        lambda e: bool(e.scan or e.compare_scan),
+        _scan,
+        makes=SCANNED,
+        needs=("target",),
+        reads=MEASURING,
+    ),
+    Step(
+        POSE,
+        lambda e: bool(e.pose or e.compare_pose),
+        _pose,
+        makes=("pose", "registration", "compare_pose/"),
+        needs=("target", *SCANNED),
+        reads=POSING,
+    ),
+    Step(IMAGES, lambda e: hasattr(e.instrument, "images"), _images, makes=("image/",)),
     Step(
         "line-of-sight velocities",
         lambda e: hasattr(e.instrument, "read") and not _has_pixels(e),
         _line_of_sight,
+        makes=("line_of_sight",),
+        needs=("pose",),
     ),
-    Step(PIXELS, lambda e: _has_pixels(e), _images_of_points, ("laser", "instrument"), (POSE,)),
-    Step("velocity at points", lambda e: _reconstructs(e) and e.volume is None, _point),
+    Step(
+        PIXELS,
+        lambda e: _has_pixels(e),
+        _images_of_points,
+        makes=("image/",),
+        needs=("pose",),
+        reads=("laser", "instrument"),
+    ),
+    Step(
+        "velocity at points",
+        lambda e: _reconstructs(e) and e.volume is None,
+        _point,
+        makes=("point", "compare/"),
+        needs=("line_of_sight",),
+    ),
     Step(
         "velocity field",
         lambda e: _reconstructs(e) and e.volume is not None,
         _field,
-        SOLVING,
-        (SCAN, POSE, VOLUME, IMAGES, PIXELS),
+        makes=("field", "compare/"),
+        needs=("pose", "volume", "image/"),
+        reads=SOLVING,
     ),
-    Step("truth of the virtual lab", lambda e: _reconstructs(e) and _has_truth(e), _truth),
-    Step("checks", lambda e: bool(e.check), _checks),
-    Step("expectations", lambda e: bool(e.expect), _expectations),
+    Step(
+        "truth of the virtual lab",
+        lambda e: _reconstructs(e) and _has_truth(e),
+        _truth,
+        makes=("truth",),
+        needs=("field",),
+    ),
+    Step("checks", lambda e: bool(e.check), _checks, makes=("examined/",), needs=EVERYTHING),
+    Step("expectations", lambda e: bool(e.expect), _expectations, ("check",), needs=EVERYTHING),
 )
+
+
+def check_contracts(steps: Sequence[Step]) -> None:
+    """Check that what steps declare can be true.
+
+    Raises
+    ------
+    ValueError
+        If a step reads a key that the configuration does not have, or needs groups that no step
+        before it makes.
+    """
+    keys = {f.name for f in fields(Experiment)}
+    for place, step in enumerate(steps):
+        if unknown := set(step.reads) - keys:
+            raise ValueError(f"the step {step.name} reads {sorted(unknown)}, which no key is")
+        made = [group for earlier in steps[:place] for group in earlier.makes]
+        if lost := [group for group in step.needs if not _overlap([group], made)]:
+            raise ValueError(f"the step {step.name} needs {lost}, which no step before it makes")
+
+
+check_contracts(STEPS)

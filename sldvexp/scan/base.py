@@ -1,4 +1,4 @@
-"""What every plugin of the group `scan` has in common.
+"""Base of every plugin of the group `scan`.
 
 What scans have in common that give a velocity image of each view.
 
@@ -55,15 +55,15 @@ class Scan(ABC):
 
     @abstractmethod
     def view_names(self) -> list[str]:
-        """Views in the order in which the session goes through them."""
+        """List views in the order in which the session goes through them."""
 
     @abstractmethod
     def parts(self, view: str) -> list[ScanPart]:
-        """What is scanned in a view, in that order, without moving the instrument between."""
+        """List what is scanned in a view, in that order, without moving the instrument between."""
 
     @abstractmethod
     def inputs(self) -> list[str]:
-        """Files that are read besides the configuration."""
+        """List files that are read besides the configuration."""
 
 
 class ScanPart(Scan):
@@ -97,7 +97,7 @@ class ScanPart(Scan):
 
     @abstractmethod
     def pixel_count(self, view: str) -> int:
-        """How many pixels a view takes.
+        """Count how many pixels a view takes.
 
         Raises
         ------
@@ -107,10 +107,10 @@ class ScanPart(Scan):
 
     @abstractmethod
     def known_pixels(self, view: str) -> IntArray:
-        """Where the beam goes in a view, as far as it is known beforehand, shape (pixel, 2)."""
+        """Say where the beam goes in a view, as far as it is known beforehand, shape (pixel, 2)."""
 
     def seconds(self, view: str) -> float:
-        """How long a view's samples take, s."""
+        """Estimate how long a view's samples take, s."""
         return self.pixel_count(view) * self.sampling.samples / self.sampling.rate
 
 
@@ -130,13 +130,10 @@ def check_pairs(
 
     Parameters
     ----------
-    checks : Checks
     name : str
         Of the view's entry.
     key : str
         What the pairs are called there.
-    pairs : list of list of int
-    path : str
     count : int
         How many pairs there must be; 0 for any number.
     """
@@ -154,7 +151,9 @@ class ImageScan(ScanPart):
 
     @abstractmethod
     def lines(self, view: str) -> list[IntArray]:
-        """Pixels of a view line by line; a session that was cut off repeats at most one line.
+        """List the pixels of a view line by line.
+
+        A session that was cut off repeats at most one line.
 
         Returns
         -------
@@ -168,7 +167,7 @@ class ImageScan(ScanPart):
         """
 
     def shape(self, view: str) -> tuple[int, int] | None:
-        """Rows and columns, if the pixels are a grid."""
+        """Return rows and columns, if the pixels are a grid."""
         return None
 
     def known_pixels(self, view: str) -> IntArray:

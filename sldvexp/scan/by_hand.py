@@ -17,7 +17,7 @@ from sldvexp.units import LengthUnit
 
 @dataclass
 class Marks:
-    """What a person can point at in one view.
+    """Marks that a person can point at in one view.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class Marks:
 @register("scan", "by_hand")
 @dataclass
 class ByHand(PersonPart):
-    """The registration of Section 4.2: known marks, and the DAC steps that a person finds for them.
+    """Registration of Section 4.2: known marks, and the DAC steps that a person finds for them.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class ByHand(PersonPart):
         checks.done()
 
     def own_marks(self) -> FiducialPoints | None:
-        """The fiducials, if there are any."""
+        """Return the fiducials, if there are any."""
         return FiducialPoints(self.unit, self.accuracy, self.fiducials) if self.fiducials else None
 
     def inputs(self) -> list[str]:

@@ -79,7 +79,7 @@ class Centres:
 @register("scan", "calibration")
 @dataclass
 class CalibrationScan(ScanPart):
-    """The dissertation's coarse and fine lines across each circle (Section 4.5.2).
+    """Dissertation's coarse and fine lines across each circle (Section 4.5.2).
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class CalibrationScan(ScanPart):
         checks.done()
 
     def centres(self, view: str) -> IntArray:
-        """Rough centres of a view's circles, shape (circle, 2), steps."""
+        """Return rough centres of a view's circles, shape (circle, 2), steps."""
         given = self.views[view]
         return read_centres(locate(given.path)) if given.path else np.array(given.dac, np.int64)
 

@@ -12,14 +12,13 @@ from sldvexp.typing import Array, IntArray
 
 
 def across(centre: ArrayLike, lines: int, pixels: int, stride: int = 1) -> IntArray:
-    """Lines through a rough centre, turned evenly against one another.
+    """Lay lines through a rough centre, turned evenly against one another.
 
     Parameters
     ----------
     centre : array_like, shape (2,), steps
     lines : int
         The dissertation's three give six edge points, one more than a conic needs.
-    pixels : int
     stride : int, steps
         From one pixel to the next along the mirror that moves faster; 1 scans contiguously.
 
@@ -37,7 +36,7 @@ def across(centre: ArrayLike, lines: int, pixels: int, stride: int = 1) -> IntAr
 def along_ellipse(
     centre: ArrayLike, axes: ArrayLike, lines: int, pixels: int, stride: int = 1
 ) -> IntArray:
-    """Short lines across an ellipse, normal to it, spaced evenly in its parameter.
+    """Lay short lines across an ellipse, normal to it, spaced evenly in its parameter.
 
     Parameters
     ----------
@@ -68,7 +67,7 @@ def along_ellipse(
 
 
 def rectangle(corners: ArrayLike, rows: int, columns: int) -> IntArray:
-    """Grid over the box that holds four corners (Section 3.2.1).
+    """Lay a grid over the box that holds four corners (Section 3.2.1).
 
     Parameters
     ----------
@@ -89,7 +88,7 @@ def rectangle(corners: ArrayLike, rows: int, columns: int) -> IntArray:
 
 
 def strided(corners: ArrayLike, stride: int) -> IntArray:
-    """Grid of every so many steps over the box that holds four corners.
+    """Lay a grid of every so many steps over the box that holds four corners.
 
     Parameters
     ----------
@@ -105,15 +104,15 @@ def strided(corners: ArrayLike, stride: int) -> IntArray:
 
 
 def _box(corners: ArrayLike) -> tuple[IntArray, IntArray]:
-    """Smallest and largest up_down and left_right."""
+    """Find smallest and largest up_down and left_right."""
     return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
 def _grid(axes: list[IntArray]) -> IntArray:
-    """All pairs of an up_down and a left_right."""
+    """Combine each up_down with each left_right."""
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
 def _whole(steps: Array) -> IntArray:
-    """The nearest whole steps."""
+    """Round to the nearest whole steps."""
     return np.rint(steps).astype(np.int64)

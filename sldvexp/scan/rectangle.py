@@ -15,7 +15,7 @@ from sldvexp.typing import IntArray
 
 @dataclass
 class ScanRegion:
-    """What is imaged in a view.
+    """Part of a view that is imaged.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class Rectangle(ImageScan):
         checks.done()
 
     def grid(self, view: str) -> IntArray:
-        """Pixels of a view, shape (row, column, 2), DAC steps.
+        """Lay the pixels of a view, shape (row, column, 2), DAC steps.
 
         Raises
         ------

@@ -67,5 +67,5 @@ class Session(Scan):
         return [path for part in self._parts().values() for path in part.inputs()]
 
     def _parts(self) -> dict[str, ScanPart]:
-        """The parts by the names of their fields."""
+        """Name the parts by the names of their fields."""
         return {f.name: getattr(self, f.name) for f in fields(self)}

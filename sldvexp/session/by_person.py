@@ -31,7 +31,7 @@ HOME: Steps = (0, 0)
 
 
 def record_marks(scan: ByHand, at: ViewContext) -> dict[str, xr.Dataset]:
-    """The marks that a person can point at in a view; the group ``registration/<view>``.
+    """Record the marks that a person can point at in a view: the group ``registration/<view>``.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def record_marks(scan: ByHand, at: ViewContext) -> dict[str, xr.Dataset]:
 
 
 def record_spots(scan: ByDigitizer, at: ViewContext) -> dict[str, xr.Dataset]:
-    """The digitised spots of a view; the group ``registration/<view>``.
+    """Record the digitised spots of a view: the group ``registration/<view>``.
 
     A spot is a point of the structure that no other view has, and so has a number of its own.
     """
@@ -80,7 +80,7 @@ def record_spots(scan: ByDigitizer, at: ViewContext) -> dict[str, xr.Dataset]:
 
 
 def joined(found: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
-    """The groups of a session with those of single views' registration as one."""
+    """Join the single views' registration to one group of a session."""
     views = [group for name, group in found.items() if name.startswith(f"{GROUP}/")]
     others = {name: g for name, g in found.items() if not name.startswith(f"{GROUP}/")}
     if not views:
@@ -90,7 +90,7 @@ def joined(found: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
 
 
 def known_marks(scan: ByHand, target: Target | None) -> list[Mark]:
-    """The scan's own marks, or the points of the target.
+    """List the scan's own marks, or the points of the target.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def known_marks(scan: ByHand, target: Target | None) -> list[Mark]:
 def person_at(
     at: ViewContext, unit: LengthUnit = LengthUnit.m, taken: Mapping[Steps, int] | None = None
 ) -> Person:
-    """Who does what the instrument cannot: a simulated one's own person, or the one we ask."""
+    """Find who does what the instrument cannot: a simulated one's own person, or the one we ask."""
     instrument = at.camera.instrument
     if isinstance(instrument, Attended):
         return instrument.person
@@ -138,7 +138,7 @@ def _group(
     std: Array | None,
     dac: Array,
 ) -> dict[str, xr.Dataset]:
-    """Registration data of one view."""
+    """Make registration data of one view."""
     angle = at.laser.angle_from_dac(dac)
     table = RegistrationTable(at.view, number, position, angle, dac, object_std=std)
     return {f"{GROUP}/{at.view}": to_dataset([table])}
@@ -229,7 +229,7 @@ class AtTerminal:
         return places
 
     def _beyond(self, beam: Steps) -> str:
-        """What is wrong with a place that the board does not have."""
+        """Say what is wrong with a place that the board does not have."""
         low, high = self.laser.board.value
         if low <= min(beam) and max(beam) <= high:
             return ""
@@ -237,7 +237,7 @@ class AtTerminal:
 
 
 def _moved(beam: Steps, answer: str) -> Steps | None:
-    """Where the beam shall stand, None if the answer does not say it."""
+    """Read where the beam shall stand, None if the answer does not say it."""
     match = _STEPS.fullmatch(answer)
     if match is None:
         return None
@@ -246,7 +246,7 @@ def _moved(beam: Steps, answer: str) -> Steps | None:
 
 
 def _place(answer: str, unit: LengthUnit) -> Place | None:
-    """Three coordinates in m, None if the answer has not three finite numbers."""
+    """Read three coordinates in m, None if the answer has not three finite numbers."""
     try:
         x, y, z = (float(part) * unit.value for part in re.split(r"[\s,;]+", answer))
     except ValueError:

@@ -19,9 +19,9 @@ from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.scan.base import Sampling
 from sldvexp.session.interruption import undisturbed
 from sldvexp.session.journal import Journal
+from sldvexp.signal.base import SignalEstimator
 from sldvexp.signal.complex_image import ComplexImage
 from sldvexp.signal.pixel_quality import Flag
-from sldvexp.signal.sine_fit import SineFit
 from sldvexp.targets.base import Target
 from sldvexp.typing import IntArray
 
@@ -68,7 +68,7 @@ class Camera:
     arrive : callable
         Opens the instrument in this view. Called when it is needed for the first time; a view
         that is in the journal as a whole needs none.
-    signal : SineFit
+    signal : SignalEstimator
     journal : Journal
         Of this view.
     """
@@ -76,7 +76,7 @@ class Camera:
     def __init__(
         self,
         arrive: Callable[[], AbstractContextManager[Instrument]],
-        signal: SineFit,
+        signal: SignalEstimator,
         journal: Journal,
     ) -> None:
         self.signal = signal
@@ -97,7 +97,7 @@ class Camera:
 
     @property
     def instrument(self) -> Instrument:
-        """The instrument, sampling as was said last."""
+        """Instrument, sampling as was said last."""
         if self._instrument is None:
             self._instrument = self._opened.enter_context(self._arrive())
         if self._wanted is not None and self._set != self._wanted:
@@ -111,7 +111,7 @@ class Camera:
         self._wanted = Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude)
 
     def image(self, name: str, lines: Sequence[IntArray]) -> ComplexImage:
-        """Complex pixels of some scan lines.
+        """Scan some lines and turn them into complex pixels.
 
         Parameters
         ----------
@@ -139,7 +139,7 @@ class Camera:
         return replace(image, flags=image.flags | over)
 
     def _line(self, name: str, dac: IntArray) -> RawSamples:
-        """One scan line; its number in the view makes a repeated one the same on a virtual lab."""
+        """Scan one line; its number in the view makes a repeated one the same on a virtual lab."""
         number, self._taken = self._taken, self._taken + 1
         assert self._wanted is not None
         return self.journal.line(

@@ -58,8 +58,6 @@ def scan_circles(
 
     Parameters
     ----------
-    camera : Camera
-    scan : CalibrationScan
     centres : ndarray of int, shape (circle, 2), steps
         Rough centres, in any order.
     laser : TwoMirror
@@ -81,7 +79,7 @@ def scan_circles(
 
 
 def _other_board(centres: IntArray, laser: TwoMirror) -> str:
-    """A board with coarser steps whose centres these may be, as all lie in its range; or none."""
+    """Name a board with coarser steps, if any, in whose range all these centres lie."""
     own = laser.board.value[1]
     for board in type(laser.board):
         if board.value[1] < own and np.abs(centres).max() <= board.value[1]:
@@ -96,7 +94,7 @@ def _other_board(centres: IntArray, laser: TwoMirror) -> str:
 def _look(
     camera: Camera, scan: CalibrationScan, number: int, centre: IntArray, laser: TwoMirror
 ) -> CoarseScan:
-    """Coarse lines across one circle, and the ellipse that they show."""
+    """Scan coarse lines across one circle; the ellipse that they show."""
     name = f"the circle around DAC steps ({centre[0]}, {centre[1]})"
     key = f"{number}_coarse"
     stage = scan.coarse
@@ -113,7 +111,7 @@ def _look(
 def _edges(
     camera: Camera, scan: CalibrationScan, number: int, look: CoarseScan, laser: TwoMirror
 ) -> ScanLineEdges:
-    """Edges of one circle on fine lines around the ellipse of the coarse ones."""
+    """Scan fine lines around the ellipse of the coarse ones; the edges of the circle."""
     assert look.ellipse is not None
     key = f"{number}_fine"
     length, direction = principal_axes(look.ellipse.parameters)
@@ -132,7 +130,7 @@ def _edges(
 
 
 def _on_board(dac: IntArray, laser: TwoMirror) -> IntArray:
-    """Lines that leave the board's range are moved back into it as a whole."""
+    """Move lines that leave the board's range back into it as a whole."""
     low, high = laser.board.value
     under = np.minimum(dac.min(axis=1, keepdims=True) - low, 0)
     over = np.maximum(dac.max(axis=1, keepdims=True) - high, 0)
@@ -152,7 +150,7 @@ def _lines(image: ComplexImage, dac: IntArray, name: str) -> ScanLines:
 
 
 def edges_to_dataset(edges: list[ScanLineEdges]) -> xr.Dataset:
-    """The edge points of one view as the group ``edge/<view>``.
+    """Make the group ``edge/<view>`` of the edge points of one view.
 
     Parameters
     ----------
@@ -180,7 +178,7 @@ def edges_to_dataset(edges: list[ScanLineEdges]) -> xr.Dataset:
 
 
 def edges_of(group: xr.Dataset) -> list[ScanLineEdges]:
-    """Edge points of each circle from a group ``edge/<view>``, without lines and rejections."""
+    """Read the edge points of each circle, without lines and rejections, from ``edge/<view>``."""
     circles = []
     names = [line.partition(": ")[0] for line in str(group.attrs["summary"]).splitlines()]
     for number in np.unique(group["circle"].values):
@@ -237,7 +235,7 @@ class CoarseScan:
 
     @property
     def silent(self) -> bool:
-        """Whether nothing moves there."""
+        """True if nothing moves there."""
         return self.ellipse is None and float(np.mean(moving(self.image))) < SOME
 
 
@@ -277,7 +275,7 @@ def require_circles(looks: Sequence[CoarseScan], folder: Path, suspicion: str = 
 
 
 def _no_ellipse(look: CoarseScan) -> str:
-    """What may be wrong with lines that show a motion, but no circle."""
+    """Say what may be wrong with lines that show a motion, but no circle."""
     longer = "give the lines more scan.coarse.pixels or a larger scan.coarse.stride"
     if np.mean(moving(look.image)) > NEARLY_ALL:
         return f"{look.name}: everything on its lines moves, they do not reach its edge; {longer}"
@@ -289,7 +287,6 @@ def require_instrument(image: ComplexImage, name: str, files: Path, share: float
 
     Parameters
     ----------
-    image : ComplexImage
     name : str
         What they are of.
     files : Path
@@ -306,7 +303,7 @@ def require_instrument(image: ComplexImage, name: str, files: Path, share: float
 
 
 def _nothing_moves(silent: Sequence[CoarseScan], count: int, folder: Path, suspicion: str) -> str:
-    """What may be wrong with circles that do not move."""
+    """Say what may be wrong with circles that do not move."""
     most = max(_largest(look.image) for look in silent)
     noise = max(float(np.median(look.image.std)) for look in silent)
     seen = f"{MILLI * most:.2g} mm/s at most, with a noise of {MILLI * noise:.2g}"
@@ -328,5 +325,5 @@ def _nothing_moves(silent: Sequence[CoarseScan], count: int, folder: Path, suspi
 
 
 def _largest(image: ComplexImage) -> float:
-    """Largest amplitude of a pixel that is not flagged, m/s; zero if all are."""
+    """Find the largest amplitude of a pixel that is not flagged, m/s; zero if all are."""
     return float(np.abs(image.velocity[image.flags == 0]).max(initial=0.0))

@@ -50,11 +50,10 @@ def image_to_dataset(
     angle: Array,
     frequency: list[float],
 ) -> xr.Dataset:
-    """A velocity image as the group ``image/<view>``.
+    """Make the group ``image/<view>`` of a velocity image.
 
     Parameters
     ----------
-    image : ComplexImage
     dac : ndarray of int, shape (pixel, 2), steps
     angle : ndarray, shape (pixel, 2), rad
     frequency : list of float, Hz
@@ -87,7 +86,7 @@ def image_to_dataset(
 
 
 def describe_flagged_pixels(flags: NDArray[np.uint8]) -> str:
-    """How many pixels are flagged, and by which kinds.
+    """Say how many pixels are flagged, and by which kinds.
 
     Examples
     --------

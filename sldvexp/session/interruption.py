@@ -15,26 +15,26 @@ from sldvexp.session.journal import CONFIGURATION
 
 
 def how_to_go_on(folder: Path) -> str:
-    """What the operator is told when a run with scan lines in its folder stops before its end."""
+    """Tell how to go on with a run that stops before its end and has scan lines."""
     resume = shlex.quote(f"resume={folder}")
     return f"what was scanned is kept, go on with: sldvexp {resume}"
 
 
 def has_lines(folder: Path) -> bool:
-    """Whether a run's folder has anything that was measured."""
+    """Tell whether a run's folder has anything that was measured."""
     files = (path for path in (folder / JOURNAL).rglob("*") if path.is_file())
     return any(path.name != CONFIGURATION for path in files)
 
 
 def how_to_use_the_scan(folder: Path) -> str:
-    """What is told where a run fails behind its scan, which other settings may save."""
+    """Tell how to use the scan that is kept where a run fails behind it."""
     path = shlex.quote(f"instrument.path={folder}")
     return f"the scan is kept: repeat the command, mended, with instrument=replay {path}"
 
 
 @contextmanager
 def telling_of_the_scan(folder: Path, scanned: bool) -> Iterator[None]:
-    """A user's mistake in what runs inside ends with how to use the scan that is kept.
+    """End a user's mistake in what runs inside with how to use the scan that is kept.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def telling_of_the_scan(folder: Path, scanned: bool) -> Iterator[None]:
 
 @contextmanager
 def stopping_once() -> Iterator[None]:
-    """The first Ctrl-C stops what runs inside, and with it the program; more of them do nothing.
+    """Stop at the first Ctrl-C, and with it the program; more of them do nothing.
 
     So an impatient second one can neither keep the mirrors from going home nor take away what the
     operator is told at the end.
@@ -78,7 +78,7 @@ def stopping_once() -> Iterator[None]:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """A Ctrl-C waits until what is inside has ended."""
+    """Let a Ctrl-C wait until what is inside has ended."""
     if not _heeded():
         yield
         return
@@ -93,6 +93,6 @@ def undisturbed() -> Iterator[None]:
 
 
 def _heeded() -> bool:
-    """Whether this thread is told of Ctrl-C, and this process does not ignore it."""
+    """Tell whether this thread is told of Ctrl-C, and this process does not ignore it."""
     main = threading.current_thread() is threading.main_thread()
     return main and signal.getsignal(signal.SIGINT) not in (signal.SIG_IGN, None)

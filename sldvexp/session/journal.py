@@ -1,4 +1,4 @@
-"""What was measured, kept line by line, so that a session that was cut off goes on where it was."""
+"""Scan lines and answers, kept one by one, so that a session goes on where it was cut off."""
 
 from __future__ import annotations
 
@@ -39,14 +39,13 @@ class Journal:
         acquisition: Acquisition,
         measure: Callable[[], RawSamples],
     ) -> RawSamples:
-        """The samples of a line: those kept earlier, or measured now and kept.
+        """Return the samples of a line: those kept earlier, or measured now and kept.
 
         Parameters
         ----------
         name : str
             Of the line, unique in the view.
         dac : ndarray of int, shape (pixel, 2)
-        acquisition : Acquisition
         measure : callable
             Called only if the line is not in the journal, or its file is not whole.
 
@@ -70,7 +69,7 @@ class Journal:
         return samples
 
     def answer(self, name: str, question: Any, ask: Callable[[], Any]) -> Any:
-        """What a person answered: kept earlier, or asked for now and kept.
+        """Return what a person answered: kept earlier, or asked for now and kept.
 
         Parameters
         ----------

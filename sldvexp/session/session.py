@@ -45,7 +45,6 @@ def scan_views(
         With ready plugins: scene, laser, target, scan, instrument and signal, and the seed.
     journal : Path
         Folder for finished scan lines; what it has is not scanned again.
-    operator : Operator, optional
     keep : callable
         What becomes of a group, by its name, before the next view: it may go to a file.
 
@@ -73,7 +72,7 @@ def scan_views(
 
 
 def estimate(scan: Scan) -> str:
-    """How long the session takes at least, and at the dissertation's six pixels a second."""
+    """Estimate how long the session takes at least, and at six pixels a second."""
     views = scan.view_names()
     parts = [(part, view) for view in views for part in scan.parts(view)]
     pixels = sum(part.pixel_count(view) for part, view in parts)
@@ -88,7 +87,7 @@ def estimate(scan: Scan) -> str:
 
 
 def takes_samples(scan: Scan) -> bool:
-    """Whether a scan has pixels to sample; one by a person alone has none."""
+    """Tell whether a scan has pixels to sample; one by a person alone has none."""
     return any(part.pixel_count(v) for v in scan.view_names() for part in scan.parts(v))
 
 
@@ -105,14 +104,14 @@ def _require_on_board(scan: Scan, laser: TwoMirror) -> None:
 def _arrive(
     e: Any, view: str, operator: Operator, kept: Path
 ) -> AbstractContextManager[Instrument]:
-    """The instrument in a view, where the operator must take it if it cannot go by itself."""
+    """Open the instrument in a view, where the operator must take it if it cannot go by itself."""
     if len(e.scan.view_names()) > 1 and not e.instrument.takes_views_itself:
         operator.ask(_request(view, begun=any(kept.glob("[!.]*"))))
     return e.instrument.open(e.scene, e.laser, e.target, seed=e.seed, view=view)
 
 
 def _request(view: str, begun: bool) -> str:
-    """What the operator is asked before a view."""
+    """Ask the operator for a view."""
     if begun:
         return (
             f"The view {view} is scanned in part: the instrument must stand exactly where it "

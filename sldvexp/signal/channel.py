@@ -1,4 +1,4 @@
-"""The least-squares sine of every pixel of one channel (Eqs 3.5 to 3.8), with its noise."""
+"""Least-squares sine of every pixel of one channel (Eqs 3.5 to 3.8), with its noise."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class ChannelFit:
         return self.sample_variance[:, None] * self._over_columns(self.phasor_map**2)
 
     def intercept_test(self, confidence: float) -> FTest:
-        """F-test of every pixel's intercept, with its p-value (recommendation of Section 6.2)."""
+        """Test every pixel's intercept by F, with its p-value (recommendation of Section 6.2)."""
         return f_test(self.f_intercept, 1, self.full_dof, confidence)
 
     def _over_columns(self, terms: NDArray) -> NDArray:
@@ -88,8 +88,6 @@ def fit_channel(
         c = Q^T V, with the intercept's last.
     square : ndarray, shape (pixel,)
         |V|^2.
-    model : SineModel
-    intercept : Intercept
     confidence : float
         1 - alpha of the F-test.
     scale : float
@@ -97,10 +95,6 @@ def fit_channel(
     quantum : float
         Step of the converter in units of the samples. Rounding alone gives a sample the variance
         quantum^2 / 12, and the noise is never taken to be less.
-
-    Returns
-    -------
-    ChannelFit
     """
     # An all-zero channel makes F = 0/0, a missing sample makes everything NaN; both get flagged.
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
@@ -117,12 +111,12 @@ def fit_channel(
 
 
 def squared(z: ComplexArray) -> Array:
-    """``|z|^2``, without the square root of `abs`."""
+    """Square ``|z|^2``, without the square root of `abs`."""
     return z.real**2 + z.imag**2
 
 
 def _combine(coefficients: list[Array], matrix: ComplexArray) -> ComplexArray:
-    """``c M``, shape (pixel, frequency), each pixel by the same operations in the same order."""
+    """Compute ``c M``, (pixel, frequency), each pixel by the same operations in the same order."""
     result = np.zeros((len(coefficients[0]), matrix.shape[1]), complex)
     for c, row in zip(coefficients, matrix, strict=True):
         result.real += np.multiply.outer(c, row.real)
@@ -131,7 +125,7 @@ def _combine(coefficients: list[Array], matrix: ComplexArray) -> ComplexArray:
 
 
 def _critical(model: SineModel, intercept: Intercept, confidence: float) -> float:
-    """Value that F must exceed for the intercept to stay."""
+    """Compute value that F must exceed for the intercept to stay."""
     if intercept is Intercept.always:
         return -np.inf
     if intercept is Intercept.never:

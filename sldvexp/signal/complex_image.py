@@ -16,12 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.signal.channel import ChannelFit, fit_channel, squared
-from sldvexp.signal.flags import find_flags
 from sldvexp.signal.frequency import Refined
-from sldvexp.signal.pixel_quality import FlagRules, Intercept
-from sldvexp.signal.projection import project
+from sldvexp.signal.pixel_quality import Flag, FlagRules, Intercept
+from sldvexp.signal.projection import Projection, project
 from sldvexp.signal.sine_model import SineModel
-from sldvexp.typing import Array, ComplexArray
+from sldvexp.typing import Array, BoolArray, ComplexArray
 
 #: Variance of a phase that is not known at all: uniform over the circle.
 UNKNOWN_PHASE = np.pi**2 / 3
@@ -88,21 +87,23 @@ class ComplexImage:
 
 
 def against(reference: ComplexArray) -> ComplexArray:
-    """``conj(R) / |R|``, the turn that takes the reference's phase away; 1 if there is none."""
+    """Compute ``conj(R) / |R|``, the turn that takes the reference's phase away.
+
+    1 if there is none.
+    """
     size = np.sqrt(squared(reference))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(size == 0, 1.0, np.conj(reference) / size)
 
 
 def phase_variance(fit: ChannelFit, turn: ComplexArray) -> Array:
-    """Variance of a channel's phase, shape (pixel, frequency), rad2.
+    """Compute variance of a channel's phase, shape (pixel, frequency), rad2.
 
     That of the error across the phasor over its squared length, ``Im(e conj(R))^2 / |R|^4``, and
     at most that of a phase uniform over the circle.
 
     Parameters
     ----------
-    fit : ChannelFit
     turn : ndarray of complex, shape (pixel, frequency)
         ``conj(R) / |R|``.
     """
@@ -127,7 +128,7 @@ def demodulate(
     rules: FlagRules | None = None,
     threads: int | None = None,
 ) -> ComplexImage:
-    """Samples of a whole image to complex pixels with standard errors and flags.
+    """Turn the samples of a whole image into complex pixels with standard errors and flags.
 
     Parameters
     ----------
@@ -147,15 +148,8 @@ def demodulate(
         the limits of their type unless given; floats have none.
     quality : array_like of bool, shape (pixel,), optional
         False where the instrument itself reported a lost signal.
-    intercept : Intercept
     confidence : float
         Of the intercept's F-test.
-    rules : FlagRules, optional
-    threads : int, optional
-
-    Returns
-    -------
-    ComplexImage
 
     Raises
     ------
@@ -188,7 +182,7 @@ def demodulate(
 
 
 def records(samples: NDArray, channel_axis: int) -> NDArray:
-    """View of the samples as (channel, pixel, sample); refuses what is not two channels."""
+    """View the samples as (channel, pixel, sample); refuse what is not two channels."""
     if samples.ndim != 3 or channel_axis not in (0, 1) or samples.shape[channel_axis] != 2:
         names = ("channel", "pixel") if channel_axis == 0 else ("pixel", "channel")
         raise UserError(
@@ -196,3 +190,79 @@ def records(samples: NDArray, channel_axis: int) -> NDArray:
             f"two channels velocity and reference, not {samples.shape}"
         )
     return np.moveaxis(samples, channel_axis, 0)
+
+
+#: A residual below this share of the image's largest sine is arithmetic, not a dead channel.
+NOISE_FLOOR = 1e-6
+
+
+def find_flags(
+    velocity: ChannelFit,
+    reference: ChannelFit,
+    sums: Projection,
+    quality: ArrayLike | None,
+    rules: FlagRules,
+) -> NDArray[np.uint8]:
+    """Flag the pixels that are not to be trusted.
+
+    Parameters
+    ----------
+    velocity, reference : ChannelFit
+        The reference in V.
+    sums : Projection
+        Of both channels.
+    quality : array_like of bool, shape (pixel,), optional
+        False where the instrument reported a lost signal.
+
+    Returns
+    -------
+    ndarray of int, shape (pixel,)
+
+    Raises
+    ------
+    UserError
+        If `quality` does not have one entry a pixel.
+    """
+    non_finite = np.any(~np.isfinite(sums.square), axis=0)
+    saturated = np.any(sums.at_limit, axis=0)
+    least = np.maximum(rules.poor_fit * _sine_rms(reference), rules.reference_minimum)
+    found = {
+        Flag.saturated: saturated,
+        Flag.dropped_out: _dropped_out(velocity, ~(non_finite | saturated), rules),
+        Flag.reference_missing: _reference_missing(reference, rules) & ~non_finite,
+        Flag.non_finite: non_finite,
+        Flag.poor_fit: reference.noise > least,
+    }
+    if quality is not None:
+        good = np.asarray(quality, bool)
+        if good.shape != non_finite.shape:
+            raise UserError(
+                f"signal: the instrument's quality has the shape {good.shape}, but there are "
+                f"{non_finite.size} pixels; give one value for each"
+            )
+        found[Flag.dropped_out] |= ~good
+    flags = np.zeros(non_finite.shape, np.uint8)
+    for flag, where in found.items():
+        flags |= np.where(where, np.uint8(flag), np.uint8(0))
+    return flags
+
+
+def _dropped_out(velocity: ChannelFit, usable: BoolArray, rules: FlagRules) -> BoolArray:
+    """Find pixels whose residual stands out from the usable ones' median, either way."""
+    if not usable.any():
+        return np.zeros(usable.shape, bool)
+    floor = NOISE_FLOOR * _sine_rms(velocity)[usable].max()
+    noise = np.maximum(velocity.noise, floor)
+    typical = np.median(noise[usable])
+    return (noise > rules.dropout_factor * typical) | (noise * rules.dropout_factor < typical)
+
+
+def _reference_missing(reference: ChannelFit, rules: FlagRules) -> BoolArray:
+    """Find pixels whose reference is too small or too noisy to give a phase at every frequency."""
+    least = np.maximum(rules.reference_minimum**2, rules.reference_snr**2 * reference.variance / 2)
+    return np.any(~(squared(reference.phasor) >= least), axis=1)
+
+
+def _sine_rms(fit: ChannelFit) -> Array:
+    """Compute root mean square of the fitted sines, shape (pixel,)."""
+    return np.sqrt(squared(fit.phasor).sum(axis=1) / 2)

@@ -1,4 +1,4 @@
-"""The excitation's true frequency, from the reference records of all pixels together.
+"""Excitation's true frequency, from the reference records of all pixels together.
 
 Every record has its own phase and amplitude but the same frequencies. A search of the pooled
 periodogram comes within reach of the least sum of squares, and Gauss-Newton steps with all linear
@@ -54,7 +54,7 @@ def refine_frequencies(
     hum: ArrayLike = (),
     search: float = 0.0,
 ) -> Refined:
-    """Least-squares frequencies of many records with phases of their own.
+    """Find the least-squares frequencies of many records with phases of their own.
 
     Parameters
     ----------
@@ -65,10 +65,6 @@ def refine_frequencies(
         to half a resolution cell, 0.5 / T.
     search : float, Hz
         Half-width of the interval around each frequency that is searched first; 0 for none.
-
-    Returns
-    -------
-    Refined
 
     Raises
     ------
@@ -96,7 +92,7 @@ def refine_frequencies(
 
 
 def _not_found(frequencies: ArrayLike, reach: float) -> UserError:
-    """What to say when the set frequencies lead nowhere."""
+    """Say what to say when the set frequencies lead nowhere."""
     hertz = ", ".join(f"{f:.6g}" for f in np.atleast_1d(frequencies))
     return UserError(
         f"signal: the reference has no clear frequency within {reach:.4g} Hz of {hertz} Hz; check "
@@ -105,7 +101,7 @@ def _not_found(frequencies: ArrayLike, reach: float) -> UserError:
 
 
 def _search(records: NDArray[np.generic], t: Array, frequency: float, search: float) -> float:
-    """Maximum of the periodogram, summed over records, on a grid around a frequency."""
+    """Find maximum of the periodogram, summed over records, on a grid around a frequency."""
     x = records - records.mean(axis=1, keepdims=True)
     spacing = 1.0 / (TRIALS_PER_CELL * np.ptp(t))
     count = int(np.ceil(search / spacing))
@@ -120,7 +116,7 @@ def _search(records: NDArray[np.generic], t: Array, frequency: float, search: fl
 
 
 def _gauss_newton(reference: NDArray[np.generic], model: SineModel) -> tuple[Array, Array]:
-    """One step of the frequencies, and their standard errors, shape (frequency,), Hz.
+    """Take one step of the frequencies; their standard errors too, shape (frequency,), Hz.
 
     A record's change with its frequency k, ``2 pi t (B cos - A sin)``, counts as far as it is
     orthogonal to the model's columns. ``t cos`` and ``t sin`` are projected once for all records.

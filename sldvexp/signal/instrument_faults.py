@@ -1,4 +1,4 @@
-"""What is wrong with the instrument, told by pixels most of which are not to be trusted."""
+"""Faults of the instrument, told by pixels most of which are not to be trusted."""
 
 from __future__ import annotations
 
@@ -18,11 +18,10 @@ ALIKE, UNLIKE = 1.2, 2.0
 
 
 def instrument_fault(image: ComplexImage, share: float = MOST) -> str:
-    """What is wrong with the instrument, and what to look at; empty if nothing seems to be.
+    """Say what is wrong with the instrument, and what to look at; empty if nothing seems to be.
 
     Parameters
     ----------
-    image : ComplexImage
     share : float
         Of the pixels, from which a flag counts.
     """
@@ -70,12 +69,12 @@ def instrument_fault(image: ComplexImage, share: float = MOST) -> str:
 
 
 def moving(image: ComplexImage) -> BoolArray:
-    """Pixels that clearly move, flagged ones among them, shape (pixel,)."""
+    """Find pixels that clearly move, flagged ones among them, shape (pixel,)."""
     return np.asarray((np.abs(image.velocity) > CLEAR * image.std).any(axis=1))
 
 
 def _no_reference(image: ComplexImage, tones: str) -> str:
-    """Whether the generator or only its way to the reference channel is at fault."""
+    """Say whether the generator or only its way to the reference channel is at fault."""
     volts = float(np.median(np.abs(image.reference_fit.phasor)))
     what = f"the reference channel has no signal of {tones} Hz ({volts:.2g} V)"
     fit = image.velocity_fit
@@ -85,7 +84,7 @@ def _no_reference(image: ComplexImage, tones: str) -> str:
 
 
 def _exchanged(image: ComplexImage) -> bool:
-    """Whether the velocity channel is alike everywhere and the reference is not."""
+    """Tell whether the velocity channel is alike everywhere and the reference is not."""
     velocity, reference = (
         np.abs(fit.phasor[:, 0]) for fit in (image.velocity_fit, image.reference_fit)
     )
@@ -95,7 +94,7 @@ def _exchanged(image: ComplexImage) -> bool:
 
 
 def _ratio(amplitude: Array) -> float:
-    """Large over small amplitudes; a few that speckle spoilt do not count."""
+    """Compute large over small amplitudes; a few that speckle spoilt do not count."""
     small, large = np.percentile(amplitude, [10, 90])
     return float(large / max(small, np.finfo(float).tiny))
 

@@ -9,7 +9,7 @@ from sldvexp.errors import Checks
 
 
 class Intercept(Enum):
-    """Whether the fit has the constant C of Eq 3.2: as its F-test decides, always or never."""
+    """Presence of the constant C of Eq 3.2 in the fit: as its F-test decides, always or never."""
 
     test = "test"
     always = "always"
@@ -17,7 +17,7 @@ class Intercept(Enum):
 
 
 class Flag(IntFlag):
-    """What is wrong with a pixel; several may hold. A flagged pixel keeps its value.
+    """Fault of a pixel; several may hold. A flagged pixel keeps its value.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The one pass over the samples: projections on the model's columns and sums of squares.
+"""One pass over the samples: projections on the model's columns and sums of squares.
 
 Everything else follows from these few numbers a pixel, since ``SSE = |V|^2 - |Q^T V|^2``. That
 difference loses as many digits as the signal's power exceeds the noise's: in double precision the
@@ -33,7 +33,7 @@ PIECES_PER_THREAD = 4
 
 @dataclass(frozen=True)
 class Projection:
-    """What the fits need to know of the samples.
+    """Projections and sums of squares that the fits need of the samples.
 
     Attributes
     ----------
@@ -71,10 +71,6 @@ def project(
     threads : int, optional
         All processors that this process may use unless given.
 
-    Returns
-    -------
-    Projection
-
     Raises
     ------
     UserError
@@ -110,7 +106,7 @@ def project(
 
 
 def _processors() -> int:
-    """Processors that this process may use, where the system tells."""
+    """Count processors that this process may use, where the system tells."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -124,7 +120,7 @@ def _project_chunk(
     result: Projection,
     part: slice,
 ) -> None:
-    """Some pixels of `project`; `held` is memory for their samples in double precision."""
+    """Project some pixels; `held` is memory for their samples in double precision."""
     v = held[:, : samples.shape[1]]
     np.copyto(v, samples)
     # Infinite and missing samples end in `square`, where they are found and flagged.
@@ -141,7 +137,7 @@ def _project_chunk(
 
 
 def _memory(samples: NDArray[np.generic], chunk: int) -> Array:
-    """Zeros for the samples of a chunk, (channel, pixel, sample), in the samples' memory order."""
+    """Reserve memory for a chunk, (channel, pixel, sample), in the samples' memory order."""
     channels, _, n = samples.shape
     if samples.strides[0] < samples.strides[1]:
         return np.zeros((chunk, channels, n)).swapaxes(0, 1)

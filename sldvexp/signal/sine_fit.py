@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
+from sldvexp.signal.base import SignalEstimator
 from sldvexp.signal.complex_image import ComplexImage, demodulate, records
 from sldvexp.signal.frequency import refine_frequencies
 from sldvexp.signal.pixel_quality import Flag, FlagRules, Intercept
@@ -17,7 +18,7 @@ from sldvexp.signal.sine_model import sine_model
 
 @register("signal", "sine_fit")
 @dataclass
-class SineFit:
+class SineFit(SignalEstimator):
     """Sines at known frequencies, with what disturbs them.
 
     Parameters
@@ -77,28 +78,7 @@ class SineFit:
         limits: ArrayLike | None = None,
         quality: ArrayLike | None = None,
     ) -> ComplexImage:
-        """Complex pixels of a whole image.
-
-        Parameters
-        ----------
-        samples : array_like, shape (pixel, channel, sample) or (channel, pixel, sample)
-            Channels are velocity, reference.
-        times : array_like, shape (sample,), s
-        frequencies : array_like, shape (frequency,), Hz
-            Of the excitation, as set.
-        channel_axis, volts_per_count, limits, quality
-            See `sldvexp.signal.complex_image.demodulate`.
-
-        Returns
-        -------
-        ComplexImage
-            With `refined` if `refine` is set.
-
-        Raises
-        ------
-        UserError
-            If the samples cannot carry what is asked of them.
-        """
+        """See `SignalEstimator`; the image has `refined` if `refine` is set."""
 
         def image_at(hertz: ArrayLike) -> ComplexImage:
             return demodulate(

@@ -1,4 +1,4 @@
-"""The linear model of one record, ``V = sum_k A_k cos(w_k t) + B_k sin(w_k t) + C`` (Eq 3.2).
+"""Linear model of one record, ``V = sum_k A_k cos(w_k t) + B_k sin(w_k t) + C`` (Eq 3.2).
 
 Its columns are made orthonormal, ``S = Q R``, with the intercept last. Then the coefficients
 ``c = Q^T V`` are independent, each with the variance of a sample, and to drop the intercept is to
@@ -67,7 +67,7 @@ class SineModel:
 def sine_model(
     times: ArrayLike, frequencies: ArrayLike, harmonics: int = 0, hum: ArrayLike = ()
 ) -> SineModel:
-    """The model of records that were sampled at `times` (Eqs 3.3 and 3.4).
+    """Make the model of records that were sampled at `times` (Eqs 3.3 and 3.4).
 
     Parameters
     ----------
@@ -79,10 +79,6 @@ def sine_model(
         How many harmonics of each frequency are fitted besides: 2 adds 2 f and 3 f.
     hum : array_like, Hz
         Further disturbing frequencies, as 50.
-
-    Returns
-    -------
-    SineModel
 
     Raises
     ------
@@ -99,14 +95,14 @@ def sine_model(
 
 
 def design_matrix(times: Array, frequencies: Array) -> Array:
-    """The matrix S of Eq 3.4, shape (sample, column): cos and sin of each frequency, then ones."""
+    """Build the matrix S of Eq 3.4, shape (sample, column): cosines, sines, then ones."""
     angle = 2 * np.pi * np.outer(times, frequencies)
     waves = np.stack([np.cos(angle), np.sin(angle)], axis=-1).reshape(len(times), -1)
     return np.column_stack([waves, np.ones(len(times))])
 
 
 def _nuisance(wanted: Array, harmonics: int, hum: Array) -> Array:
-    """Harmonics and hum, without those that are wanted or already there."""
+    """Choose harmonics and hum, without those that are wanted or already there."""
     known = list(wanted)
     for f in [m * f for m in range(2, harmonics + 2) for f in wanted] + list(hum):
         if all(abs(f - k) > SAME_FREQUENCY * k for k in known):

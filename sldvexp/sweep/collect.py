@@ -29,7 +29,7 @@ def collect(
     cells: Sequence[Sequence[str]],
     folders: Sequence[Path],
 ) -> xr.Dataset:
-    """One dataset of all runs.
+    """Collect all runs into one dataset.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def collect(
 
 
 def _record(folder: Path) -> record.Record:
-    """The record of a run; what its file tells, if it was none of a sweep's."""
+    """Read the record of a run; what its file tells, if it was none of a sweep's."""
     found = record.read(folder)
     path = folder / RUN_FILE
     if found.state is not record.State.waiting or not path.is_file():
@@ -85,12 +85,12 @@ def _why(found: record.Record) -> str:
 
 
 def _headlines(path: Path) -> dict[str, xr.DataArray]:
-    """Those of a run, without reading its images and samples."""
+    """Read a run's headlines, without its images and samples."""
     return headlines(dataset.load_some(path, PARENTS))
 
 
 def _stack(name: str, results: Mapping[int, dict[str, xr.DataArray]], count: int) -> xr.DataArray:
-    """One headline of all runs along `RUN`; NaN where a run does not have it."""
+    """Stack one headline of all runs along `RUN`; NaN where a run does not have it."""
     having = [i for i, found in results.items() if name in found]
     arrays = [results[i][name] for i in having]
     joined = xr.concat(arrays, dim=RUN, join="outer", coords="minimal", compat="override")
@@ -98,7 +98,7 @@ def _stack(name: str, results: Mapping[int, dict[str, xr.DataArray]], count: int
 
 
 def _by_keys(table: xr.Dataset, columns: Mapping[str, list[Any]]) -> xr.Dataset:
-    """The runs' dimension turned into one for each key, if the keys tell all runs apart."""
+    """Turn the runs' dimension into one for each key, if the keys tell all runs apart."""
     rows = list(zip(*columns.values(), strict=True))
     cells = prod(len(set(v)) for v in columns.values())
     if not columns or len(set(rows)) < len(rows) or cells > MOST_EMPTY * len(rows):

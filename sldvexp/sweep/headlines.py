@@ -1,4 +1,4 @@
-"""The few numbers of a run that a comparison of runs looks at."""
+"""Headlines: the few numbers of a run that a comparison of runs looks at."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MOST_NUMBERS = 100
 
 
 def headlines(tree: xr.DataTree) -> dict[str, xr.DataArray]:
-    """Headline results of one run.
+    """Pick the headlines of one run.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def _of_group(
 
 
 def _of_field(field: xr.Dataset, prefix: str) -> Iterator[tuple[str, xr.DataArray]]:
-    """What Table 5.7 says by equation, and the standard errors in the surface and out of it.
+    """Yield what Table 5.7 says by equation, and the standard errors in the surface and out of it.
 
     Root mean squares over frequencies, and standard errors over nodes too.
     """
@@ -102,7 +102,7 @@ def _root_mean_square(values: np.ndarray, axis: int | tuple[int, ...] | None = N
 
 
 def number(array: xr.DataArray) -> float:
-    """One number that stands for a headline: the root mean square of its entries."""
+    """Reduce a headline to one number: the root mean square of its entries."""
     values = np.abs(np.asarray(array, complex)).ravel()
     values = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")

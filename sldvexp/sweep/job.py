@@ -34,7 +34,6 @@ def perform(
     ----------
     cfg : DictConfig
         The composed configuration.
-    folder : str
     overrides : list of str
         Of the command line, for this run.
     tell : callable
@@ -92,7 +91,7 @@ def _put_aside(folder: Path, identity: str, retry: Retry) -> None:
 
 
 def is_current(folder: Path, identity: str, retry: Retry) -> bool:
-    """Whether a folder has what its run would give again.
+    """Tell whether a folder has what its run would give again.
 
     Parameters
     ----------
@@ -100,7 +99,6 @@ def is_current(folder: Path, identity: str, retry: Retry) -> bool:
         Of the run.
     identity : str
         Of the run that is wanted, see `sldvexp.pipeline.provenance.identity`.
-    retry : Retry
     """
     found = record.read(folder)
     if retry is Retry.failed and found.state in (State.waiting, State.done, State.missed):
@@ -113,7 +111,7 @@ def is_current(folder: Path, identity: str, retry: Retry) -> bool:
 
 
 def _unchanged(inputs: dict[str, str]) -> bool:
-    """Whether the files that a run read still have the same content."""
+    """Tell whether the files that a run read still have the same content."""
     try:
         return all(provenance.sha256(locate(path)) == digest for path, digest in inputs.items())
     except UserError:

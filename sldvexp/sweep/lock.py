@@ -35,7 +35,6 @@ def locked(path: Path, wait: bool = True) -> Iterator[None]:
 
     Parameters
     ----------
-    path : Path
     wait : bool
         Until others let it go; otherwise BlockingIOError is raised.
 
@@ -58,7 +57,7 @@ def locked(path: Path, wait: bool = True) -> Iterator[None]:
 
 @contextmanager
 def alone(folder: Path) -> Iterator[None]:
-    """Be the only one at work in the folder of a run.
+    """Yield be the only one at work in the folder of a run.
 
     Raises
     ------

@@ -26,7 +26,7 @@ PLAIN = r"[\w./:-]+"
 
 @dataclass
 class Rule:
-    """What holds for some of the combinations.
+    """Rule that holds for some of the combinations.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class Cell:
 
 
 def read_matrix(path: Path) -> list[Cell]:
-    """The combinations of a file, each once.
+    """Read the combinations of a file, each once.
 
     Raises
     ------
@@ -171,7 +171,7 @@ def _require_known(rule: Rule, axes: Mapping[str, list[Any]], where: str) -> Non
 
 
 def _cell(matrix: Matrix, values: Mapping[str, Any]) -> Cell:
-    """One combination with all rules that hold for it."""
+    """Make one combination with all rules that hold for it."""
     rules = [
         r for r in matrix.rules if all(values[k] in _listed(wanted) for k, wanted in r.when.items())
     ]
@@ -193,7 +193,7 @@ def _cell(matrix: Matrix, values: Mapping[str, Any]) -> Cell:
 
 
 def _override(key: str, value: Any) -> str:
-    """A setting as on the command line, where a group that is left out is written otherwise."""
+    """Write a setting as on the command line; a group that is left out is written otherwise."""
     if value is None and "." not in key:
         return f"~{key}"
     return f"{key}={as_setting(value)}"
@@ -205,7 +205,7 @@ def name_of(values: Mapping[str, Any]) -> str:
 
 
 def as_setting(value: Any) -> str:
-    """A value as it is written on the command line.
+    """Write a value as on the command line.
 
     Examples
     --------

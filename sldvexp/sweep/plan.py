@@ -1,4 +1,4 @@
-"""The runs of a sweep: which keys take which values, and in which folder each run belongs."""
+"""Plan of a sweep: which keys take which values, and in which folder each run belongs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ RESOLVER = "sldvexp_run_folder"
 
 @dataclass(frozen=True)
 class Plan:
-    """What a sweep consists of.
+    """Runs of a sweep, by the values that their keys take.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Plan:
 
     @classmethod
     def from_overrides(cls, overrides: Sequence[str]) -> Plan:
-        """The plan of a command line's overrides; Hydra's own settings are none of it."""
+        """Plan a command line's overrides; Hydra's own settings are none of it."""
         parsed = OverridesParser.create().parse_overrides(list(overrides))
         task = [o for o in parsed if not re.match(r"[+~]*hydra[./]", o.get_key_element())]
         jobs = BasicSweeper.split_arguments(task, None)[0]
@@ -61,11 +61,11 @@ class Plan:
 
     @property
     def names(self) -> list[str]:
-        """The swept keys as they are named in the dataset, without a leading + or ~."""
+        """Swept keys as they are named in the dataset, without a leading + or ~."""
         return [key.lstrip("+~") for key in self.keys]
 
     def cells(self) -> list[tuple[str, ...]]:
-        """The swept values of every run, in the order of the keys."""
+        """List the swept values of every run, in the order of the keys."""
         return [tuple(_value(job, key) for key in self.keys) for job in self.jobs]
 
     def sweep_name(self, *others: str) -> str:
@@ -114,7 +114,7 @@ class Plan:
             )
 
     def _apart(self, others: Sequence[str]) -> tuple[list[str], list[str], tuple[str, ...]]:
-        """What sets this sweep apart from others."""
+        """Gather what sets this sweep apart from others."""
         return sorted(self.keys), sorted(self.fixed), tuple(others)
 
 
@@ -138,7 +138,7 @@ def _value(overrides: Sequence[str], key: str) -> str:
 
 
 def _matters(override: str) -> bool:
-    """Whether an override changes what a run gives; those of the sweep and its page do not."""
+    """Tell whether an override changes what a run gives; those of the sweep and its page do not."""
     return not override.lstrip("+~").startswith(("sweep.", "report.", "report="))
 
 
@@ -151,7 +151,7 @@ def _named(text: str, digested: str, always: bool = False) -> str:
 
 
 def labels(values: Sequence[str]) -> list[Any]:
-    """Coordinates of one key: numbers only if all of them are."""
+    """Make the coordinates of one key: numbers only if all of them are."""
     found = [_number(v) for v in values]
     if all(isinstance(v, int | float) for v in found):
         return found

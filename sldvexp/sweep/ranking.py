@@ -1,4 +1,4 @@
-"""The runs of a sweep in order of merit, on the terminal and as a plain table."""
+"""Runs of a sweep in order of merit, on the terminal and as a plain table."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def ranked_by(table: xr.Dataset, wanted: str = "") -> str:
 
 
 def rows(table: xr.Dataset, keys: Sequence[str], by: str) -> list[dict[str, Any]]:
-    """Every run with its keys, state and the number it is ranked by, the best first."""
+    """List every run with its keys, state and the number it is ranked by, the best first."""
     found = []
     for cell in cells(table, keys):
         row: dict[str, Any] = {k: cell[k].item() for k in keys}
@@ -76,7 +76,7 @@ def rows(table: xr.Dataset, keys: Sequence[str], by: str) -> list[dict[str, Any]
 
 
 def cells(table: xr.Dataset, keys: Sequence[str]) -> Iterator[xr.Dataset]:
-    """The single runs of a sweep's dataset."""
+    """Yield the single runs of a sweep's dataset."""
     dims = [d for d in keys if d in table.dims] or [str(d) for d in table["state"].dims]
     shape = [table.sizes[d] for d in dims]
     for index in np.ndindex(*shape):
@@ -84,7 +84,7 @@ def cells(table: xr.Dataset, keys: Sequence[str]) -> Iterator[xr.Dataset]:
 
 
 def units(table: xr.Dataset, name: str) -> str:
-    """Of a headline; empty if it has none."""
+    """Find the unit of a headline; empty if it has none."""
     unit = str(table[name].attrs.get("units", "1")) if name else "1"
     return "" if unit == "1" else unit
 
@@ -92,7 +92,10 @@ def units(table: xr.Dataset, name: str) -> str:
 def terminal_table(
     ranking: Sequence[dict[str, Any]], keys: Sequence[str], by: str, unit: str, width: int
 ) -> Table:
-    """The ranking for a terminal of so many columns; failed runs come last, with their reasons."""
+    """Make the ranking for a terminal of so many columns.
+
+    Failed runs come last, with their reasons.
+    """
     title = f"{len(ranking)} runs by {by}, {first(by)} first" if by else f"{len(ranking)} runs"
     numbers = {t: c for t, c in FIELD_COLUMNS.items() if any(c[0] in row for row in ranking)}
     name = ", ".join(filter(None, (by or "result", unit)))
@@ -119,7 +122,7 @@ def _shown(value: float) -> str:
 
 
 def write_csv(table: xr.Dataset, keys: Sequence[str], path: Path) -> None:
-    """Every number of every run, one row a run, one column a number such as ``pose.s[view=1]``."""
+    """Write every number of every run, one row a run, one column a number as ``pose.s[view=1]``."""
     written = []
     for cell in cells(table, keys):
         row: dict[str, Any] = {k: cell[k].item() for k in keys}
@@ -136,7 +139,7 @@ def write_csv(table: xr.Dataset, keys: Sequence[str], path: Path) -> None:
 
 
 def _numbers(name: str, variable: xr.DataArray) -> dict[str, Any]:
-    """A variable's single numbers by name."""
+    """Name a variable's single numbers by name."""
     found = {}
     for index in np.ndindex(*variable.shape):
         at = dict(zip(variable.dims, index, strict=True))

@@ -1,4 +1,4 @@
-"""What became of a run: a small file in its folder, so that others can see without opening data."""
+"""Record of a run: a small file in its folder, which others can see without opening data."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class State(StrEnum):
 
     @property
     def finished(self) -> bool:
-        """Whether it left a dataset."""
+        """True if it left a dataset."""
         return self in (State.done, State.missed)
 
 
@@ -65,7 +65,7 @@ def write(folder: Path, record: Record) -> None:
 
 
 def read(folder: Path) -> Record:
-    """The record of a run's folder; a waiting run's if there is none, or it is damaged."""
+    """Read the record of a run's folder; a waiting run's if there is none, or it is damaged."""
     try:
         found = json.loads((folder / FILE).read_text())
         return Record(**{**found, "state": State(found["state"])})
@@ -80,5 +80,5 @@ class Stopwatch:
         self._start = time.monotonic()
 
     def seconds(self) -> float:
-        """Seconds so far."""
+        """Count seconds so far."""
         return time.monotonic() - self._start

@@ -21,7 +21,7 @@ from sldvexp.errors import UserError
 
 @dataclass(frozen=True)
 class Recorded:
-    """What a run's file says of how it came to be.
+    """Origin of a run as its file tells it.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Recorded:
     packages: dict[str, str]
 
     def config(self) -> DictConfig:
-        """The configuration, typed as Hydra would compose it.
+        """Make the configuration, typed as Hydra would compose it.
 
         Raises
         ------
@@ -81,7 +81,7 @@ class Recorded:
 
 
 def read(path: Path, attributes: Mapping[Any, Any]) -> Recorded:
-    """What the root's attributes of a run's file say.
+    """Read what the root's attributes of a run's file say.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def read(path: Path, attributes: Mapping[Any, Any]) -> Recorded:
 
 
 def _texts(node: Any, path: str = "") -> Iterator[tuple[str, str]]:
-    """Every text of a configuration, keys among them, with its dotted key."""
+    """Yield every text of a configuration, keys among them, with its dotted key."""
     if isinstance(node, str):
         yield path, node
     elif isinstance(node, dict | list):

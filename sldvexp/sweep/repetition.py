@@ -42,7 +42,7 @@ class Difference:
 
 
 def compare(before: xr.DataTree, after: xr.DataTree) -> list[Difference]:
-    """How far all quantities of two runs agree, the attributes of the root left out.
+    """Compare all quantities of two runs, the attributes of the root left out.
 
     Parameters
     ----------

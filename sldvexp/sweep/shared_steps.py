@@ -55,6 +55,7 @@ class Store:
     def __init__(self, cfg: DictConfig, folder: Path):
         self.cfg, self.folder = cfg, folder
         self._states: dict[str, str] = {}
+        self._done: list[Step] = []
 
     def __call__(self, step: Step, run: Run) -> None:
         """Do a step, or what is the same; two processes never do the same one at once."""
@@ -65,7 +66,8 @@ class Store:
                 if not _take(path, step, run):
                     _work(path, step, run)
         else:
-            step.work(run)
+            step.perform(run)
+        self._done.append(step)
         self._states[step.name] = _digest([key, _digests(run.inputs[known:])])
 
     @cached_property
@@ -77,13 +79,16 @@ class Store:
         return OmegaConf.to_container(self.cfg, resolve=True, enum_to_str=True)
 
     def _key(self, step: Step) -> str:
-        """Digest of all that decides what a step adds, but for the content of files it reads."""
+        """Compute a digest of all that decides what a step adds.
+
+        But for the content of files it reads.
+        """
         return _digest(
             [
                 step.name,
                 {key: repr(self._settings[key]) for key in step.reads},
                 {key: self._plugins.get(key) for key in step.reads},
-                {name: self._states.get(name) for name in step.after},
+                {name: self._states.get(name) for name in step.after(self._done)},
                 provenance.versions(),
             ]
         )
@@ -92,7 +97,7 @@ class Store:
 def _work(path: Path, step: Step, run: Run) -> None:
     """Do the step and keep what it added."""
     before, known = dict(run.tree), len(run.inputs)
-    step.work(run)
+    step.perform(run)
     added = {name: g for name, g in run.tree.items() if before.get(name) is not g}
     inputs = sorted(set(run.inputs[known:]))
     dataset.save(added, {"title": f"shared step of sldvexp: {step.name}"}, path)
@@ -127,14 +132,14 @@ def _take(path: Path, step: Step, run: Run) -> bool:
 
 
 def _read(path: Path, digest: str, about: str) -> dict[str, xr.Dataset]:
-    """The groups of an entry; those that this process read last are still there."""
+    """Read the groups of an entry; those that this process read last are still there."""
     small = path.stat().st_size <= CACHE_BYTES
     return (_groups if small else _groups.__wrapped__)(path, digest, about)
 
 
 @lru_cache(maxsize=6)
 def _groups(path: Path, digest: str, described: str) -> dict[str, xr.Dataset]:
-    """The groups of an entry of this digest, as they were when they were kept."""
+    """Read the groups of an entry of this digest, as they were when they were kept."""
     groups, about = {}, json.loads(described)
     with closing(dataset.load(path)) as tree:
         for name, kept in about.items():
@@ -152,7 +157,7 @@ def _groups(path: Path, digest: str, described: str) -> dict[str, xr.Dataset]:
 
 
 def _about(group: xr.Dataset) -> dict[str, Any]:
-    """What netCDF does not keep of a group: kinds of text, and of attributes."""
+    """Describe what netCDF does not keep of a group: kinds of text, and of attributes."""
     text = {str(n): v.dtype.str for n, v in group.variables.items() if v.dtype.kind == "U"}
     return {"text": text, "attrs": {str(k): _encoded(v) for k, v in group.attrs.items()}}
 
@@ -176,7 +181,10 @@ def _decoded(kind: str, value: Any) -> Any:
 
 
 def _digests(paths: Iterable[str]) -> dict[str, str]:
-    """Digests of files by the names that the configuration has for them; empty of missing ones."""
+    """Compute digests of files by the names that the configuration has for them.
+
+    Empty of missing ones.
+    """
     found = {}
     for path in sorted(set(paths)):
         file = locate(path)

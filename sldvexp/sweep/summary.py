@@ -1,4 +1,4 @@
-"""What a comparison of runs leaves: `sweep.nc`, `sweep.csv`, and a ranking on the terminal."""
+"""Summary of a comparison of runs: `sweep.nc`, `sweep.csv`, and a ranking on the terminal."""
 
 from __future__ import annotations
 
@@ -32,7 +32,6 @@ def write_summary(
         See `sldvexp.sweep.collect.collect`.
     keys : sequence of str
         What was swept.
-    folder : Path
     rank : str
         Headline to rank by; empty chooses one.
     report : Report or None
@@ -80,7 +79,7 @@ def _pages_of_runs(report: Report, runs: Sequence[Path]) -> None:
 
 
 def _from(folder: Path, run: str) -> str:
-    """A run's folder as seen from the sweep's, so that both can be moved; nothing of no run."""
+    """Say where a run's folder is as seen from the sweep's, so that both can be moved."""
     if not run:
         return ""
     there = Path(run).resolve()

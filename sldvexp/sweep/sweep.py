@@ -83,7 +83,7 @@ class Sweep:
         register_resolver()
 
     def arguments(self, arguments: Sequence[str]) -> list[str]:
-        """The command line with the folders of this sweep."""
+        """Write the command line with the folders of this sweep."""
         return [*arguments, *self._added]
 
     @property
@@ -119,11 +119,11 @@ class Sweep:
 
     @property
     def begun(self) -> bool:
-        """Whether any run has left a record."""
+        """True if any run has left a record."""
         return any((folder / record.FILE).is_file() for folder in self.folders)
 
     def watched(self) -> AbstractContextManager[object]:
-        """While in it, what runs of other processes come to is told as they end."""
+        """Tell, while in it, what runs of other processes come to as they end."""
         if self._launcher == IN_THIS_PROCESS:
             return nullcontext()
         return Watch(self.folder, self.tell)
@@ -163,7 +163,7 @@ class Sweep:
 
 
 def _command(options: Namespace) -> str:
-    """The command line again."""
+    """Write the command line again."""
     where = {"--config-dir": options.config_dir, "--config-name": options.config_name}
     given = [word for name, value in where.items() if value for word in (name, value)]
     return shlex.join(["sldvexp", "-m", *given, *options.overrides])
@@ -216,7 +216,7 @@ class Progress:
 
 
 def span(seconds: float) -> str:
-    """A time span in words, such as ``3 min``."""
+    """Say a time span in words, such as ``3 min``."""
     if seconds <= MOST:
         return f"{seconds:.0f} s"
     minutes = seconds / 60

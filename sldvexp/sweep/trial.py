@@ -32,7 +32,7 @@ from sldvexp.virtual_lab.server import LabServer
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of a combination.
+    """Outcome of a combination.
 
     Attributes
     ----------
@@ -65,12 +65,7 @@ class Trials:
         self._sources = {name for cell in cells for name in cell.run_of.values()}
 
     def judge(self, name: str) -> Verdict:
-        """Try a cell, and before it those whose runs it needs.
-
-        Parameters
-        ----------
-        name : str
-        """
+        """Try a cell, and before it those whose runs it needs."""
         if name not in self._verdicts:
             cell = self.cells[name]
             try:
@@ -84,7 +79,10 @@ class Trials:
         return self._verdicts[name]
 
     def _tried(self, cell: Cell) -> Verdict:
-        """Whether a cell's numbers are as expected; UserError for what keeps it from running."""
+        """Tell whether a cell's numbers are as expected.
+
+        UserError for what keeps it from running.
+        """
         folder = self.folder / folder_name([cell.name])
         settings = [*cell.settings, *self._runs_of_others(cell)]
         with _lab(cell, self.arguments, settings) as address:
@@ -107,7 +105,7 @@ class Trials:
             return _compared(tree["check"].to_dataset() if "check" in tree.children else None)
 
     def _runs_of_others(self, cell: Cell) -> Iterator[str]:
-        """Settings that name the folders of other cells' runs."""
+        """Yield settings that name the folders of other cells' runs."""
         for setting, name in cell.run_of.items():
             if not self.judge(name).passed:
                 raise UserError(f"{setting} needs the run of {name}, which is not as expected")
@@ -116,7 +114,7 @@ class Trials:
 
 @contextmanager
 def _lab(cell: Cell, arguments: list[str], settings: list[str]) -> Iterator[list[str]]:
-    """The setting with the address of a virtual lab that is served meanwhile, if a cell has one."""
+    """Serve a virtual lab meanwhile, if a cell has one; the setting with its address."""
     if not cell.lab:
         yield []
         return
@@ -130,7 +128,7 @@ def _lab(cell: Cell, arguments: list[str], settings: list[str]) -> Iterator[list
 
 
 def _composed(origins: Origins) -> DictConfig:
-    """The configuration as a run gets it.
+    """Compose the configuration as a run gets it.
 
     Raises
     ------
@@ -149,12 +147,12 @@ def _composed(origins: Origins) -> DictConfig:
 
 
 def _is_real(instrument: Any) -> bool:
-    """Whether a run would move real mirrors."""
+    """Tell whether a run would move real mirrors."""
     return isinstance(instrument, ScanningPlugin) and instrument.real
 
 
 def _looked_at(experiment: Experiment) -> str:
-    """What is to be said of a configuration that is not run, after all files were looked for."""
+    """Say what can be said of a configuration that is not run, its files looked for."""
     if not any(step.needed(experiment) for step in STEPS):
         raise UserError("there is nothing to do: choose a target, a pose or an instrument")
     named: list[Any] = [getattr(experiment, group) for group in SINGLE_GROUPS]
@@ -168,7 +166,7 @@ def _looked_at(experiment: Experiment) -> str:
 
 
 def _compared(check: xr.Dataset | None) -> Verdict:
-    """What the comparison with expectations came to; of those missed, the first is told."""
+    """Judge the comparison with expectations; of those missed, the first is told."""
     if check is None:
         return Verdict(True, "works; nothing is expected of its numbers")
     count = check.sizes["quantity"]
@@ -188,5 +186,5 @@ def _compared(check: xr.Dataset | None) -> Verdict:
 
 
 def _in_one_line(told: str) -> str:
-    """Several sentences as one, without the command line, on which none of the settings is."""
+    """Join several sentences, without the command line, on which none of the settings is."""
     return "; ".join(line.removeprefix(f"{COMMAND_LINE}: ") for line in told.splitlines())

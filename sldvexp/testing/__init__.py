@@ -1,1 +1,1 @@
-"""What tests need to make an instrument fail."""
+"""Means of tests to make an instrument fail."""

@@ -1,50 +1,13 @@
-"""What can go wrong with an instrument, on purpose: for tests of whoever talks to the server."""
+"""Faults of an instrument, on purpose: for tests of whoever talks to the server."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.virtual_lab.server import LabServer, block
-
-Send = Callable[[bytes], None]
-
-
-@dataclass
-class Fault(ABC):
-    """A fault that strikes at a command.
-
-    Parameters
-    ----------
-    command : str
-        Beginning of the lines at which it strikes.
-    times : int
-        How often it strikes.
-    after : int
-        At how many such lines it does not strike before.
-    """
-
-    command: str
-    times: int = 1
-    after: int = 0
-
-    def strikes(self, line: str) -> bool:
-        """Whether it strikes now; that time is used up."""
-        if not line.startswith(self.command):
-            return False
-        if self.after > 0:
-            self.after -= 1
-            return False
-        self.times -= 1
-        return self.times >= 0
-
-    @abstractmethod
-    def spoil(self, answer: bytes, send: Send, server: LabServer) -> None:
-        """Do something else than to send the answer (empty for a command)."""
+from sldvexp.virtual_lab.server import Fault, LabServer, Send, block
 
 
 @dataclass
@@ -57,7 +20,7 @@ class Silence(Fault):
 
 @dataclass
 class Slow(Fault):
-    """The answer comes late, or in small parts.
+    """Answer comes late, or in small parts.
 
     Parameters
     ----------
@@ -147,7 +110,7 @@ class ShortBlock(Fault):
 
 @dataclass
 class Disconnect(Fault):
-    """The connection ends within the answer.
+    """Connection ends within the answer.
 
     Parameters
     ----------
@@ -165,7 +128,7 @@ class Disconnect(Fault):
 
 @dataclass
 class ServerDies(Fault):
-    """The server goes down within the answer, and nobody listens there any more.
+    """Server goes down within the answer, and nobody listens there any more.
 
     Parameters
     ----------
@@ -203,7 +166,7 @@ class Refusal(Fault):
 
 @dataclass
 class GeneratorDies(Fault):
-    """The generator's output goes off."""
+    """Generator's output goes off."""
 
     def spoil(self, answer: bytes, send: Send, server: LabServer) -> None:
         """Turn it off, and answer."""
@@ -213,7 +176,7 @@ class GeneratorDies(Fault):
 
 @dataclass
 class ShutterCloses(Fault):
-    """The laser's shutter closes."""
+    """Laser's shutter closes."""
 
     def spoil(self, answer: bytes, send: Send, server: LabServer) -> None:
         """Close it, and answer."""
@@ -265,6 +228,6 @@ class Volts(Fault):
 
 
 def _parts(answer: bytes) -> tuple[bytes, NDArray[np.int16]]:
-    """Header and counts of a block."""
+    """Name header and counts of a block."""
     begin = 2 + int(answer[1:2])
     return answer[:begin], np.frombuffer(answer[begin:-1], "<i2")

@@ -1,1 +1,1 @@
-"""The virtual lab: physics in place of an instrument. Nothing that processes data imports it."""
+"""Virtual lab: physics in place of an instrument. Nothing that processes data imports it."""

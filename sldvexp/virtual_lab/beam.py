@@ -1,17 +1,47 @@
-"""The true beam in the world, and how a spot of finite size lies across an edge."""
+"""True beam in the world, and how a spot of finite size lies across an edge."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sldvexp.errors import Checks
 from sldvexp.laser.model import rays
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import scipy
-from sldvexp.typing import Array
-from sldvexp.virtual_lab.scene import Spot
+from sldvexp.typing import Array, ComplexArray
+
+
+@dataclass
+class Spot:
+    """Laser spot: a Gaussian beam focused at some distance.
+
+    Its radius (intensity 1/e^2 of the axis) at distance d is
+    ``waist sqrt(1 + ((d - focus) / rayleigh)**2)``.
+
+    Parameters
+    ----------
+    waist : float, m
+        Radius where it is smallest; 0 makes the beam a line.
+    focus : float, m
+        Distance of the waist from the scanning mirror.
+    rayleigh : float, m
+        Distance from the waist at which the spot's area has doubled; a diffraction-limited beam
+        has pi waist^2 / wavelength.
+    """
+
+    waist: float = 0.0003
+    focus: float = 1.7
+    rayleigh: float = 0.45
+
+    def check(self, checks: Checks, name: str) -> None:
+        """Note under `name` what no beam can be."""
+        checks.non_negative(f"{name}.waist", self.waist)
+        checks.non_negative(f"{name}.focus", self.focus)
+        checks.positive(f"{name}.rayleigh", self.rayleigh)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,24 +60,22 @@ class Beams:
     spot: Spot
 
     def radius(self, distance: Array) -> Array:
-        """Spot radius (1/e^2 of the intensity) across the beam at each distance, m."""
+        """Compute spot radius (1/e^2 of the intensity) across the beam at each distance, m."""
         return self.spot.waist * np.hypot(1.0, (distance - self.spot.focus) / self.spot.rayleigh)
 
 
 def beams(
     mirrors: TwoMirror, dac: ArrayLike, rotation: ArrayLike, origin: ArrayLike, spot: Spot
 ) -> Beams:
-    """The beams of DAC steps, by the true mirrors and the true pose.
+    """Send the beams of DAC steps, by the true mirrors and the true pose.
 
     Parameters
     ----------
-    mirrors : TwoMirror
     dac : array_like, shape (beam, 2), steps
     rotation : array_like, shape (3, 3)
         World to laser.
     origin : array_like, shape (3,), m
         Of the laser frame, in the world.
-    spot : Spot
     """
     start, along = rays(mirrors.angle_from_dac(dac), mirrors.mirror_offset)
     r = np.asarray(rotation, float)
@@ -57,7 +85,7 @@ def beams(
 def part_inside(
     depth: Array, outward: Array, normal: Array, curvature: Array, direction: Array, radius: Array
 ) -> Array:
-    """Part of the spot's light that falls inside a circular edge.
+    """Compute the part of the spot's light that falls inside a circular edge.
 
     On a plane with unit normal n the light of a Gaussian beam of radius w along d has the
     covariance ``C(a, b) = w^2/4 (a.b + (a.d)(b.d) / (n.d)^2)`` of in-plane unit vectors a and b.
@@ -94,3 +122,24 @@ def part_inside(
     sag = c_tt - c_ot**2 / sigma**2 + (c_ot / sigma * z) ** 2
     density = np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * sigma)
     return scipy.special.ndtr(z) - 0.5 * curvature * sag * density
+
+
+class SceneObject(ABC):
+    """Something that the beam can hit. A new object implements the one hook `seen`."""
+
+    @abstractmethod
+    def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:
+        """Compute distance and velocity of this object, as the instrument sees them.
+
+        Parameters
+        ----------
+        frequency : ndarray, shape (tone,), Hz
+
+        Returns
+        -------
+        distance : ndarray, shape (beam,), m
+            From the beam's origin; infinite where it misses the object.
+        velocity : ndarray of complex, shape (beam, tone), m/s per V of excitation
+            Along the line of sight, positive towards the instrument (v = V . D), averaged over
+            the spot; finite, but without meaning, where the beam misses.
+        """

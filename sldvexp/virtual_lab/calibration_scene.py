@@ -15,9 +15,8 @@ from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.targets.base import Target
 from sldvexp.targets.circles import Circles
 from sldvexp.typing import Array, ComplexArray, IntArray
-from sldvexp.virtual_lab.beam import Beams, part_inside
+from sldvexp.virtual_lab.beam import Beams, SceneObject, part_inside
 from sldvexp.virtual_lab.scene import Scene
-from sldvexp.virtual_lab.scene_object import SceneObject
 
 
 @dataclass
@@ -44,7 +43,7 @@ class Speaker:
 @register("scene", "calibration")
 @dataclass
 class CalibrationScene(Scene):
-    """The calibration object of Section 4.4 in front of the instrument.
+    """Calibration object of Section 4.4 in front of the instrument.
 
     Parameters
     ----------
@@ -75,7 +74,7 @@ class CalibrationScene(Scene):
         checks.non_negative("washer", self.washer)
 
     def objects(self, target: Target | None, rng: np.random.Generator) -> list[SceneObject]:
-        """The calibration object."""
+        """Make the calibration object."""
         if not isinstance(target, Circles):
             found = (name_of(type(target)) or "target/null").partition("/")[2]
             raise UserError(
@@ -132,7 +131,7 @@ class CalibrationObject(SceneObject):
         residual: float,
         rng: np.random.Generator | None,
     ) -> CalibrationObject:
-        """The object of a configuration, with errors of its machining drawn if there is a `rng`."""
+        """Make the object of a configuration; a `rng` draws the errors of its machining."""
         known = [circles.circles[n] for n in speakers]
         planes = [circles.planes[c.plane] for c in known]
         measured = np.array([[c.x, c.y, 0.0, c.diameter] for c in known])
@@ -154,7 +153,10 @@ class CalibrationObject(SceneObject):
         )
 
     def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:
-        """Distance to the nearest washer, mean velocity under the spot; see `SceneObject`."""
+        """Compute the distance to the nearest washer, the mean velocity under the spot.
+
+        See `SceneObject`.
+        """
         distance, circle = self._nearest(beams)
         hit = np.where(np.isfinite(distance), distance, 0.0)
         normal, speaker = self.axes[circle, 2], self.velocity[circle]
@@ -172,21 +174,21 @@ class CalibrationObject(SceneObject):
         return distance, np.repeat(mean[:, None], len(frequency), axis=1)
 
     def mirror_image(self) -> CalibrationObject:
-        """The object with left and right exchanged about the middle of its circles."""
+        """Exchange left and right of the object about the middle of its circles."""
         middle = self.center[:, 0].mean()
         flip = np.array([-1.0, 1.0, 1.0])
         center = self.center * flip + [2 * middle, 0.0, 0.0]
         return replace(self, center=center, axes=self.axes * flip)
 
     def edge(self, number: int, azimuth: Array) -> Array:
-        """Points on the edge of a circle, at angles from its plane's x axis, shape (..., 3), m."""
+        """Compute points on a circle's edge, at angles from its plane's x axis, (..., 3), m."""
         i = self.number.tolist().index(number)
         x, y, _ = self.axes[i]
         angle = np.asarray(azimuth, float)[..., None]
         return self.center[i] + self.radius[i] * (np.cos(angle) * x + np.sin(angle) * y)
 
     def _nearest(self, beams: Beams) -> tuple[Array, IntArray]:
-        """Distance to the nearest washer that each beam hits, and which one it is."""
+        """Find the distance to the nearest washer that each beam hits, and which one it is."""
         normal = self.axes[:, 2]
         height = np.einsum("bcj,cj->bc", self.center - beams.origin[:, None], normal)
         with np.errstate(divide="ignore", invalid="ignore"):

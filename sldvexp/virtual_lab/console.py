@@ -1,4 +1,4 @@
-"""The `sldvexp-lab` command: the virtual lab of a configuration as a server on this machine."""
+"""`sldvexp-lab` command: the virtual lab of a configuration as a server on this machine."""
 
 from __future__ import annotations
 
@@ -42,7 +42,6 @@ def serve(settings: Sequence[str], host: str = "127.0.0.1", port: int = PORT) ->
     ----------
     settings : sequence of str
         As `sldvexp` takes them; of the experiment only scene, target, laser and seed matter.
-    host : str
     port : int
         0 takes a free one.
 
@@ -69,7 +68,7 @@ def serve(settings: Sequence[str], host: str = "127.0.0.1", port: int = PORT) ->
 
 
 def experiment(settings: Sequence[str]) -> Experiment:
-    """The plugins of a configuration, `EXPERIMENT` if it does not choose another.
+    """Make the plugins of a configuration, `EXPERIMENT` if it does not choose another.
 
     Raises
     ------

@@ -41,7 +41,7 @@ START = 1.0
 
 
 class Electronics:
-    """The two channels as one acquisition uses them.
+    """Two channels as one acquisition uses them.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class Electronics:
     def record(
         self, velocity: ComplexArray, lit: BoolArray, uniform: Array, normal: Array32
     ) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
-        """Counts of some pixels.
+        """Sample some pixels; their counts.
 
         Parameters
         ----------
@@ -114,13 +114,13 @@ class Electronics:
         return self._converted(volts, np.any(lost, axis=1), over)
 
     def _carrier(self, frequency: Array) -> Array32:
-        """Cosines and sines of the tones over one record, shape (2 tone, sample)."""
+        """Compute cosines and sines of the tones over one record, shape (2 tone, sample)."""
         a = self._acquisition
         angle = 2 * np.pi * np.outer(frequency, np.arange(a.samples) / a.rate)
         return np.concatenate([np.cos(angle), np.sin(angle)]).astype(np.float32)
 
     def _velocity_phasors(self, velocity: ComplexArray) -> ComplexArray:
-        """Voltages of the fundamentals, their harmonics and the hum, shape (pixel, tone), V.
+        """Compute voltages of fundamentals, harmonics and hum, shape (pixel, tone), V.
 
         A distorted cosine cos(w t + phi) has the harmonics r_n cos(n (w t + phi)).
         """
@@ -133,7 +133,7 @@ class Electronics:
         return np.concatenate([*parts, np.full((len(velocity), 1), complex(v.hum))], axis=1)
 
     def _lost(self, lit: BoolArray, uniform: Array) -> BoolArray:
-        """Samples without light: those of a speckle's burst, or all; shape (pixel, sample)."""
+        """Find samples without light: those of a speckle's burst, or all; shape (pixel, sample)."""
         samples = self._acquisition.samples
         lost = np.repeat(~lit[:, None], samples, axis=1)
         begin, end = np.floor(np.sort(uniform[:, 2:4], axis=1) * samples).astype(int).T
@@ -142,7 +142,7 @@ class Electronics:
         return lost
 
     def _band_limited(self, noise: Array32, block: int) -> Array32:
-        """White noise as it is, or cut off at the bandwidth and as strong, if sampling shows it."""
+        """Draw white noise, cut off at the bandwidth and as strong if sampling shows it."""
         a, bandwidth = self._acquisition, self._vibrometer.bandwidth
         if bandwidth >= a.rate / 2:
             return noise
@@ -157,7 +157,10 @@ class Electronics:
     def _converted(
         self, volts: Array32, lost: BoolArray, over: BoolArray
     ) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
-        """Counts and status of voltages; beyond its range the converter stays at its last count."""
+        """Convert voltages to counts and status.
+
+        Beyond its range the converter stays at its last count.
+        """
         volts /= self.volts_per_count.astype(np.float32)[:, None]
         np.rint(volts, out=volts)
         counts = np.clip(volts, -HALF_COUNTS, HALF_COUNTS - 1, out=volts).astype(np.int16)
@@ -172,7 +175,7 @@ class Electronics:
 def _sum_of_tones(
     phasors: ComplexArray, frequency: Array, start: Array, carrier: Array32
 ) -> Array32:
-    """Time series ``Re sum_k phasor_k exp(i w_k (start + t))``, shape (pixel, sample)."""
+    """Sum the tones ``Re sum_k phasor_k exp(i w_k (start + t))``, shape (pixel, sample)."""
     turned = phasors * np.exp(2j * np.pi * frequency * start[:, None])
     parts = np.concatenate([turned.real, -turned.imag], axis=1).astype(np.float32)
     total = np.zeros((len(parts), carrier.shape[1]), np.float32)
@@ -193,7 +196,7 @@ LEVELS = 2**16
 
 
 class PixelNoise:
-    """The random numbers of one view.
+    """Random numbers of one view.
 
     Parameters
     ----------
@@ -208,7 +211,7 @@ class PixelNoise:
     def draw(
         self, stream: int, first: int, pixels: int, samples: int
     ) -> tuple[Array, NDArray[np.float32]]:
-        """Random numbers of successive pixels.
+        """Draw random numbers of successive pixels.
 
         Parameters
         ----------
@@ -216,7 +219,6 @@ class PixelNoise:
             From 0 to 2^64 - 1, for example a scan line's number.
         first : int
             Place of the first pixel in the stream.
-        pixels : int
         samples : int
             Samples per channel; other numbers of samples are other streams.
 
@@ -239,6 +241,6 @@ class PixelNoise:
 
 @cache
 def _normal_levels() -> NDArray[np.float32]:
-    """Middle quantiles of the normal distribution, scaled to unit variance."""
+    """Compute middle quantiles of the normal distribution, scaled to unit variance."""
     levels = scipy.special.ndtri((np.arange(LEVELS) + 0.5) / LEVELS)
     return (levels / levels.std()).astype(np.float32)

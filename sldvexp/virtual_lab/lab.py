@@ -1,16 +1,27 @@
-"""The virtual lab: an instrument in front of a scene, and the truth about both."""
+"""Virtual lab: an instrument in front of a scene, and the truth about both."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sldvexp.config.registry import register
 from sldvexp.errors import UserError, nearest
 from sldvexp.geometry.rotation import rotation_from_euler
-from sldvexp.instrument.protocol import Acquisition, InstrumentError, RawSamples
+from sldvexp.instrument.person import Mark, Place, Steps
+from sldvexp.instrument.protocol import (
+    Acquisition,
+    Instrument,
+    InstrumentError,
+    RawSamples,
+    ScanningPlugin,
+)
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
 from sldvexp.targets.base import Target
@@ -18,7 +29,6 @@ from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 from sldvexp.virtual_lab.beam import Beams, beams
 from sldvexp.virtual_lab.calibration_scene import CalibrationObject
 from sldvexp.virtual_lab.electronics import Electronics, PixelNoise
-from sldvexp.virtual_lab.person import SimulatedPerson
 from sldvexp.virtual_lab.plate import VibratingPlate
 from sldvexp.virtual_lab.scene import Scene
 
@@ -109,7 +119,7 @@ class VirtualLab:
         )
 
     def home(self) -> None:
-        """Mirrors to step 0 and the generator off."""
+        """Send the mirrors to step 0 and switch the generator off."""
         self.position = (0, 0)
         if self._acquisition is not None:
             self.configure(Acquisition(self._acquisition.rate, self._acquisition.samples, ()))
@@ -133,10 +143,6 @@ class VirtualLab:
             Number of the scan line that this list begins, see `start_stream`; without it the
             pixels go on where the last ones ended.
 
-        Returns
-        -------
-        RawSamples
-
         Raises
         ------
         InstrumentError
@@ -158,14 +164,14 @@ class VirtualLab:
         return RawSamples(counts, scales, self._acquisition.rate, status)
 
     def true_pose(self, view: str) -> tuple[Array, Array]:
-        """Rotation (3, 3), world to laser, and origin (3,), m, of a view."""
+        """Return rotation (3, 3), world to laser, and origin (3,), m, of a view."""
         if view not in self.scene.views:
             raise UserError(f"the scene has no view {view}; {nearest(view, self.scene.views)}")
         pose = self.scene.views[view]
         return rotation_from_euler(pose.euler), pose.unit.value * np.array(pose.origin)
 
     def true_dac(self, points: ArrayLike) -> Array:
-        """DAC steps, not rounded, that point the beam at points of the world from this view.
+        """Find DAC steps, not rounded, that point the beam at points of the world from this view.
 
         Parameters
         ----------
@@ -181,7 +187,7 @@ class VirtualLab:
         return dac[..., ::-1] if self.scene.mirrors.swapped else dac
 
     def true_edge(self, circle: int, azimuth: ArrayLike) -> Array:
-        """Where the edge of a circle lies in this view, machining errors included.
+        """Find where the edge of a circle lies in this view, machining errors included.
 
         Parameters
         ----------
@@ -198,13 +204,13 @@ class VirtualLab:
         return self.true_dac(self.calibration_object.edge(circle, np.asarray(azimuth)))
 
     def light(self, dac: ArrayLike) -> Beams:
-        """The beams of DAC steps, whole or not, shape (beam, 2), from this view."""
+        """Send the beams of DAC steps, whole or not, shape (beam, 2), from this view."""
         steps = np.asarray(dac)
         wired = steps[:, ::-1] if self.scene.mirrors.swapped else steps
         return beams(self.mirrors, wired, self._rotation, self._origin, self.scene.spot)
 
     def spot(self) -> Array:
-        """Where the beam falls now, shape (3,), m; UserError if on no object."""
+        """Find where the beam falls now, shape (3,), m; UserError if on no object."""
         light = self.light([self.position])
         distance = min(float(o.seen(light, np.zeros(0))[0][0]) for o in self.objects)
         if not np.isfinite(distance):
@@ -216,7 +222,7 @@ class VirtualLab:
         return light.origin[0] + distance * light.direction[0]
 
     def generator(self, what: str) -> np.random.Generator:
-        """Random numbers that belong to a name, whatever was drawn before."""
+        """Make a generator of random numbers that belong to a name, whatever was drawn before."""
         entropy = [len(self._seed), *self._seed, *what.encode()]
         return np.random.default_rng(np.random.SeedSequence(entropy))
 
@@ -227,7 +233,7 @@ class VirtualLab:
 
     @property
     def calibration_object(self) -> CalibrationObject:
-        """The true calibration object; UserError if there is none."""
+        """True calibration object; UserError if there is none."""
         found = [o for o in self.objects if isinstance(o, CalibrationObject)]
         if not found:
             raise UserError("the virtual lab has no calibration object; choose a target of circles")
@@ -235,14 +241,14 @@ class VirtualLab:
 
     @property
     def plate(self) -> VibratingPlate:
-        """The true plate with its `velocity` and `strain`; UserError if there is none."""
+        """True plate with its `velocity` and `strain`; UserError if there is none."""
         found = [o for o in self.objects if isinstance(o, VibratingPlate)]
         if not found:
             raise UserError("the virtual lab has no plate; choose scene=plate")
         return found[0]
 
     def _checked(self, dac: IntArray) -> IntArray:
-        """The steps, if the board has them."""
+        """Check the steps, if the board has them."""
         if dac.ndim != 2 or dac.shape[1] != len(MIRRORS) or dac.dtype.kind not in "iu":
             raise InstrumentError(
                 f"move: needs pairs of whole DAC steps (up_down, left_right), not an array of "
@@ -259,7 +265,7 @@ class VirtualLab:
         return dac
 
     def _block(self, dac: IntArray) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
-        """Counts and status of at most BLOCK pixels."""
+        """Acquire counts and status of at most BLOCK pixels."""
         assert self._acquisition is not None
         n, samples = len(dac), self._acquisition.samples
         filled = dac[np.minimum(np.arange(BLOCK), n - 1)]
@@ -270,7 +276,7 @@ class VirtualLab:
         return self._electronics.record(velocity, lit, uniform, normal)
 
     def _look(self, dac: IntArray) -> tuple[ComplexArray, BoolArray]:
-        """Velocity (pixel, tone), m/s per V, along the beams, and whether light comes back."""
+        """Look along the beams: velocity (pixel, tone), m/s per V, and whether light comes back."""
         light = self.light(dac)
         seen = [o.seen(light, self._frequency) for o in self.objects]
         distance = np.stack([d for d, _ in seen])
@@ -280,3 +286,76 @@ class VirtualLab:
         velocity = np.stack([v for _, v in seen])[first, np.arange(len(dac))]
         velocity = np.where(hit[:, None], velocity, resting[:, None])
         return velocity, (hit | self.scene.backdrop) & self.shutter_open
+
+
+@register("instrument", "simulated")
+@dataclass
+class Simulated(ScanningPlugin):
+    """A scene's virtual lab, without a socket."""
+
+    real = False
+
+    def open(
+        self,
+        scene: Any,
+        laser: TwoMirror,
+        target: Target | None = None,
+        seed: int = 0,
+        view: str = "",
+    ) -> AbstractContextManager[Instrument]:
+        """See `ScanningPlugin`.
+
+        Raises
+        ------
+        UserError
+            If there is no scene, or it has no such view or does not fit the target.
+        """
+        if scene is None:
+            raise UserError("instrument=simulated needs a scene; choose scene=calibration or plate")
+        lab = VirtualLab(scene, laser, target, seed)
+        if view:
+            lab.use_view(view)
+        return lab
+
+
+class SimulatedPerson:
+    """A `Person` who knows the truth but for the errors that the scene states.
+
+    Errors belong to the seed, the view and the mark or spot: who points again points the same.
+
+    Parameters
+    ----------
+    lab : VirtualLab
+    """
+
+    def __init__(self, lab: VirtualLab) -> None:
+        self.lab = lab
+
+    def true_position(self, mark: Mark) -> np.ndarray:
+        """Find where a mark truly stands, shape (3,), m.
+
+        Within its accuracy, from anywhere the same.
+        """
+        if not self.lab.scene.operator.mark_error:
+            return mark.position
+        bound = math.sqrt(3.0) * mark.std
+        return mark.position + bound * self.lab.generator(f"mark {mark.number}").uniform(-1, 1, 3)
+
+    def aim(self, mark: Mark, start: Steps) -> Steps:
+        """See `Person`; all marks can be seen from everywhere."""
+        lab = self.lab
+        true = self.true_position(mark)
+        light = lab.light(lab.true_dac(true)[None])
+        radius = light.radius(np.linalg.norm(true - light.origin, axis=1))
+        rng = lab.generator(f"aim at {mark.number} in {lab.view}")
+        # The part of it along the beam moves nothing.
+        off = lab.scene.operator.pointing * radius * rng.standard_normal(3)
+        up_down, left_right = np.rint(lab.true_dac(true + off)).astype(int).tolist()
+        lab.move((up_down, left_right))
+        return up_down, left_right
+
+    def digitise(self, spot: int, samples: int) -> list[Place]:
+        """See `Person`."""
+        rng = self.lab.generator(f"digitise {spot} in {self.lab.view}")
+        error = self.lab.scene.operator.digitizer * rng.standard_normal((samples, 3))
+        return [(x, y, z) for x, y, z in (self.lab.spot() + error).tolist()]

@@ -12,11 +12,70 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 
+from sldvexp.errors import Checks
 from sldvexp.typing import Array, ComplexArray, IntArray
-from sldvexp.virtual_lab.plate_scene import Direction, EdgeSupport, Mode
+
+
+class EdgeSupport(Enum):
+    """How the plate's edges are held; decides the shapes of bending."""
+
+    supported = "supported"
+    free = "free"
+
+
+class Direction(Enum):
+    """Where a mode moves the middle surface: along the plate's own x, its y, or its normal."""
+
+    x = 0
+    y = 1
+    normal = 2
+
+
+@dataclass
+class Mode:
+    """One damped mode of the plate.
+
+    Bending has the shape ``sin(x pi s / a) sin(y pi t / b)`` of supported or
+    ``cos(x pi s / a) cos(y pi t / b)`` of free edges, motion in the plane always the latter.
+
+    Parameters
+    ----------
+    x, y : int
+        Half waves along the plate's two sides.
+    frequency : float, Hz
+        Of the undamped mode.
+    damping : float
+        Over critical.
+    velocity : float, m/s per V of excitation
+        Peak at an antinode of the middle surface, at resonance, where it is in phase with the
+        excitation; negative for opposite phase.
+    direction : Direction
+    """
+
+    x: int = 1
+    y: int = 1
+    frequency: float = 200.0
+    damping: float = 0.01
+    velocity: float = 0.02
+    direction: Direction = Direction.normal
+
+    def check(self, checks: Checks, name: str, edges: EdgeSupport) -> None:
+        """Note under `name` what no mode can be."""
+        checks.positive(f"{name}.frequency", self.frequency)
+        checks.positive(f"{name}.damping", self.damping)
+        checks.finite(f"{name}.velocity", self.velocity)
+        sines = self.direction is Direction.normal and edges is EdgeSupport.supported
+        least = 1 if sines else 0
+        for key in ("x", "y"):
+            message = f"must be {least} or more half waves, not {getattr(self, key)}"
+            checks.require(getattr(self, key) >= least, f"{name}.{key}", message)
+        checks.require(
+            max(self.x, self.y) > 0, name, "has no half waves: a rigid motion is not a mode"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +104,7 @@ class Modes:
 
     @classmethod
     def built(cls, modes: Iterable[Mode], size: Array, edges: EdgeSupport) -> Modes:
-        """The modes of a configuration on a plate of that size, m."""
+        """Make the modes of a configuration on a plate of that size, m."""
         modes = list(modes)
         sines = [m.direction is Direction.normal and edges is EdgeSupport.supported for m in modes]
         return cls(
@@ -58,7 +117,7 @@ class Modes:
         )
 
     def response(self, frequency: Array) -> ComplexArray:
-        """Modal velocity ``v 2i zeta r / (1 - r^2 + 2i zeta r)``, r = frequency / own frequency.
+        """Compute ``v 2i zeta r / (1 - r^2 + 2i zeta r)``, r = frequency / own frequency.
 
         Parameters
         ----------
@@ -73,7 +132,7 @@ class Modes:
         return np.asarray(self.velocity[:, None] * damped / (1.0 - r**2 + damped), complex)
 
     def motion(self, coordinates: Array, height: float, curvature: float) -> Array:
-        """Shape of each mode on the surface at a height: u, v, w along its local axes.
+        """Compute shape of each mode on the surface at a height: u, v, w along its local axes.
 
         Parameters
         ----------
@@ -92,7 +151,7 @@ class Modes:
         )
 
     def strain(self, coordinates: Array, height: float, curvature: float) -> Array:
-        """Strains e_ss, e_tt, e_st (tensor) of each mode on the surface at a height.
+        """Compute strains e_ss, e_tt, e_st (tensor) of each mode on the surface at a height.
 
         Parameters
         ----------
@@ -113,7 +172,7 @@ class Modes:
         return np.stack([along_s, along_t, shear / 2], axis=-1)
 
     def _derivative(self, coordinates: Array, direction: Direction) -> Callable[[int, int], Array]:
-        """The function (i, j) -> i-th derivative by s, j-th by t, of the modes in one direction."""
+        """Make the function (i, j) -> i-th derivative by s, j-th by t, in one direction."""
         angle = coordinates[:, None, :] * self.wave_number + self.phase[:, None]
         moving = self.direction == direction.value
 

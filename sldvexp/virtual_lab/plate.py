@@ -1,4 +1,4 @@
-"""The vibrating plate: what the beam sees of it, and its true velocity and strain.
+"""Vibrating plate: what the beam sees of it, and its true velocity and strain.
 
 The flat plate.
 
@@ -9,23 +9,85 @@ What every surface of a plate must tell: where it is, how it is turned, where a 
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sldvexp.errors import Checks
 from sldvexp.geometry.rotation import rotation_from_euler
 from sldvexp.typing import Array, BoolArray, ComplexArray
-from sldvexp.virtual_lab.beam import Beams
-from sldvexp.virtual_lab.modes import Modes
-from sldvexp.virtual_lab.plate_scene import Plate
-from sldvexp.virtual_lab.scene_object import SceneObject
+from sldvexp.units import LengthUnit
+from sldvexp.virtual_lab.beam import Beams, SceneObject
+from sldvexp.virtual_lab.modes import EdgeSupport, Mode, Modes
+
+
+@dataclass
+class Plate:
+    """A rectangular thin plate, flat or bent to a cylinder about its own y axis.
+
+    The plate's own axes stand at the center of its middle surface, z along its normal.
+
+    Parameters
+    ----------
+    unit : LengthUnit
+        Unit of all lengths below.
+    center : list of 3 float
+        Where the center stands in the world.
+    euler : list of 3 float, rad
+        phi1, phi2, phi3 in the x-convention, world to plate.
+    size : list of 2 float
+        Sides along its own x (the arc, if it is curved) and y.
+    thickness : float
+        The beam sees the surface half of this above the middle surface.
+    radius : float, optional
+        Of the middle surface's curvature; positive if the normal points away from the axis of
+        the cylinder, negative towards it. Without it the plate is flat.
+    edges : EdgeSupport
+    modes : dict of str to Mode
+    """
+
+    unit: LengthUnit = LengthUnit.m
+    center: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    euler: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    size: list[float] = field(default_factory=lambda: [0.3, 0.25])
+    thickness: float = 0.003
+    radius: float | None = None
+    edges: EdgeSupport = EdgeSupport.supported
+    modes: dict[str, Mode] = field(default_factory=dict)
+
+    def check(self, checks: Checks, name: str) -> None:
+        """Note under `name` what no plate can be."""
+        known = len(checks.problems)
+        for key, count in (("center", 3), ("euler", 3), ("size", 2)):
+            values = getattr(self, key)
+            message = f"must be {count} numbers, not {len(values)}"
+            checks.require(len(values) == count, f"{name}.{key}", message)
+            checks.finite(f"{name}.{key}", *values)
+        for side in self.size:
+            checks.positive(f"{name}.size", side)
+        checks.non_negative(f"{name}.thickness", self.thickness)
+        checks.require(bool(self.modes), f"{name}.modes", "give at least one mode")
+        for mode_name, mode in self.modes.items():
+            mode.check(checks, f"{name}.modes.{mode_name}", self.edges)
+        if self.radius is not None and len(checks.problems) == known:
+            self._check_radius(checks, f"{name}.radius", self.radius)
+
+    def _check_radius(self, checks: Checks, name: str, radius: float) -> None:
+        least = max(self.thickness / 2, self.size[0] / (2 * math.pi))
+        checks.require(
+            math.isfinite(radius) and abs(radius) > least,
+            name,
+            f"must be finite and beyond +-{least:.6g} {self.unit.name}, where the panel would "
+            f"close to a tube or its surface vanish, not {radius}",
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class PlateSurface(ABC):
-    """The upper surface of a plate in the plate's own axes, by coordinates of its middle surface.
+    """Upper surface of a plate in the plate's own axes, by coordinates of its middle surface.
 
     Parameters
     ----------
@@ -45,7 +107,7 @@ class PlateSurface(ABC):
 
     @abstractmethod
     def meet(self, origin: Array, direction: Array) -> tuple[Array, Array]:
-        """Where each beam first meets the upper surface.
+        """Find where each beam first meets the upper surface.
 
         Parameters
         ----------
@@ -61,18 +123,18 @@ class PlateSurface(ABC):
 
     @abstractmethod
     def coordinates(self, points: Array) -> Array:
-        """Coordinates of the nearest places, shape (..., 2), m; beyond `size` for points beside."""
+        """Find the nearest places, shape (..., 2), m; beyond `size` for points beside."""
 
     @abstractmethod
     def frame(self, coordinates: Array) -> Array:
-        """Unit rows along s, along t and along the normal, shape (..., 3, 3)."""
+        """Compute unit rows along s, along t and along the normal, shape (..., 3, 3)."""
 
     @abstractmethod
     def position(self, coordinates: Array) -> Array:
-        """Places on the upper surface, shape (..., 3), m."""
+        """Compute places on the upper surface, shape (..., 3), m."""
 
     def inside(self, coordinates: Array) -> BoolArray:
-        """Whether coordinates are on the plate, shape (...)."""
+        """Tell whether coordinates are on the plate, shape (...)."""
         return np.all((coordinates >= 0) & (coordinates <= self.size), axis=-1)
 
 
@@ -96,7 +158,7 @@ class VibratingPlate(SceneObject):
 
     @classmethod
     def built(cls, plate: Plate) -> VibratingPlate:
-        """The plate of a configuration."""
+        """Make the plate of a configuration."""
         unit = plate.unit.value
         size, height = unit * np.array(plate.size), unit * plate.thickness / 2
         surface: PlateSurface = FlatSurface(size, height)
@@ -110,7 +172,10 @@ class VibratingPlate(SceneObject):
         )
 
     def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:
-        """Distance to the surface and the velocity at the beam's axis; see `SceneObject`."""
+        """Compute the distance to the surface and the velocity at the beam's axis.
+
+        See `SceneObject`.
+        """
         direction = beams.direction @ self.rotation.T
         origin = (beams.origin - self.center) @ self.rotation.T
         distance, place = self.surface.meet(origin, direction)
@@ -120,7 +185,7 @@ class VibratingPlate(SceneObject):
         return distance, np.einsum("bm,mf->bf", along_sight, response)
 
     def velocity(self, points: ArrayLike, frequency: float) -> ComplexArray:
-        """True velocity of the measured surface at the places nearest to points of the world.
+        """Compute the measured surface's true velocity, nearest to points of the world.
 
         Parameters
         ----------
@@ -137,7 +202,7 @@ class VibratingPlate(SceneObject):
         return np.einsum("pij,pi->pj", self.surface.frame(place) @ self.rotation, local)
 
     def strain(self, points: ArrayLike, frequency: float) -> ComplexArray:
-        """True strain of the measured surface at the places nearest to points of the world.
+        """Compute true strain of the measured surface at the places nearest to points of the world.
 
         Parameters
         ----------
@@ -155,18 +220,21 @@ class VibratingPlate(SceneObject):
         return np.einsum("pmi,m->pi", shape, displacement)
 
     def height(self, points: ArrayLike) -> Array:
-        """Height of points above the measured surface, shape (point,), m; NaN beside the plate."""
+        """Compute height of points above the measured surface, shape (point,), m.
+
+        NaN beside the plate.
+        """
         place = self._place(points)
         own = (np.atleast_2d(np.asarray(points, float)) - self.center) @ self.rotation.T
         normal = self.surface.frame(place)[:, 2]
         return np.einsum("pi,pi->p", own - self.surface.position(place), normal)
 
     def axes(self, points: ArrayLike) -> Array:
-        """Two tangents and the normal of the surface, unit rows, shape (point, 3, 3)."""
+        """Compute two tangents and the normal of the surface, unit rows, shape (point, 3, 3)."""
         return self.surface.frame(self._place(points)) @ self.rotation
 
     def position(self, coordinates: ArrayLike) -> Array:
-        """Points of the measured surface in the world.
+        """Compute points of the measured surface in the world.
 
         Parameters
         ----------
@@ -180,7 +248,7 @@ class VibratingPlate(SceneObject):
         return self.surface.position(np.asarray(coordinates, float)) @ self.rotation + self.center
 
     def _place(self, points: ArrayLike) -> Array:
-        """Coordinates on the plate, NaN beside it."""
+        """Read three coordinates in m, None if the answer has not three finite numbers."""
         own = (np.atleast_2d(np.asarray(points, float)) - self.center) @ self.rotation.T
         place = self.surface.coordinates(own)
         rounding = 1e-9 * self.surface.size
@@ -243,7 +311,7 @@ class CylinderSurface(PlateSurface):
         return 1.0 / self.radius
 
     def meet(self, origin: Array, direction: Array) -> tuple[Array, Array]:
-        """The nearer of the two crossings that lies on the panel; see `PlateSurface`."""
+        """Find where each beam first meets the upper surface."""
         ox, oz = origin[:, 0], origin[:, 2] + self.radius
         dx, dz = direction[:, 0], direction[:, 2]
         a, b = dx**2 + dz**2, ox * dx + oz * dz
@@ -280,6 +348,6 @@ class CylinderSurface(PlateSurface):
         return np.stack([reach * sine, y, reach * cosine - self.radius], axis=-1)
 
     def _turn(self, coordinates: Array) -> tuple[Array, Array]:
-        """Sine and cosine of the angle from the panel's center."""
+        """Compute sine and cosine of the angle from the panel's center."""
         angle = (coordinates[..., 0] - self.size[0] / 2) / self.radius
         return np.sin(angle), np.cos(angle)

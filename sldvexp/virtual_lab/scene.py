@@ -1,50 +1,88 @@
-"""What every scene of the virtual lab has: where the instrument stands and how it measures."""
+"""Scenes of the virtual lab: where the instrument stands and how it measures."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from itertools import zip_longest
 
 import numpy as np
 
-from sldvexp.errors import Checks
+from sldvexp.errors import Checks, ConfigError, UserError
 from sldvexp.geometry.rotation import KnownPose
+from sldvexp.laser.two_mirror import MIRRORS, Mirror, TwoMirror
 from sldvexp.targets.base import Target
-from sldvexp.virtual_lab.true_mirrors import MirrorErrors
-
-if TYPE_CHECKING:
-    from sldvexp.virtual_lab.scene_object import SceneObject
+from sldvexp.units import AngleUnit
+from sldvexp.virtual_lab.beam import SceneObject, Spot
 
 
 @dataclass
-class Spot:
-    """The laser spot: a Gaussian beam focused at some distance.
-
-    Its radius (intensity 1/e^2 of the axis) at distance d is
-    ``waist sqrt(1 + ((d - focus) / rayleigh)**2)``.
+class MirrorError:
+    """True calibration minus nominal one, of one mirror.
 
     Parameters
     ----------
-    waist : float, m
-        Radius where it is smallest; 0 makes the beam a line.
-    focus : float, m
-        Distance of the waist from the scanning mirror.
-    rayleigh : float, m
-        Distance from the waist at which the spot's area has doubled; a diffraction-limited beam
-        has pi waist^2 / wavelength.
+    gain : float
+        Relative, of the gain and of all powers; -2 is a mirror wired the other way round.
+    zero : float, rad
+    polynomial : list of float, rad
+        Added to the coefficients of u^2, u^3 and so on.
     """
 
-    waist: float = 0.0003
-    focus: float = 1.7
-    rayleigh: float = 0.45
+    gain: float = 0.0
+    zero: float = 0.0
+    polynomial: list[float] = field(default_factory=list)
+
+    def applied(self, nominal: Mirror) -> Mirror:
+        """Apply the errors: the true mirror."""
+        zero, gain, *powers = nominal.coefficients
+        scale = 1.0 + self.gain
+        polynomial = [
+            scale * known + more
+            for known, more in zip_longest(powers, self.polynomial, fillvalue=0.0)
+        ]
+        return Mirror(scale * gain, zero + self.zero, polynomial, AngleUnit.rad)
+
+
+@dataclass
+class MirrorErrors:
+    """True mirrors minus nominal ones, all zero for a perfect calibration.
+
+    Parameters
+    ----------
+    mirror_offset : float, m
+        Added to the distance between the two axes.
+    up_down, left_right : MirrorError
+    swapped : bool
+        The cables from the D/A board to the two mirrors are crossed.
+    """
+
+    mirror_offset: float = 0.0
+    up_down: MirrorError = field(default_factory=MirrorError)
+    left_right: MirrorError = field(default_factory=MirrorError)
+    swapped: bool = False
 
     def check(self, checks: Checks, name: str) -> None:
-        """Note under `name` what no beam can be."""
-        checks.non_negative(f"{name}.waist", self.waist)
-        checks.non_negative(f"{name}.focus", self.focus)
-        checks.positive(f"{name}.rayleigh", self.rayleigh)
+        """Note under `name` what is no number."""
+        checks.finite(f"{name}.mirror_offset", self.mirror_offset)
+        for mirror in MIRRORS:
+            error = getattr(self, mirror)
+            for key in ("gain", "zero"):
+                checks.finite(f"{name}.{mirror}.{key}", getattr(error, key))
+            checks.finite(f"{name}.{mirror}.polynomial", *error.polynomial)
+
+    def applied(self, nominal: TwoMirror) -> TwoMirror:
+        """Apply the errors: the true mirror."""
+        try:
+            return TwoMirror(
+                mirror_offset=nominal.mirror_offset + self.mirror_offset,
+                board=nominal.board,
+                up_down=self.up_down.applied(nominal.up_down),
+                left_right=self.left_right.applied(nominal.left_right),
+            )
+        except ConfigError as error:
+            raise UserError(f"scene.mirrors makes true mirrors that cannot be: {error}") from None
 
 
 @dataclass
@@ -99,7 +137,7 @@ class Vibrometer:
 
 @dataclass
 class AnalogInput:
-    """The 16-bit A/D converter of both channels.
+    """16-bit A/D converter of both channels.
 
     Parameters
     ----------
@@ -129,7 +167,7 @@ class AnalogInput:
 
 @dataclass
 class SceneOperator:
-    """The person at the instrument, and what was measured by hand.
+    """Person at the instrument, and what was measured by hand.
 
     Parameters
     ----------
@@ -155,7 +193,7 @@ class SceneOperator:
 
 @dataclass
 class Scene(ABC):
-    """The truth: everything that the program behind the instrument does not know.
+    """Truth: everything that the program behind the instrument does not know.
 
     Parameters
     ----------
@@ -217,13 +255,13 @@ class Scene(ABC):
 
     @property
     def noisy_vibrometer(self) -> Vibrometer:
-        """The vibrometer with the scene's factor of noise."""
+        """Vibrometer with the scene's factor of noise."""
         v = self.vibrometer
         return replace(v, noise=self.noise * v.noise, burst=self.noise * v.burst)
 
     @property
     def noisy_digitizer(self) -> AnalogInput:
-        """The converter with the scene's factor of noise."""
+        """Converter with the scene's factor of noise."""
         d = self.digitizer
         return replace(d, reference_noise=self.noise * d.reference_noise)
 
@@ -232,7 +270,7 @@ class Scene(ABC):
 
     @abstractmethod
     def objects(self, target: Target | None, rng: np.random.Generator) -> list[SceneObject]:
-        """Everything that the beam can hit.
+        """List everything that the beam can hit.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The virtual lab as a TCP server on this machine: one client at a time, one command a line.
+"""Virtual lab as a TCP server on this machine: one client at a time, one command a line.
 
 The virtual lab's own commands, in the manner of SCPI; a profile teaches them to the program.
 """
@@ -7,21 +7,18 @@ from __future__ import annotations
 
 import socket
 import threading
+from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.instrument.protocol import Acquisition, InstrumentError, RawSamples
 from sldvexp.virtual_lab.lab import VirtualLab
-
-if TYPE_CHECKING:
-    from sldvexp.testing.faults import Fault
 
 #: How soon the server notices that it shall stop, s.
 POLL = 0.02
@@ -170,7 +167,7 @@ class Dialect:
         }
 
     def answer(self, line: str) -> bytes | None:
-        """What a line is answered, with its end; None if it is a command, or is refused."""
+        """Answer a line, with its end; None if it is a command, or is refused."""
         word, _, argument = line.strip().partition(" ")
         try:
             if word in self._questions:
@@ -195,7 +192,7 @@ class Dialect:
         self.errors.append((code, text))
 
     def stop_generator(self) -> None:
-        """Generator off."""
+        """Switch the generator off."""
         self.playing = False
         self._configure()
 
@@ -261,13 +258,13 @@ class Dialect:
         return self._samples
 
     def scale(self) -> list[float]:
-        """Volts per count of each channel."""
+        """Return volts per count of each channel."""
         digitizer = self.lab.scene.digitizer
         return [digitizer.velocity_range / 2**15, digitizer.reference_range / 2**15]
 
 
 def block(content: memoryview) -> bytes:
-    """IEEE 488.2 definite length block."""
+    """Make an IEEE 488.2 definite length block."""
     length = str(content.nbytes)
     return b"#" + str(len(length)).encode() + length.encode() + content.tobytes()
 
@@ -277,3 +274,39 @@ def _version() -> str:
         return version("sldvexp")
     except PackageNotFoundError:
         return "0"
+
+
+Send = Callable[[bytes], None]
+
+
+@dataclass
+class Fault(ABC):
+    """A fault that strikes at a command.
+
+    Parameters
+    ----------
+    command : str
+        Beginning of the lines at which it strikes.
+    times : int
+        How often it strikes.
+    after : int
+        At how many such lines it does not strike before.
+    """
+
+    command: str
+    times: int = 1
+    after: int = 0
+
+    def strikes(self, line: str) -> bool:
+        """Tell whether it strikes now; that time is used up."""
+        if not line.startswith(self.command):
+            return False
+        if self.after > 0:
+            self.after -= 1
+            return False
+        self.times -= 1
+        return self.times >= 0
+
+    @abstractmethod
+    def spoil(self, answer: bytes, send: Send, server: LabServer) -> None:
+        """Do something else than to send the answer (empty for a command)."""

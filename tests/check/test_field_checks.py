@@ -21,8 +21,9 @@ from sldvexp.laser.model import direction_cosines, project
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.given import Given
 from sldvexp.reconstruction.absolute import Absolute
-from sldvexp.virtual_lab.plate_scene import Mode, Plate, PlateScene
-from sldvexp.virtual_lab.truth import truth_to_dataset
+from sldvexp.virtual_lab.modes import Mode
+from sldvexp.virtual_lab.plate import Plate
+from sldvexp.virtual_lab.plate_scene import PlateScene, truth_to_dataset
 from sldvexp.volume.grid import Grid
 
 EULER, FREQUENCY = [0.3, 0.5, -0.2], [200.0, 230.0]

@@ -22,7 +22,9 @@ from sldvexp.instrument.protocol import Acquisition
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.signal.sine_fit import SineFit
 from sldvexp.virtual_lab.lab import VirtualLab
-from sldvexp.virtual_lab.plate_scene import EdgeSupport, Mode, Plate, PlateScene
+from sldvexp.virtual_lab.modes import EdgeSupport, Mode
+from sldvexp.virtual_lab.plate import Plate
+from sldvexp.virtual_lab.plate_scene import PlateScene
 from sldvexp.volume.grid import Grid
 
 LASER = TwoMirror(mirror_offset=0.0)

@@ -25,10 +25,9 @@ from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.laser.model import rays
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
-from sldvexp.virtual_lab.beam import beams
-from sldvexp.virtual_lab.plate import VibratingPlate
-from sldvexp.virtual_lab.plate_scene import EdgeSupport, Mode, Plate
-from sldvexp.virtual_lab.scene import Spot
+from sldvexp.virtual_lab.beam import Spot, beams
+from sldvexp.virtual_lab.modes import EdgeSupport, Mode
+from sldvexp.virtual_lab.plate import Plate, VibratingPlate
 
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 LASER = TwoMirror(

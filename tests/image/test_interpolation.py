@@ -12,8 +12,7 @@ from sldvexp.errors import UserError
 from sldvexp.image.interpolation.base import Interpolator, PixelWeights
 from sldvexp.image.interpolation.cubic import CubicInterpolator
 from sldvexp.image.interpolation.lattice import Lattice, StraightLattice
-from sldvexp.image.interpolation.linear import LinearInterpolator
-from sldvexp.image.interpolation.methods import Interpolation, mesh_of
+from sldvexp.image.interpolation.methods import Interpolation, LinearInterpolator, mesh_of
 from sldvexp.image.interpolation.scattered import Triangles
 
 HALF = 500.0

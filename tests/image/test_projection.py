@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sldvexp.image.projection import apply, fit_projection
+from sldvexp.image.assignment import apply, fit_projection
 
 RNG = np.random.default_rng(0)
 

@@ -12,6 +12,8 @@ from sldvexp.instrument.protocol import Acquisition, InstrumentError
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.server import LabServer
 
+pytestmark = pytest.mark.usefixtures("client_clock")
+
 ACQUISITION = Acquisition(12345.678901234567, 200, (450.1, 0.1 + 0.2), 0.7)
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import select
 import signal
 import socket
+import threading
+from dataclasses import dataclass
 from functools import partial
 
 import pytest
@@ -12,6 +15,8 @@ from sldvexp.instrument.protocol import Acquisition, InstrumentError
 from sldvexp.instrument.visa import Visa
 from sldvexp.testing import faults as f
 from sldvexp.virtual_lab.server import LabServer
+
+pytestmark = pytest.mark.usefixtures("client_clock")
 
 ACQUISITION = Acquisition(20000.0, 256, (450.0,), 0.8)
 ALWAYS = 1000
@@ -229,6 +234,18 @@ def test_home_and_off_even_if_one_of_them_is_refused(left_behind, refused):
     assert "stuck relay" in str(said)
 
 
+@dataclass
+class Interrupting(f.Fault):
+    """Ctrl-C when half of the answer is sent; the rest comes when the client does something."""
+
+    def spoil(self, answer, send, server):
+        half = len(answer) // 2
+        send(answer[:half])
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGALRM)
+        select.select([server._client], [], [])
+        send(answer[half:])
+
+
 def test_control_c_in_the_middle_of_an_answer(left_behind):
     """The rest of the answer must not be taken for that to another question."""
 
@@ -237,9 +254,7 @@ def test_control_c_in_the_middle_of_an_answer(left_behind):
 
     before = signal.signal(signal.SIGALRM, interrupt)
     try:
-        slow = f.Slow("DATA?", delay=0.1, parts=4)
-        alarm = partial(signal.setitimer, signal.ITIMER_REAL, 0.25)
-        position, playing, said = left_behind(slow, then=alarm)
+        position, playing, said = left_behind(Interrupting("DATA?"))
     finally:
         signal.signal(signal.SIGALRM, before)
     assert isinstance(said, KeyboardInterrupt)

@@ -1,4 +1,4 @@
-"""The whole way over a real socket: how fast it is, and that it needs nothing but the commands."""
+"""The whole way over a real socket, which needs nothing but the commands."""
 
 from __future__ import annotations
 
@@ -21,36 +21,36 @@ from sldvexp.virtual_lab.server import LabServer
 
 CONF = Path(__file__).parents[2] / "conf"
 
+pytestmark = pytest.mark.usefixtures("client_clock")
+
+#: How long an answer or the end of a process is waited for, s.
+LONGEST = 300.0
+
 ACQUISITION = Acquisition(10000.0, 256, (450.0,))
 
 
-def test_a_whole_calibration_object_in_a_moment(lab, same):
-    """8,000 pixels in lines of 300; most of the time something is computed or copied."""
+def test_a_whole_calibration_object(lab, same):
+    """8,000 pixels in lines of 300."""
     reference = lab()
     reference.configure(ACQUISITION)
     dac = np.random.default_rng(1).integers(-700, 700, (8000, 2))
     lines = [dac[begin : begin + 300] for begin in range(0, len(dac), 300)]
     wanted = [reference.scan(line, stream=i) for i, line in enumerate(lines)]
-    busy, took = [], []
     with LabServer(lab()) as server, Visa(server.resource).open() as ours:
         ours.configure(ACQUISITION)
-        for _ in range(3):
-            begin, used = time.perf_counter(), time.process_time()
-            found = [ours.scan(line, stream=i) for i, line in enumerate(lines)]
-            took.append(time.perf_counter() - begin)
-            busy.append((time.process_time() - used) / took[-1])
-            assert all(map(same, found, wanted))
-    assert min(took) < 5
-    assert max(busy) > 0.5
+        found = [ours.scan(line, stream=i) for i, line in enumerate(lines)]
+    assert all(map(same, found, wanted))
 
 
 def test_a_question_after_a_command_does_not_wait(lab):
-    """Without TCP_NODELAY every pair takes 44 ms."""
+    """Without TCP_NODELAY every pair takes 40 ms or more; some may also where others compute."""
+    took = []
     with LabServer(lab()) as server, Visa(server.resource).open() as ours:
-        begin = time.perf_counter()
         for step in range(100):
+            begin = time.perf_counter()
             ours.move([step, -step])
-        assert time.perf_counter() - begin < 100 * 0.022
+            took.append(time.perf_counter() - begin)
+        assert np.median(took) < 0.02
         assert server.dialect.lab.position == (99, -99)
 
 
@@ -91,7 +91,7 @@ def test_one_client_after_the_other(lab, line, same):
 def test_the_server_answers_whoever_speaks_its_language(lab):
     with (
         LabServer(lab()) as server,
-        socket.create_connection(server._listener.getsockname(), timeout=5) as link,
+        socket.create_connection(server._listener.getsockname(), timeout=LONGEST) as link,
         link.makefile("rb") as answers,
     ):
 
@@ -145,7 +145,7 @@ def test_the_command_serves_the_lab_of_its_configuration(served, lab, line, same
         ours.configure(ACQUISITION)
         assert same(ours.scan(line, stream=0), reference.scan(line, stream=0))
     process.send_signal(signal.SIGINT)
-    assert process.wait(5) == 0
+    assert process.wait(LONGEST) == 0
     assert process.stderr.read() == ""
 
 

@@ -21,7 +21,7 @@ from sldvexp.targets.plane import Plane
 from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.calibration_scene import CalibrationScene
 from sldvexp.virtual_lab.lab import VirtualLab
-from sldvexp.virtual_lab.true_mirrors import MirrorErrors
+from sldvexp.virtual_lab.scene import MirrorErrors
 
 #: Figure 4.29, and four places from which the same object is seen; all look at its middle.
 FIGURE_4_29 = KnownPose([-1.153, 2.547, 1.913], [0.862, 0.508, 1.553])

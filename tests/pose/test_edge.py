@@ -16,7 +16,7 @@ from sldvexp.pose.edge_solver import EdgePoints, EdgeScene, residuals, spread
 from sldvexp.pose.intrinsics import nominal_intrinsics
 from sldvexp.statistics import student_factor
 from sldvexp.targets.base import std_of_bound
-from sldvexp.virtual_lab.true_mirrors import MirrorError, MirrorErrors
+from sldvexp.virtual_lab.scene import MirrorError, MirrorErrors
 
 REPEATS, MANY = 120, 1000
 INF = float("inf")

@@ -28,7 +28,7 @@ from sldvexp.pose.multi_view import PointObservations, solve_together
 from sldvexp.pose.registration import Registration
 from sldvexp.pose.single_view import solve_pose
 from sldvexp.targets.points import FiducialPoint, FiducialPoints
-from sldvexp.virtual_lab.true_mirrors import MirrorError, MirrorErrors
+from sldvexp.virtual_lab.scene import MirrorError, MirrorErrors
 
 INF = float("inf")
 STEP = np.full(2, np.radians(25) / 4096)

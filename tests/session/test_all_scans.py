@@ -15,6 +15,8 @@ from sldvexp.session.session import KINDS, estimate, scan_views
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.server import LabServer
 
+pytestmark = pytest.mark.usefixtures("client_clock")
+
 CENTRES = (
     "{a: {dac: [[-365, 1314], [-525, 595], [581, 323], [557, 1437]]},"
     " b: {dac: [[-374, 1350], [-550, 613], [586, 323], [583, 1434]]}}"

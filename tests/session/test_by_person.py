@@ -27,8 +27,7 @@ from sldvexp.session.camera import NobodyThereError, Operator
 from sldvexp.session.journal import Journal
 from sldvexp.session.session import estimate, scan_views, takes_samples
 from sldvexp.units import LengthUnit
-from sldvexp.virtual_lab.lab import VirtualLab
-from sldvexp.virtual_lab.person import SimulatedPerson
+from sldvexp.virtual_lab.lab import SimulatedPerson, VirtualLab
 from sldvexp.virtual_lab.server import LabServer
 
 MARK = Mark(3, np.array([0.2794, 0.2794, 0.0]), np.zeros(3))

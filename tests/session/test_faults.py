@@ -5,12 +5,12 @@ from __future__ import annotations
 import functools
 import re
 import shutil
-import threading
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,12 +18,15 @@ from hydra import compose, initialize_config_dir
 
 from sldvexp.config import hydra_plugin, schema
 from sldvexp.geometry.rotation import vector_from_rotation
+from sldvexp.instrument import dialogue
 from sldvexp.testing import faults as f
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.server import LabServer
 
 CONF = Path(__file__).parents[2] / "conf"
 hydra_plugin.install()
+
+pytestmark = pytest.mark.usefixtures("client_clock")
 
 #: A whole automated pose with a third of the dissertation's pixels.
 SMALL = (
@@ -327,22 +330,24 @@ def over(server):
     return (*SOCKET, f"instrument.resource={server.resource}", "~scene")
 
 
-def test_a_server_that_dies_and_comes_back_is_connected_again(sldvexp):
+def test_a_server_that_dies_and_comes_back_is_connected_again(sldvexp, monkeypatch):
+    """It comes back after it was once called in vain."""
+    lab, pauses = laboratory(), []
     with (
         LabServer(laboratory(), faults=[f.ServerDies("DATA?", after=9)]) as server,
         ExitStack() as s,
     ):
-        port, lab = int(server.resource.split("::")[2]), laboratory()
+        port = int(server.resource.split("::")[2])
 
-        def come_back():
-            assert server.stopping.wait(60)
-            s.enter_context(LabServer(lab, port=port))
+        def pause(seconds):
+            pauses.append(seconds)
+            if len(pauses) == 2:
+                s.enter_context(LabServer(lab, port=port))
 
-        again = threading.Thread(target=come_back)
-        again.start()
+        monkeypatch.setattr(dialogue, "time", SimpleNamespace(sleep=pause))
         done = sldvexp(*SMALL, *over(server), "instrument.retries=5")
-        again.join()
     assert done.status == 0, done.err
+    assert pauses == [dialogue.PAUSE, 2 * dialogue.PAUSE]
     require_right(done.tree["pose"].isel(view=0), laboratory())
 
 

@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import threading
 import time
 
 import numpy as np
@@ -16,9 +17,8 @@ from sldvexp import dataset
 from sldvexp.cli import main
 from sldvexp.config import hydra_plugin, schema
 from sldvexp.config.paths import conf_dir
-from sldvexp.testing.faults import Fault
 from sldvexp.virtual_lab.lab import VirtualLab
-from sldvexp.virtual_lab.server import LabServer
+from sldvexp.virtual_lab.server import Fault, LabServer
 
 #: Two small views over the socket, so that the instrument outlives whoever speaks to it.
 SMALL = [
@@ -31,6 +31,8 @@ SMALL = [
 ]
 VIEWS = "scene.views={again: {euler: [-1.153, 2.547, 1.913], origin: [0.862, 0.508, 1.553]}}"
 LINES = 2 * 4 * (3 + 8)
+#: How long an answer, a kept line and the end of a process are waited for, s.
+LONGEST = 300.0
 #: So long a killed session may go on after a certain number of its lines were kept, s.
 MOMENT = 0.05
 
@@ -54,14 +56,21 @@ process.set_forkserver_preload(
 
 
 class Counted(Fault):
-    """No fault: counts the scan lines that the instrument was asked for."""
+    """No fault: counts the scan lines that the instrument was asked for.
+
+    After the last of them it goes home when it is `free` to, so that a session which is going to be
+    killed cannot be over before.
+    """
 
     def __init__(self):
         super().__init__("MEAS:LIST")
         self.lines = 0
+        self.free = threading.Event()
 
     def strikes(self, line):
         self.lines += line.startswith(self.command)
+        if line.startswith("MIRR:HOME") and self.lines >= LINES:
+            assert self.free.wait(LONGEST)
         return False
 
     def spoil(self, answer, send, server):
@@ -99,7 +108,9 @@ def instrument():
     counted = Counted()
     with LabServer(VirtualLab(e.scene, e.laser, e.target, e.seed), faults=[counted]) as server:
         there = ["instrument=visa", f"instrument.resource={server.resource}", "~scene"]
+        there += [f"instrument.timeout={LONGEST}"]
         yield counted, lambda folder: [*SMALL, *there, f"hydra.run.dir={folder}"]
+        counted.free.set()
 
 
 @pytest.fixture(scope="module")
@@ -107,6 +118,7 @@ def whole(instrument, tmp_path_factory):
     """What a session gives that nobody disturbs."""
     counted, session = instrument
     folder = tmp_path_factory.mktemp("whole")
+    counted.free.set()
     child = started(*session(folder))
     child.join()
     assert child.exitcode == 0
@@ -118,12 +130,14 @@ def whole(instrument, tmp_path_factory):
 def test_a_killed_session_ends_the_same(tmp_path, instrument, whole, lines, later):
     counted, session = instrument
     counted.lines = 0
+    counted.free.clear()
     child = started(*session(tmp_path))
     while len(kept(tmp_path)) < lines and child.is_alive():
         time.sleep(0.002)
     time.sleep(later)
     os.kill(child.pid, signal.SIGKILL)
     child.join()
+    counted.free.set()
     assert child.exitcode == -signal.SIGKILL
     there = kept(tmp_path)
     assert lines <= len(there) <= counted.lines <= len(there) + 1

@@ -13,6 +13,8 @@ from sldvexp.sweep.trial import Trials
 
 hydra_plugin.install()
 
+pytestmark = pytest.mark.usefixtures("client_clock")
+
 CONF = Path(__file__).parents[2] / "conf"
 FILE = CONF / "matrix" / "instruments.yaml"
 CELLS = {cell.name: cell for cell in read_matrix(FILE)}

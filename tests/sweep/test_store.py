@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
-import time
-from dataclasses import fields
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,7 +18,8 @@ from sldvexp.config import hydra_plugin, schema
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import conf_dir
 from sldvexp.pipeline import provenance
-from sldvexp.pipeline.steps import STEPS, Run, Step
+from sldvexp.pipeline.steps import STEPS, Run, Step, check_contracts
+from sldvexp.sweep import shared_steps
 from sldvexp.sweep.plan import folder_name
 from sldvexp.sweep.repetition import AgreementLevel, compare
 from sldvexp.sweep.shared_steps import Store
@@ -93,7 +93,7 @@ def as_declared(settings, tmp_path):
     done = []
     for step in (s for s in STEPS if s.needed(e)):
         seen = {n: g for name, groups in made.items() for n, g in groups.items()
-                if not step.shared or name in step.after}  # fmt: skip
+                if not step.shared or name in step.after(done)}  # fmt: skip
         hidden = {
             f.name: Undeclared() for f in fields(e) if step.shared and f.name not in step.reads
         }
@@ -102,11 +102,11 @@ def as_declared(settings, tmp_path):
         run = Run(given, rng, tmp_path, tree=dict(seen))
         step.work(run)
         made[step.name] = {n: g for n, g in run.tree.items() if seen.get(n) is not g}
-        done += [step.name] * step.shared
+        done.append(step)
         assert [n for n in seen if n not in run.tree] == []
         if step.name == "velocity field":
             break
-    return done
+    return [step.name for step in done if step.shared]
 
 
 def test_steps_read_what_they_declare(tmp_path):
@@ -116,7 +116,7 @@ def test_steps_read_what_they_declare(tmp_path):
 @pytest.mark.long
 def test_steps_of_fields_read_what_they_declare(tmp_path):
     done = as_declared(FIELDS, tmp_path)
-    assert done == ["scan", "pose", "volume", "velocity field"]
+    assert done == ["volume", "scan", "pose", "velocity field"]
 
 
 # A step of no cost shows what decides whether it is done.
@@ -128,7 +128,6 @@ def step():
     done = []
 
     def work(run):
-        time.sleep(0.1)
         done.append(run)
         run.inputs.append("input.txt")
         run.tree["g/h"] = xr.Dataset(
@@ -138,7 +137,7 @@ def step():
         )
 
     return SimpleNamespace(
-        step=Step("a step", lambda e: True, work, reads=("seed", "laser")), done=done
+        step=Step("a step", lambda e: True, work, makes=("g/",), reads=("seed", "laser")), done=done
     )
 
 
@@ -223,10 +222,27 @@ def test_damaged_entry_is_noticed_and_made_again(damage, perform, tmp_path, capl
     assert perform()[0]
 
 
-def test_two_at_once_do_it_once(perform, step):
-    perform("seed=7", work=Step("another", step.step.needed, step.step.work, ("laser",)))
-    before = len(step.done)
-    together = [threading.Thread(target=perform, args=("seed=7",)) for _ in range(3)]
+def test_two_at_once_do_it_once(perform, step, monkeypatch):
+    """The one that is first is at work until the others have come, too."""
+    perform("seed=7", work=replace(step.step, name="another", reads=("laser",)))
+    before, come, all_there = len(step.done), [], threading.Event()
+    locked = shared_steps.locked
+
+    def locked_after_coming(path):
+        come.append(path)
+        if len(come) == 3:
+            all_there.set()
+        return locked(path)
+
+    def work(run):
+        assert all_there.wait(300)
+        step.step.work(run)
+
+    monkeypatch.setattr(shared_steps, "locked", locked_after_coming)
+    slow = replace(step.step, work=work)
+    together = [
+        threading.Thread(target=perform, args=("seed=7",), kwargs={"work": slow}) for _ in range(3)
+    ]
     for thread in together:
         thread.start()
     for thread in together:
@@ -237,12 +253,12 @@ def test_two_at_once_do_it_once(perform, step):
 def test_step_after_another_depends_on_its_inputs(perform, tmp_path):
     cfg = composed("~experiment")
     OmegaConf.set_readonly(cfg, True)
-    first = Step("first", lambda e: True, lambda run: run.inputs.append("input.txt"))
+    first = Step("first", lambda e: True, lambda run: run.inputs.append("input.txt"), ("f",))
 
     def work(run):
         run.tree["g"] = xr.Dataset({"x": ("n", [1.0])})
 
-    second = Step("second", lambda e: True, work, reads=("laser",), after=("first",))
+    second = Step("second", lambda e: True, work, ("g",), needs=("f",), reads=("laser",))
 
     def reused():
         run, store = Run(None, None, tmp_path), Store(cfg, tmp_path / ".shared")
@@ -253,3 +269,37 @@ def test_step_after_another_depends_on_its_inputs(perform, tmp_path):
     assert [reused(), reused()] == [False, True]
     (tmp_path / "input.txt").write_text("3")
     assert [reused(), reused()] == [False, True]
+
+
+def test_a_step_adds_what_it_declares(tmp_path):
+    def work(run):
+        run.tree["pose"] = None
+        run.tree["other/1"] = None
+
+    step = Step("pose", bool, work, makes=("pose", "others/"))
+    with pytest.raises(RuntimeError, match="adds other/1, which it does not declare"):
+        step.perform(Run(None, None, tmp_path))
+    replace(step, makes=("pose", "other/")).perform(Run(None, None, tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("declared", "told"),
+    [
+        ({"reads": ("posse",)}, r"reads \['posse'\]"),
+        ({"needs": ("images/",)}, r"needs \['images/'\]"),
+        ({"needs": ("field",)}, r"needs \['field'\]"),
+    ],
+)
+def test_contracts_that_cannot_be_true(declared, told):
+    first = Step("first", bool, bool, makes=("image/", "pose"))
+    check_contracts([first, Step("second", bool, bool, ("field",), needs=("image/a",))])
+    with pytest.raises(ValueError, match=told):
+        check_contracts([first, replace(Step("second", bool, bool, ("field",)), **declared)])
+
+
+def test_what_a_step_needs_decides_its_shared_result():
+    after = {step.name: step.after(STEPS[:i]) for i, step in enumerate(STEPS)}
+    assert after["pose"] == ("calibration object", "scan")
+    assert set(after["velocity field"]) == {
+        "scan", "pose", "volume", "velocity images", "images of points"
+    }  # fmt: skip

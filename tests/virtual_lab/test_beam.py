@@ -10,9 +10,8 @@ from scipy.special import ndtr
 from sldvexp.laser.model import direction_cosines, project
 from sldvexp.targets.circles import Circle, Circles
 from sldvexp.units import LengthUnit
-from sldvexp.virtual_lab.beam import beams, part_inside
+from sldvexp.virtual_lab.beam import Spot, beams, part_inside
 from sldvexp.virtual_lab.lab import VirtualLab
-from sldvexp.virtual_lab.scene import Spot
 
 TRUE_MIRRORS = (
     "scene.mirrors.mirror_offset=0.03",

@@ -7,8 +7,8 @@ import pytest
 
 from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.beam import beams
-from sldvexp.virtual_lab.plate import VibratingPlate
-from sldvexp.virtual_lab.plate_scene import Direction, EdgeSupport, Mode, Plate
+from sldvexp.virtual_lab.modes import Direction, EdgeSupport, Mode
+from sldvexp.virtual_lab.plate import Plate, VibratingPlate
 
 RADII = [None, 0.3, -0.3]
 SIZE = [0.3, 0.25]

@@ -1,4 +1,4 @@
-"""What every interpolation has in common: weights of the pixels, and why there may be none.
+"""Contract of every interpolation: weights of the pixels, and why there may be none.
 
 An interpolated value is a sum of weights times pixel values, ``v = W v_pixel``. From the sparse W
 follow the value, its standard error and the correlation of samples that share pixels.
@@ -15,9 +15,7 @@ from sldvexp.typing import Array, BoolArray, ComplexArray
 
 
 class ImagePixels(Protocol):
-    """What is needed of a velocity image; `sldvexp.field.visibility.view.View` says what each
-    means.
-    """
+    """Pixels and their accuracy, as far as interpolation needs a velocity image."""
 
     @property
     def name(self) -> str: ...
@@ -58,7 +56,7 @@ class Interpolator(ABC):
 
     @abstractmethod
     def at(self, dac: Array) -> PixelWeights:
-        """Weights at places of the image.
+        """Find weights at places of the image.
 
         Parameters
         ----------

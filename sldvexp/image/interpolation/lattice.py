@@ -25,7 +25,7 @@ class Lattice(ImageMesh):
         self.grid = grid
 
     def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:
-        """Bilinear in a cell's own coordinates (u, v), which run from 0 to 1 round its corners."""
+        """Compute the corners' bilinear weights in a cell's own coordinates, with derivatives."""
         u, v = _cell_coordinates(corners, places)
         weight, by_u, by_v = _bilinear(u, v)
         along_u, along_v = (np.einsum("nk,nki->ni", by, corners) for by in (by_u, by_v))
@@ -36,7 +36,10 @@ class Lattice(ImageMesh):
         return weight, by_u[..., None] * du[:, None] + by_v[..., None] * dv[:, None]
 
     def neighbours(self) -> tuple[IndexArray, IndexArray]:
-        """The eight around each pixel; at the lattice's border of the 3 x 3 pixels next to it."""
+        """List the eight around each pixel.
+
+        At the lattice's border of the 3 x 3 pixels next to it.
+        """
         rows, columns = self.grid.shape[:2]
         number = np.arange(rows * columns)
         row, column = _block(number // columns, rows), _block(number % columns, columns)
@@ -47,7 +50,7 @@ class Lattice(ImageMesh):
         return first[kept], second[kept]
 
     def frames(self) -> Array:
-        """Inverses of the mean steps from row to row and from column to column."""
+        """Compute inverses of the mean steps from row to row and from column to column."""
         steps = np.stack([np.gradient(self.grid, axis=a) for a in (0, 1)], axis=-1)
         return np.linalg.inv(steps.reshape(-1, 2, 2))
 
@@ -56,7 +59,7 @@ class StraightLattice(Lattice):
     """Rows of one up_down step each and columns of one left_right step each."""
 
     def find(self, places: Array) -> IndexArray:
-        """The cell of each place, by bisection."""
+        """Find the cell of each place, by bisection."""
         rows, columns = self.grid[:, 0, 0], self.grid[0, :, 1]
         (row, above), (column, beside) = (
             _interval(axis, x) for axis, x in ((rows, places[:, 0]), (columns, places[:, 1]))
@@ -64,14 +67,17 @@ class StraightLattice(Lattice):
         return np.where(above | beside, -1, row * (len(columns) - 1) + column)
 
     def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:
-        """Bilinear; rows are one coordinate of a cell and columns the other."""
+        """Compute the corners' bilinear weights in a cell's own coordinates, with derivatives."""
         side = corners[:, 2] - corners[:, 0]
         weight, *by_own = _bilinear(*((places - corners[:, 0]) / side).T)
         return weight, np.stack(by_own, axis=-1) / side[:, None]
 
 
 def lattice_of(image: ImagePixels) -> Lattice | None:
-    """The lattice of an image; None if it is not rectangular or has a cell that is not convex."""
+    """Find the lattice of an image.
+
+    None if it is not rectangular or has a cell that is not convex.
+    """
     if image.shape is None or min(image.shape) < 2:
         return None
     grid = np.asarray(image.dac, float).reshape(*image.shape, 2)
@@ -84,7 +90,7 @@ def lattice_of(image: ImagePixels) -> Lattice | None:
 
 
 def corners_of_cells(grid: Array) -> IndexArray:
-    """Pixels round each cell, counterclockwise, shape (cell, 4)."""
+    """List pixels round each cell, counterclockwise, shape (cell, 4)."""
     rows, columns = grid.shape[:2]
     number = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
@@ -94,7 +100,7 @@ def corners_of_cells(grid: Array) -> IndexArray:
 
 
 def _bilinear(u: Array, v: Array) -> tuple[Array, Array, Array]:
-    """Weights of the corners (0, 0), (1, 0), (1, 1), (0, 1) and derivatives by u and by v."""
+    """Weight the corners (0, 0), (1, 0), (1, 1), (0, 1), with derivatives by u and by v."""
     weight = np.stack([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v], axis=-1)
     by_u = np.stack([v - 1, 1 - v, v, -v], axis=-1)
     by_v = np.stack([u - 1, -u, u, 1 - u], axis=-1)
@@ -118,7 +124,7 @@ def _cell_coordinates(corners: Array, places: Array) -> tuple[Array, Array]:
 
 
 def _interval(axis: Array, x: Array) -> tuple[IndexArray, BoolArray]:
-    """The interval of a monotonic axis that holds each x, and whether it is beside them all."""
+    """Find the interval of a monotonic axis that holds each x, and whether none does."""
     way = np.sign(axis[-1] - axis[0])
     k = np.searchsorted(way * axis, way * x, side="right") - 1
     beside = (way * x < way * axis[0]) | (way * x > way * axis[-1])
@@ -126,6 +132,6 @@ def _interval(axis: Array, x: Array) -> tuple[IndexArray, BoolArray]:
 
 
 def _block(number: IndexArray, size: int) -> IndexArray:
-    """The three numbers around each, within 0 to size - 1, shape (..., 3); two if that is all."""
+    """Acquire counts and status of at most BLOCK pixels."""
     width = min(3, size)
     return np.clip(number - 1, 0, size - width)[:, None] + np.arange(width)

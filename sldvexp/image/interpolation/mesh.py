@@ -1,4 +1,4 @@
-"""The cells between the pixels of an image: which one holds a place, and its corners' weights."""
+"""Cells between the pixels of an image: which one holds a place, and its corners' weights."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Located(NamedTuple):
     flagged: BoolArray
 
     def rows(self, column: IndexArray, weight: Array, columns: int) -> scipy.sparse.csr_array:
-        """A matrix with these weights (found, n) in each found place's row, the others empty."""
+        """Make a matrix with these weights (found, n) in each found place's row."""
         length = np.zeros(len(self.outside) + 1, np.intp)
         length[self.place + 1] = column.shape[1]
         shape = len(self.outside), columns
@@ -87,7 +87,7 @@ class ImageMesh(ABC):
 
     @abstractmethod
     def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:
-        """Weights of a cell's corners and their derivatives, exact for linear functions.
+        """Compute weights of a cell's corners and their derivatives, exact for linear functions.
 
         Parameters
         ----------
@@ -102,14 +102,14 @@ class ImageMesh(ABC):
 
     @abstractmethod
     def neighbours(self) -> tuple[IndexArray, IndexArray]:
-        """Pairs of a usable vertex and each usable one near it, in ascending order of the first."""
+        """Pair each usable vertex with each usable one near it, in ascending order of the first."""
 
     @abstractmethod
     def frames(self) -> Array:
-        """Matrices that bring the neighbours of each vertex to about one, shape (vertex, 2, 2)."""
+        """Scale the neighbours of each vertex to about one, shape (vertex, 2, 2)."""
 
     def locate(self, places: Array) -> Located:
-        """Cells, weights and gradients at places, shape (place, 2), steps."""
+        """Locate places, shape (place, 2), steps: cells, weights and gradients."""
         cell = self.find(places)
         inside = cell >= 0
         usable = np.asarray(self.usable[self.cells].all(axis=1))
@@ -121,7 +121,7 @@ class ImageMesh(ABC):
         return Located(place, corner, weight, gradient, ~inside & ~flagged, flagged)
 
     def find(self, places: Array) -> IndexArray:
-        """The cell of each place, shape (place,), -1 where there is none."""
+        """Find the cell of each place, shape (place,), -1 where there is none."""
         place, cell = self._bins.pairs(places)
         corners = self.vertices[self.cells[cell]]
         edge = np.roll(corners, -1, axis=1) - corners
@@ -134,14 +134,14 @@ class ImageMesh(ABC):
         return found
 
     def over_pixels(self, weights: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
-        """Weights of the pixels from weights of the vertices, shape (place, pixel)."""
+        """Turn weights of the vertices into weights of the pixels, shape (place, pixel)."""
         return weights if self.merge is None else weights @ self.merge
 
     def in_hole(self, places: Array) -> BoolArray:
-        """Which of the places outside of all cells are in a hole that flags have made."""
+        """Find which of the places outside of all cells are in a hole that flags have made."""
         return np.zeros(len(places), bool)
 
 
 def cross(a: Array, b: Array) -> Array:
-    """The third component of a x b, shape (...)."""
+    """Compute the third component of a x b, shape (...)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

@@ -1,4 +1,4 @@
-"""The ways to interpolate, by the names a configuration uses.
+"""Ways to interpolate, by the names a configuration uses.
 
 The mesh of an image: a lattice if it is one, else triangles.
 """
@@ -10,12 +10,12 @@ from enum import Enum
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.image.interpolation.base import ImagePixels, Interpolator
+from sldvexp.image.interpolation.base import ImagePixels, Interpolator, PixelWeights
 from sldvexp.image.interpolation.cubic import CubicInterpolator
 from sldvexp.image.interpolation.lattice import lattice_of
-from sldvexp.image.interpolation.linear import LinearInterpolator
 from sldvexp.image.interpolation.mesh import ImageMesh
 from sldvexp.image.interpolation.scattered import triangulate
+from sldvexp.typing import Array
 
 
 class Interpolation(Enum):
@@ -35,7 +35,7 @@ class Interpolation(Enum):
     cubic = "cubic"
 
     def prepare(self, image: ImagePixels) -> Interpolator:
-        """What interpolates in one image, to be used for any number of places.
+        """Prepare one image for interpolation at any number of places.
 
         Parameters
         ----------
@@ -57,7 +57,7 @@ LEAST_PIXELS = 3
 
 
 def mesh_of(image: ImagePixels) -> ImageMesh:
-    """The cells of an image.
+    """Make the cells of an image.
 
     A rectangular image whose cells are not convex, because rounding to whole steps has folded them
     or lines were taken to and fro, is triangulated like scattered pixels.
@@ -78,3 +78,24 @@ def mesh_of(image: ImagePixels) -> ImageMesh:
             f"{LEAST_PIXELS} at least; scan it again or leave it out"
         )
     return lattice_of(image) or triangulate(image)
+
+
+class LinearInterpolator(Interpolator):
+    """Bilinear in quadrilaterals, linear in triangles.
+
+    Parameters
+    ----------
+    mesh : ImageMesh
+    """
+
+    def __init__(self, mesh: ImageMesh) -> None:
+        self.mesh = mesh
+
+    def at(self, dac: Array) -> PixelWeights:
+        """Find weights at places, shape (place, 2), steps."""
+        at = self.mesh.locate(dac)
+        value, up_down, left_right = (
+            self.mesh.over_pixels(at.rows(at.corner, weight, len(self.mesh.vertices)))
+            for weight in (at.weight, *np.moveaxis(at.gradient, -1, 0))
+        )
+        return PixelWeights(value, (up_down, left_right), at.outside, at.flagged)

@@ -44,7 +44,7 @@ class Triangles(ImageMesh):
         self._flagged_pixel = flagged
 
     def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:
-        """Barycentric coordinates."""
+        """Compute barycentric coordinates, with derivatives."""
         opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
         area = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         inward = np.stack([-opposite[..., 1], opposite[..., 0]], axis=-1)
@@ -53,7 +53,7 @@ class Triangles(ImageMesh):
         return aside / area[:, None], gradient
 
     def neighbours(self) -> tuple[IndexArray, IndexArray]:
-        """All that are two sides of triangles away or less."""
+        """List all that are two sides of triangles away or less."""
         sides = np.concatenate([self.cells, np.roll(self.cells, 1, axis=1)]).reshape(2, -1)
         first, second = np.concatenate([sides, sides[::-1]], axis=1)
         n = len(self.vertices)
@@ -66,7 +66,7 @@ class Triangles(ImageMesh):
         return one[one != other], other[one != other]
 
     def frames(self) -> Array:
-        """One over the distance of the neighbours (root mean square)."""
+        """Compute one over the distance of the neighbours (root mean square)."""
         first, second = self.neighbours()
         square = np.square(self.vertices[first] - self.vertices[second]).sum(axis=1)
         n = len(self.vertices)
@@ -75,12 +75,12 @@ class Triangles(ImageMesh):
         return np.eye(2) / np.sqrt(np.where(many > 0, mean, 1.0))[:, None, None]
 
     def in_hole(self, places: Array) -> BoolArray:
-        """Which places are nearest to a flagged pixel."""
+        """Find which places are nearest to a flagged pixel."""
         return self._flagged_pixel[self._every_pixel.query(places)[1]]
 
 
 def triangulate(image: ImagePixels) -> Triangles:
-    """The triangles of an image; which they are does not depend on the order of its pixels.
+    """Triangulate an image; the triangles do not depend on the order of its pixels.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def triangulate(image: ImagePixels) -> Triangles:
 
 
 def _merge(image: ImagePixels, vertex: IndexArray, vertices: int) -> scipy.sparse.csr_array:
-    """Mean of the usable pixels at each vertex, weighted by their accuracy."""
+    """Average the usable pixels at each vertex, weighted by their accuracy."""
     pixel = np.flatnonzero(image.usable)
     _require_agreement(image, pixel, vertex, vertices)
     variance = np.square(image.std).reshape(len(image.std), -1).mean(axis=1)[pixel]
@@ -123,7 +123,7 @@ def _merge(image: ImagePixels, vertex: IndexArray, vertices: int) -> scipy.spars
 def _require_agreement(
     image: ImagePixels, pixel: IndexArray, vertex: IndexArray, vertices: int
 ) -> None:
-    """Pixels at one place agree with the first of them within their errors."""
+    """Require that pixels at one place agree with the first of them within their errors."""
     if vertices == len(pixel):
         return
     first = np.full(vertices, -1)

@@ -1,0 +1,14 @@
+from . import dataset as dataset
+from . import field as field
+from . import geometry as geometry
+from . import image as image
+from . import laser as laser
+from . import plot as plot
+from . import pose as pose
+from . import reconstruction as reconstruction
+from . import signal as signal
+from . import volume as volume
+from .cli.in_process import __version__ as __version__
+from .cli.in_process import run as run
+from .dataset import open_run as open_run
+from .errors import UserError as UserError

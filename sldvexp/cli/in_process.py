@@ -1,0 +1,110 @@
+"""A run from Python: what the command does, in this process, with its result in hand."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from sldvexp import dataset
+from sldvexp.cli.main import FULL_ERROR, Command
+from sldvexp.config.paths import RUN_FILE
+from sldvexp.errors import UserError
+from sldvexp.lazy import xarray as xr
+
+__version__ = version("sldvexp")
+
+
+def run(*settings: str, config_dir: str | Path | None = None) -> xr.DataTree:
+    """Compose one run from settings, do it in this process, and return its dataset.
+
+    It leaves in ``outputs/`` what ``sldvexp`` with the same settings leaves.
+
+    Parameters
+    ----------
+    *settings : str
+        As on the command line, such as ``"experiment=point"`` or ``"laser.mirror_offset=0.045"``.
+    config_dir : str or Path, optional
+        Folder with experiments and choices of your own.
+
+    Returns
+    -------
+    xarray.DataTree
+        The run's groups, in memory. ``encoding["source"]`` is the file that they are kept in.
+
+    Raises
+    ------
+    UserError
+        For a mistake in the settings or the data, with the sentence that the command prints.
+
+    Examples
+    --------
+    >>> import sldvexp
+    >>> tree = sldvexp.run("experiment=point", "report=none")
+    [...]
+    >>> sorted(tree.children)
+    ['check', 'line_of_sight', 'point']
+    """
+    for setting in settings:
+        is_setting = isinstance(setting, str) and ("=" in setting or setting.startswith("~"))
+        if not is_setting or setting.startswith("-"):
+            raise UserError(
+                f"run: {setting!r} is no setting, as 'experiment=point' is; options and sweeps are "
+                "for the command, and folders of your own for config_dir="
+            )
+    added = ["--config-dir", str(config_dir)] if config_dir is not None else []
+    call = _Call([*settings, *added])
+    with _as_hydra_wants(call.arguments):
+        call.run()
+    if call.told:
+        raise UserError("\n".join(call.told))
+    path = call.folder / RUN_FILE
+    with dataset.load(path) as tree:
+        found = tree.load()
+    found.encoding["source"] = str(path)
+    return found
+
+
+class _Call(Command):
+    """A call of the command that keeps what it would print about mistakes."""
+
+    def __init__(self, arguments: list[str]):
+        super().__init__(arguments, full_error=False)
+        self.told: list[str] = []
+        self.folder = Path()
+
+    def _before_run(self, cfg: DictConfig) -> None:
+        super()._before_run(cfg)
+        self.folder = Path(cfg.hydra.run.dir).resolve()
+
+    def _say(self, told: str) -> None:
+        self.told.append(told)
+
+
+@contextmanager
+def _as_hydra_wants(arguments: Sequence[str]) -> Iterator[None]:
+    """Let Hydra read these arguments and raise its errors; loggers are given back as they were."""
+    argv, wanted = sys.argv, os.environ.get(FULL_ERROR)
+    root = logging.getLogger()
+    handlers, level = list(root.handlers), root.level
+    sys.argv = ["sldvexp", *arguments]
+    os.environ[FULL_ERROR] = "1"
+    try:
+        yield
+    finally:
+        sys.argv = argv
+        del os.environ[FULL_ERROR]
+        if wanted is not None:
+            os.environ[FULL_ERROR] = wanted
+        for handler in list(root.handlers):
+            if handler not in handlers:
+                root.removeHandler(handler)
+                handler.close()
+        root.handlers[:] = handlers
+        root.setLevel(level)

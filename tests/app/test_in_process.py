@@ -1,0 +1,92 @@
+"""Runs from Python: the same results and the same sentences as the command's."""
+
+from __future__ import annotations
+
+import logging
+import pydoc
+import sys
+
+import numpy as np
+import pytest
+
+import sldvexp as package
+from sldvexp.errors import UserError
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_result_is_that_of_the_command(sldvexp, here):
+    done = sldvexp("experiment=point")
+    found = package.run("experiment=point")
+    assert done.status == 0
+    assert found.groups == done.tree.groups
+    for node in done.tree.subtree:
+        for name, values in node.data_vars.items():
+            np.testing.assert_array_equal(found[node.path][name], values, err_msg=name)
+    assert (here / "outputs").is_dir()
+    assert found.encoding["source"].endswith("/run.nc")
+    assert package.open_run(found.encoding["source"]).groups == found.groups
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ["experiment=nope"],
+        ["experiment=point", "seed=-1"],
+        ["experiment=pose", "pose.pathh=x"],
+        ["experiment=pose", "pose.path=nope.reg"],
+        ["experiment=pose", "laser.mirror_offset=x"],
+        ["~experiment"],
+    ],
+)
+def test_mistakes_have_the_sentence_of_the_command(sldvexp, here, settings):
+    with pytest.raises(UserError) as mistake:
+        package.run(*settings)
+    done = sldvexp(*settings)
+    assert done.status == 1
+    told = "".join(f"sldvexp: {line}\n" for line in str(mistake.value).splitlines())
+    assert told == done.err
+
+
+@pytest.mark.parametrize("word", ["-m", "list", "--cfg", "plate", 3])
+def test_only_settings_are_taken(here, word):
+    with pytest.raises(UserError, match="is no setting"):
+        package.run("experiment=point", word)
+    assert list(here.iterdir()) == []
+
+
+def test_folders_of_ones_own(here):
+    (here / "lab" / "experiment").mkdir(parents=True)
+    (here / "lab" / "experiment" / "mine.yaml").write_text(
+        "# @package _global_\ndefaults: [point]\nseed: 77\n"
+    )
+    assert package.run("experiment=mine", config_dir=here / "lab").attrs["seed"] == 77
+
+
+def test_a_program_around_it_stays_as_it_was(here):
+    logger, argv = logging.getLogger(), list(sys.argv)
+    handler = logging.NullHandler()
+    logger.addHandler(handler)
+    try:
+        before = (list(logger.handlers), logger.level)
+        package.run("experiment=point")
+        assert (list(logger.handlers), logger.level) == before
+        assert sys.argv == argv
+    finally:
+        logger.removeHandler(handler)
+
+
+def test_help_reads_as_a_page():
+    page = pydoc.plain(pydoc.render_doc(package))
+    for word in ("sldvexp.run(", "open_run", "reconstruction", "sldvexp handbook"):
+        assert word in page
+    assert package.__version__
+    assert set(dir(package)) >= {"run", "open_run", "pose", "field", "reconstruction", "plot"}
+
+
+def test_the_package_itself_is_light(loaded_by):
+    assert loaded_by("import sldvexp; dir(sldvexp); sldvexp.pose")[0] == ""
