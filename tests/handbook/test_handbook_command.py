@@ -1,0 +1,72 @@
+"""`sldvexp handbook`: the list of topics, and the pages."""
+
+from __future__ import annotations
+
+import pytest
+
+from sldvexp.config.paths import HANDBOOK
+
+TOPICS = sorted(page.stem for page in HANDBOOK.glob("*.md"))
+
+
+def test_list_has_a_line_for_every_topic(sldvexp):
+    done = sldvexp("handbook")
+    assert (done.status, done.err) == (0, "")
+    *lines, empty, last = done.out.splitlines()
+    assert [line.split()[0] for line in lines] == TOPICS
+    assert (empty, last) == ("", "sldvexp handbook topic shows one of them.")
+    for line in lines:
+        assert len(line.split(maxsplit=1)[1]) > 20
+        assert not line.endswith("...")  # a first sentence of a page fits into a line
+        assert len(line) < 120
+
+
+@pytest.mark.parametrize("topic", TOPICS)
+def test_page_goes_to_a_file_as_it_is(sldvexp, topic):
+    done = sldvexp("handbook", topic)
+    assert (done.status, done.err) == (0, "")
+    assert done.out == (HANDBOOK / f"{topic}.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("topic", TOPICS)
+def test_terminal_gets_headings_and_tables_that_are_set(sldvexp, monkeypatch, topic):
+    monkeypatch.setenv("FORCE_COLOR", "1")  # rich then takes any output for a terminal
+    monkeypatch.setenv("COLUMNS", "100")
+    done = sldvexp("handbook", topic)
+    assert (done.status, done.err) == (0, "")
+    assert "\x1b[" in done.out
+    assert "|---|" not in done.out
+    assert "\n## " not in done.out
+
+
+@pytest.mark.parametrize(
+    ("words", "answer"),
+    [
+        (["glosary"], "there is no topic glosary; did you mean glossary? Valid: "),
+        (["reading"], "there is no topic reading; did you mean reading_a_result? Valid: "),
+        (["../handbook/glossary"], "there is no topic ../handbook/glossary; "),
+        (["glossary", "conventions"], "handbook takes one topic or none, not glossary conventions"),
+    ],
+)
+def test_wrong_topic_gets_one_sentence(sldvexp, words, answer):
+    done = sldvexp("handbook", *words)
+    assert (done.status, done.out) == (1, "")
+    assert done.err.startswith(f"sldvexp: command line: {answer}")
+    assert done.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("arguments", [[], TOPICS[:1]])
+def test_command_loads_neither_numpy_nor_other_heavy_libraries(loaded_by, arguments):
+    code = "from sldvexp.cli import main; main.main()"
+    told = "import atexit, sys; atexit.register(lambda: print('numpy' in sys.modules))"
+    heavy, out = loaded_by(f"{told}; {code}", "handbook", *arguments)
+    assert heavy == ""
+    assert out.splitlines()[-1] == "False"
+
+
+def test_help_and_completion_know_it(sldvexp, monkeypatch):
+    assert "  handbook [topic] " in sldvexp("--help").out
+    monkeypatch.setenv("COMP_LINE", "sldvexp handbook ")
+    assert sldvexp("-sc", "query=bash").out.split() == TOPICS
+    monkeypatch.setenv("COMP_LINE", "sldvexp hand")
+    assert sldvexp("-sc", "query=bash").out.split() == ["handbook"]
