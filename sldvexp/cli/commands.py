@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import re
 import sys
@@ -17,24 +16,14 @@ from typing import Any
 import yaml
 from hydra.core.override_parser.types import Quote, QuotedString
 
-from sldvexp.config import security
+from sldvexp import cli, config
 from sldvexp.config.conf_files import displayed
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import read_text
 
-#: The module of each; its `run` gets the words after the command and the user's folder.
-COMMANDS = {
-    "check": "sldvexp.cli.check",
-    "compare": "sldvexp.cli.compare",
-    "export": "sldvexp.cli.export",
-    "handbook": "sldvexp.cli.handbook",
-    "list": "sldvexp.cli.list",
-    "plot": "sldvexp.cli.plot",
-    "report": "sldvexp.cli.report",
-    "rerun": "sldvexp.cli.rerun",
-    "show": "sldvexp.cli.show",
-}
+#: Each is a module of this room; its `run` gets the words after it and the user's folder.
+COMMANDS = ("check", "compare", "export", "handbook", "list", "plot", "report", "rerun", "show")
 
 #: Options that say which configuration is meant; a command takes no others.
 TAKEN = ("overrides", "config_dir")
@@ -77,7 +66,7 @@ def run(options: Namespace) -> int:
         raise UserError(f"command line: {name} takes no option --{option}, only --config-dir")
     if options.config_dir and not Path(options.config_dir).is_dir():
         raise UserError(f"command line: there is no folder {options.config_dir}")
-    status: int = importlib.import_module(COMMANDS[name]).run(words, options.config_dir)
+    status: int = getattr(cli, name).run(words, options.config_dir)
     sys.stdout.flush()
     return status
 
@@ -117,7 +106,7 @@ def arguments_of(arguments: Sequence[str]) -> list[str]:
     overrides, settings = _read(kept), _read(hydra)
     if not isinstance(overrides, list):
         raise UserError(f"{displayed(kept)}: must be a list of settings")
-    security.check_recorded(displayed(kept), overrides)
+    config.security.check_recorded(displayed(kept), overrides)
     cwd = _recorded(settings, "hydra.runtime.cwd", str, hydra)
     name = _recorded(settings, "hydra.job.config_name", str, hydra)
     sources = _recorded(settings, "hydra.runtime.config_sources", list, hydra)

@@ -64,10 +64,10 @@ def _choices(group: str, folders: list[Path]) -> Iterator[str]:
     others = [p for p in registry.names(group) if p not in found and _by_name(group, p)]
     for name in [*found, *others]:
         file = found.get(name)
-        told = docs.of_file(file) if file else docs.of_plugin(registry.get(group, name))
+        told = docs.of_file(file) if file else docs.of_choice(group, name)
         yield f"  {name:32} {docs.shortened(told, WIDTH)}"
 
 
 def _by_name(group: str, name: str) -> bool:
     """Tell whether a plugin without a file can be chosen: by name, or of another package."""
-    return group in ("check", "export") or not registry.is_built_in(registry.get(group, name))
+    return group in ("check", "export") or name not in registry.BUILT_IN[group]

@@ -67,8 +67,8 @@ def _entries(group: str, folders: list[Path]) -> Iterator[tuple[str, str, str]]:
         return
     bases = {name: conf_files.choices(f).get(f.parent.name, []) for name, f in found.items()}
     for name in registry.names(group):
-        plugin = registry.get(group, name)
-        yield name, docs.of_plugin(plugin), origin(plugin)
+        own = name in registry.BUILT_IN[group]
+        yield name, docs.of_choice(group, name), "" if own else origin(registry.get(group, name))
         choices = _choices_of(name, bases)
         if choices not in ([], [name]):
             yield "", ", ".join(f"{group}={choice}" for choice in choices), ""

@@ -1,4 +1,8 @@
-"""Entry of the `sldvexp` command: it composes and runs, and tells mistakes in a sentence."""
+"""Entry of the `sldvexp` command: it composes and runs, and tells mistakes in a sentence.
+
+Nothing heavy is loaded: help, completion and ``--cfg`` answer at once. Rooms that not every call
+needs are imported as a whole, and load a module when a name of it is first used.
+"""
 
 from __future__ import annotations
 
@@ -10,21 +14,21 @@ from argparse import Namespace
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import hydra
 from hydra._internal.utils import get_args_parser
+from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict
 
+from sldvexp import cli, config, pipeline, sweep
 from sldvexp.cli import commands
 from sldvexp.config import cached_loader, hydra_plugin, registry, schema
 from sldvexp.config.paths import RUN_FILE, conf_dir
 from sldvexp.errors import UserError
-
-if TYPE_CHECKING:
-    from sldvexp.sweep.sweep import Sweep
+from sldvexp.lazy import metadata
 
 DONE, FAILED, MISSED, INTERRUPTED = 0, 1, 2, 130
 
@@ -85,7 +89,7 @@ class Command:
         self.full_error = full_error
         self.status = DONE
         self.defect: Exception | None = None
-        self.sweep: Sweep | None = None
+        self.sweep: sweep.Sweep | None = None
         self.recorded = False  # whether a run's folder says what is run
         self.held = ExitStack()  # the lock of a single run's folder
 
@@ -95,18 +99,15 @@ class Command:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
-        from sldvexp.sweep.plan import register_resolver
 
         hydra_plugin.install()
-        register_resolver()
+        sweep.register_resolver()
 
     def run(self) -> int:
         """Run every job; the worst exit status of them."""
         try:
             if any(a.startswith("resume=") for a in self.arguments):
-                from sldvexp.cli.commands import arguments_of
-
-                self.arguments = arguments_of(self.arguments)
+                self.arguments = commands.arguments_of(self.arguments)
                 self.recorded = True
                 sys.argv[1:] = self.arguments
             if "--version" in self.arguments:
@@ -132,10 +133,8 @@ class Command:
         except Exception as error:
             if self.full_error or error is self.defect:
                 raise
-            from sldvexp.config import messages
-            from sldvexp.config.sources import Origins
 
-            self._say(messages.of_composition(error, Origins(self.arguments)))
+            self._say(config.messages.of_composition(error, config.Origins(self.arguments)))
         return self.status
 
     def _compose_and_run(self, options: Namespace) -> None:
@@ -144,26 +143,24 @@ class Command:
         if not options.multirun or options.cfg:
             start(self._job)()
             return
-        from sldvexp.config.sources import Origins
-        from sldvexp.sweep.sweep import Sweep
 
-        with Sweep(options) as sweep:
-            sys.argv[1:] = sweep.arguments(self.arguments)
-            self.sweep = sweep
+        with sweep.Sweep(options) as runs:
+            sys.argv[1:] = runs.arguments(self.arguments)
+            self.sweep = runs
             # A mistake starts nothing; Hydra composes a batch only when it is the next.
-            jobs = sweep.plan.jobs if sweep.batched else sweep.plan.jobs[:1]
-            first, *_ = [Origins(self.arguments, [*job]).compose() for job in jobs]
-            sweep.claim()
+            jobs = runs.plan.jobs if runs.batched else runs.plan.jobs[:1]
+            first, *_ = [config.Origins(self.arguments, [*job]).compose() for job in jobs]
+            runs.claim()
             try:
-                with sweep.watched():
+                with runs.watched():
                     start(self._job)()
             except BaseException as error:
                 composed = not isinstance(error, HydraException)
-                if composed and sweep.begun:  # what there is may be looked at
-                    sweep.finish("")
+                if composed and runs.begun:  # what there is may be looked at
+                    runs.finish("")
                 raise
             report = OmegaConf.to_object(first.report) if first.report else None
-            states = sweep.finish(first.sweep.rank, report)  # type: ignore[arg-type]
+            states = runs.finish(first.sweep.rank, report)  # type: ignore[arg-type]
         worst = FAILED if states - {"done", "missed"} else MISSED if "missed" in states else DONE
         self.status = self.status or worst
 
@@ -179,27 +176,21 @@ class Command:
 
     def _complete(self) -> int:
         """Tell a shell how the line that it is typing may go on."""
-        from sldvexp.cli.completion import suggestions
-
         if "COMP_LINE" not in os.environ:
             raise UserError(
                 "command line: query= is asked by the shell; -sc install=bash sets it up"
             )
-        print("\n".join(suggestions(os.environ["COMP_LINE"])))
+        print("\n".join(cli.completion.suggestions(os.environ["COMP_LINE"])))
         return DONE
 
     def _help(self, options: Namespace) -> int:
         """Print the help page; Hydra's own would compose everything and takes a second."""
-        from sldvexp.cli.help import text
-        from sldvexp.cli.list import folders
-
-        print(text(folders(options.config_dir)), flush=True)
+        print(cli.help.text(cli.list.folders(options.config_dir)), flush=True)
         return DONE
 
     def _version(self) -> int:
-        from importlib.metadata import version
 
-        print(f"sldvexp {version('sldvexp')}, on Hydra {hydra.__version__}")
+        print(f"sldvexp {metadata.version('sldvexp')}, on Hydra {hydra.__version__}")
         return DONE
 
     def _before_run(self, cfg: DictConfig) -> None:
@@ -210,12 +201,6 @@ class Command:
         UserError
             If the configuration is wrong, or its folder has a finished run or one at work.
         """
-        from hydra.core.hydra_config import HydraConfig
-
-        from sldvexp.config import messages
-        from sldvexp.config.sources import Origins
-        from sldvexp.sweep.lock import alone
-
         HydraConfig.instance().set_config(cfg)
         task = cfg.copy()
         with open_dict(task):
@@ -223,7 +208,7 @@ class Command:
         try:
             experiment = schema.build(task)
         except Exception as error:
-            if messages.sentence(error, Origins(self.arguments)) is None:
+            if config.messages.sentence(error, config.Origins(self.arguments)) is None:
                 self.defect = error
             raise
         folder = Path(cfg.hydra.run.dir)
@@ -232,35 +217,28 @@ class Command:
                 f"{folder}: has a finished run; overwrite=true puts this one in its place once it "
                 "is done"
             )
-        self.held.enter_context(alone(folder))
+        self.held.enter_context(sweep.alone(folder))
 
     def _job(self, cfg: DictConfig) -> None:
         """Do one job; its mistakes are told here, so that a sweep goes on with the next."""
         gc.enable()
-        from hydra.core.hydra_config import HydraConfig
-
-        from sldvexp.pipeline.runner import run
 
         job = HydraConfig.get()
         lines: Any = OmegaConf.to_container(job.overrides, resolve=False)
 
         def told(error: Exception) -> str | None:
-            from sldvexp.config import messages
-            from sldvexp.config.sources import Origins
 
-            return messages.sentence(
-                error, Origins(self.arguments, [*lines["hydra"], *lines["task"]])
+            return config.messages.sentence(
+                error, config.Origins(self.arguments, [*lines["hydra"], *lines["task"]])
             )
 
         computed = True
         try:
             if job.mode is RunMode.MULTIRUN:
-                from sldvexp.sweep.job import perform
-
-                computed = perform(cfg, job.runtime.output_dir, lines["task"], told)
+                computed = sweep.perform(cfg, job.runtime.output_dir, lines["task"], told)
             else:
                 with self.held:
-                    passed = run(cfg, folder=job.runtime.output_dir)
+                    passed = pipeline.runner.run(cfg, folder=job.runtime.output_dir)
                 self.status = self.status or (DONE if passed else MISSED)
         except Exception as error:
             sentence = told(error)
@@ -272,9 +250,7 @@ class Command:
             if self.sweep:
                 self.sweep.tell(job.runtime.output_dir, computed)
             elif job.mode is RunMode.MULTIRUN:  # this is another process than the sweep's
-                from sldvexp.sweep.sweep import leave_sign
-
-                leave_sign(Path(job.runtime.output_dir), computed)
+                sweep.leave_sign(Path(job.runtime.output_dir), computed)
 
     def _options(self) -> Namespace:
         """Parse the options, all of which are Hydra's.
@@ -300,10 +276,7 @@ class Command:
             )
         searched = any("hydra.searchpath" in override for override in options.overrides)
         if options.config_dir or options.config_name or searched or self.recorded:
-            from sldvexp.config import security
-            from sldvexp.config.sources import Origins
-
-            security.check(Origins(self.arguments))
+            config.security.check(config.Origins(self.arguments))
 
     def _say(self, told: str) -> None:
         for line in told.splitlines():

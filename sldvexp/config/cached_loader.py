@@ -45,9 +45,9 @@ def _compiled_loader() -> type:
     """Make OmegaConf's loader of YAML, its rules included, over the parser that is compiled."""
     usual = _utils.get_yaml_loader()
     if not hasattr(yaml, "CSafeLoader"):
-        return usual  # type: ignore[no-any-return]
+        return usual
 
-    class CompiledLoader(yaml.cyaml.CParser, usual):  # type: ignore[misc]
+    class CompiledLoader(yaml.cyaml.CParser, usual):  # type: ignore[misc, valid-type]
         def __init__(self, stream: Any):
             yaml.cyaml.CParser.__init__(self, stream)
             SafeConstructor.__init__(self)

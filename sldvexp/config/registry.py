@@ -15,7 +15,6 @@ import sys
 import warnings
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,6 +22,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from sldvexp.config.experiment import FIELDS
 from sldvexp.errors import UserError, nearest
+from sldvexp.lazy import metadata
 
 ENTRY_POINTS = "sldvexp.plugins"
 

@@ -76,7 +76,7 @@ def _method(group: str, name: str, values: dict[str, Any]) -> tuple[str, str]:
 def _meaning(group: str, name: str) -> str:
     """A plugin in its own words; nothing if it is not installed here."""
     try:
-        return docs.of_plugin(registry.get(group, name))
+        return docs.of_choice(group, name)
     except UserError:
         return ""
 

@@ -1,0 +1,11 @@
+from . import check as check
+from . import compare as compare
+from . import completion as completion
+from . import export as export
+from . import handbook as handbook
+from . import help as help
+from . import list as list
+from . import plot as plot
+from . import report as report
+from . import rerun as rerun
+from . import show as show

@@ -1,0 +1,3 @@
+from . import messages as messages
+from . import security as security
+from .sources import Origins as Origins
