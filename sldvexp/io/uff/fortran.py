@@ -8,8 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sldvexp.io.uff.index import DataSet, shown
-from sldvexp.io.uff.source import Source
+from sldvexp.io.uff.source import DataSet, Source, shown
 from sldvexp.typing import Array
 
 #: A number as Fortran writes it: ``1.5``, ``1.5E3``, ``1.5D+03``, and ``1.5-101``: an exponent

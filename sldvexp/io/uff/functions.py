@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.io.uff.fortran import TextLines, columns, integers, number, table
-from sldvexp.io.uff.index import ASCII_LINES, DataSet, shown
-from sldvexp.io.uff.source import Source
+from sldvexp.io.uff.source import ASCII_LINES, DataSet, Source, shown
 from sldvexp.typing import Array
 
 #: Types of functions by their number in the file, as far as they are spoken of; and of those that

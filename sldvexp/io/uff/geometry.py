@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.io.uff.fortran import TextLines, integers, numbers
-from sldvexp.io.uff.index import DataSet, shown
-from sldvexp.io.uff.source import Source
+from sldvexp.io.uff.source import DataSet, Source, shown
 from sldvexp.typing import Array, IntArray
 
 CARTESIAN, CYLINDRICAL, SPHERICAL = 0, 1, 2

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
 
 from sldvexp.errors import UserError
-from sldvexp.io.uff.source import Source
+from sldvexp.io.uff.functions import bytes_needed
+from sldvexp.io.uff.source import ASCII_LINES, Binary, DataSet, Source, shown
 
 #: The line that begins and ends every data set: -1 in columns 5 and 6, blanks up to its end.
 MARK = b"    -1"
@@ -21,59 +21,6 @@ OTHER_FORMATS = {1: "VAX floating-point", 3: "IBM floating-point"}
 LONGEST_LINE = 4096
 #: Longest line of -1, with blanks to its end.
 SHORT = 512
-ASCII_LINES = 11
-
-
-class Binary(NamedTuple):
-    """What the identifier line of a data set 58b says of its values.
-
-    Parameters
-    ----------
-    order : str
-        ``<`` or ``>``, least or most significant byte first.
-    bytes : int
-        Length of the values; 0 if the line leaves it to the header.
-    """
-
-    order: str
-    bytes: int
-
-
-class DataSet(NamedTuple):
-    """One data set.
-
-    Parameters
-    ----------
-    number : int
-        Which one of the file it is, from 1.
-    kind : int
-        What the file calls data set number, as 58.
-    first : int
-        Byte at which the line after the identifier begins.
-    data : int
-        Byte at which the values of a 58b begin; `first` in all others.
-    end : int
-        Byte after the last one.
-    binary : Binary or None
-    after_binary : bool
-        Whether binary values come before it in the file, so that its lines cannot be counted.
-    """
-
-    number: int
-    kind: int
-    first: int
-    data: int
-    end: int
-    binary: Binary | None = None
-    after_binary: bool = False
-
-    def wrong(self, source: Source, byte: int, message: str) -> UserError:
-        """The error of something wrong at a byte of this data set."""
-        in_values = self.binary is not None and byte >= self.data
-        counted = not (self.after_binary or in_values)
-        place = f"line {source.line(byte)}" if counted else f"byte {byte}"
-        kind = f"{self.kind}{'b' if self.binary else ''}" if self.kind else "unknown"
-        return UserError(f"{source.path}, data set {self.number} ({kind}), {place}: {message}")
 
 
 def index(source: Source) -> list[DataSet]:
@@ -185,8 +132,6 @@ def _closed(source: Source, entry: DataSet) -> tuple[DataSet, int]:
     Where the identifier line has a wrong number of bytes (some programs count a complex value as
     one, others leave 0), the length that the header's number of values needs is tried.
     """
-    from sldvexp.io.uff.functions import bytes_needed  # it needs an entry itself
-
     after = _after_mark(source, entry.end) if entry.end > entry.data else None
     if after is None:
         for needed in bytes_needed(source, entry):
@@ -256,9 +201,3 @@ def _line(source: Source, start: int) -> tuple[bytes, int]:
     if stop < 0:
         return piece, start + len(piece)
     return piece[:stop].rstrip(b"\r"), start + stop + 1
-
-
-def shown(line: bytes) -> str:
-    """The beginning of a line for a message, whatever is in it."""
-    text = line[:40].decode("ascii", "replace").rstrip()
-    return repr("".join(c if c.isprintable() else "?" for c in text)) if text else "nothing"

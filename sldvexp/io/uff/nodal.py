@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from sldvexp.errors import UserError
 from sldvexp.io.uff.fortran import TextLines, between_blanks
 from sldvexp.io.uff.functions import NODAL, Axis, Function
-from sldvexp.io.uff.index import DataSet
-from sldvexp.io.uff.source import Source
+from sldvexp.io.uff.source import DataSet, Source
 from sldvexp.typing import Array, IntArray
 
 #: What an analysis is called by its number; only a frequency response has values of one frequency.

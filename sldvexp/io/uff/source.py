@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
@@ -19,6 +19,8 @@ CHUNK = 1 << 20
 CR_ALONE = re.compile(rb"[^\r\n]*\r(?![\r\n])[^\r\n]*\r(?!\n)")
 #: Bytes that are read at least, for what comes next.
 AHEAD = 1 << 13
+#: Lines of the header of a data set 58.
+ASCII_LINES = 11
 
 
 @dataclass(eq=False)
@@ -92,6 +94,58 @@ class Source:
             raise UserError(f"{self.path}: cannot be read: {error.strerror or error}") from None
 
 
+class Binary(NamedTuple):
+    """What the identifier line of a data set 58b says of its values.
+
+    Parameters
+    ----------
+    order : str
+        ``<`` or ``>``, least or most significant byte first.
+    bytes : int
+        Length of the values; 0 if the line leaves it to the header.
+    """
+
+    order: str
+    bytes: int
+
+
+class DataSet(NamedTuple):
+    """One data set.
+
+    Parameters
+    ----------
+    number : int
+        Which one of the file it is, from 1.
+    kind : int
+        What the file calls data set number, as 58.
+    first : int
+        Byte at which the line after the identifier begins.
+    data : int
+        Byte at which the values of a 58b begin; `first` in all others.
+    end : int
+        Byte after the last one.
+    binary : Binary or None
+    after_binary : bool
+        Whether binary values come before it in the file, so that its lines cannot be counted.
+    """
+
+    number: int
+    kind: int
+    first: int
+    data: int
+    end: int
+    binary: Binary | None = None
+    after_binary: bool = False
+
+    def wrong(self, source: Source, byte: int, message: str) -> UserError:
+        """The error of something wrong at a byte of this data set."""
+        in_values = self.binary is not None and byte >= self.data
+        counted = not (self.after_binary or in_values)
+        place = f"line {source.line(byte)}" if counted else f"byte {byte}"
+        kind = f"{self.kind}{'b' if self.binary else ''}" if self.kind else "unknown"
+        return UserError(f"{source.path}, data set {self.number} ({kind}), {place}: {message}")
+
+
 @contextmanager
 def opened(path: Path) -> Iterator[Source]:
     """Open a file for reading.
@@ -110,3 +164,9 @@ def opened(path: Path) -> Iterator[Source]:
         source = Source(path, file, os.fstat(file.fileno()).st_size)
         source.cr_alone = CR_ALONE.match(source.read(0, AHEAD)) is not None
         yield source
+
+
+def shown(line: bytes) -> str:
+    """The beginning of a line for a message, whatever is in it."""
+    text = line[:40].decode("ascii", "replace").rstrip()
+    return repr("".join(c if c.isprintable() else "?" for c in text)) if text else "nothing"
