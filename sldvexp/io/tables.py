@@ -79,6 +79,10 @@ class TextTable:
     def _columns(self) -> list[list[str]]:
         for i, row in enumerate(self.rows):
             if len(row) != len(self.header):
+                if any("\n" in cell for cell in row):
+                    raise UserError(
+                        f"{self.path}: is not a CSV table; is a quotation mark left open?"
+                    )
                 raise UserError(
                     f"{self.where(i)}: has {len(row)} values under {len(self.header)} columns"
                 )
@@ -174,7 +178,7 @@ def read_table(path: Path, inline_comments: bool = False) -> TextTable:
     --------
     >>> import tempfile
     >>> path = Path(tempfile.mkdtemp(), "points.csv")
-    >>> _ = path.write_text("point,x_mm,y_mm,z_mm\\n7,1000,0,500\\n")
+    >>> _ = path.write_text("point,x_mm,y_mm,z_mm\n7,1000,0,500\n")
     >>> table = read_table(path)
     >>> table.column("point")
     ['7']
@@ -219,7 +223,7 @@ def read_points(path: Path) -> tuple[Array, IntArray]:
     --------
     >>> import tempfile
     >>> path = Path(tempfile.mkdtemp(), "points.csv")
-    >>> _ = path.write_text("# digitised twice\\nx_inch,y_inch,z_inch\\n10,0,1\\n")
+    >>> _ = path.write_text("# digitised twice\nx_inch,y_inch,z_inch\n10,0,1\n")
     >>> read_points(path)
     (array([[0.254 , 0.    , 0.0254]]), array([3]))
     """
