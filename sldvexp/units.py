@@ -39,7 +39,7 @@ Unit = TypeVar("Unit", LengthUnit, AngleUnit)
 
 
 def unit_named(kind: type[Unit], name: str, where: str) -> Unit:
-    """The unit of that name, in any case of letters.
+    """Find the unit of that name, in any case of letters.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def unit_named(kind: type[Unit], name: str, where: str) -> Unit:
 
 
 def decimal_in(unit: LengthUnit | AngleUnit, value: float) -> str:
-    """Shortest decimal of an SI value in `unit` that converts back to the same float.
+    """Find the shortest decimal of an SI value in `unit` that converts back to the same float.
 
     Short of subnormal numbers, a decimal of up to 15 digits comes back as it was written, and any
     number that was once read in `unit` comes back to the last bit of its SI value. Other SI values

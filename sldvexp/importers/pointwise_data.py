@@ -150,7 +150,7 @@ def to_line_of_sight(
         np.stack([view.velocity[at] for view, at in zip(views, where, strict=True)]),
         np.stack(errors) if errors else None,
     )
-    made = table.group()
+    made = table.to_dataset()
     if position is not None:
         geometry = next(view.geometry for view in views if view.geometry is not None)
         made = made.merge(_shape(geometry, node, position), combine_attrs="override")

@@ -13,7 +13,7 @@ from sldvexp.config.registry import register
 from sldvexp.errors import Checks, nearest
 from sldvexp.importers.base import PointImporter
 from sldvexp.importers.conventions import Amplitude, Phase, Positive
-from sldvexp.io.velocities.read import read
+from sldvexp.io.velocities.files import read
 from sldvexp.io.velocities.table import KNOWN, ORDER, FileLayout
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
@@ -77,7 +77,7 @@ class File(PointImporter):
     ) -> xr.Dataset:
         """Read the group ``line_of_sight``; the file has its directions itself."""
         layout = FileLayout(self.mapping, tuple(self.order), self.group)
-        group = read(locate(self.path), self.unit, layout).group()
+        group = read(locate(self.path), self.unit, layout).to_dataset()
         factor = self.positive.value * self.amplitude.value
         velocity = group["velocity"].values
         velocity = factor * (np.conj(velocity) if self.phase is Phase.exp_minus else velocity)

@@ -53,6 +53,11 @@ class RegistrationTable:
     source: str = ""
     object_std: Array | None = None
 
+    def __repr__(self) -> str:
+        has = [n for n, a in (("angles", self.angle), ("DAC steps", self.dac)) if a is not None]
+        points = f"{len(self.number)} point{'s' if len(self.number) > 1 else ''}"
+        return f"<RegistrationTable of view {self.name}: {points} with {' and '.join(has)}>"
+
     def __post_init__(self) -> None:
         where = f"{self.source or 'registration data'}, view {self.name}"
         n = len(self.number)
