@@ -53,7 +53,7 @@ def read_text(path: Path) -> str:
 
 @contextmanager
 def whole_or_nothing(path: Path) -> Iterator[Path]:
-    """Give a path beside `path` to write to; it takes the place of `path` when all went well.
+    """Give a path beside `path` to write to, which takes its place when all went well.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def whole_or_nothing(path: Path) -> Iterator[Path]:
 
 
 def _full(path: Path) -> str:
-    """Return what the system says if the disk of a file, of which nothing is kept, is full."""
+    """Ask what the system says if the disk of a file, of which nothing is kept, is full."""
     try:
         with path.open("ab") as file:
             file.write(bytes(LITTLE))

@@ -43,6 +43,8 @@ def unit_named(kind: type[Unit], name: str, where: str) -> Unit:
 
     Parameters
     ----------
+    kind : LengthUnit or AngleUnit
+    name : str
     where : str
         What stated it, for the message.
 
@@ -60,7 +62,7 @@ def unit_named(kind: type[Unit], name: str, where: str) -> Unit:
 
 
 def decimal_in(unit: LengthUnit | AngleUnit, value: float) -> str:
-    """Write an SI value in `unit` as the shortest decimal that converts back to the same float.
+    """Find the shortest decimal of an SI value in `unit` that converts back to the same float.
 
     Short of subnormal numbers, a decimal of up to 15 digits comes back as it was written, and any
     number that was once read in `unit` comes back to the last bit of its SI value. Other SI values

@@ -12,9 +12,10 @@ from sldvexp import dataset
 from sldvexp.config import registry
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.config.refusals import refusal
+from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.export.base import Export
-from sldvexp.export.results import GROUPS
+from sldvexp.export.velocities import GROUPS
 
 #: What the files are called, but for their suffix.
 NAME = "velocity"
@@ -44,9 +45,9 @@ def run(words: list[str], config_dir: str | None) -> int:
     with dataset.load(path) as tree:
         nodes = {node.path.strip("/"): node for node in tree.subtree}
         groups = {n: nodes[n].to_dataset(inherit=False).load() for n in GROUPS if n in nodes}
-        attributes = dict(tree.attrs)
+        found = RunData(groups, dict(tree.attrs), path.parent)
     for export in exports:
-        print(export.export(groups, attributes, path.parent, NAME))
+        print(export.export(found, path.parent, NAME))
     return 0
 
 

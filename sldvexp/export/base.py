@@ -1,30 +1,30 @@
-"""What every format of an export has in common."""
+"""Contract of the exports: a new format is a file here and its line in the registry."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import UserError
-from sldvexp.export.results import Results, results_of
-from sldvexp.lazy import xarray as xr
 
 
 class Export(ABC):
-    """Writes a run's velocities as a file for other programs."""
+    """Base of the formats, each of which writes a run's velocities for other programs."""
 
     #: How the file's name ends.
     suffix: ClassVar[str]
 
     @abstractmethod
-    def write(self, results: Results, path: Path) -> None:
+    def write(self, run: RunData, path: Path) -> None:
         """Write the file, and others that it names, each whole or not at all and itself last.
 
         Parameters
         ----------
-        results : Results
+        run : RunData
+            `sldvexp.export.velocities` has functions that take out of it what formats need.
         path : Path
 
         Raises
@@ -33,22 +33,14 @@ class Export(ABC):
             If the format cannot hold what the run has, or needs what it has not.
         """
 
-    def export(
-        self,
-        tree: Mapping[str, xr.Dataset],
-        attributes: Mapping[Any, Any],
-        folder: Path,
-        name: str,
-    ) -> Path:
+    def export(self, run: RunData, folder: Path, name: str) -> Path:
         """Write a run's velocities into a folder.
 
         Parameters
         ----------
-        tree : mapping of str to xarray.Dataset
-            Groups by their path.
-        attributes : mapping
-            Of the tree's root.
+        run : RunData
         folder : Path
+            It is there already.
         name : str
             Of the file, without its suffix.
 
@@ -66,30 +58,20 @@ class Export(ABC):
         if Path(name).name != name or name.startswith("."):
             raise UserError(f"export: {name} is the name of a file and cannot name a folder")
         path = folder / f"{name}{self.suffix}"
-        self.write(results_of(tree, attributes), path)
+        self.write(run, path)
         return path
 
 
-def export_all(
-    exports: Mapping[str, Export],
-    tree: Mapping[str, xr.Dataset],
-    attributes: Mapping[Any, Any],
-    run_file: Path,
-) -> list[Path]:
+def export_all(exports: Mapping[str, Export], run: RunData, run_file: Path) -> list[Path]:
     """Write every export of a run beside its file.
 
     Parameters
     ----------
     exports : mapping of str to Export
-    tree : mapping of str to xarray.Dataset
-    attributes : mapping
-        Of the tree's root.
+        By the names of their files.
+    run : RunData
     run_file : Path
         The run's own file, which is there already.
-
-    Returns
-    -------
-    list of Path
 
     Raises
     ------
@@ -99,7 +81,7 @@ def export_all(
     found = []
     for name, export in exports.items():
         try:
-            found.append(export.export(tree, attributes, run_file.parent, name))
+            found.append(export.export(run, run_file.parent, name))
         except UserError as error:
             raise UserError(f"export.{name}: {error} (the run is in {run_file})") from None
     return found

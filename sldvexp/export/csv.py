@@ -9,8 +9,15 @@ from typing import Any
 import numpy as np
 
 from sldvexp.config.registry import register
+from sldvexp.dataset.run_data import RunData
 from sldvexp.export.base import Export
-from sldvexp.export.results import Results
+from sldvexp.export.velocities import (
+    bounds_of,
+    frequencies_of,
+    is_field,
+    positions_of,
+    velocities_of,
+)
 from sldvexp.files import whole_or_nothing
 from sldvexp.lazy import pandas as pd
 
@@ -26,25 +33,26 @@ class Csv(Export):
 
     suffix = ".csv"
 
-    def write(self, results: Results, path: Path) -> None:
+    def write(self, run: RunData, path: Path) -> None:
         """Write the table; nodes count from 1."""
-        shape = results.velocity.shape
-        node, component, step = (i.ravel() for i in np.indices(shape))
-        columns: dict[str, Any] = {
-            "node" if results.mesh else "point": np.array(results.names)[node]
-        }
-        if results.position is not None:
-            for axis, values in zip("xyz", results.position.T, strict=True):
+        found = velocities_of(run)
+        velocity = found["velocity"].values
+        node, component, step = (i.ravel() for i in np.indices(velocity.shape))
+        place = "node" if is_field(run) else "point"
+        columns: dict[str, Any] = {place: found["place"].values[node]}
+        if (position := positions_of(run)) is not None:
+            for axis, values in zip("xyz", position.T, strict=True):
                 columns[f"{axis}_m"] = values[node]
-        frequency = np.full(1, np.nan) if results.frequency is None else results.frequency
+        known = frequencies_of(found)
+        frequency = np.full(1, np.nan) if known is None else known
         columns |= {
-            "component": np.array(results.components)[component],
+            "component": found["component"].values[component],
             "frequency_hz": frequency[step],
-            "real_m_per_s": results.velocity.real.ravel(),
-            "imag_m_per_s": results.velocity.imag.ravel(),
+            "real_m_per_s": velocity.real.ravel(),
+            "imag_m_per_s": velocity.imag.ravel(),
         }
         names = {"velocity_std": "std_m_per_s", "confidence": "confidence_m_per_s"}
-        columns |= {names[k]: array.ravel() for k, array in results.bounds.items()}
-        columns["determined"] = results.observable[node, component].astype(int)
+        columns |= {names[k]: array.ravel() for k, array in bounds_of(found).items()}
+        columns["determined"] = found["observable"].values[node, component].astype(int)
         with whole_or_nothing(path) as beside:
             pd.DataFrame(columns).to_csv(beside, index=False)

@@ -9,8 +9,16 @@ from typing import Any
 import numpy as np
 
 from sldvexp.config.registry import register
+from sldvexp.dataset.run_data import RunData
 from sldvexp.export.base import Export
-from sldvexp.export.results import Results
+from sldvexp.export.velocities import (
+    bounds_of,
+    describe,
+    frequencies_of,
+    is_field,
+    mesh_of,
+    velocities_of,
+)
 from sldvexp.files import whole_or_nothing
 from sldvexp.lazy import scipy
 
@@ -27,20 +35,22 @@ class Mat(Export):
 
     suffix = ".mat"
 
-    def write(self, results: Results, path: Path) -> None:
+    def write(self, run: RunData, path: Path) -> None:
         """Write the struct; a frequency that is not known is NaN."""
-        unknown = np.array([np.nan])
+        found = velocities_of(run)
+        frequency = frequencies_of(found)
         struct: dict[str, Any] = {
-            "velocity": results.velocity,
-            **results.bounds,
-            "observable": results.observable,
-            "frequency": unknown if results.frequency is None else results.frequency,
-            "component": np.array(results.components, object),
-            "name": np.array(results.names, object),
+            "velocity": found["velocity"].values,
+            **bounds_of(found),
+            "observable": found["observable"].values,
+            "frequency": np.array([np.nan]) if frequency is None else frequency,
+            "component": found["component"].values.astype(object),
+            "name": found["place"].values.astype(object),
             "units": {"velocity": "m/s", "frequency": "Hz", "position": "m"},
-            "about": results.about,
+            "about": describe(run),
         }
-        if (mesh := results.mesh) is not None:
+        if is_field(run):
+            mesh = mesh_of(run, "mat")
             struct |= {
                 "position": mesh.position,
                 "element": mesh.prisms + 1,

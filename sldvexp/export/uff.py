@@ -10,17 +10,28 @@ from pathlib import Path
 import numpy as np
 
 from sldvexp.config.registry import register
+from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import UserError
 from sldvexp.export.base import Export
-from sldvexp.export.results import Results
+from sldvexp.export.velocities import (
+    PrismMesh,
+    bounds_of,
+    describe,
+    frequencies_of,
+    is_field,
+    is_local,
+    mesh_of,
+    velocities_of,
+)
 from sldvexp.files import whole_or_nothing
 from sldvexp.io.uff import writer as uf
 from sldvexp.io.uff.writer import qualifiers, units
+from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
 
 
 class GeometryDataSets(Enum):
-    """Which data sets hold nodes, elements and coordinate systems.
+    """Data sets that hold nodes, elements and coordinate systems.
 
     Attributes
     ----------
@@ -35,7 +46,7 @@ class GeometryDataSets(Enum):
 
 
 class ShapeNames(Enum):
-    """What the shapes of data sets 55 are called.
+    """Names of the shapes of data sets 55.
 
     Attributes
     ----------
@@ -47,24 +58,6 @@ class ShapeNames(Enum):
 
     response = "response"
     mode = "mode"
-
-
-@dataclass(frozen=True)
-class _Text:
-    """The lines that identify a data set."""
-
-    results: Results
-
-    def lines(self, what: str, where: str) -> list[str]:
-        about = self.results.about
-        convention = f"{about['amplitude_convention']} amplitude, {about['time_convention']}"
-        return [
-            f"{what}, m/s",
-            f"{convention}, phase against the {about['phase_reference']}",
-            about.get("end_time", ""),
-            where,
-            about.get("title", ""),
-        ]
 
 
 @register("export", "uff")
@@ -92,7 +85,7 @@ class UffExport(Export):
 
     suffix = ".uff"
 
-    def write(self, results: Results, path: Path) -> None:
+    def write(self, run: RunData, path: Path) -> None:
         """Write all data sets.
 
         Raises
@@ -100,25 +93,26 @@ class UffExport(Export):
         UserError
             If the frequencies of the run are not known.
         """
-        if results.frequency is None:
+        found = velocities_of(run)
+        if (frequency := frequencies_of(found)) is None:
             raise UserError(
                 "export=uff: the run's velocities have no frequency, and a universal file needs "
                 "one; give it with the velocities, as in a column frequency"
             )
         with whole_or_nothing(path) as beside, beside.open("w", encoding="ascii") as file:
             file.write(units())
-            file.writelines(self._geometry(results))
-            file.writelines(self._shapes(results, results.frequency))
+            if is_field(run):
+                file.writelines(self._geometry(mesh_of(run, "uff"), is_local(found)))
+            file.writelines(self._shapes(run, found, frequency))
             file.write(qualifiers())
-            file.writelines(_functions(results, results.frequency))
+            file.writelines(_functions(run, found, frequency))
 
-    def _geometry(self, results: Results) -> Iterator[str]:
-        if (mesh := results.mesh) is None:
-            return
+    def _geometry(self, mesh: PrismMesh, local: bool) -> Iterator[str]:
+        """Write coordinate systems, nodes and elements."""
         count = mesh.surface_nodes
-        frames = mesh.frame[:count] if results.local else mesh.frame[:0]
+        frames = mesh.frame[:count] if local else mesh.frame[:0]
         system = np.full(len(mesh.position), uf.WORLD_SYSTEM)
-        if results.local:
+        if local:
             system += 1 + np.arange(len(system)) % count
         if self.geometry is GeometryDataSets.current:
             yield uf.systems(frames)
@@ -129,29 +123,43 @@ class UffExport(Export):
             yield uf.nodes_15(mesh.position, system)
             yield uf.trace_lines(mesh.surface_triangles, "surface")
 
-    def _shapes(self, results: Results, frequency: Array) -> Iterator[str]:
+    def _shapes(self, run: RunData, found: xr.Dataset, frequency: Array) -> Iterator[str]:
+        """Write a shape and its bounds at each frequency."""
         kind = uf.COMPLEX_MODE if self.shapes is ShapeNames.mode else uf.RESPONSE
         bounds = {"velocity_std": "Standard error", "confidence": "Half-width of the interval"}
-        text = _Text(results)
-        level = f"confidence level {results.about['confidence_level']}"
+        about = describe(run)
+        level = f"confidence level {about['confidence_level']}"
+        velocity = found["velocity"].values
         for i, f in enumerate(frequency):
-            where = f"components {', '.join(results.components)} at {f!s} Hz"
-            yield uf.shape(text.lines("Velocity", where), results.velocity[..., i], f, i + 1, kind)
-            for name, bound in results.bounds.items():
-                told = f"{bounds[name]} of real and imaginary part of the velocity each"
-                about = text.lines(told, where)
-                about[4] = level
-                yield uf.shape(about, bound[..., i], f, i + 1, uf.RESPONSE)
+            where = f"components {', '.join(found['component'].values)} at {f!s} Hz"
+            yield uf.shape(_text(about, "Velocity", where), velocity[..., i], f, i + 1, kind)
+            for name, bound in bounds_of(found).items():
+                what = f"{bounds[name]} of real and imaginary part of the velocity each"
+                text = [*_text(about, what, where)[:4], level]
+                yield uf.shape(text, bound[..., i], f, i + 1, uf.RESPONSE)
 
 
-def _functions(results: Results, frequency: Array) -> Iterator[str]:
-    """A spectrum of each node and direction, of the frequencies where it is determined."""
-    text = _Text(results)
-    place = "node" if results.mesh else "point"
-    known = np.isfinite(results.velocity)
+def _functions(run: RunData, found: xr.Dataset, frequency: Array) -> Iterator[str]:
+    """Write a spectrum of each node and direction, of the frequencies where it is determined."""
+    about = describe(run)
+    place = "node" if is_field(run) else "point"
+    names, components = found["place"].values, found["component"].values
+    velocity = found["velocity"].values
+    known = np.isfinite(velocity)
     for number, (node, i) in enumerate(np.argwhere(known.any(axis=2)), start=1):
-        where = f"{place} {results.names[node]}, along {results.components[i]}"
-        about = text.lines("Velocity", where)
+        text = _text(about, "Velocity", f"{place} {names[node]}, along {components[i]}")
         at = known[node, i]
-        values = results.velocity[node, i, at]
-        yield uf.function(about, number, node + 1, i + 1, frequency[at], values)
+        values = velocity[node, i, at]
+        yield uf.function(text, number, node + 1, i + 1, frequency[at], values)
+
+
+def _text(about: dict[str, str], what: str, where: str) -> list[str]:
+    """Write the five lines that identify a data set."""
+    convention = f"{about['amplitude_convention']} amplitude, {about['time_convention']}"
+    return [
+        f"{what}, m/s",
+        f"{convention}, phase against the {about['phase_reference']}",
+        about.get("end_time", ""),
+        where,
+        about.get("title", ""),
+    ]

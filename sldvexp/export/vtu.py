@@ -9,11 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.config.registry import register
+from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import Checks, UserError
 from sldvexp.export.base import Export
-from sldvexp.export.results import PrismMesh, Results
-from sldvexp.export.vtk_file import pvd, vtu
+from sldvexp.export.velocities import (
+    PrismMesh,
+    bounds_of,
+    describe,
+    frequencies_of,
+    is_local,
+    mesh_of,
+    velocities_of,
+    velocity_in_world,
+)
 from sldvexp.files import whole_or_nothing
+from sldvexp.io.vtk import pvd, vtu
+from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array, ComplexArray
 
 
 @register("export", "vtu")
@@ -49,7 +61,7 @@ class Vtu(Export):
             checks.positive("animated", self.animated)
         checks.done()
 
-    def write(self, results: Results, path: Path) -> None:
+    def write(self, run: RunData, path: Path) -> None:
         """Write the folder's files and the period, then the collection of the frequencies.
 
         Raises
@@ -57,33 +69,37 @@ class Vtu(Export):
         UserError
             If there is no field, or not the frequency that is to be animated.
         """
-        mesh = results.needed_mesh("vtu")
-        index = self._animated(results)
+        found, mesh = velocities_of(run), mesh_of(run, "vtu")
+        frequency, world = frequencies_of(found), velocity_in_world(found, mesh)
+        index = self._animated(found["velocity"].values, frequency)
         folder = path.with_suffix("")
         folder.mkdir(exist_ok=True)
-        comment = "; ".join(f"{k}: {v}" for k, v in results.about.items())
-        times = [0.0] if results.frequency is None else results.frequency.tolist()
+        comment = "; ".join(f"{k}: {v}" for k, v in describe(run).items())
+        own = ("observable", *bounds_of(found), "real", "imag")
+        components = dict.fromkeys(own, found["component"].values.tolist())
+
+        def put(name: str, arrays: dict[str, NDArray], time: float) -> Path:
+            text = vtu(mesh.position, mesh.prisms, arrays, components, time, comment)
+            _put(folder / name, text)
+            return (folder / name).relative_to(path.parent)
+
         files = {}
-        local = {k: results.components for k in ("observable", *results.bounds, "real", "imag")}
-        for i, time in enumerate(times):
-            file = folder / f"frequency_{i + 1:05d}.vtu"
-            _put(file, vtu(mesh, _spectral(results, mesh, i), local, time, comment))
-            files[time] = file.relative_to(path.parent)
+        for i, time in enumerate([0.0] if frequency is None else frequency.tolist()):
+            files[time] = put(f"frequency_{i + 1:05d}.vtu", _spectral(found, mesh, world, i), time)
         if self.phases:
             played = {}
+            hertz = None if frequency is None else float(frequency[index])
             for k in range(self.phases):
-                arrays, time = _instant(results, mesh, index, k / self.phases)
-                file = folder / f"phase_{k + 1:05d}.vtu"
-                _put(file, vtu(mesh, arrays, {}, time, comment))
-                played[time] = file.relative_to(path.parent)
+                arrays, time = _instant(world[..., index], hertz, k / self.phases)
+                played[time] = put(f"phase_{k + 1:05d}.vtu", arrays, time)
             _put(path.with_name(f"{path.stem}_phase.pvd"), pvd(played, comment))
         _put(path, pvd(files, comment))
 
-    def _animated(self, results: Results) -> int:
-        """Index of the frequency whose period is played."""
+    def _animated(self, velocity: ComplexArray, frequency: Array | None) -> int:
+        """Find the frequency whose period is played: the one that is set, or the strongest."""
         if self.animated is None:
-            return results.strongest
-        known = [] if results.frequency is None else results.frequency.tolist()
+            return int(np.nansum(np.abs(velocity) ** 2, axis=(0, 1)).argmax())
+        known = [] if frequency is None else frequency.tolist()
         if self.animated not in known:
             nearest = min(known, key=lambda f: abs(f - self.animated), default=None)
             told = "it knows no frequency" if nearest is None else f"the nearest is {nearest}"
@@ -91,36 +107,39 @@ class Vtu(Export):
         return known.index(self.animated)
 
 
-def _spectral(results: Results, mesh: PrismMesh, i: int) -> dict[str, NDArray]:
-    """Everything known at one frequency."""
-    velocity = results.in_world(mesh)[..., i]
-    own = results.velocity[..., i]
+def _spectral(
+    found: xr.Dataset, mesh: PrismMesh, world: ComplexArray, i: int
+) -> dict[str, NDArray]:
+    """Collect everything known at one frequency."""
+    velocity = world[..., i]
+    own = found["velocity"].values[..., i]
     count = len(velocity)
     return {
         "node": np.arange(1, count + 1, dtype=np.int32),
         "layer": (np.arange(count) // mesh.surface_nodes).astype(np.int32),
-        "observable": results.observable.astype(np.uint8),
+        "observable": found["observable"].values.astype(np.uint8),
         "velocity_real": velocity.real,
         "velocity_imag": velocity.imag,
         "velocity_amplitude": np.abs(velocity),
         "velocity_phase": np.angle(velocity),
-        **({"real": own.real, "imag": own.imag} if results.local else {}),
-        **{name: bound[..., i] for name, bound in results.bounds.items()},
+        **({"real": own.real, "imag": own.imag} if is_local(found) else {}),
+        **{name: bound[..., i] for name, bound in bounds_of(found).items()},
     }
 
 
 def _instant(
-    results: Results, mesh: PrismMesh, i: int, part: float
+    velocity: ComplexArray, hertz: float | None, part: float
 ) -> tuple[dict[str, NDArray], float]:
-    """What moves how after a part of the period, and when that is in s, or the part itself."""
-    turned = results.in_world(mesh)[..., i] * np.exp(2j * np.pi * part)
-    if results.frequency is None or results.frequency[i] <= 0:
+    """Find the motion after a part of the period, and when that is in s, or the part itself."""
+    turned = velocity * np.exp(2j * np.pi * part)
+    if hertz is None or hertz <= 0:
         return {"velocity": turned.real}, part
-    omega = 2 * np.pi * results.frequency[i]
+    omega = 2 * np.pi * hertz
     arrays = {"velocity": turned.real, "displacement": (turned / (1j * omega)).real}
-    return arrays, part / float(results.frequency[i])
+    return arrays, part / hertz
 
 
 def _put(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
     with whole_or_nothing(path) as beside:
         beside.write_text(text)

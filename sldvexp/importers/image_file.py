@@ -1,7 +1,4 @@
-"""`instrument=images`: velocity images that were made before.
-
-Reading velocity images, at once or in chunks.
-"""
+"""`instrument=images`: velocity images that were made before, read at once or in chunks."""
 
 from __future__ import annotations
 
@@ -17,12 +14,15 @@ from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
+from sldvexp.importers.base import ImageImporter
 from sldvexp.lazy import xarray as xr
+
+NEEDED = ("velocity", "velocity_std", "dac", "flags")
 
 
 @register("instrument", "images")
 @dataclass
-class Images:
+class Images(ImageImporter):
     """Velocity images of all views from one file, which `stream=dask` need not fit into memory.
 
     Parameters
@@ -35,57 +35,29 @@ class Images:
     path: str = MISSING
 
     def inputs(self) -> list[str]:
-        """The file."""
+        """Name the file."""
         return [str(PurePath(self.path, "run.nc")) if locate(self.path).is_dir() else self.path]
 
     def images(self, chunks: Mapping[str, int] | None = None) -> dict[str, xr.Dataset]:
-        """The groups ``image/<view>``.
-
-        Parameters
-        ----------
-        chunks : mapping of str to int, optional
-            Size of Dask's chunks along pixel and frequency; without it images are read at once.
-
-        Raises
-        ------
-        UserError
-            If the file is missing or is not what it should be.
-        """
-        return read_images(locate(*self.inputs()), chunks)
-
-
-NEEDED = ("velocity", "velocity_std", "dac", "flags")
-
-
-def read_images(path: Path, chunks: Mapping[str, int] | None = None) -> dict[str, xr.Dataset]:
-    """The groups ``image/<view>`` of a file.
-
-    Parameters
-    ----------
-    path : Path
-    chunks : mapping of str to int, optional
-        Along pixel and frequency. With it, variables are Dask arrays of the file.
-
-    Raises
-    ------
-    UserError
-        If the file is missing, has no images, or an image lacks a variable.
-    """
-    require_file(path)
-    tree = dataset.load(path)
-    if "image" not in tree.children:
-        raise UserError(f"{path}: has no velocity images; it needs a group image/<view> for each")
-    found = {}
-    for view, node in tree["image"].children.items():
-        group = _checked(node.to_dataset(inherit=False), f"{path}: the group image/{view}")
-        found[f"image/{view}"] = group.load() if chunks is None else in_chunks(group, chunks)
-    if chunks is None:
-        tree.close()
-    return found
+        """Read the groups ``image/<view>``; with `chunks`, variables are Dask's, of the file."""
+        path = locate(*self.inputs())
+        require_file(path)
+        tree = dataset.load(path)
+        if "image" not in tree.children:
+            raise UserError(
+                f"{path}: has no velocity images; it needs a group image/<view> for each"
+            )
+        found = {}
+        for view, node in tree["image"].children.items():
+            group = _checked(node.to_dataset(inherit=False), f"{path}: the group image/{view}")
+            found[f"image/{view}"] = group.load() if chunks is None else in_chunks(group, chunks)
+        if chunks is None:
+            tree.close()
+        return found
 
 
 def _checked(image: xr.Dataset, where: str) -> xr.Dataset:
-    """An image with all variables, pixels first."""
+    """Complain unless an image has all variables; put its pixels first."""
     if missing := [name for name in NEEDED if name not in image]:
         raise UserError(f"{where} lacks {', '.join(missing)}")
     if not set(image["velocity"].dims) <= {"pixel", "frequency"} or "pixel" not in image.dims:
@@ -98,7 +70,7 @@ def _checked(image: xr.Dataset, where: str) -> xr.Dataset:
 
 
 def in_chunks(image: xr.Dataset, chunks: Mapping[str, int]) -> xr.Dataset:
-    """An image whose velocities and their errors are Dask arrays, all else being in memory.
+    """Make velocities and their errors Dask arrays, all else being in memory.
 
     Parameters
     ----------
@@ -115,6 +87,6 @@ def in_chunks(image: xr.Dataset, chunks: Mapping[str, int]) -> xr.Dataset:
 
 
 def spilled(image: xr.Dataset, path: Path, chunks: Mapping[str, int]) -> xr.Dataset:
-    """An image that is written to a file and read from there, see `in_chunks`."""
+    """Write an image to a file and read it from there, see `in_chunks`."""
     dataset.save_table(image, path)
     return in_chunks(xr.open_dataset(path, engine="netcdf4", auto_complex=True), chunks)

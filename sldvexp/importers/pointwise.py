@@ -1,124 +1,35 @@
-"""What instruments that measured point by point have in common: views, conventions, directions.
-
-What one view says, and how its values become velocities.
-
-Units of motion as programs write them: what is measured, and in which unit of length.
-"""
+"""What instruments that measured point by point have in common: views, settings, directions."""
 
 from __future__ import annotations
 
-import re
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from enum import Enum
-from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-from omegaconf import MISSING
-
-from sldvexp.errors import Checks, UserError
-from sldvexp.io.uff.geometry import UniversalGeometry
+from sldvexp.errors import Checks
+from sldvexp.importers.base import PointImporter
+from sldvexp.importers.conventions import (
+    Amplitude,
+    Directions,
+    MotionUnit,
+    Phase,
+    Positive,
+    Quantity,
+    Zeros,
+)
+from sldvexp.importers.pointwise_data import (
+    PointwiseData,
+    PointwiseView,
+    to_images,
+    to_line_of_sight,
+)
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
-from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 from sldvexp.units import LengthUnit
 
 
-class Directions(Enum):
-    """Where the lines of sight come from.
-
-    Attributes
-    ----------
-    dof
-        The response direction of each function, as +Z, in its node's coordinate system.
-    view
-        `origin` or `direction` of each view.
-    pose
-        The run's poses, and the laser's mirrors.
-    """
-
-    dof = "dof"
-    view = "view"
-    pose = "pose"
-
-
-class Positive(Enum):
-    """What a positive velocity of the file is."""
-
-    towards = 1
-    away = -1
-
-
-class Quantity(Enum):
-    """What moves; the value is how often it must be differentiated to be a velocity."""
-
-    displacement = 1
-    velocity = 0
-    acceleration = -1
-
-
-class MotionUnit(Enum):
-    """Unit of length in the values' unit, as mm of mm/s, in m; g is one of acceleration."""
-
-    m = 1.0
-    cm = 0.01
-    mm = 1e-3
-    um = 1e-6
-    nm = 1e-9
-    inch = 0.0254
-    ft = 0.3048
-    g = 9.80665
-
-
-class Amplitude(Enum):
-    """What a spectrum gives of a sine; the value turns it to the peak."""
-
-    peak = 1.0
-    rms = 2**0.5
-    half = 2.0
-
-
-class Phase(Enum):
-    """Sign in the exponent of the time dependence that complex values belong to."""
-
-    exp_plus = 1
-    exp_minus = -1
-
-
-class Zeros(Enum):
-    """What a function is whose values are all zero."""
-
-    refuse = "refuse"
-    missing = "missing"
-    measured = "measured"
-
-
 @dataclass
-class PointwiseView:
-    """One view.
-
-    Parameters
-    ----------
-    path : str
-        Its file; several views may have the same one.
-    dof : str
-        Which of a universal file's response directions are read, as ``+Z``; empty for all.
-    origin : list of 3 float, m
-        Where the instrument stood, in the world of the points.
-    direction : list of 3 float
-        From the surface to an instrument that is far away, or moved along; any length.
-    """
-
-    path: str = MISSING
-    dof: str = ""
-    origin: list[float] = field(default_factory=list)
-    direction: list[float] = field(default_factory=list)
-
-
-@dataclass
-class PointwiseImport(ABC):
+class PointwiseImport(PointImporter):
     """Velocities that were measured point by point. A strategy implements the hook `measured`.
 
     What a file does not say, and a setting does not either, is asked for.
@@ -182,12 +93,18 @@ class PointwiseImport(ABC):
         self.check(checks)
         checks.done()
 
-    def check(self, checks: Checks) -> None:  # noqa: B027  not all have more to check
+    def check(self, checks: Checks) -> None:
         """Note what is wrong with the strategy's own settings."""
 
     @abstractmethod
     def measured(self) -> Iterator[PointwiseData]:
-        """What the views say, one after the other."""
+        """Read the views, one after the other.
+
+        Raises
+        ------
+        UserError
+            If a file is missing or broken, or says too little or contradicts itself.
+        """
 
     def _check_view(self, checks: Checks, key: str, view: PointwiseView) -> None:
         for name in ("origin", "direction"):
@@ -209,173 +126,33 @@ class PointwiseImport(ABC):
         checks.require(not view.dof or view.dof in dofs, f"{key}.dof", message)
 
     def inputs(self) -> list[str]:
-        """The views' files."""
+        """Name the views' files."""
         return [view.path for view in self.views.values()]
 
     def read(
         self, tree: Mapping[str, xr.Dataset] | None = None, laser: TwoMirror | None = None
     ) -> xr.Dataset:
-        """The group ``line_of_sight``, with the points' positions if the files have them.
-
-        Parameters
-        ----------
-        tree : mapping of str to Dataset, optional
-            With the group ``pose``, for directions from it.
-        laser : TwoMirror, optional
-            Likewise.
-
-        Raises
-        ------
-        UserError
-            If a file is missing or broken, or says too little or contradicts itself.
-        """
-        from sldvexp.importers.to_line_of_sight import read_points
-
-        return read_points(self, tree or {}, laser)
+        """Read the group ``line_of_sight``, with the points' positions if the files have them."""
+        views = list(self.measured())
+        return to_line_of_sight(
+            views, self.views, self.directions, self.incomplete, tree or {}, laser
+        )
 
     def images_of_points(
         self, tree: Mapping[str, xr.Dataset], laser: TwoMirror | None
     ) -> dict[str, xr.Dataset]:
-        """The groups ``image/<view>``: a pixel for each point, where the mirrors send the beam.
+        """Read the groups ``image/<view>``: a pixel a point, where the mirrors send the beam.
 
         Parameters
         ----------
         tree : mapping of str to Dataset
             With the group ``pose``.
-        laser : TwoMirror
+        laser : TwoMirror, optional
+            Needed for it.
 
         Raises
         ------
         UserError
             As `read`, or if there is no pose or standard error.
         """
-        from sldvexp.importers.to_images import read_images
-
-        return read_images(self, tree, laser)
-
-
-@dataclass(frozen=True)
-class Conventions:
-    """How a file's values become peak velocities towards the instrument, exp(+i omega t).
-
-    Parameters
-    ----------
-    quantity : Quantity
-    factor : float
-        Of units, amplitude, reference and sign together.
-    conjugate : bool
-    told : dict of str to str
-        What was decided and by what, for the record.
-    """
-
-    quantity: Quantity
-    factor: float
-    conjugate: bool
-    told: dict[str, str]
-
-    def velocity(self, values: NDArray, frequency: Array) -> ComplexArray:
-        """Velocities of the file's values, m/s, of any shape that ends with frequency."""
-        omega = 2j * np.pi * frequency
-        values = np.conj(values) if self.conjugate else values
-        return np.asarray(self.factor * values * omega**self.quantity.value, complex)
-
-
-@dataclass(frozen=True, eq=False)
-class PointwiseData:
-    """What one view says.
-
-    Parameters
-    ----------
-    name : str
-    source : str
-    node : ndarray of int, shape (point,)
-        Ascending.
-    direction : ndarray of int, shape (point,)
-        Code of each function's response direction.
-    frequency : ndarray, shape (frequency,), Hz
-    velocity : ndarray of complex, shape (point, frequency), m/s
-    std : ndarray or None, shape of `velocity`, m/s
-    missing : ndarray of bool, shape (point,)
-        Where zeros stand for what was not measured.
-    geometry : UniversalGeometry or None
-    length : float
-        One of the geometry's units in m.
-    told : dict of str to str
-        Conventions, for the record.
-    """
-
-    name: str
-    source: str
-    node: IntArray
-    direction: IntArray
-    frequency: Array
-    velocity: ComplexArray
-    std: Array | None
-    missing: BoolArray
-    geometry: UniversalGeometry | None
-    length: float
-    told: dict[str, str]
-
-
-def close(one: Array, two: Array) -> bool:
-    """Whether two lists of frequencies are the same."""
-    return one.shape == two.shape and bool(np.allclose(one, two, rtol=1e-9, atol=0.0))
-
-
-def same_frequencies(view: PointwiseData, first: PointwiseData | None) -> None:
-    """Complain unless a view has the frequencies of the first one."""
-    if first is not None and not close(view.frequency, first.frequency):
-        raise UserError(
-            f"{view.source}: view {view.name} has other frequencies than view {first.name}; choose "
-            "those that all views have with instrument.frequency"
-        )
-
-
-#: ``mm/s^2``, ``(m/s)/N``, ``[in/sec]``: a length and how often it is divided by a time.
-UNIT = re.compile(
-    r"[\s\[(]*(?P<length>nm|[uµμ]m|mm|cm|m|inch|in|ft|g)"
-    r"(?P<time>\s*/\s*s(ec)?\s*(\^\s*2|\*\*\s*2|2|²|/\s*s(ec)?)?)?(?![a-zA-Z²^*])"
-)
-NAMES = {"in": "inch", "µm": "um", "μm": "um"}
-SQUARED = re.compile(r"2|²|/.*/")
-
-
-class Motion(NamedTuple):
-    """What a unit is one of.
-
-    Parameters
-    ----------
-    quantity : Quantity
-    unit : MotionUnit
-    rest : str
-        What follows, as ``/N`` of a response function.
-    """
-
-    quantity: Quantity
-    unit: MotionUnit
-    rest: str
-
-
-def motion_in_product(text: str) -> Motion | None:
-    """The motion in a cross spectrum's unit, as ``(m/s)*N/Hz``; None unless one factor is one."""
-    bare = re.sub(r"\s*/\s*Hz[\s\])]*$", "", text.strip()).replace("**", "^")
-    factors = [factor.strip(" ()[]") for factor in re.split(r"[*·⋅×]", bare)]
-    found = {motion for factor in factors if (motion := motion_of(factor))}
-    others = [factor for factor in factors if not motion_of(factor)]
-    return found.pop() if len(found) == 1 and "/" not in "".join(others) else None
-
-
-def motion_of(text: str) -> Motion | None:
-    """The motion that a unit is one of; None if it is none."""
-    found = UNIT.match(text)
-    if not found:
-        return None
-    unit = MotionUnit[NAMES.get(found["length"], found["length"])]
-    time = found["time"] or ""
-    if unit is MotionUnit.g:
-        quantity = Quantity.acceleration
-    elif not time:
-        quantity = Quantity.displacement
-    else:
-        quantity = Quantity.acceleration if SQUARED.search(time) else Quantity.velocity
-    return Motion(quantity, unit, text[found.end() :].strip(" )]"))
+        return to_images(list(self.measured()), tree, laser)

@@ -1,7 +1,4 @@
-"""`instrument=scan_export`: tables of points as scanning vibrometers export them as text.
-
-The views of exported tables, turned into velocities.
-"""
+"""`instrument=scan_export`: tables of points as scanning vibrometers export them as text."""
 
 from __future__ import annotations
 
@@ -14,17 +11,9 @@ from numpy.typing import NDArray
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-from sldvexp.importers.pointwise import (
-    Conventions,
-    Directions,
-    PointwiseData,
-    PointwiseImport,
-    PointwiseView,
-    Quantity,
-    Zeros,
-    motion_of,
-    same_frequencies,
-)
+from sldvexp.importers.conventions import Conventions, Directions, Quantity, Zeros, motion_of
+from sldvexp.importers.pointwise import PointwiseImport
+from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, same_frequencies
 from sldvexp.importers.scan_table import (
     ANGLES,
     ScanTable,
@@ -36,7 +25,7 @@ from sldvexp.importers.scan_table import (
 from sldvexp.io.uff.geometry import WORLD, UniversalGeometry
 from sldvexp.typing import Array, BoolArray, IndexArray, IntArray
 
-#: What a column may be.
+#: Roles that a column may have.
 ROLES = ("index", "x", "y", "z", "frequency", "status", "real", "imag", "magnitude", "phase")
 
 
@@ -76,27 +65,17 @@ class ScanExport(PointwiseImport):
             checks.require(not view.dof, f"views.{name}.dof", "is for universal files only")
 
     def measured(self) -> Iterator[PointwiseData]:
-        """What the views' tables say; see `sldvexp.importers.scan_export.measured`."""
-        return measured(self)
-
-
-def measured(settings: ScanExport) -> Iterator[PointwiseData]:
-    """All views, one after the other.
-
-    Raises
-    ------
-    UserError
-        If a table is missing or none, or says too little.
-    """
-    first: PointwiseData | None = None
-    for name, view in settings.views.items():
-        found = _view(settings, name, view)
-        same_frequencies(found, first)
-        first = first or found
-        yield found
+        """Read the views' tables, one after the other."""
+        first: PointwiseData | None = None
+        for name, view in self.views.items():
+            found = _view(self, name, view)
+            same_frequencies(found, first)
+            first = first or found
+            yield found
 
 
 def _view(settings: ScanExport, name: str, view: PointwiseView) -> PointwiseData:
+    """Read one view's table and turn its values into velocities."""
     table, columns = by_rows(read_table(locate(view.path)), settings.columns)
     roles = table.roles(columns)
     for needed in ("x", "y", "z"):
@@ -132,7 +111,7 @@ def _view(settings: ScanExport, name: str, view: PointwiseView) -> PointwiseData
 def _grid(
     settings: ScanExport, table: ScanTable, roles: dict[str, int]
 ) -> tuple[IntArray, Array, IndexArray]:
-    """Points, frequencies, and the row of each of their pairs, shape (point, frequency)."""
+    """Find points, frequencies, and the row of each of their pairs, shape (point, frequency)."""
     rows = len(table.values)
     if "frequency" not in roles:
         frequency = np.array([_one_frequency(settings, table)])
@@ -160,7 +139,7 @@ def _grid(
 
 
 def _whole(table: ScanTable, column: int) -> IntArray:
-    """A column of integers."""
+    """Read a column of integers."""
     values = table.values[:, column]
     wrong = np.flatnonzero((values != np.round(values)) | (np.abs(values) > 1e15))
     if len(wrong):
@@ -172,7 +151,7 @@ def _whole(table: ScanTable, column: int) -> IntArray:
 
 
 def _one_frequency(settings: ScanExport, table: ScanTable) -> float:
-    """The frequency of a table without a column of it."""
+    """Find the frequency of a table without a column of it."""
     lines = table.before.splitlines()
     # Cells too: the comma before `100 Hz` is a delimiter here and a decimal mark there.
     cells = [cell for line in lines for cell in fields(line, table.delimiter)]
@@ -189,7 +168,7 @@ def _one_frequency(settings: ScanExport, table: ScanTable) -> float:
 
 
 def _chosen(settings: ScanExport, table: ScanTable, frequency: Array) -> IndexArray:
-    """Places of the wanted frequencies."""
+    """Find the places of the wanted frequencies."""
     if not settings.frequency:
         return np.arange(len(frequency))
     wanted = np.array(settings.frequency)
@@ -203,7 +182,7 @@ def _chosen(settings: ScanExport, table: ScanTable, frequency: Array) -> IndexAr
 
 
 def _values(table: ScanTable, roles: dict[str, int]) -> NDArray:
-    """The rows' values, real or complex, in the file's unit."""
+    """Read the rows' values, real or complex, in the file's unit."""
     column = {role: table.values[:, i] for role, i in roles.items()}
     if "magnitude" in column and "phase" in column:
         unit = table.units[roles["phase"]].lower()
@@ -222,7 +201,7 @@ def _missing(
     row: IndexArray,
     values: NDArray,
 ) -> BoolArray:
-    """Points that are not to be trusted by their status, or are zero throughout."""
+    """Mark points that are not to be trusted by their status, or are zero throughout."""
     zero = np.asarray(~values.any(axis=1))
     if settings.zeros is Zeros.refuse and zero.any():
         raise table.wrong(
@@ -247,7 +226,7 @@ def _missing(
 
 
 def _length(settings: ScanExport, table: ScanTable, roles: dict[str, int]) -> tuple[float, str]:
-    """One unit of the coordinates in m, and who says so."""
+    """Find one unit of the coordinates in m, and who says so."""
     if settings.length_unit is not None:
         return settings.length_unit.value, "as set"
     motion = motion_of(unit := table.units[roles["x"]])
@@ -257,7 +236,7 @@ def _length(settings: ScanExport, table: ScanTable, roles: dict[str, int]) -> tu
 
 
 def _conventions(settings: ScanExport, table: ScanTable, roles: dict[str, int]) -> Conventions:
-    """What the values mean: by the settings, or the unit of their column."""
+    """Decide how values become velocities: by the settings, or the unit of their column."""
     label = table.units[roles.get("real", roles.get("magnitude", 0))]
     motion = motion_of(label)
     quantity = settings.quantity or (motion.quantity if motion else None)
@@ -295,7 +274,7 @@ def _conventions(settings: ScanExport, table: ScanTable, roles: dict[str, int]) 
 
 
 def _asked(table: ScanTable, setting: str, example: str, what: str) -> UserError:
-    """What to say of something that neither the file nor the settings tell."""
+    """Word the error of something that neither the file nor the settings tell."""
     return UserError(
         f"{table.path}: does not state {what}; say it with instrument.{setting}, for example "
         f"instrument.{setting}={example}"

@@ -1,6 +1,8 @@
-"""The table in a text file of any language: its numbers, and what its columns are by their unit.
+"""Tables of numbers in text files of any language, their columns recognised by unit and place.
 
-Tables with columns for each frequency, as tables with a row for each frequency.
+The longest run of lines with as many numbers each is the table, whatever stands between them; the
+line above it has names, of which only the units are understood. Where columns have a frequency
+each, they are put below one another, so that every table has a row for each point and frequency.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
-from sldvexp.importers.pointwise import Quantity, motion_of
+from sldvexp.importers.conventions import Quantity, motion_of
 from sldvexp.typing import Array
 
 DELIMITERS = ("\t", ";", ",", None)
@@ -30,7 +32,7 @@ LEAST_COLUMNS = 4
 
 @dataclass(frozen=True, eq=False)
 class ScanTable:
-    """The numbers of a table and where they stand.
+    """Numbers of a table and where they stand.
 
     Parameters
     ----------
@@ -45,7 +47,7 @@ class ScanTable:
     delimiter : str or None
         Between columns; None for blanks.
     place : list of str
-        What the file's columns, counted from 1, are that each column was made of.
+        Numbers, from 1, of the file's columns that each column was made of.
     """
 
     path: Path
@@ -58,11 +60,11 @@ class ScanTable:
     place: list[str]
 
     def wrong(self, message: str, row: int | None = None) -> UserError:
-        """The error of the table, or of one of its rows."""
+        """Word the error of the table, or of one of its rows."""
         return UserError(f"{self.path}, line {self.line[row or 0]}: {message}")
 
     def roles(self, given: dict[str, int]) -> dict[str, int]:
-        """Column of each role, as given or recognised by units and places.
+        """Find the column of each role, as given or recognised by units and places.
 
         Raises
         ------
@@ -77,7 +79,7 @@ class ScanTable:
         return found | ({"phase": phase[-1]} if phase else {}) | self._values(values, bool(phase))
 
     def checked(self, given: dict[str, int]) -> dict[str, int]:
-        """Column of each role, counted from 0, as given."""
+        """Check the columns that are given, and count them from 0."""
         columns = self.values.shape[1]
         for role, column in given.items():
             if column > columns:
@@ -85,7 +87,7 @@ class ScanTable:
         return {role: column - 1 for role, column in given.items()}
 
     def places(self) -> dict[str, int]:
-        """Column of each role but the values', recognised by units and places."""
+        """Recognise the column of each role but the values' by units and places."""
         found = self._coordinates()
         first, last = found["x"], found["z"]
         for i, unit in enumerate(self.units):
@@ -101,11 +103,11 @@ class ScanTable:
         return found
 
     def listed(self, columns: list[int]) -> str:
-        """Columns with their names, for a message."""
+        """List columns with their names, for a message."""
         return ", ".join(f"{i + 1} ({self.names[i]})" for i in columns) or "none"
 
     def _coordinates(self) -> dict[str, int]:
-        """The first three columns in a row that are in one unit of length."""
+        """Find the first three columns in a row that are in one unit of length."""
         units = [u if _is_length(u) else "" for u in self.units]
         for i in range(len(units) - 2):
             if units[i] and units[i] == units[i + 1] == units[i + 2]:
@@ -121,7 +123,7 @@ class ScanTable:
         )
 
     def _values(self, columns: list[int], phase: bool) -> dict[str, int]:
-        """Real and imaginary part, magnitude with its phase, or a real value."""
+        """Tell real and imaginary part, magnitude with its phase, or a real value."""
         if len(columns) == 1:
             return {"magnitude" if phase else "real": columns[0]}
         if len(columns) == 2 and not phase and self.units[columns[0]] == self.units[columns[1]]:
@@ -133,7 +135,7 @@ class ScanTable:
 
 
 def read_table(path: Path) -> ScanTable:
-    """The longest table of numbers in a text file, with the line of names and units above it.
+    """Read the longest table of numbers in a text file, with names and units above it.
 
     Columns are between tabs, semicolons, commas or blanks, whichever makes the longest table; the
     decimal mark is a point or a comma.
@@ -168,7 +170,7 @@ def read_table(path: Path) -> ScanTable:
 
 
 def _text(path: Path) -> str:
-    """The text of a file in UTF-8, UTF-16 or Latin-1."""
+    """Read the text of a file in UTF-8, UTF-16 or Latin-1."""
     require_file(path)
     try:
         content = path.read_bytes()
@@ -186,7 +188,7 @@ def _text(path: Path) -> str:
 
 
 def fields(line: str, delimiter: str | None) -> list[str]:
-    """The cells of a line up to the last that is not blank."""
+    """Split a line into cells up to the last that is not blank."""
     cells = [field.strip().strip('"') for field in line.split(delimiter)]
     while len(cells) > 1 and not cells[-1]:  # a delimiter at the end of the line
         cells.pop()
@@ -194,7 +196,7 @@ def fields(line: str, delimiter: str | None) -> list[str]:
 
 
 def _longest(lines: list[str], delimiter: str | None) -> tuple[int, int, str | None]:
-    """First and last but one line of the longest run with as many numbers each."""
+    """Find first and last but one line of the longest run with as many numbers each."""
     best, begin, width = (0, 0, delimiter), 0, 0
     for i, line in enumerate(lines):
         cells = fields(line, delimiter)
@@ -210,7 +212,7 @@ def _longest(lines: list[str], delimiter: str | None) -> tuple[int, int, str | N
 
 
 def _header(above: list[str], delimiter: str | None, columns: int) -> tuple[list[str], list[str]]:
-    """Names and units of the columns from the one or two lines above the table."""
+    """Read names and units of the columns from the one or two lines above the table."""
     found: list[list[str]] = []
     lines = [fields(line, delimiter) for line in above if line.strip()]
     for cells in reversed([cells for cells in lines if not of_frequencies(cells)][-2:]):
@@ -225,14 +227,14 @@ def _header(above: list[str], delimiter: str | None, columns: int) -> tuple[list
 
 
 def of_frequencies(cells: list[str]) -> bool:
-    """Whether a line holds bare numbers, of columns, behind a name with their unit Hz."""
+    """Tell whether a line holds bare numbers, of columns, behind a name with their unit Hz."""
     words = [cell for cell in cells if cell and not NUMBER.fullmatch(cell)]
     bare = sum(map(bool, cells)) - len(words)
     return bare > 1 and len(words) == 1 and "hz" in words[0].lower()
 
 
 def _unit(cells: Sequence[str]) -> str:
-    """The unit in the cells above a column: in brackets, or alone in the lowest."""
+    """Find the unit in the cells above a column: in brackets, or alone in the lowest."""
     for cell in reversed(cells):
         if match := IN_BRACKETS.search(FREQUENCY.sub("", cell)):
             return match["unit"]
@@ -241,17 +243,18 @@ def _unit(cells: Sequence[str]) -> str:
 
 
 def _is_length(unit: str) -> bool:
+    """Tell whether a unit is one of length alone."""
     motion = motion_of(unit)
     return motion is not None and motion.quantity is Quantity.displacement and not motion.rest
 
 
 def frequencies_in(text: str) -> list[float]:
-    """Numbers that a text states in Hz, each once."""
+    """Find the numbers that a text states in Hz, each once."""
     return list(dict.fromkeys(hertz(m) for m in HERTZ.finditer(text)))
 
 
 def hertz(found: re.Match[str]) -> float:
-    """The frequency of a match of `HERTZ`."""
+    """Convert a match of `HERTZ` to Hz."""
     return float(found["number"].replace(",", ".")) * (1000.0 if found["kilo"] else 1.0)
 
 
@@ -261,7 +264,7 @@ VALUES = ("real", "imag", "magnitude", "phase")
 
 
 def by_rows(table: ScanTable, given: dict[str, int]) -> tuple[ScanTable, dict[str, int]]:
-    """A table whose columns of values have frequencies of their own, with these in rows.
+    """Put columns of values that have frequencies of their own into rows.
 
     The frequencies stand above the columns, in a line of their own or in the columns' names.
 
@@ -310,7 +313,7 @@ def by_rows(table: ScanTable, given: dict[str, int]) -> tuple[ScanTable, dict[st
 def _stacked(
     table: ScanTable, roles: dict[str, int], parts: dict[float, dict[str, int]]
 ) -> tuple[ScanTable, dict[str, int]]:
-    """The rows of one frequency below those of another."""
+    """Put the rows of one frequency below those of another."""
     rows = len(table.values)
     index = roles.get("index")
     number = np.arange(1, rows + 1) if index is None else table.values[:, index]
@@ -343,7 +346,7 @@ def _stacked(
 
 
 def _parts(table: ScanTable, frequency: float, columns: list[int]) -> dict[str, int]:
-    """What the columns of one frequency are."""
+    """Tell the roles of the columns of one frequency."""
     units = [table.units[i] for i in columns]
     angles = [unit.lower() in ANGLES for unit in units]
     if angles == [False]:
@@ -365,7 +368,7 @@ def _alike(
     values: dict[str, int],
     frequencies: set[float],
 ) -> dict[float, dict[str, int]]:
-    """Columns of each frequency, at the places of the named ones among those of theirs."""
+    """Find columns of each frequency at the places of the named ones among those of theirs."""
     if len(frequencies) > 1:
         wanted = table.listed(list(values.values()))
         raise table.wrong(f"instrument.columns names {wanted} of different frequencies")
@@ -380,7 +383,7 @@ def _alike(
 
 
 def _frequencies(table: ScanTable, roles: dict[str, int], named: bool) -> dict[int, float]:
-    """Frequency in Hz of each column of values, by the nearest line above that has one for each.
+    """Find the frequency in Hz of each column of values, by the nearest line that has one for each.
 
     Where the user named the others, `named`, values need no unit.
     """
@@ -398,7 +401,7 @@ def _frequencies(table: ScanTable, roles: dict[str, int], named: bool) -> dict[i
 
 
 def _above(cells: list[str], columns: list[int], width: int) -> dict[int, float]:
-    """The columns' frequencies in one line of cells; empty unless there is one for each.
+    """Read the columns' frequencies in one line of cells; empty unless there is one for each.
 
     A cell with a frequency also is of the blank ones behind it, as where cells were joined.
     """

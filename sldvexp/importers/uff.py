@@ -3,41 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from enum import Enum
 
+import numpy as np
+
+from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
-from sldvexp.errors import Checks
-from sldvexp.importers.pointwise import PointwiseData, PointwiseImport
+from sldvexp.errors import Checks, UserError
+from sldvexp.importers.conventions import Directions, Quantity, Zeros
+from sldvexp.importers.pointwise import PointwiseImport
+from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, close, same_frequencies
+from sldvexp.importers.uff_conventions import FunctionKind, decide_conventions, length_unit
+from sldvexp.importers.uff_estimators import (
+    Estimator,
+    coherence,
+    estimate_response,
+    find_reference,
+    fit_phasors,
+)
+from sldvexp.io.uff.functions import (
+    ACCELERATION,
+    DIRECTIONS,
+    DISPLACEMENT,
+    KINDS,
+    NODAL,
+    VELOCITY,
+    Function,
+)
+from sldvexp.io.uff.geometry import CARTESIAN, WORLD, UniversalGeometry
+from sldvexp.io.uff.reader import UniversalFile, universal_file
+from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 
-
-class FunctionKind(Enum):
-    """Which functions are read; the value is their type in data set 58, or the data set."""
-
-    frf = 4
-    spectrum = 12
-    time = 1
-    cross = 3
-    nodal = 55
-
-
-class Estimator(Enum):
-    """How response functions are made of cross spectra.
-
-    Attributes
-    ----------
-    h1
-        ``G_xf / G_ff``, divided by the reference's auto spectrum: right with noise in responses.
-    h2
-        ``G_xx / G_fx``, of the response's auto spectrum: right with noise in the reference.
-    """
-
-    h1 = "h1"
-    h2 = "h2"
+COHERENCE = 6
+#: Quantities that are, or may be, a motion; others are of a reference.
+MOTION = (0, 1, DISPLACEMENT, VELOCITY, ACCELERATION)
+#: How far a wanted frequency may be from a line, in line spacings.
+BESIDE = 0.01
 
 
 class NodalAxes(Enum):
-    """What the directions of nodal values are.
+    """Axes that the directions of nodal values are of.
 
     Attributes
     ----------
@@ -96,11 +103,257 @@ class UffImport(PointwiseImport):
         checks.require(self.averages >= 0, "averages", message)
 
     def inputs(self) -> list[str]:
-        """The universal files."""
+        """Name the universal files."""
         return [*([self.geometry] if self.geometry else []), *super().inputs()]
 
     def measured(self) -> Iterator[PointwiseData]:
-        """What the views' files say; see `sldvexp.importers.uff_views.measured`."""
-        from sldvexp.importers.uff_views import measured
+        """Read the views' files, one after the other."""
+        first: PointwiseData | None = None
+        for name, view in self.views.items():
+            with ExitStack() as files:
+                file = files.enter_context(universal_file(locate(view.path)))
+                places = file
+                if self.geometry:
+                    places = files.enter_context(universal_file(locate(self.geometry)))
+                found = _view(self, name, view, file, places)
+            same_frequencies(found, first)
+            first = first or found
+            yield found
 
-        return measured(self)
+
+def _view(
+    settings: UffImport, name: str, view: PointwiseView, file: UniversalFile, places: UniversalFile
+) -> PointwiseData:
+    """Choose one view's functions, check them, and turn them into velocities."""
+    functions = _chosen(settings, view, file)
+    rules = decide_conventions(settings, file, functions)
+    told = rules.told
+    if functions[0].kind == FunctionKind.time.value:
+        reference = find_reference(settings.time_reference, file)
+        frequency, values, errors = fit_phasors(settings.frequency, file, functions, reference)
+        velocity = rules.velocity(values, frequency)
+        std: Array | None = errors * abs(rules.velocity(np.ones(len(frequency)), frequency))
+        if settings.std is not None:
+            std = np.full(velocity.shape, settings.std)
+    else:
+        frequency, lines = _lines(settings, file, functions[0], rules.quantity)
+        values = _at_lines(file, functions, frequency, lines)
+        if functions[0].kind == FunctionKind.cross.value:
+            made_by, containing = settings.estimator, settings.containing
+            values = estimate_response(
+                made_by, containing, file, functions, values, frequency, lines
+            )
+            told = told | ({"estimator": made_by.name} if made_by else {})
+        velocity = rules.velocity(values, frequency)
+        std = _std(settings, view, file, functions, velocity, frequency, lines)
+    missing = np.asarray(~values.any(axis=1))
+    _check_zeros(settings, file, functions, missing)
+    if settings.zeros is Zeros.measured:
+        missing[:] = False
+    axes = {"nodal_axes": settings.nodal_axes.name} if settings.nodal_axes else {}
+    geometry = _turned(settings, file, functions[0], places.geometry)
+    length, by = length_unit(settings, places) if geometry is not None else (np.nan, "")
+    return PointwiseData(
+        name,
+        str(file.source.path),
+        np.array([f.node for f in functions], np.int64),
+        np.array([f.direction for f in functions], np.int64),
+        frequency,
+        velocity,
+        std,
+        missing,
+        geometry,
+        length,
+        told | axes | ({"length_unit": f"{length:g} m, {by}"} if by else {}),
+    )
+
+
+def _at_lines(
+    file: UniversalFile, functions: list[Function], frequency: Array, lines: IndexArray
+) -> ComplexArray:
+    """Read values at some lines of all functions, shape (function, frequency)."""
+    found = np.empty((len(functions), len(frequency)), complex)
+    for row, function in zip(found, functions, strict=True):
+        abscissa, values = file.values(function)
+        if len(abscissa) <= lines.max() or not close(abscissa[lines], frequency):
+            raise file.wrong(
+                function,
+                f"has other frequencies than data set {functions[0].entry.number}; all functions "
+                "of a view must have the same",
+            )
+        row[:] = values[lines]
+    return found
+
+
+def _chosen(settings: UffImport, view: PointwiseView, file: UniversalFile) -> list[Function]:
+    """Choose one function a node, by ascending node."""
+    wanted = _of_view(settings, view, file)
+    kinds = {f.kind for f in wanted}
+    if settings.function is not None:
+        kinds &= {settings.function.value}
+    if FunctionKind.frf.value in kinds:
+        kinds.discard(FunctionKind.cross.value)  # it was made of these
+    known = kinds & {k.value for k in FunctionKind}
+    if len(known) != 1:
+        has = ", ".join(sorted(KINDS.get(k, f"type {k}") for k in {f.kind for f in file.functions}))
+        fix = "needed are frequency response functions, spectra, cross spectra or time records"
+        fix = "choose with instrument.function" if known else fix
+        raise UserError(
+            f"{file.source.path}: has functions of the type {has or 'none'}"
+            f"{_restricted(settings, view)}; {fix}"
+        )
+    by_node: dict[int, Function] = {}
+    of_kind = [f for f in wanted if f.kind in known and f.ordinate.kind in MOTION]
+    if known == {FunctionKind.time.value}:
+        of_kind = [f for f in of_kind if f.dof != settings.time_reference]
+    for function in of_kind:
+        if abs(function.direction) > 3:
+            raise file.wrong(function, f"is of a rotation ({function.dof}); leave it out with dof")
+        if (other := by_node.setdefault(function.node, function)) is not function:
+            if function.entry is other.entry:
+                raise file.wrong(
+                    function,
+                    f"has values of node {function.node} in several directions ({other.dof}, "
+                    f"{function.dof}); choose one with dof of the view",
+                )
+            raise file.wrong(
+                function,
+                f"and data set {other.entry.number} are both of node {function.node} "
+                f"({function.dof} and {other.dof}); choose one with instrument.containing or "
+                f"dof of the view",
+            )
+    if not by_node:
+        raise UserError(
+            f"{file.source.path}: has functions of the type {KINDS[known.pop()]}, but none of a "
+            "displacement, velocity or acceleration"
+        )
+    return [by_node[node] for node in sorted(by_node)]
+
+
+def _of_view(settings: UffImport, view: PointwiseView, file: UniversalFile) -> list[Function]:
+    """Keep the functions of the view's dof that have the wanted text."""
+    functions = file.functions
+    if settings.function is FunctionKind.nodal or (settings.function is None and not functions):
+        functions = file.nodal_functions(settings.containing)
+    return [
+        f
+        for f in functions
+        if (not view.dof or DIRECTIONS[f.direction] == view.dof)
+        and (settings.containing in " ".join(f.text))
+    ]
+
+
+def _restricted(settings: UffImport, view: PointwiseView) -> str:
+    """Say how the functions were restricted, for a message."""
+    by = [f"containing {settings.containing!r}"] if settings.containing else []
+    by += [f"of dof {view.dof}"] if view.dof else []
+    by += [f"of function={settings.function.name}"] if settings.function else []
+    return f", none that is wanted among those {' and '.join(by)}" if by else ""
+
+
+def _lines(
+    settings: UffImport, file: UniversalFile, function: Function, quantity: Quantity
+) -> tuple[Array, IndexArray]:
+    """Find the frequencies that are read, and their places in the abscissa."""
+    abscissa, _ = file.values(function)
+    if (abscissa < 0).any() or len(np.unique(abscissa)) != len(abscissa):
+        raise file.wrong(function, "has a negative frequency, or one twice")
+    if not settings.frequency:
+        # An acceleration at 0 Hz is of no finite velocity.
+        zero = abscissa == 0 if quantity is Quantity.acceleration else np.zeros(len(abscissa), bool)
+        lines = np.flatnonzero(~zero)
+        if not len(lines):
+            raise file.wrong(function, "has no frequency but 0 Hz, where accelerations say nothing")
+        return abscissa[lines], lines
+    wanted = np.array(settings.frequency)
+    lines = np.abs(abscissa[:, None] - wanted).argmin(axis=0)
+    spacing = np.diff(np.sort(abscissa)).min() if len(abscissa) > 1 else abscissa[0]
+    for k, frequency in enumerate(wanted):
+        near = abscissa[lines[k]]
+        if abs(near - frequency) > BESIDE * spacing:
+            raise file.wrong(function, f"has no line at {frequency:g} Hz; the nearest is {near:g}")
+        if near == 0 and quantity is Quantity.acceleration:
+            raise file.wrong(function, "is an acceleration, which at 0 Hz says nothing of velocity")
+    if len(np.unique(lines)) != len(lines):
+        raise UserError("instrument.frequency: two of its frequencies are the same line")
+    return abscissa[lines], lines
+
+
+def _check_zeros(
+    settings: UffImport, file: UniversalFile, functions: list[Function], zero: BoolArray
+) -> None:
+    """Refuse functions whose values are all zero, unless the settings tell what these are."""
+    if settings.zeros is Zeros.refuse and zero.any():
+        function = functions[int(np.argmax(zero))]
+        raise file.wrong(
+            function,
+            f"all values of {function.dof} are zero, as programs write where nothing was measured; "
+            "say instrument.zeros=missing, or measured if they are",
+        )
+
+
+def _std(
+    settings: UffImport,
+    view: PointwiseView,
+    file: UniversalFile,
+    functions: list[Function],
+    velocity: ComplexArray,
+    frequency: Array,
+    lines: IndexArray,
+) -> Array | None:
+    """Find standard errors of real and imaginary part each: as set, or from the coherence g^2.
+
+    ``std = |H| sqrt((1 - g^2) / (2 n g^2))`` of n averages, for each part of H.
+    """
+    if settings.std is not None:
+        return np.full(velocity.shape, settings.std)
+    if not settings.averages:
+        return None
+    has_coherences = any(f.kind == COHERENCE for f in file.functions)
+    if functions[0].kind == FunctionKind.cross.value and not has_coherences:
+        square = coherence(settings.containing, file, functions, frequency, lines)
+        return _part(velocity, square, settings.averages)
+    of_node = {
+        f.node: f
+        for f in file.functions
+        if f.kind == COHERENCE and (not view.dof or DIRECTIONS[f.direction] == view.dof)
+    }
+    square = np.empty(velocity.shape)
+    for i, function in enumerate(functions):
+        if function.node not in of_node:
+            raise UserError(
+                f"{file.source.path}: has no coherence of node {function.node}, from which "
+                "instrument.averages makes standard errors; set instrument.std instead"
+            )
+        _, values = file.values(of := of_node[function.node])
+        if len(values) <= lines.max() or not ((values > 0) & (values <= 1)).all():
+            raise file.wrong(of, "must be a coherence above 0 and up to 1 at every frequency")
+        square[i] = np.real(values[lines])
+    return _part(velocity, square, settings.averages)
+
+
+def _part(velocity: ComplexArray, square: Array, averages: int) -> Array:
+    """Turn coherences g^2 to standard errors of real and imaginary part each."""
+    part = np.abs(velocity) * np.sqrt((1 - square) / (2 * averages * square))
+    return np.maximum(part, np.finfo(float).tiny)  # a coherence of 1 is no error of 0
+
+
+def _turned(
+    settings: UffImport, file: UniversalFile, function: Function, geometry: UniversalGeometry | None
+) -> UniversalGeometry | None:
+    """Give the geometry the coordinate systems that the directions of nodal values are of.
+
+    Data set 55 calls them global, but programs also write those of the nodes' own systems.
+    """
+    if function.kind != NODAL or settings.directions is not Directions.dof or geometry is None:
+        return geometry
+    own = any(s.kind != CARTESIAN or not np.allclose(s.axes, np.eye(3)) for s in geometry.system)
+    if own and settings.nodal_axes is None:
+        raise file.wrong(
+            function,
+            "its directions may be those of the world or of the nodes' own coordinate systems; say "
+            "which with instrument.nodal_axes=world or node",
+        )
+    if settings.nodal_axes is NodalAxes.world:
+        return replace(geometry, system=(WORLD,) * len(geometry.system))
+    return geometry

@@ -1,11 +1,12 @@
-"""What the values of a universal file mean: from its own words and the settings, or asked for."""
+"""Conventions of a universal file: from its own words and the settings, or asked for."""
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import Any
 
 from sldvexp.errors import UserError
-from sldvexp.importers.pointwise import (
+from sldvexp.importers.conventions import (
     Amplitude,
     Conventions,
     Directions,
@@ -15,7 +16,7 @@ from sldvexp.importers.pointwise import (
     motion_in_product,
     motion_of,
 )
-from sldvexp.importers.uff import FunctionKind, UffImport
+from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.io.uff.functions import (
     ACCELERATION,
     DISPLACEMENT,
@@ -28,6 +29,17 @@ from sldvexp.io.uff.functions import (
 )
 from sldvexp.io.uff.reader import UniversalFile
 
+
+class FunctionKind(Enum):
+    """Kinds of functions that are read; the value is their type in data set 58, or the data set."""
+
+    frf = 4
+    spectrum = 12
+    time = 1
+    cross = 3
+    nodal = 55
+
+
 BY_NUMBER = {
     DISPLACEMENT: Quantity.displacement,
     VELOCITY: Quantity.velocity,
@@ -38,8 +50,10 @@ SAME_UNIT = 1e-3
 SCALES = {PEAK: Amplitude.peak, RMS: Amplitude.rms}
 
 
-def conventions(settings: UffImport, file: UniversalFile, functions: list[Function]) -> Conventions:
-    """Decide for the chosen functions of a file.
+def decide_conventions(
+    settings: PointwiseImport, file: UniversalFile, functions: list[Function]
+) -> Conventions:
+    """Decide how values of the chosen functions of a file become velocities.
 
     Raises
     ------
@@ -77,15 +91,13 @@ def conventions(settings: UffImport, file: UniversalFile, functions: list[Functi
         "function": KINDS[kind.value],
         "directions": settings.directions.name,
     }
-    if kind is FunctionKind.cross and settings.estimator is not None:
-        told["estimator"] = settings.estimator.name
     return Conventions(quantity, unit * scale * sign, phase is Phase.exp_minus, told)
 
 
 def _scale(
-    settings: UffImport, file: UniversalFile, kind: FunctionKind, function: Function
+    settings: PointwiseImport, file: UniversalFile, kind: FunctionKind, function: Function
 ) -> tuple[float, dict[str, str]]:
-    """What peak amplitudes are made by: the reference, or the scale of spectra."""
+    """Find the factor to peak amplitudes: the reference, or the scale of spectra."""
     if kind is FunctionKind.time:
         return 1.0, {"amplitude": "peak, of the sines of time records"}
     if kind in (FunctionKind.spectrum, FunctionKind.nodal):
@@ -101,8 +113,8 @@ def _scale(
     return settings.reference, {"reference": f"{settings.reference:g} {unit}".strip()}
 
 
-def length_unit(settings: UffImport, file: UniversalFile) -> tuple[float, str]:
-    """One of the file's units of coordinates in m, and who says so."""
+def length_unit(settings: PointwiseImport, file: UniversalFile) -> tuple[float, str]:
+    """Find one unit of the file's coordinates in m, and who says so."""
     if settings.length_unit is not None:
         return settings.length_unit.value, "as set"
     if file.units is not None:
@@ -110,8 +122,10 @@ def length_unit(settings: UffImport, file: UniversalFile) -> tuple[float, str]:
     raise _asked(file, "length_unit", "mm", "the unit of its coordinates in a data set 164")
 
 
-def _meaning(settings: UffImport, file: UniversalFile, f: Function) -> tuple[Quantity, float, str]:
-    """Quantity and unit of a function's values: by the settings, its own words, data set 164."""
+def _meaning(
+    settings: PointwiseImport, file: UniversalFile, f: Function
+) -> tuple[Quantity, float, str]:
+    """Find quantity and unit of values: by the settings, the function's own words, data set 164."""
     by_number = BY_NUMBER.get(f.ordinate.kind)
     cross = f.kind == FunctionKind.cross.value
     motion = (motion_in_product if cross else motion_of)(f.ordinate.unit)
@@ -148,9 +162,9 @@ def _check_agree(file: UniversalFile, f: Function, label: float, stated: float) 
 
 
 def _amplitude(
-    settings: UffImport, file: UniversalFile, kind: FunctionKind
+    settings: PointwiseImport, file: UniversalFile, kind: FunctionKind
 ) -> tuple[Amplitude, str]:
-    """Scale of the amplitudes of a spectrum, or of nodal values, of which 1858 says nothing."""
+    """Find the scale of amplitudes of a spectrum, or of nodal values, of which 1858 is silent."""
     if settings.amplitude is not None:
         return settings.amplitude, "as set"
     if kind is FunctionKind.nodal:
@@ -172,7 +186,7 @@ def _amplitude(
 def _asked(
     file: UniversalFile, setting: str, example: Any, what: str, f: Function | None = None
 ) -> UserError:
-    """What to say of something that neither the file nor the settings tell."""
+    """Word the error of something that neither the file nor the settings tell."""
     where = f", data set {f.entry.number}" if f else ""
     return UserError(
         f"{file.source.path}{where}: does not state {what}; say it with "
@@ -181,4 +195,5 @@ def _asked(
 
 
 def _shown(quantity: Quantity, unit: float, by: str) -> str:
+    """Name a quantity with its unit, for a message."""
     return f"units of {unit:g} m of {quantity.name} ({by})"

@@ -1,37 +1,65 @@
-"""Response functions and their errors from cross and auto spectra of universal files.
+"""Estimates from spectra and time records of universal files, and their errors.
 
-Time records of universal files: the phasors of their sines at given frequencies.
+With the averaged cross spectrum ``G_xf`` of a response x and a reference f, and their auto spectra
+``G_xx`` and ``G_ff``, the response function is ``H1 = G_xf / G_ff``, unbiased if only the response
+is noisy, or ``H2 = G_xx / G_fx``, unbiased if only the reference is; the coherence
+``|G_xf|^2 / (G_xx G_ff)`` is their ratio.
+
+A time record is taken for a sum of sines of known frequencies, ``a + sum Re(Z exp(i omega t))``,
+whose phasors Z come from linear least squares, with their errors from the residuals: white noise
+is assumed.
 """
 
 from __future__ import annotations
 
+from enum import Enum
+
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.importers.pointwise import close
-from sldvexp.importers.uff import Estimator, FunctionKind, UffImport
+from sldvexp.importers.pointwise_data import close
+from sldvexp.importers.uff_conventions import FunctionKind
 from sldvexp.io.uff.functions import DIRECTIONS, Function
 from sldvexp.io.uff.reader import UniversalFile
 from sldvexp.typing import Array, ComplexArray, IndexArray
+
+
+class Estimator(Enum):
+    """Ways to make response functions of cross spectra.
+
+    Attributes
+    ----------
+    h1
+        ``G_xf / G_ff``, divided by the reference's auto spectrum: right with noise in responses.
+    h2
+        ``G_xx / G_fx``, of the response's auto spectrum: right with noise in the reference.
+    """
+
+    h1 = "h1"
+    h2 = "h2"
+
 
 AUTO = 2
 #: By how much rounded spectra may make a coherence larger than 1.
 ROUNDING = 1e-4
 
 
-def estimated(
-    settings: UffImport,
+def estimate_response(
+    estimator: Estimator | None,
+    containing: str,
     file: UniversalFile,
     crosses: list[Function],
     values: ComplexArray,
     frequency: Array,
     lines: IndexArray,
 ) -> ComplexArray:
-    """Response functions ``H1 = G_xf / G_ff`` or ``H2 = G_xx / G_fx``.
+    """Estimate response functions ``H1 = G_xf / G_ff`` or ``H2 = G_xx / G_fx``.
 
     Parameters
     ----------
-    settings : UffImport
+    estimator : Estimator, optional
+    containing : str
+        Text that chooses among several auto spectra of one degree of freedom.
     file : UniversalFile
     crosses : list of Function
         Cross spectra ``G_xf``, one a node.
@@ -51,15 +79,15 @@ def estimated(
     UserError
         If the estimator is not set, or an auto spectrum is missing or zero.
     """
-    if settings.estimator is None:
+    if estimator is None:
         raise UserError(
             f"{file.source.path}: has cross spectra, of which response functions are made in two "
             "ways; say it with instrument.estimator=h1 (divided by the reference's auto spectrum: "
             "noise is in the responses) or h2 (of the response's: noise is in the reference)"
         )
-    if settings.estimator is Estimator.h1:
-        return values / _autos(settings, file, crosses, frequency, lines, of_reference=True)
-    response = _autos(settings, file, crosses, frequency, lines, of_reference=False)
+    if estimator is Estimator.h1:
+        return values / _autos(containing, file, crosses, frequency, lines, of_reference=True)
+    response = _autos(containing, file, crosses, frequency, lines, of_reference=False)
     measured = values.any(axis=1)
     for function, row in zip(crosses, values, strict=True):
         if row.any() and not row.all():
@@ -71,16 +99,16 @@ def estimated(
 
 
 def coherence(
-    settings: UffImport,
+    containing: str,
     file: UniversalFile,
     crosses: list[Function],
     frequency: Array,
     lines: IndexArray,
 ) -> Array:
-    """The coherence ``|G_xf|^2 / (G_xx G_ff)``, shape (function, frequency)."""
+    """Form the coherence ``|G_xf|^2 / (G_xx G_ff)``, shape (function, frequency)."""
     square = np.array([abs(file.values(f)[1][lines]) ** 2 for f in crosses])
     for of_reference in (True, False):
-        square /= _autos(settings, file, crosses, frequency, lines, of_reference)
+        square /= _autos(containing, file, crosses, frequency, lines, of_reference)
     for function, row in zip(crosses, square, strict=True):
         if not ((row > 0) & (row <= 1 + ROUNDING)).all():
             raise file.wrong(
@@ -92,14 +120,14 @@ def coherence(
 
 
 def _autos(
-    settings: UffImport,
+    containing: str,
     file: UniversalFile,
     crosses: list[Function],
     frequency: Array,
     lines: IndexArray,
     of_reference: bool,
 ) -> Array:
-    """Auto spectra that belong to cross spectra, shape (function, frequency)."""
+    """Read the auto spectra that belong to cross spectra, shape (function, frequency)."""
     found: dict[tuple[int, int], Array] = {}
     rows = []
     for cross in crosses:
@@ -107,7 +135,7 @@ def _autos(
         if of_reference:
             dof = (cross.reference_node, cross.reference_direction)
         if dof not in found:
-            auto = _auto(settings, file, cross, dof, "reference" if of_reference else "response")
+            auto = _auto(containing, file, cross, dof, "reference" if of_reference else "response")
             abscissa, values = file.values(auto)
             if len(abscissa) <= lines.max() or not close(abscissa[lines], frequency):
                 message = f"has other frequencies than data set {cross.entry.number}"
@@ -127,12 +155,12 @@ def _autos(
 
 
 def _auto(
-    settings: UffImport, file: UniversalFile, cross: Function, dof: tuple[int, int], of: str
+    containing: str, file: UniversalFile, cross: Function, dof: tuple[int, int], of: str
 ) -> Function:
-    """The one auto spectrum of a degree of freedom."""
+    """Find the one auto spectrum of a degree of freedom."""
     autos = [f for f in file.functions if f.kind == AUTO and (f.node, f.direction) == dof]
     if len(autos) > 1:
-        autos = [f for f in autos if settings.containing in " ".join(f.text)]
+        autos = [f for f in autos if containing in " ".join(f.text)]
     name = f"{dof[0]}{DIRECTIONS.get(dof[1], '') if dof[1] else ''}"
     if len(autos) != 1:
         raise file.wrong(
@@ -150,21 +178,25 @@ def _auto(
     return autos[0]
 
 
-#: What `time_reference` says of records that begin at one phase of the excitation.
+#: Setting `time_reference` of records that begin at one phase of the excitation.
 TRIGGER = "trigger"
 #: Amplitude of the reference over its standard error, below which it has no phase.
 LEAST_RATIO = 10.0
 
 
-def reference_of(settings: UffImport, file: UniversalFile) -> Function | None:
-    """The record whose phase is zero; None if all are triggered.
+def find_reference(wanted: str, file: UniversalFile) -> Function | None:
+    """Find the record whose phase is zero, of the degree of freedom `wanted`.
+
+    Returns
+    -------
+    Function or None
+        None if `wanted` is `TRIGGER`.
 
     Raises
     ------
     UserError
-        If the settings do not say it, or there is not one record of that degree of freedom.
+        If `wanted` is empty, or there is not one record of that degree of freedom.
     """
-    wanted = settings.time_reference
     if not wanted:
         raise UserError(
             f"{file.source.path}: does not state what time records have their phase from; say it "
@@ -182,26 +214,38 @@ def reference_of(settings: UffImport, file: UniversalFile) -> Function | None:
     return found[0]
 
 
-def phasors(
-    settings: UffImport, file: UniversalFile, functions: list[Function], reference: Function | None
+def fit_phasors(
+    wanted: list[float],
+    file: UniversalFile,
+    functions: list[Function],
+    reference: Function | None,
 ) -> tuple[Array, ComplexArray, Array]:
-    """Peak phasors of the records, of exp(+i omega t), relative to the reference's phase.
+    """Fit peak phasors of the records, of exp(+i omega t), relative to the reference's phase.
+
+    Parameters
+    ----------
+    wanted : list of float, Hz
+    file : UniversalFile
+    functions : list of Function
+        Time records.
+    reference : Function, optional
+        Record whose phase is zero; None if all begin at one phase of the excitation.
 
     Returns
     -------
     frequency : ndarray, shape (frequency,), Hz
-        As set.
+        As wanted.
     phasor : ndarray of complex, shape (function, frequency)
         In the file's unit; 0 of a record of zeros.
     std : ndarray, shape (function, frequency)
         Standard error from the record's residuals, of real and imaginary part each.
     """
-    if not settings.frequency:
+    if not wanted:
         raise UserError(
             f"{file.source.path}: does not state at which frequencies its time records are to be "
             "evaluated; say it with instrument.frequency, for example instrument.frequency=[197]"
         )
-    frequency = np.array(settings.frequency)
+    frequency = np.array(wanted)
     turn = np.ones(len(frequency), complex)
     if reference is not None:
         phasor, std = _phasor(file, reference, frequency)
@@ -217,12 +261,13 @@ def phasors(
 def _phasor(
     file: UniversalFile, function: Function, frequency: Array
 ) -> tuple[ComplexArray, Array]:
-    """Least-squares phasors of one record ``a + sum Re(Z exp(i omega t))``, and their errors."""
+    """Fit the phasors of one record ``a + sum Re(Z exp(i omega t))``, with their errors."""
     t, y = file.values(function)
     unknowns = 1 + 2 * len(frequency)
     if np.iscomplexobj(y) or len(y) <= unknowns:
         raise file.wrong(function, f"must be a real record of more than {unknowns} values")
     angle = 2 * np.pi * np.outer(t, frequency)
+    # Re(Z exp(i angle)) = Re(Z) cos(angle) - Im(Z) sin(angle)
     design = np.column_stack([np.ones(len(t)), np.cos(angle), -np.sin(angle)])
     solution, _, rank, _ = np.linalg.lstsq(design, y, rcond=None)
     if rank < unknowns:

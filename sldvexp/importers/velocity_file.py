@@ -11,8 +11,9 @@ from omegaconf import MISSING
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, nearest
-from sldvexp.importers.pointwise import Amplitude, Phase, Positive
-from sldvexp.io.velocities.read import read
+from sldvexp.importers.base import PointImporter
+from sldvexp.importers.conventions import Amplitude, Phase, Positive
+from sldvexp.io.velocities.files import read
 from sldvexp.io.velocities.table import KNOWN, ORDER, FileLayout
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
@@ -21,7 +22,7 @@ from sldvexp.units import VelocityUnit
 
 @register("instrument", "file")
 @dataclass
-class File:
+class File(PointImporter):
     """Velocities that were measured before, as CSV, netCDF or MATLAB arrays.
 
     Parameters
@@ -68,28 +69,15 @@ class File:
         checks.done()
 
     def inputs(self) -> list[str]:
-        """The file."""
+        """Name the file."""
         return [self.path]
 
     def read(
         self, tree: Mapping[str, xr.Dataset] | None = None, laser: TwoMirror | None = None
     ) -> xr.Dataset:
-        """The group ``line_of_sight``.
-
-        Parameters
-        ----------
-        tree : mapping of str to Dataset, optional
-            The run's groups; not needed.
-        laser : TwoMirror, optional
-            Likewise.
-
-        Raises
-        ------
-        UserError
-            If the file is missing or is not what it should be.
-        """
+        """Read the group ``line_of_sight``; the file has its directions itself."""
         layout = FileLayout(self.mapping, tuple(self.order), self.group)
-        group = read(locate(self.path), self.unit, layout).group()
+        group = read(locate(self.path), self.unit, layout).to_dataset()
         factor = self.positive.value * self.amplitude.value
         velocity = group["velocity"].values
         velocity = factor * (np.conj(velocity) if self.phase is Phase.exp_minus else velocity)

@@ -16,12 +16,12 @@ from sldvexp.typing import IntArray
 
 
 def read_centres(path: Path) -> IntArray:
-    """Rough centres of the circles (`Scan6pt`), shape (circle, 2), one pair a line."""
+    """Read rough centres of the circles (`Scan6pt`), shape (circle, 2), one pair a line."""
     return _pairs(list(_rows(path)), path)
 
 
 def read_rectangle(path: Path) -> tuple[int, int, IntArray]:
-    """Rows, columns and the four corners (`ScanRect`), the corners of shape (4, 2)."""
+    """Read rows, columns and the four corners (`ScanRect`), the corners of shape (4, 2)."""
     rows = list(_rows(path))
     if len(rows) != 5:
         raise UserError(
@@ -34,7 +34,7 @@ def read_rectangle(path: Path) -> tuple[int, int, IntArray]:
 
 
 def read_list(path: Path) -> IntArray:
-    """All pixels of a scan in their order (`ScanList`), shape (pixel, 2)."""
+    """Read all pixels of a scan in their order (`ScanList`), shape (pixel, 2)."""
     return _pairs(list(_rows(path)), path)
 
 
@@ -51,7 +51,7 @@ def write_list(path: Path, dac: Iterable[Iterable[int]]) -> None:
 
 
 def _rows(path: Path) -> Iterator[tuple[int, tuple[int, int]]]:
-    """Line number and two whole numbers of every line that is neither blank nor a comment."""
+    """Read line number and two whole numbers of every line that is neither blank nor a comment."""
     require_file(path)
     for line, text in enumerate(read_text(path).splitlines(), 1):
         cells = text.replace(",", " ").split()
@@ -67,7 +67,7 @@ def _rows(path: Path) -> Iterator[tuple[int, tuple[int, int]]]:
 
 
 def _pairs(rows: list[tuple[int, tuple[int, int]]], path: Path) -> IntArray:
-    """Pairs with up_down first."""
+    """Put up_down first in pairs."""
     if not rows:
         raise UserError(f"{path}: has no pixels")
     return np.array([(ud, lr) for _, (lr, ud) in rows], dtype=np.int64)

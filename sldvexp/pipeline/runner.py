@@ -16,6 +16,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from sldvexp import dataset
 from sldvexp.config import schema
 from sldvexp.config.paths import RUN_FILE, locate
+from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import UserError
 from sldvexp.export.base import export_all
 from sldvexp.files import whole_or_nothing
@@ -94,7 +95,7 @@ def run(
     report = experiment.report
     wanted = report is not None and (share is None or report.each_run)
     pages = attempt(lambda: report.of_run(path), path) if wanted else []
-    exported = export_all(experiment.export, run.tree, attributes, path)
+    exported = export_all(experiment.export, RunData(run.tree, attributes), path)
     if not quiet:
         closing_table(run.kept, [path, *(path.with_name(n) for n in texts), *exported, *pages])
     return "check" not in run.tree or bool(run.tree["check"]["passed"].all())

@@ -17,7 +17,7 @@ from sldvexp.config.registry import register
 from sldvexp.errors import Checks, ConfigError, Problem, UserError, nearest
 from sldvexp.files import read_text, require_file
 from sldvexp.geometry.rotation import nearest_rotation, rigid_transform, vector_from_rotation
-from sldvexp.io.text_fields import csv_lines, number, unit_of_columns
+from sldvexp.io.tables import AXES, COORDINATES, number, read_table
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import PoseMethod, pose_to_dataset
@@ -166,9 +166,9 @@ def read_repeats(path: Path, names: list[str], unit: LengthUnit) -> Array:
     require_file(path)
     found: dict[str, list[list[float]]] = {name: [] for name in names}
     if path.suffix.lower() == ".csv":
-        unit = _read_csv(path, found)
+        _read_csv(path, found)
     else:
-        _read_plain(path, found)
+        _read_plain(path, found, unit)
     counts = {len(rows) for rows in found.values()}
     if 0 in counts:
         missing = next(name for name, rows in found.items() if not rows)
@@ -176,38 +176,24 @@ def read_repeats(path: Path, names: list[str], unit: LengthUnit) -> Array:
     if len(counts) > 1:
         told = ", ".join(f"{name} {len(rows)} times" for name, rows in found.items())
         raise UserError(f"{path}: every point must be digitised equally often, but there is {told}")
-    return np.swapaxes(np.array(list(found.values())), 0, 1) * unit.value
+    return np.swapaxes(np.array(list(found.values())), 0, 1)
 
 
-def _read_csv(path: Path, found: dict[str, list[list[float]]]) -> LengthUnit:
-    """Rows of a table with named columns; returns its unit."""
-    lines = csv_lines(path)
-    _, header = next(lines, (0, []))
-    axes = ("x", "y", "z")
-    unit = unit_of_columns(axes, tuple(LengthUnit.__members__), header, str(path))
-    columns = ["point", *(f"{a}_{unit or 'm'}" for a in axes)]
-    for column in columns:
-        if column not in header:
-            raise UserError(
-                f"{path}: the column {column} is missing; needed are point, x_U, y_U, z_U "
-                f"with U one of {', '.join(LengthUnit.__members__)}"
-            )
-    for line, cells in lines:
-        where = f"{path}, line {line}"
-        if len(cells) != len(header):
-            raise UserError(f"{where}: has {len(cells)} values under {len(header)} columns")
-        row = dict(zip(header, cells, strict=True))
-        if row["point"] not in found:
-            raise UserError(
-                f"{where}: no point is called {row['point']}; {nearest(row['point'], found)}"
-            )
-        found[row["point"]].append([number(row[c], c, where) for c in columns[1:]])
-    return LengthUnit[unit or "m"]
+def _read_csv(path: Path, found: dict[str, list[list[float]]]) -> None:
+    """Read the rows of a table with named columns, m."""
+    table = read_table(path)
+    needed = f"needed are point, {COORDINATES}"
+    table.require(["point"], needed)
+    position, _ = table.quantity(AXES, LengthUnit, needed)
+    for i, (name, xyz) in enumerate(zip(table.column("point"), position.tolist(), strict=True)):
+        if name not in found:
+            raise UserError(f"{table.where(i)}: no point is called {name}; {nearest(name, found)}")
+        found[name].append(xyz)
 
 
-def _read_plain(path: Path, found: dict[str, list[list[float]]]) -> None:
-    """Rows of three numbers; each point's repeats stand together, in the order of the names."""
-    rows = list(_plain_rows(path))
+def _read_plain(path: Path, found: dict[str, list[list[float]]], unit: LengthUnit) -> None:
+    """Read rows of three numbers in `unit`, each point's repeats together, in the names' order."""
+    rows = [[x * unit.value for x in xyz] for xyz in _plain_rows(path)]
     if not rows or len(rows) % len(found):
         raise UserError(
             f"{path}: has {len(rows)} lines, which {len(found)} points digitised equally often "

@@ -11,7 +11,7 @@ from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.files import read_text, require_file
 from sldvexp.geometry.rotation import KnownPose
-from sldvexp.io.text_fields import number
+from sldvexp.io.tables import number
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.given import known_poses
 from sldvexp.pose.uncertainty import half_width

@@ -8,8 +8,8 @@ from omegaconf import MISSING
 
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
+from sldvexp.io.mesh_files import read_mesh
 from sldvexp.volume.base import Volume
-from sldvexp.volume.mesh_file import read_mesh
 from sldvexp.volume.surface import TriangulatedSurface
 
 
@@ -39,4 +39,6 @@ class MeshFile(Volume):
 
     def surface(self) -> TriangulatedSurface:
         """The mesh in its own axes."""
-        return read_mesh(locate(self.path), self.unit.value, self.flip)
+        path = locate(self.path)
+        position, triangles, number = read_mesh(path, self.unit.value, self.flip)
+        return TriangulatedSurface(position, triangles, None, str(path), number)

@@ -12,6 +12,7 @@ from hydra import compose, initialize_config_dir
 
 from sldvexp import dataset
 from sldvexp.config import hydra_plugin
+from sldvexp.dataset.run_data import RunData
 from sldvexp.pipeline import runner
 
 CONF = Path(__file__).parents[2] / "conf"
@@ -36,6 +37,10 @@ class Made:
     tree: dict[str, xr.Dataset]
     attributes: dict
     folder: Path
+
+    @property
+    def run(self) -> RunData:
+        return RunData(self.tree, self.attributes)
 
 
 def made(folder: Path, *overrides: str) -> Made:

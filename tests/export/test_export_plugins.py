@@ -16,9 +16,10 @@ import yaml
 
 from sldvexp import dataset
 from sldvexp.config import registry
+from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.export.results import results_of
 from sldvexp.export.uff import GeometryDataSets, ShapeNames, UffExport
+from sldvexp.export.velocities import mesh_of, velocities_of, velocity_in_world
 from sldvexp.export.vtu import Vtu
 
 FORMATS = sorted(registry.BUILT_IN["export"])
@@ -187,10 +188,10 @@ def test_format_holds_what_the_run_has(name, run, request, tmp_path):
     export = registry.get("export", name)()
     if run == "points" and name in FIELDS_ONLY:
         with pytest.raises(UserError, match=f"export={name} needs a field over a volume"):
-            export.export(made.tree, made.attributes, tmp_path, "mine")
+            export.export(made.run, tmp_path, "mine")
         assert list(tmp_path.iterdir()) == []
         return
-    path = export.export(made.tree, made.attributes, tmp_path, "mine")
+    path = export.export(made.run, tmp_path, "mine")
     assert path == tmp_path / f"mine{export.suffix}"
     assert not [p for p in tmp_path.rglob(".*")]
 
@@ -223,14 +224,14 @@ def test_format_says_that_there_is_nothing(name, points, tmp_path):
     export = registry.get("export", name)()
     tree = {k: g for k, g in points.tree.items() if k != "point"}
     with pytest.raises(UserError, match="the run has no velocities to export; choose a reco"):
-        export.export(tree, {}, tmp_path, "mine")
+        export.export(RunData(tree, {}), tmp_path, "mine")
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_format_leaves_the_old_file_if_it_cannot_be_replaced(name, world, tmp_path, monkeypatch):
     export = registry.get("export", name)()
-    path = export.export(world.tree, world.attributes, tmp_path, "mine")
+    path = export.export(world.run, tmp_path, "mine")
     before = path.read_bytes()
 
     def refuse(*_):
@@ -238,7 +239,7 @@ def test_format_leaves_the_old_file_if_it_cannot_be_replaced(name, world, tmp_pa
 
     monkeypatch.setattr("os.replace", refuse)
     with pytest.raises(UserError, match="cannot be written: No space left on device"):
-        export.export(world.tree, world.attributes, tmp_path, "mine")
+        export.export(world.run, tmp_path, "mine")
     assert path.read_bytes() == before
     assert not [p for p in tmp_path.rglob(".*")]
 
@@ -250,9 +251,9 @@ def test_frequency_that_is_not_known(name, world, tmp_path):
     export = registry.get("export", name)()
     if name == "uff":
         with pytest.raises(UserError, match="export=uff: the run's velocities have no frequency"):
-            export.export(tree, world.attributes, tmp_path, "mine")
+            export.export(RunData(tree, world.attributes), tmp_path, "mine")
         return
-    path = export.export(tree, world.attributes, tmp_path, "mine")
+    path = export.export(RunData(tree, world.attributes), tmp_path, "mine")
     known = tree["field"]["velocity"].values
     if name == "ugrid":
         with xr.open_dataset(path) as found:
@@ -279,7 +280,9 @@ def test_points_of_known_places_have_them_in_a_table(points, tmp_path):
     turned = slice(None, None, -1)
     known = xr.Dataset({"position": (("point", "axis"), place[turned])}, {"point": names[turned]})
     tree["line_of_sight"] = known
-    path = registry.get("export", "csv")().export(tree, points.attributes, tmp_path, "mine")
+    path = registry.get("export", "csv")().export(
+        RunData(tree, points.attributes), tmp_path, "mine"
+    )
     with path.open(newline="") as file:
         rows = list(csv.DictReader(file))
     for row in rows:
@@ -292,7 +295,7 @@ def test_points_of_known_places_have_them_in_a_table(points, tmp_path):
 def test_file_stays_in_the_folder(name, points, tmp_path):
     export = registry.get("export", "csv")()
     with pytest.raises(UserError, match="cannot name a folder"):
-        export.export(points.tree, points.attributes, tmp_path, name)
+        export.export(points.run, tmp_path, name)
 
 
 def test_run_writes_its_exports_beside_its_file(sldvexp):
@@ -343,9 +346,8 @@ def test_command_says_what_is_wrong(words, answer, sldvexp, points):
 
 
 def test_period_of_one_frequency_is_played(local, tmp_path):
-    Vtu(phases=8, animated=440.0).export(local.tree, local.attributes, tmp_path, "mine")
-    results = results_of(local.tree, local.attributes)
-    velocity = results.in_world(results.mesh)[..., 1]
+    Vtu(phases=8, animated=440.0).export(local.run, tmp_path, "mine")
+    velocity = velocity_in_world(velocities_of(local.run), mesh_of(local.run, "vtu"))[..., 1]
     for k in range(8):
         data = meshio.read(tmp_path / "mine" / f"phase_{k + 1:05d}.vtu").point_data
         turned = velocity * np.exp(2j * np.pi * k / 8)
@@ -361,28 +363,29 @@ def test_strongest_frequency_is_played_unless_another_is_named(world, tmp_path):
     tree = dict(world.tree)
     tree["field"] = tree["field"].copy()
     tree["field"]["velocity"] = tree["field"]["velocity"] * [1.0, 100.0, 1.0]
-    Vtu(phases=3).export(tree, world.attributes, tmp_path, "mine")
+    Vtu(phases=3).export(RunData(tree, world.attributes), tmp_path, "mine")
     data = meshio.read(tmp_path / "mine" / "phase_00001.vtu").point_data
     np.testing.assert_array_equal(data["velocity"], tree["field"]["velocity"].values[..., 1].real)
     with pytest.raises(UserError, match=r"nothing at 441.0 Hz; the nearest is 440.0"):
-        Vtu(animated=441.0).export(world.tree, world.attributes, tmp_path, "mine")
+        Vtu(animated=441.0).export(world.run, tmp_path, "mine")
     for bad in ({"phases": 2}, {"phases": -1}, {"animated": 0.0}):
         with pytest.raises(ConfigError):
             Vtu(**bad)
 
 
 def test_world_velocity_turns_local_components(local):
-    results = results_of(local.tree, local.attributes)
-    world = results.in_world(results.mesh)
+    world = velocity_in_world(velocities_of(local.run), mesh_of(local.run, "vtu"))
     frame, node = local.tree["volume"]["frame"].values, 14
     own = frame[node % len(frame)]
     assert not np.allclose(own, np.eye(3), atol=1e-2)
-    expected = sum(own[c] * results.velocity[node, c, 0] for c in range(3))
+    expected = sum(
+        own[c] * velocities_of(local.run)["velocity"].values[node, c, 0] for c in range(3)
+    )
     np.testing.assert_allclose(world[node, :, 0], expected)
 
 
 def test_universal_file_has_the_axes_of_every_node(local, tmp_path):
-    path = UffExport().export(local.tree, local.attributes, tmp_path, "mine")
+    path = UffExport().export(local.run, tmp_path, "mine")
     sets = {s["type"]: s for s in pyuff.UFF(str(path)).read_sets()}
     frame = local.tree["volume"]["frame"].values
     axes = dict(zip(sets[2420]["CS_sys_labels"], sets[2420]["CS_matrices"], strict=True))
@@ -397,7 +400,7 @@ def test_universal_file_has_the_axes_of_every_node(local, tmp_path):
 
 def test_universal_file_for_programs_that_know_the_older_sets_only(local, tmp_path):
     export = UffExport(geometry=GeometryDataSets.legacy, shapes=ShapeNames.mode)
-    path = export.export(local.tree, local.attributes, tmp_path, "mine")
+    path = export.export(local.run, tmp_path, "mine")
     sets: dict[int, list] = {}
     for s in pyuff.UFF(str(path)).read_sets():
         sets.setdefault(s["type"], []).append(s)
@@ -409,7 +412,7 @@ def test_universal_file_for_programs_that_know_the_older_sets_only(local, tmp_pa
         list(map(int, t.split()))
         for t in " ".join(map(str, lines["nodes"].astype(int))).split(" 0")
     ]
-    triangles = results_of(local.tree, local.attributes).mesh.surface_triangles + 1
+    triangles = mesh_of(local.run, "uff").surface_triangles + 1
     assert [t for t in drawn if t] == [[*t, t[0]] for t in triangles.tolist()]
     frame = local.tree["volume"]["frame"].values
     np.testing.assert_allclose(systems["x_point"][1:], frame[:, 0], rtol=SIX_DIGITS, atol=1e-12)
@@ -424,7 +427,7 @@ def test_universal_file_for_programs_that_know_the_older_sets_only(local, tmp_pa
 def test_frequencies_that_are_exactly_even_have_no_column_of_their_own(last, points, tmp_path):
     tree = dict(points.tree)
     tree["point"] = tree["point"].assign_coords(frequency=[100.5, 200.75, last])
-    text = UffExport().export(tree, points.attributes, tmp_path, "mine").read_text()
+    text = UffExport().export(RunData(tree, points.attributes), tmp_path, "mine").read_text()
     even = "         6         3         1  1.00500E+02  1.00250E+02"
     assert (even in text) == (last == 301.0)
     found = read_uff(tmp_path / "mine.uff")
@@ -441,7 +444,7 @@ def test_conventions_go_along(world, tmp_path):
     for name in FORMATS:
         if name == "csv":
             continue
-        path = registry.get("export", name)().export(world.tree, world.attributes, tmp_path, name)
+        path = registry.get("export", name)().export(world.run, tmp_path, name)
         if name == "mat":
             text = str(scipy.io.loadmat(path, simplify_cells=True)["sldvexp"]["about"])
         elif name == "ugrid":

@@ -1,85 +1,10 @@
 """Registration data, object points and the mirror angles that reach them, in files.
 
-The suffix of a file chooses its format; every format is a module with `read` and `write`.
+Begin with `read`, which gives a `RegistrationTable` a view; `write` writes them, and `to_dataset`
+and `from_dataset` turn them to the group ``/registration`` of a run and back. A new format is a
+module with `read` and `write`, and a suffix in `sldvexp.io.registration.files.FORMATS`.
 """
 
-from __future__ import annotations
+import lazy_loader
 
-import importlib
-from collections.abc import Sequence
-from pathlib import Path
-from types import ModuleType
-
-from sldvexp.errors import UserError
-from sldvexp.files import require_file, whole_or_nothing
-from sldvexp.io.registration.table import RegistrationTable
-from sldvexp.units import LengthUnit
-
-#: Suffix of a file to the module that reads and writes it.
-FORMATS = {
-    ".reg": "sldvexp.io.registration.reg",
-    ".csv": "sldvexp.io.registration.csv",
-    ".nc": "sldvexp.io.registration.netcdf",
-}
-
-
-def read(path: str | Path, unit: LengthUnit | None = None) -> list[RegistrationTable]:
-    """Registration data of every view in a file, in SI units.
-
-    Parameters
-    ----------
-    path : str or Path
-        ``.reg`` (Figure 4.28), ``.csv`` or ``.nc`` (a run, or a dataset with the same names).
-    unit : LengthUnit, optional
-        Of the object points, for a file that does not state it itself.
-
-    Returns
-    -------
-    list of RegistrationTable
-        One a view, in the file's order.
-
-    Raises
-    ------
-    UserError
-        If the file is missing, of no known format or wrong anywhere; names the file and the line
-        or the view and point.
-    """
-    path = Path(path)
-    module = _format(path)
-    require_file(path)
-    tables: list[RegistrationTable] = module.read(path, unit)
-    return tables
-
-
-def write(path: str | Path, tables: Sequence[RegistrationTable]) -> None:
-    """Write one or several views; afterwards the file is complete, or is what it was before.
-
-    Parameters
-    ----------
-    path : str or Path
-        Its suffix chooses the format, as in `read`; ``.reg`` holds one view only.
-    tables : sequence of RegistrationTable
-        Text formats state lengths in each table's `unit` and angles in degrees, in decimals that
-        read back the same (see `sldvexp.units.decimal_in`).
-
-    Raises
-    ------
-    UserError
-        If the format cannot hold these tables, or the file cannot be written.
-    """
-    path = Path(path)
-    module = _format(path)
-    if not tables:
-        raise UserError(f"{path}: there are no views to write")
-    with whole_or_nothing(path) as beside:
-        module.write(beside, tables)
-
-
-def _format(path: Path) -> ModuleType:
-    try:
-        return importlib.import_module(FORMATS[path.suffix.lower()])
-    except KeyError:
-        raise UserError(
-            f"{path}: registration data cannot be a {path.suffix or 'file without a suffix'}; "
-            f"valid: {', '.join(FORMATS)}"
-        ) from None
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -14,25 +14,23 @@ from __future__ import annotations
 import csv
 import difflib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.io.registration.table import RegistrationTable
-from sldvexp.io.text_fields import (
-    csv_lines,
+from sldvexp.io.tables import (
+    AXES,
+    TextTable,
     first_time,
-    number,
+    read_table,
     stated_or_given,
-    unit_of_columns,
     whole_number,
 )
 from sldvexp.laser.two_mirror import MIRRORS
 from sldvexp.units import AngleUnit, LengthUnit, decimal_in
 
-AXES = ("x", "y", "z")
 DAC = "dac"
 
 NEEDED = (
@@ -41,49 +39,38 @@ NEEDED = (
 )
 
 
-@dataclass
-class _View:
-    """Points of one view so far, and the lines they stood on."""
-
-    line_of: dict[int, int] = field(default_factory=dict)
-    rows: list[dict[str, list[float]]] = field(default_factory=list)
-
-
-@dataclass
-class _Layout:
-    """What the header says: which columns hold which array, and in which units."""
-
-    columns: dict[str, list[str]]
-    length: LengthUnit
-    angle: AngleUnit | None
-
-
 def read(path: Path, unit: LengthUnit | None = None) -> list[RegistrationTable]:
-    """Every view of a file; see `sldvexp.io.registration.read`."""
-    lines = csv_lines(path)
-    _, header = next(lines, (0, []))
-    layout = _layout(header, unit, str(path))
-    views: dict[str, _View] = {}
-    for line, cells in lines:
-        where = f"{path}, line {line}"
-        if len(cells) != len(header):
-            raise UserError(f"{where}: has {len(cells)} values under {len(header)} columns")
-        row = dict(zip(header, cells, strict=True))
-        name = row.get("view", path.stem)
+    """Read every view of a file; see `sldvexp.io.registration.read`."""
+    table = read_table(path)
+    columns, length, angle = _layout(table, unit)
+    names = table.column("view") if "view" in table.header else [path.stem] * len(table.rows)
+    line_of: dict[str, dict[int, int]] = {}
+    for i, (name, cell) in enumerate(zip(names, table.column("point"), strict=True)):
+        where = table.where(i)
         if not name:
             raise UserError(f"{where}: the view has no name")
-        view = views.setdefault(name, _View())
-        point = whole_number(row["point"], "the point number", where)
-        first_time(view.line_of, point, line, where)
-        view.rows.append(
-            {
-                array: [number(row[c], f"{c} of point {point}", where) for c in columns]
-                for array, columns in layout.columns.items()
-            }
-        )
-    if not views:
+        point = whole_number(cell, "the point number", where)
+        first_time(line_of.setdefault(name, {}), point, table.lines[1 + i], where)
+    if not line_of:
         raise UserError(f"{path}: has a header but no points")
-    return [_table(name, view, layout, str(path)) for name, view in views.items()]
+    points = [f" of point {int(cell)}" for cell in table.column("point")]
+    values = {array: table.numbers(own, points) for array, own in columns.items()}
+    values["object_point"] = values["object_point"] * length.value
+    if angle:
+        values["angle"] = values["angle"] * angle.value
+    rows = {name: [i for i, n in enumerate(names) if n == name] for name in line_of}
+    return [
+        RegistrationTable(
+            name=name,
+            number=np.array(list(numbers), np.int64),
+            object_point=values["object_point"][rows[name]],
+            angle=values["angle"][rows[name]] if angle else None,
+            dac=values["dac"][rows[name]] if "dac" in values else None,
+            unit=length,
+            source=str(path),
+        )
+        for name, numbers in line_of.items()
+    ]
 
 
 def write(path: Path, tables: Sequence[RegistrationTable]) -> None:
@@ -117,59 +104,40 @@ def write(path: Path, tables: Sequence[RegistrationTable]) -> None:
                 writer.writerow([table.name, point, *cells])
 
 
-def _layout(header: list[str], given: LengthUnit | None, where: str) -> _Layout:
-    _check_names(header, where)
-    _require(["point"], header, where)
-    length = unit_of_columns(AXES, tuple(LengthUnit.__members__), header, where)
+def _layout(
+    table: TextTable, given: LengthUnit | None
+) -> tuple[dict[str, list[str]], LengthUnit, AngleUnit | None]:
+    """Find the columns of each array, and the units of lengths and angles, in the header."""
+    _check_names(table)
+    needed = f"there are {', '.join(table.header) or 'none'}; needed are {NEEDED}"
+    table.require(["point"], needed)
+    length = table.unit_of(AXES, LengthUnit.__members__)
     columns = {"object_point": [f"{axis}_{length}" if length else axis for axis in AXES]}
-    _require(columns["object_point"], header, where)
-    angle = unit_of_columns(MIRRORS, tuple(AngleUnit.__members__), header, where)
-    for array, unit in (("angle", angle), ("dac", unit_of_columns(MIRRORS, (DAC,), header, where))):
+    table.require(columns["object_point"], needed)
+    angle = table.unit_of(MIRRORS, AngleUnit.__members__)
+    for array, unit in (("angle", angle), ("dac", table.unit_of(MIRRORS, [DAC]))):
         if unit:
             columns[array] = [f"{mirror}_{unit}" for mirror in MIRRORS]
-            _require(columns[array], header, where)
+            table.require(columns[array], needed)
     if len(columns) == 1:
-        _require([f"{mirror}_deg" for mirror in MIRRORS], header, where)
+        table.require([f"{mirror}_deg" for mirror in MIRRORS], needed)
     how = "it to the columns' names, as in x_inch,"
     stated = LengthUnit[length] if length else None
-    return _Layout(
-        columns,
-        length=stated_or_given(stated, given, where, how),
-        angle=AngleUnit[angle] if angle else None,
-    )
+    known = stated_or_given(stated, given, str(table.path), how)
+    return columns, known, AngleUnit[angle] if angle else None
 
 
-def _check_names(header: list[str], where: str) -> None:
+def _check_names(table: TextTable) -> None:
+    """Complain about a column that is unknown or stands twice."""
     known = {"view", "point", *AXES}
     known |= {f"{axis}_{unit}" for axis in AXES for unit in LengthUnit.__members__}
     known |= {f"{mirror}_{unit}" for mirror in MIRRORS for unit in (*AngleUnit.__members__, DAC)}
-    for column in header:
+    for column in table.header:
         if column not in known:
             close = difflib.get_close_matches(column, known, n=1)
             guess = f"did you mean {close[0]}? " if close else ""
-            raise UserError(f"{where}: unknown column {column!r}; {guess}Valid: view, {NEEDED}")
-        if header.count(column) > 1:
-            raise UserError(f"{where}: the column {column} stands twice")
-
-
-def _require(columns: Sequence[str], header: list[str], where: str) -> None:
-    for column in columns:
-        if column not in header:
-            there = ", ".join(header) or "none"
             raise UserError(
-                f"{where}: the column {column} is missing; there are {there}; needed are {NEEDED}"
+                f"{table.path}: unknown column {column!r}; {guess}Valid: view, {NEEDED}"
             )
-
-
-def _table(name: str, view: _View, layout: _Layout, source: str) -> RegistrationTable:
-    arrays = {a: np.array([row[a] for row in view.rows]) for a in layout.columns}
-    angle = layout.angle
-    return RegistrationTable(
-        name=name,
-        number=np.array(list(view.line_of), np.int64),
-        object_point=arrays["object_point"] * layout.length.value,
-        angle=arrays["angle"] * angle.value if angle else None,
-        dac=arrays.get("dac"),
-        unit=layout.length,
-        source=source,
-    )
+        if table.header.count(column) > 1:
+            raise UserError(f"{table.path}: the column {column} stands twice")

@@ -17,7 +17,7 @@ import numpy as np
 from sldvexp import dataset as run
 from sldvexp.errors import UserError
 from sldvexp.io.registration.table import RegistrationTable
-from sldvexp.io.text_fields import stated_or_given
+from sldvexp.io.tables import stated_or_given
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
 from sldvexp.units import AngleUnit, LengthUnit, unit_named
@@ -36,7 +36,7 @@ ARRAYS = {
 
 
 def read(path: Path, unit: LengthUnit | None = None) -> list[RegistrationTable]:
-    """Every view of a file; see `sldvexp.io.registration.read`."""
+    """Read every view of a file; see `sldvexp.io.registration.read`."""
     with run.load(path) as tree:
         node = tree[GROUP] if GROUP in tree.children else tree
         dataset = node.to_dataset().load()
@@ -49,7 +49,7 @@ def write(path: Path, tables: Sequence[RegistrationTable]) -> None:
 
 
 def to_dataset(tables: Sequence[RegistrationTable]) -> xr.Dataset:
-    """Registration data of several views as the group ``/registration`` of a run.
+    """Make registration data of several views the group ``/registration`` of a run.
 
     Parameters
     ----------
@@ -85,11 +85,12 @@ def to_dataset(tables: Sequence[RegistrationTable]) -> xr.Dataset:
 def from_dataset(
     dataset: xr.Dataset, source: str, unit: LengthUnit | None = None
 ) -> list[RegistrationTable]:
-    """Registration data of every view of a dataset with the variables of ``/registration``.
+    """Read registration data of every view of a dataset with the variables of ``/registration``.
 
     Parameters
     ----------
     dataset : xarray.Dataset
+        With dimensions point and, of several views, view.
     source : str
         What it is called in messages.
     unit : LengthUnit, optional
@@ -143,7 +144,7 @@ def from_dataset(
 
 
 def _variable(dataset: xr.Dataset, name: str, last: str, source: str) -> xr.DataArray:
-    """A variable with the dimensions view, point and `last`, in order and `last` sorted."""
+    """Give a variable the dimensions view, point and `last` in this order, `last` sorted."""
     if name not in dataset:
         there = ", ".join(str(v) for v in dataset.data_vars) or "no variables"
         raise UserError(
@@ -170,6 +171,7 @@ def _variable(dataset: xr.Dataset, name: str, last: str, source: str) -> xr.Data
 
 
 def _radians(angle: xr.DataArray, source: str) -> float:
+    """Find the unit of angles in rad."""
     stated = angle.attrs.get("units")
     if stated is None:
         valid = ", ".join(AngleUnit.__members__)

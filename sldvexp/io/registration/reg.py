@@ -22,7 +22,7 @@ import numpy as np
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import read_text
 from sldvexp.io.registration.table import RegistrationTable
-from sldvexp.io.text_fields import first_time, number, stated_or_given, whole_number
+from sldvexp.io.tables import first_time, number, stated_or_given, whole_number
 from sldvexp.units import AngleUnit, LengthUnit, decimal_in, unit_named
 
 KEYWORDS = ("NUMREG", "UNITS", "DISTGUESS", "REGPOINT")
@@ -32,7 +32,7 @@ COLUMNS = ("x", "y", "z", "up_down", "left_right")
 
 @dataclass
 class _Content:
-    """What the lines of a file have stated so far."""
+    """Statements of a file's lines so far."""
 
     header: dict[str, str] = field(default_factory=dict)
     line_of: dict[int, int] = field(default_factory=dict)
@@ -40,7 +40,7 @@ class _Content:
 
 
 def read(path: Path, unit: LengthUnit | None = None) -> list[RegistrationTable]:
-    """The one view of a file, named like the file; see `sldvexp.io.registration.read`."""
+    """Read the one view of a file, named like the file; see `sldvexp.io.registration.read`."""
     content = _Content()
     for line, text in enumerate(read_text(path).splitlines(), start=1):
         words = text.partition("#")[0].split()
@@ -89,6 +89,7 @@ def write(path: Path, tables: Sequence[RegistrationTable]) -> None:
 
 
 def _read_line(content: _Content, words: list[str], line: int, where: str) -> None:
+    """Read one line: a keyword and its values."""
     keyword, values = words[0].upper(), words[1:]
     if keyword not in KEYWORDS:
         raise UserError(f"{where}: unknown keyword {words[0]!r}; {nearest(keyword, KEYWORDS)}")
@@ -109,6 +110,7 @@ def _read_line(content: _Content, words: list[str], line: int, where: str) -> No
 
 
 def _read_point(content: _Content, values: list[str], line: int, where: str) -> None:
+    """Read the values of a REGPOINT."""
     if len(values) != 1 + len(COLUMNS):
         raise UserError(
             f"{where}: REGPOINT needs a point number, {', '.join(COLUMNS)}, "
@@ -130,7 +132,7 @@ def _read_point(content: _Content, values: list[str], line: int, where: str) -> 
 
 
 def _require_count(content: _Content, path: Path) -> None:
-    """NUMREG is there to show a truncated file."""
+    """Refuse a truncated file, which NUMREG is there to show."""
     stated, found = content.header.get("NUMREG"), len(content.rows)
     if stated is None:
         raise UserError(f"{path}: NUMREG, the number of points, is missing")

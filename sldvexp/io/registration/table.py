@@ -53,6 +53,11 @@ class RegistrationTable:
     source: str = ""
     object_std: Array | None = None
 
+    def __repr__(self) -> str:
+        has = [n for n, a in (("angles", self.angle), ("DAC steps", self.dac)) if a is not None]
+        points = f"{len(self.number)} point{'s' if len(self.number) > 1 else ''}"
+        return f"<RegistrationTable of view {self.name}: {points} with {' and '.join(has)}>"
+
     def __post_init__(self) -> None:
         where = f"{self.source or 'registration data'}, view {self.name}"
         n = len(self.number)
@@ -85,11 +90,11 @@ class RegistrationTable:
 
     @property
     def labels(self) -> list[str]:
-        """What each point is called in messages."""
+        """Names of the points in messages."""
         return [f"{n} of view {self.name}" for n in self.number]
 
     def angle_through(self, laser: TwoMirror) -> Array:
-        """Mirror angles, shape (N, 2), rad: the measured ones, or those of the DAC steps.
+        """Give mirror angles, shape (N, 2), rad: the measured ones, or those of the DAC steps.
 
         Raises
         ------
@@ -102,7 +107,7 @@ class RegistrationTable:
         return laser.angle_from_dac(self.dac, self.labels)
 
     def _require_forward(self, where: str) -> None:
-        """Angles that no mirror has are most often DAC steps, or degrees taken for radians."""
+        """Refuse angles no mirror has: most often DAC steps, or degrees taken for radians."""
         if self.angle is None:
             return
         beyond = np.argwhere(np.abs(self.angle) >= np.pi / 2)

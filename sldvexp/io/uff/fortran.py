@@ -8,8 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sldvexp.io.uff.index import DataSet, shown
-from sldvexp.io.uff.source import Source
+from sldvexp.io.uff.source import DataSet, Source, shown
 from sldvexp.typing import Array
 
 #: A number as Fortran writes it: ``1.5``, ``1.5E3``, ``1.5D+03``, and ``1.5-101``: an exponent
@@ -17,18 +16,12 @@ from sldvexp.typing import Array
 NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([EeDd][+-]?\d{1,3}|[+-]\d{3})?")
 INTEGER = re.compile(rb"[+-]?\d+")
 LONGEST_INTEGER = 12
-#: What Python takes for a number, and Fortran does not; the last is where two numbers touch.
+#: Numbers to Python that are none to Fortran; the last is where two numbers touch.
 NO_NUMBERS = re.compile(rb"_|[EeDd][+-]?\d{4}")
 
 
 class TextLines:
-    """The lines of a data set of text, with what is wrong in them.
-
-    Parameters
-    ----------
-    source : Source
-    entry : DataSet
-    """
+    """Lines of a data set of text, with what is wrong in them."""
 
     def __init__(self, source: Source, entry: DataSet):
         self.source, self.entry = source, entry
@@ -40,14 +33,14 @@ class TextLines:
         return self.at < len(self.text)
 
     def next(self, what: str) -> bytes:
-        """The next line."""
+        """Read the next line."""
         if not self:
             raise self.wrong(f"ends before {what}", len(self.text) - 1)
         self.at += 1
         return self.text[self.at - 1]
 
     def integers(self, what: str, least: int, width: int = 10) -> list[int]:
-        """The next line's integers in columns of `width`, at least so many."""
+        """Read the next line's integers in columns of `width`, at least so many."""
         line = self.next(what)
         found = integers(line, width)
         if found is None or len(found) < least:
@@ -56,7 +49,7 @@ class TextLines:
         return found
 
     def numbers(self, what: str, count: int, width: int) -> list[float]:
-        """The next line's numbers in columns of `width`, exactly so many."""
+        """Read the next line's numbers in columns of `width`, exactly so many."""
         line = self.next(what)
         found = numbers(line, width)
         if found is None or len(found) < count or not np.isfinite(found[:count]).all():
@@ -65,7 +58,7 @@ class TextLines:
         return found[:count]
 
     def wrong(self, message: str, line: int | None = None) -> Exception:
-        """The error of a line, of the last one read if none is named."""
+        """Word the error of a line, of the last one read if none is named."""
         line = max(self.at - 1, 0) if line is None else max(line, 0)
         before = self.source.read(self.entry.first, self.entry.end).splitlines(keepends=True)
         byte = self.entry.first + sum(map(len, before[:line]))
@@ -73,13 +66,13 @@ class TextLines:
 
 
 def columns(line: bytes, width: int) -> list[bytes]:
-    """A line's columns without blanks around them, up to the last that is not blank."""
+    """Split a line into columns without blanks around them, up to the last that is not blank."""
     line = line.rstrip()
     return [line[i : i + width].strip() for i in range(0, len(line), width)]
 
 
 def integers(line: bytes, width: int) -> list[int] | None:
-    """Integers in columns, or between blanks if the columns hold none; None if neither does."""
+    """Read integers in columns, or between blanks if the columns hold none; None if neither."""
     for fields in (columns(line, width), line.split()):
         if all(INTEGER.fullmatch(f) and len(f) <= LONGEST_INTEGER for f in fields):
             return [int(f) for f in fields]
@@ -87,7 +80,7 @@ def integers(line: bytes, width: int) -> list[int] | None:
 
 
 def number(field: bytes) -> float:
-    """A number as Fortran writes it; a `ValueError` if it is none."""
+    """Read a number as Fortran writes it; a `ValueError` if it is none."""
     found = NUMBER.fullmatch(field)
     if not found:
         raise ValueError
@@ -96,7 +89,7 @@ def number(field: bytes) -> float:
 
 
 def numbers(line: bytes, width: int) -> list[float] | None:
-    """Numbers in columns, or between blanks if the columns hold none; None if neither does."""
+    """Read numbers in columns, or between blanks if the columns hold none; None if neither."""
     for fields in (columns(line, width), line.split()):
         try:
             return [number(f) for f in fields]
@@ -106,12 +99,13 @@ def numbers(line: bytes, width: int) -> list[float] | None:
 
 
 def table(source: Source, entry: DataSet, start: int, widths: Sequence[int], count: int) -> Array:
-    """All numbers from `start` to the end of a data set, which must be `count` of them.
+    """Read all numbers from `start` to the end of a data set, which must be `count` of them.
 
     Parameters
     ----------
     source : Source
     entry : DataSet
+        Of text.
     start : int
         Byte at which the first line of numbers begins.
     widths : sequence of int
@@ -135,7 +129,7 @@ def table(source: Source, entry: DataSet, start: int, widths: Sequence[int], cou
 
 
 def between_blanks(text: bytes) -> Array | None:
-    """Numbers between blanks, fast; None if they are not all numbers."""
+    """Read numbers between blanks, fast; None if they are not all numbers."""
     if NO_NUMBERS.search(text):
         return None
     try:
@@ -147,7 +141,7 @@ def between_blanks(text: bytes) -> Array | None:
 def _in_columns(
     source: Source, entry: DataSet, start: int, text: bytes, widths: Sequence[int]
 ) -> Array:
-    """Numbers in columns of fixed widths, as where a sign fills the last blank between them."""
+    """Read numbers in columns of fixed widths, as where a sign fills the last blank."""
     edges = np.concatenate([[0], np.cumsum(widths)])
     found: list[float] = []
     byte = start

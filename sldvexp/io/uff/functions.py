@@ -1,6 +1,7 @@
-"""Data set 58: a function at a degree of freedom, its header first and its values on demand.
+"""Functions of universal files: data set 58, with units (164) and scale of amplitudes (1858).
 
-Data sets 164 and 1858: the units of a file, and the scale of its amplitudes.
+The header of a function is read at once, its values on demand, so that a file of thousands of
+functions costs no more memory than the one that is looked at.
 """
 
 from __future__ import annotations
@@ -13,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.io.uff.fortran import TextLines, columns, integers, number, table
-from sldvexp.io.uff.index import ASCII_LINES, DataSet, shown
-from sldvexp.io.uff.source import Source
+from sldvexp.io.uff.source import ASCII_LINES, DataSet, Source, shown
 from sldvexp.typing import Array
 
 #: Types of functions by their number in the file, as far as they are spoken of; and of those that
@@ -46,7 +46,7 @@ LONGEST_HEADER = 1 << 14
 
 
 class Axis(NamedTuple):
-    """What one axis of a function means.
+    """Meaning of one axis of a function.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Axis(NamedTuple):
 
 
 class Function(NamedTuple):
-    """The header of a function.
+    """Header of a function.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class Function(NamedTuple):
 
 
 def read_header(source: Source, entry: DataSet) -> Function:
-    """The header of a function; nothing is read beyond it.
+    """Read the header of a function, and nothing beyond it.
 
     Raises
     ------
@@ -154,13 +154,13 @@ def read_header(source: Source, entry: DataSet) -> Function:
 
 
 def bytes_needed(source: Source, entry: DataSet) -> list[int]:
-    """Possible lengths of the values of a 58b by the header alone."""
+    """Find possible lengths of the values of a 58b by the header alone."""
     function = read_header(source, entry)
     return [function.size * size for size in _bytes_a_value(function)]
 
 
 def read_values(source: Source, function: Function) -> tuple[NDArray, NDArray]:
-    """Abscissa and ordinate of a function.
+    """Read abscissa and ordinate of a function.
 
     Returns
     -------
@@ -200,7 +200,7 @@ def read_values(source: Source, function: Function) -> tuple[NDArray, NDArray]:
 
 
 def _binary_values(source: Source, function: Function) -> Array:
-    """The values of a 58b, shape (value, numbers of each)."""
+    """Read the values of a 58b, shape (value, numbers of each)."""
     entry = function.entry
     assert entry.binary is not None
     have = entry.end - entry.data
@@ -223,7 +223,7 @@ def _binary_values(source: Source, function: Function) -> Array:
 
 
 def _bytes_a_value(function: Function) -> tuple[int, ...]:
-    """Bytes of one value; the abscissa of double values is written single or double."""
+    """Count the bytes of one value; the abscissa of double values is written single or double."""
     of_ordinate = (8 if function.double else 4) * (1 + function.complex)
     if function.even:
         return (of_ordinate,)
@@ -231,7 +231,7 @@ def _bytes_a_value(function: Function) -> tuple[int, ...]:
 
 
 def _widths(function: Function) -> list[int]:
-    """Columns of a line of values."""
+    """Tell the widths of a line's values."""
     if not function.double:
         return [13] * 6
     if function.even:
@@ -240,12 +240,13 @@ def _widths(function: Function) -> list[int]:
 
 
 def _end_of_header(source: Source, entry: DataSet) -> int:
+    """Find the byte after the header."""
     lines = source.peek(entry.first, min(entry.end - entry.first, LONGEST_HEADER))
     return entry.first + sum(map(len, lines.splitlines(keepends=True)[:ASCII_LINES]))
 
 
 def _dof(line: bytes) -> tuple[int, int, int, int, int] | None:
-    """Type, response node and direction, reference node and direction: 2(I5,I10), 2(1X,A10,..)."""
+    """Read type, response and reference, each node and direction: 2(I5,I10), 2(1X,A10,..)."""
     fields = [line[a:b].strip() for a, b in ((0, 5), (41, 51), (51, 55), (66, 76), (76, 80))]
     try:
         kind, node, direction, reference, reference_direction = (int(f or b"0") for f in fields)
@@ -258,7 +259,7 @@ def _dof(line: bytes) -> tuple[int, int, int, int, int] | None:
 
 @lru_cache(maxsize=64)  # functions of a file have most of these lines in common
 def _shape(line: bytes) -> tuple[int, int, int, float, float] | None:
-    """Type, number and spacing of the values, start and increment of the abscissa."""
+    """Read type, number and spacing of the values, start and increment of the abscissa."""
     for fields in ([line[i : i + 10] for i in (0, 10, 20)], line.split()[:3]):
         found = integers(b" ".join(fields), 80)
         if found is not None and len(found) == 3:
@@ -277,7 +278,7 @@ def _shape(line: bytes) -> tuple[int, int, int, float, float] | None:
 
 @lru_cache(maxsize=64)
 def _axis(line: bytes) -> Axis | None:
-    """Quantity, label and unit: I10, 3I5, 2(1X,A20); a blank line says nothing."""
+    """Read quantity, label and unit: I10, 3I5, 2(1X,A20); a blank line says nothing."""
     try:
         kind = int(line[:10].strip() or b"0")
     except ValueError:
@@ -288,10 +289,11 @@ def _axis(line: bytes) -> Axis | None:
 
 @lru_cache(maxsize=64)
 def _word(line: bytes) -> str:
+    """Decode a line of text."""
     return line.decode("utf-8", "replace").strip()
 
 
-#: What data set 1858 calls the scale of amplitudes.
+#: Scale of amplitudes in data set 1858.
 HALF_PEAK, PEAK, RMS = 1, 2, 3
 
 
@@ -302,6 +304,7 @@ class Units:
     Parameters
     ----------
     name : str
+        Of the system of units.
     length : float
         One of the file's units of length in m.
     """
@@ -311,7 +314,7 @@ class Units:
 
 
 def read_units(source: Source, entries: list[DataSet]) -> Units | None:
-    """The file's units, None if it does not state them.
+    """Read the file's units, None if it does not state them.
 
     Raises
     ------
@@ -336,7 +339,7 @@ def read_units(source: Source, entries: list[DataSet]) -> Units | None:
 
 
 def read_amplitude(source: Source, entries: list[DataSet]) -> tuple[int, DataSet] | None:
-    """The scale of amplitudes and where it is stated; None if it is unknown.
+    """Read the scale of amplitudes and where it is stated; None if it is unknown.
 
     Raises
     ------

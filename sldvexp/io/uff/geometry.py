@@ -1,6 +1,8 @@
-"""Data sets 15, 2411, 2412 and 82: nodes in the world, elements and lines between them.
+"""Geometry of universal files: nodes (15, 2411), elements (2412), lines (82), systems (18, 2420).
 
-Data sets 18 and 2420: coordinate systems, and what a node's directions are in the world.
+A node has coordinates in one system and moves along the directions of another, which at each node
+of a cylindrical or spherical system are its own; both are turned to the world's here. Angles in
+the file are in degrees.
 """
 
 from __future__ import annotations
@@ -10,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.io.uff.fortran import TextLines, integers, numbers
-from sldvexp.io.uff.index import DataSet, shown
-from sldvexp.io.uff.source import Source
+from sldvexp.io.uff.source import DataSet, Source, shown
 from sldvexp.typing import Array, IntArray
 
 CARTESIAN, CYLINDRICAL, SPHERICAL = 0, 1, 2
@@ -21,15 +22,16 @@ ORTHONORMAL = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class CoordinateSystem:
-    """A coordinate system.
+    """Coordinate system of a universal file.
 
     Parameters
     ----------
     label : int
+        By which nodes name it.
     kind : int
         `CARTESIAN`, `CYLINDRICAL` (r, theta, z) or `SPHERICAL` (r, theta from z, phi), in deg.
     axes : ndarray, shape (3, 3)
-        Unit rows: the system's x, y and z in the world.
+        Unit rows: x, y and z of the system in the world.
     origin : ndarray, shape (3,)
         In the world, the file's unit of length.
     """
@@ -40,7 +42,7 @@ class CoordinateSystem:
     origin: Array
 
     def position(self, coordinates: Array) -> Array:
-        """Points in the world, shape (3,)."""
+        """Put a point of the system into the world, shape (3,)."""
         a, b, c = coordinates
         if self.kind == CYLINDRICAL:
             b = np.radians(b)
@@ -51,7 +53,7 @@ class CoordinateSystem:
         return self.origin + coordinates @ self.axes
 
     def directions(self, position: Array) -> Array:
-        """Unit rows of the system's three directions at a point of the world, shape (3, 3).
+        """Find the system's three directions at a point of the world, unit rows, shape (3, 3).
 
         On the axis of a cylindrical or spherical system they are those at theta = phi = 0.
         """
@@ -73,7 +75,7 @@ WORLD = CoordinateSystem(0, CARTESIAN, np.eye(3), np.zeros(3))
 
 
 def read_systems(source: Source, entries: list[DataSet]) -> dict[int, CoordinateSystem]:
-    """The coordinate systems of a file by their label.
+    """Read the coordinate systems of a file by their label.
 
     Raises
     ------
@@ -95,7 +97,7 @@ def read_systems(source: Source, entries: list[DataSet]) -> dict[int, Coordinate
 
 
 def _system_2420(lines: TextLines, _: dict[int, CoordinateSystem]) -> CoordinateSystem:
-    """Axes and origin, one row a line."""
+    """Read axes and origin, one row a line."""
     label, kind = lines.integers("label and type of a coordinate system", 2)[:2]
     _check_kind(lines, label, kind)
     lines.next("the coordinate system's name")
@@ -107,7 +109,7 @@ def _system_2420(lines: TextLines, _: dict[int, CoordinateSystem]) -> Coordinate
 
 
 def _system_18(lines: TextLines, known: dict[int, CoordinateSystem]) -> CoordinateSystem:
-    """Origin, a point on the x axis and one in the xz plane, in the reference system."""
+    """Read origin, a point on the x axis and one in the xz plane, in the reference system."""
     label, kind, refers = lines.integers("label, type and reference of a coordinate system", 3)[:3]
     _check_kind(lines, label, kind)
     if refers > 0 and refers not in known and refers != 1:
@@ -125,6 +127,7 @@ def _system_18(lines: TextLines, known: dict[int, CoordinateSystem]) -> Coordina
 
 
 def _check_kind(lines: TextLines, label: int, kind: int) -> None:
+    """Refuse kinds of coordinate systems that there are not."""
     if kind not in (CARTESIAN, CYLINDRICAL, SPHERICAL):
         raise lines.wrong(
             f"the type of coordinate system {label} must be 0, 1 or 2 (Cartesian, cylindrical, "
@@ -133,7 +136,7 @@ def _check_kind(lines: TextLines, label: int, kind: int) -> None:
 
 
 def _orthonormal(axes: Array) -> Array:
-    """The nearest orthonormal axes."""
+    """Find the nearest orthonormal axes."""
     left, _, right = np.linalg.svd(axes)
     return left @ right
 
@@ -156,6 +159,7 @@ class UniversalGeometry:
     Parameters
     ----------
     label : ndarray of int, shape (node,)
+        By which functions and elements name a node.
     position : ndarray, shape (node, 3)
         In the world, the file's unit of length.
     system : tuple of CoordinateSystem
@@ -174,17 +178,17 @@ class UniversalGeometry:
     lines: tuple[tuple[int, ...], ...]
 
     def index(self) -> dict[int, int]:
-        """Index of each node by its label."""
+        """Map each node's label to its index."""
         return {int(label): i for i, label in enumerate(self.label)}
 
     def direction(self, node: int, code: int) -> Array:
-        """Unit vector of a translation, +-1 to +-3 for +-x to +-z, at the node of that index."""
+        """Find the unit vector of a translation, +-1 to +-3 for +-x to +-z, at a node."""
         own = self.system[node].directions(self.position[node])
         return np.sign(code) * own[abs(code) - 1]
 
 
 def read_geometry(source: Source, entries: list[DataSet]) -> UniversalGeometry | None:
-    """The geometry of a file, None if it has no nodes.
+    """Read the geometry of a file, None if it has no nodes.
 
     Raises
     ------
@@ -240,7 +244,7 @@ def _nodes(
 
 
 def _node_15(lines: TextLines) -> tuple[list[int], list[float]]:
-    """Label, systems and coordinates of data set 15: 4I10, 3E13.5."""
+    """Read label, systems and coordinates of data set 15: 4I10, 3E13.5."""
     line = lines.next("a node")
     for head, rest in ((line[:40], line[40:]), _split(line)):
         whole, real = integers(head, 10), numbers(rest, 13)
@@ -250,7 +254,7 @@ def _node_15(lines: TextLines) -> tuple[list[int], list[float]]:
 
 
 def _split(line: bytes) -> tuple[bytes, bytes]:
-    """Four fields between blanks, and the rest."""
+    """Split off four fields between blanks."""
     fields = line.split()
     return b" ".join(fields[:4]), b" ".join(fields[4:])
 
@@ -258,7 +262,7 @@ def _split(line: bytes) -> tuple[bytes, bytes]:
 def _system(
     lines: TextLines, line: int, node: int, label: int, systems: dict[int, CoordinateSystem]
 ) -> CoordinateSystem:
-    """The system of that label; 0, and 1 where a file defines none, is the world."""
+    """Find the system of that label; 0, and 1 where a file defines none, is the world."""
     if label in systems:
         return systems[label]
     if label == 0 or (label == 1 and not systems):
@@ -268,7 +272,7 @@ def _system(
 
 
 def _elements(lines: TextLines, index: dict[int, int]) -> list[tuple[int, ...]]:
-    """Corners of the surface elements of a data set 2412; others are left out."""
+    """Read corners of the surface elements of a data set 2412; others are left out."""
     found = []
     while lines:
         head = lines.integers("label, kind and number of nodes of an element", 6)
@@ -291,7 +295,7 @@ def _elements(lines: TextLines, index: dict[int, int]) -> list[tuple[int, ...]]:
 
 
 def _corners(kind: int, nodes: list[int]) -> list[int]:
-    """The corners of a surface element; those of second order have nodes between them."""
+    """Find the corners of a surface element; those of second order have nodes between them."""
     for kinds, count, step in (
         (TRIANGLES, 3, 1),
         (TRIANGLES_2, 3, 2),
@@ -304,7 +308,7 @@ def _corners(kind: int, nodes: list[int]) -> list[int]:
 
 
 def _lines(lines: TextLines, index: dict[int, int]) -> list[tuple[int, ...]]:
-    """The lines of a data set 82; a node 0 lifts the pen."""
+    """Read the lines of a data set 82; a node 0 lifts the pen."""
     number, count = lines.integers("number of the line and of its nodes", 2)[:2]
     lines.next("the line's name")
     if not 0 <= count <= 8 * (len(lines.text) - lines.at):
@@ -324,7 +328,7 @@ def _lines(lines: TextLines, index: dict[int, int]) -> list[tuple[int, ...]]:
 def _indices(
     lines: TextLines, nodes: list[int], index: dict[int, int], whose: str
 ) -> tuple[int, ...]:
-    """Indices of nodes by their labels."""
+    """Find indices of nodes by their labels."""
     lost = [n for n in nodes if n not in index]
     if lost:
         raise lines.wrong(f"{whose} names the node {lost[0]}, which is not given")

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
 
 from sldvexp.errors import UserError
-from sldvexp.io.uff.source import Source
+from sldvexp.io.uff.functions import bytes_needed
+from sldvexp.io.uff.source import ASCII_LINES, Binary, DataSet, Source, shown
 
 #: The line that begins and ends every data set: -1 in columns 5 and 6, blanks up to its end.
 MARK = b"    -1"
@@ -21,63 +21,10 @@ OTHER_FORMATS = {1: "VAX floating-point", 3: "IBM floating-point"}
 LONGEST_LINE = 4096
 #: Longest line of -1, with blanks to its end.
 SHORT = 512
-ASCII_LINES = 11
-
-
-class Binary(NamedTuple):
-    """What the identifier line of a data set 58b says of its values.
-
-    Parameters
-    ----------
-    order : str
-        ``<`` or ``>``, least or most significant byte first.
-    bytes : int
-        Length of the values; 0 if the line leaves it to the header.
-    """
-
-    order: str
-    bytes: int
-
-
-class DataSet(NamedTuple):
-    """One data set.
-
-    Parameters
-    ----------
-    number : int
-        Which one of the file it is, from 1.
-    kind : int
-        What the file calls data set number, as 58.
-    first : int
-        Byte at which the line after the identifier begins.
-    data : int
-        Byte at which the values of a 58b begin; `first` in all others.
-    end : int
-        Byte after the last one.
-    binary : Binary or None
-    after_binary : bool
-        Whether binary values come before it in the file, so that its lines cannot be counted.
-    """
-
-    number: int
-    kind: int
-    first: int
-    data: int
-    end: int
-    binary: Binary | None = None
-    after_binary: bool = False
-
-    def wrong(self, source: Source, byte: int, message: str) -> UserError:
-        """The error of something wrong at a byte of this data set."""
-        in_values = self.binary is not None and byte >= self.data
-        counted = not (self.after_binary or in_values)
-        place = f"line {source.line(byte)}" if counted else f"byte {byte}"
-        kind = f"{self.kind}{'b' if self.binary else ''}" if self.kind else "unknown"
-        return UserError(f"{source.path}, data set {self.number} ({kind}), {place}: {message}")
 
 
 def index(source: Source) -> list[DataSet]:
-    """All data sets of a file, in its order.
+    """Find all data sets of a file, in its order.
 
     Raises
     ------
@@ -96,7 +43,7 @@ def index(source: Source) -> list[DataSet]:
 
 
 def _begin(source: Source, position: int, entries: list[DataSet]) -> int | None:
-    """The byte after the next line of -1, None at the end of the file."""
+    """Find the byte after the next line of -1, None at the end of the file."""
     while True:  # skip blank lines, also those of a whole window
         piece = source.peek(position, LONGEST_LINE)
         if not piece:
@@ -121,7 +68,7 @@ def _begin(source: Source, position: int, entries: list[DataSet]) -> int | None:
 
 
 def _entry(source: Source, start: int, number: int, after_binary: bool) -> tuple[DataSet, int]:
-    """The data set whose identifier line begins at `start`, and the byte after its end."""
+    """Find the data set whose identifier line begins at `start`, and the byte after its end."""
     blind = DataSet(number, 0, start, start, start, None, after_binary)
     line, first = _line(source, start)
     found = IDENTIFIER.match(line)
@@ -145,7 +92,7 @@ def _entry(source: Source, start: int, number: int, after_binary: bool) -> tuple
 
 
 def _after_header(source: Source, entry: DataSet) -> int:
-    """The byte after the header's eleven lines of a 58b."""
+    """Find the byte after the header's eleven lines of a 58b."""
     piece = source.peek(entry.first, LONGEST_LINE)
     lines = piece.split(b"\n", ASCII_LINES)
     if len(lines) <= ASCII_LINES or any(MARK_LINE.fullmatch(line) for line in lines[:-1]):
@@ -155,7 +102,7 @@ def _after_header(source: Source, entry: DataSet) -> int:
 
 
 def _binary(source: Source, start: int, rest: bytes, entry: DataSet) -> Binary:
-    """The fields of the identifier line of a 58b: I6, I6, I12 and I12."""
+    """Read the identifier line of a 58b: I6, I6, I12 and I12."""
     fields = rest.split()
     if len(fields) < 4 or not all(f.isdigit() for f in fields[:4]):
         fields = [rest[a:b].strip() for a, b in ((0, 6), (6, 12), (12, 24), (24, 36))]
@@ -180,13 +127,11 @@ def _binary(source: Source, start: int, rest: bytes, entry: DataSet) -> Binary:
 
 
 def _closed(source: Source, entry: DataSet) -> tuple[DataSet, int]:
-    """A 58b with the end that its mark confirms, and the byte after the mark.
+    """Give a 58b the end that its mark confirms, and find the byte after the mark.
 
     Where the identifier line has a wrong number of bytes (some programs count a complex value as
     one, others leave 0), the length that the header's number of values needs is tried.
     """
-    from sldvexp.io.uff.functions import bytes_needed  # it needs an entry itself
-
     after = _after_mark(source, entry.end) if entry.end > entry.data else None
     if after is None:
         for needed in bytes_needed(source, entry):
@@ -210,7 +155,7 @@ def _closed(source: Source, entry: DataSet) -> tuple[DataSet, int]:
 
 
 def _after_mark(source: Source, end: int) -> int | None:
-    """The byte after the line of -1 at the end of binary values, None if there is none.
+    """Find the byte after the line of -1 at the end of binary values, None if there is none.
 
     Programs that write text put a line end before the mark.
     """
@@ -222,7 +167,7 @@ def _after_mark(source: Source, end: int) -> int | None:
 
 
 def _line_ends(source: Source, entry: DataSet) -> str:
-    """What to add to the message if a transfer as text turned LF of the values to CR LF."""
+    """Say more if a transfer as text turned LF of the values to CR LF."""
     mark = source.find(b"\n" + MARK, entry.end)
     later = source.find(MARK, entry.end) if mark < 0 else min(mark, source.find(MARK, entry.end))
     extra = later - entry.end
@@ -238,7 +183,7 @@ def _line_ends(source: Source, entry: DataSet) -> str:
 
 
 def _end(source: Source, first: int, entry: DataSet) -> tuple[int, int]:
-    """End of a data set of text and the byte after the line of -1 that closes it."""
+    """Find the end of a data set of text and the byte after the line of -1 that closes it."""
     at = first - 1
     while (at := source.find(b"\n" + MARK, at)) >= 0:
         if mark := MARK_LINE.match(source.peek(at + 1, LONGEST_LINE)):
@@ -250,15 +195,9 @@ def _end(source: Source, first: int, entry: DataSet) -> tuple[int, int]:
 
 
 def _line(source: Source, start: int) -> tuple[bytes, int]:
-    """A line without its end, and where the next one begins."""
+    """Read a line without its end, and find where the next one begins."""
     piece = source.peek(start, LONGEST_LINE)
     stop = piece.find(b"\n")
     if stop < 0:
         return piece, start + len(piece)
     return piece[:stop].rstrip(b"\r"), start + stop + 1
-
-
-def shown(line: bytes) -> str:
-    """The beginning of a line for a message, whatever is in it."""
-    text = line[:40].decode("ascii", "replace").rstrip()
-    return repr("".join(c if c.isprintable() else "?" for c in text)) if text else "nothing"

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from sldvexp.errors import UserError
 from sldvexp.io.uff.fortran import TextLines, between_blanks
 from sldvexp.io.uff.functions import NODAL, Axis, Function
-from sldvexp.io.uff.index import DataSet
-from sldvexp.io.uff.source import Source
+from sldvexp.io.uff.source import DataSet, Source
 from sldvexp.typing import Array, IntArray
 
-#: What an analysis is called by its number; only a frequency response has values of one frequency.
+#: Names of analyses by their number; only a frequency response has values of one frequency.
 ANALYSES = {
     1: "static",
     2: "of a normal mode",
@@ -37,6 +36,7 @@ class Nodal(NamedTuple):
     Parameters
     ----------
     entry : DataSet
+        Where it stands.
     text : tuple of str
         The five lines that identify it.
     quantity : int
@@ -57,7 +57,7 @@ class Nodal(NamedTuple):
 
 
 def read_nodal(source: Source, entry: DataSet, containing: str = "") -> Nodal | None:
-    """One data set; None if its identifying lines lack a text.
+    """Read one data set; None if its identifying lines lack a text.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def read_nodal(source: Source, entry: DataSet, containing: str = "") -> Nodal | 
 
 
 def _rows(lines: TextLines, count: int) -> tuple[IntArray, Array]:
-    """Numbers of nodes and their values, to the end of the data set."""
+    """Read numbers of nodes and their values, to the end of the data set."""
     start = lines.at
     flat = between_blanks(b"\n".join(lines.text[start:]))
     if flat is not None and len(flat) and len(flat) % (1 + count) == 0:
@@ -118,7 +118,7 @@ def _rows(lines: TextLines, count: int) -> tuple[IntArray, Array]:
 
 
 class ShapeFunctions:
-    """The data sets 55 of a file as functions of frequency.
+    """Data sets 55 of a file as functions of frequency.
 
     Parameters
     ----------
@@ -165,8 +165,8 @@ class ShapeFunctions:
             for direction in self.directions
         ]
 
-    def of(self, function: Function) -> tuple[NDArray, NDArray]:
-        """Frequencies and values of one of the functions."""
+    def values_of(self, function: Function) -> tuple[NDArray, NDArray]:
+        """Give frequencies and values of one of the functions."""
         place = np.searchsorted(self.node, function.node)
         return self.frequency, self.values[place, self.directions.index(function.direction)]
 

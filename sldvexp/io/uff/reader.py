@@ -46,7 +46,7 @@ class UniversalFile:
         return [read_header(self.source, e) for e in self.entries if e.kind == 58]
 
     def nodal_functions(self, containing: str = "") -> list[Function]:
-        """The values of data sets 55 as functions of frequency; these are read as a whole.
+        """Read data sets 55, each as a whole, as functions of frequency.
 
         Parameters
         ----------
@@ -79,13 +79,13 @@ class UniversalFile:
         return read_amplitude(self.source, self.entries)
 
     def values(self, function: Function) -> tuple[NDArray, NDArray]:
-        """Abscissa and ordinate of a function; see `sldvexp.io.uff.functions.read_values`."""
+        """Read abscissa and ordinate of a function; see `sldvexp.io.uff.functions.read_values`."""
         if function.kind == NODAL and self._shapes is not None:
-            return self._shapes.of(function)
+            return self._shapes.values_of(function)
         return read_values(self.source, function)
 
     def wrong(self, function: Function, message: str) -> Exception:
-        """The error of a function as a whole."""
+        """Word the error of a function as a whole."""
         return function.entry.wrong(self.source, function.entry.first, message)
 
 

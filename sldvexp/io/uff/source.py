@@ -1,4 +1,7 @@
-"""The bytes of a file, read piece by piece, so that a large one costs no more than its headers."""
+"""Bytes of a universal file and where its data sets stand, so that every error names a line.
+
+The file is read piece by piece: a large one costs no more than its headers.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
@@ -19,6 +22,8 @@ CHUNK = 1 << 20
 CR_ALONE = re.compile(rb"[^\r\n]*\r(?![\r\n])[^\r\n]*\r(?!\n)")
 #: Bytes that are read at least, for what comes next.
 AHEAD = 1 << 13
+#: Lines of the header of a data set 58.
+ASCII_LINES = 11
 
 
 @dataclass(eq=False)
@@ -27,8 +32,7 @@ class Source:
 
     Parameters
     ----------
-    path : Path
-    file : binary file
+    path, file : Path and binary file
     size : int, bytes
     cr_alone : bool
         Whether its lines end with CR alone; `read`, `peek` and `find` see LF in their place.
@@ -42,25 +46,25 @@ class Source:
     _window: bytes = field(default=b"", repr=False)
 
     def read(self, start: int, stop: int) -> bytes:
-        """The bytes from `start` to `stop`, fewer at the end of the file; nothing is kept."""
+        """Read the bytes from `start` to `stop`, fewer at the end of the file; nothing is kept."""
         stop = min(stop, self.size)
         if start >= self._start and stop <= self._start + len(self._window):
             return self._window[start - self._start : stop - self._start]
         return self._at(start, stop - start) if stop > start else b""
 
     def read_binary(self, start: int, stop: int) -> bytes:
-        """As `read`, but as they stand in the file, whatever its lines end with."""
+        """Read the bytes as `read`, but as they stand in the file, whatever its lines end with."""
         stop = min(stop, self.size)
         return self._raw(start, stop - start) if stop > start else b""
 
     def peek(self, start: int, count: int) -> bytes:
-        """As `read`, for small pieces one after the other."""
+        """Read as `read`, for small pieces one after the other."""
         if not self._start <= start <= start + count <= self._start + len(self._window):
             self._look_at(start, max(count, AHEAD))
         return self.read(start, start + count)
 
     def find(self, wanted: bytes, start: int) -> int:
-        """Where `wanted` first begins at or after `start`; -1 if nowhere."""
+        """Find where `wanted` first begins at or after `start`; -1 if nowhere."""
         while start < self.size:
             if not self._start <= start < self._start + len(self._window) - len(wanted) + 1:
                 self._look_at(start, CHUNK)
@@ -73,7 +77,7 @@ class Source:
         return -1
 
     def line(self, byte: int) -> int:
-        """Number of the line, from 1, that a byte is in."""
+        """Count the line, from 1, that a byte is in."""
         starts = range(0, byte, CHUNK)
         return 1 + sum(self._at(s, min(CHUNK, byte - s)).count(b"\n") for s in starts)
 
@@ -90,6 +94,58 @@ class Source:
             return self.file.read(max(count, 0))
         except OSError as error:
             raise UserError(f"{self.path}: cannot be read: {error.strerror or error}") from None
+
+
+class Binary(NamedTuple):
+    """Statement of the identifier line of a data set 58b about its values.
+
+    Parameters
+    ----------
+    order : str
+        ``<`` or ``>``, least or most significant byte first.
+    bytes : int
+        Length of the values; 0 if the line leaves it to the header.
+    """
+
+    order: str
+    bytes: int
+
+
+class DataSet(NamedTuple):
+    """One data set.
+
+    Parameters
+    ----------
+    number : int
+        Which one of the file it is, from 1.
+    kind : int
+        What the file calls data set number, as 58.
+    first : int
+        Byte at which the line after the identifier begins.
+    data : int
+        Byte at which the values of a 58b begin; `first` in all others.
+    end : int
+        Byte after the last one.
+    binary : Binary or None
+    after_binary : bool
+        Whether binary values come before it in the file, so that its lines cannot be counted.
+    """
+
+    number: int
+    kind: int
+    first: int
+    data: int
+    end: int
+    binary: Binary | None = None
+    after_binary: bool = False
+
+    def wrong(self, source: Source, byte: int, message: str) -> UserError:
+        """Word the error of something wrong at a byte of this data set."""
+        in_values = self.binary is not None and byte >= self.data
+        counted = not (self.after_binary or in_values)
+        place = f"line {source.line(byte)}" if counted else f"byte {byte}"
+        kind = f"{self.kind}{'b' if self.binary else ''}" if self.kind else "unknown"
+        return UserError(f"{source.path}, data set {self.number} ({kind}), {place}: {message}")
 
 
 @contextmanager
@@ -110,3 +166,9 @@ def opened(path: Path) -> Iterator[Source]:
         source = Source(path, file, os.fstat(file.fileno()).st_size)
         source.cr_alone = CR_ALONE.match(source.read(0, AHEAD)) is not None
         yield source
+
+
+def shown(line: bytes) -> str:
+    """Show the beginning of a line in a message, whatever is in it."""
+    text = line[:40].decode("ascii", "replace").rstrip()
+    return repr("".join(c if c.isprintable() else "?" for c in text)) if text else "nothing"

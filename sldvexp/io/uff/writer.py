@@ -14,7 +14,7 @@ DELIMITER = "    -1"
 TRIANGLE, WEDGE = 91, 112
 #: Kinds of data: velocity, frequency.
 VELOCITY, FREQUENCY = 11, 18
-#: What a shape is: of a complex mode, of a frequency response.
+#: Kinds of shapes: of a complex mode, of a frequency response.
 COMPLEX_MODE, RESPONSE = 3, 5
 #: Kinds of function: spectrum.
 SPECTRUM = 12
@@ -26,18 +26,18 @@ COLOUR = 8
 
 
 def dataset(number: int, lines: Iterator[str] | Sequence[str]) -> str:
-    """A data set between its delimiters."""
+    """Put a data set between its delimiters."""
     return "\n".join([DELIMITER, f"{number:6d}", *lines, DELIMITER, ""])
 
 
 def units() -> str:
-    """Data set 164: SI."""
+    """Write data set 164: SI."""
     factors = [f"{1.0:25.17E}" * 3, f"{273.15:25.17E}"]
     return dataset(164, [f"{1:10d}{'SI: Meter (newton)':<20}{2:10d}", *factors])
 
 
 def qualifiers() -> str:
-    """Data set 1858: amplitudes are peak values."""
+    """Write data set 1858: amplitudes are peak values."""
     flags = [0, 0, PEAK, *[0] * 9]
     nothing = f"{0.0:15.7E}" * 5
     return dataset(
@@ -53,7 +53,7 @@ def qualifiers() -> str:
 
 
 def systems(frames: Array) -> str:
-    """Data set 2420: the world as system 1, and a Cartesian system of every frame after it.
+    """Write data set 2420: the world as system 1, then a Cartesian system of every frame.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def systems(frames: Array) -> str:
 
 
 def systems_18(frames: Array) -> str:
-    """Data set 18, the older form of `systems`: origin, points on x axis and in xz plane."""
+    """Write data set 18, the older `systems`: origin, points on x axis and in xz plane."""
     lines = []
     for label, axes in enumerate([np.eye(3), *frames], start=WORLD_SYSTEM):
         name = "world" if label == WORLD_SYSTEM else f"t1, t2, n of surface node {label - 1}"
@@ -79,7 +79,7 @@ def systems_18(frames: Array) -> str:
 
 
 def nodes(position: Array, system: IntArray) -> str:
-    """Data set 2411: nodes from 1.
+    """Write data set 2411: nodes from 1.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def nodes(position: Array, system: IntArray) -> str:
 
 
 def nodes_15(position: Array, system: IntArray) -> str:
-    """Data set 15, the older form of `nodes`: six digits."""
+    """Write data set 15, the older form of `nodes`: six digits."""
     pairs = enumerate(zip(system, position, strict=True), start=1)
     return dataset(
         15,
@@ -107,7 +107,7 @@ def nodes_15(position: Array, system: IntArray) -> str:
 
 
 def elements(prisms: IntArray, triangles: IntArray) -> str:
-    """Data set 2412: prisms, then triangles; both of nodes from 0, which are written from 1."""
+    """Write data set 2412: prisms, then triangles, of nodes from 0, which are written from 1."""
     lines = []
     label = 0
     for kind, corners in ((WEDGE, prisms), (TRIANGLE, triangles)):
@@ -121,7 +121,7 @@ def elements(prisms: IntArray, triangles: IntArray) -> str:
 
 
 def trace_lines(triangles: IntArray, name: str) -> str:
-    """Data set 82: the triangles' outlines, the pen lifted between them; nodes from 0."""
+    """Write data set 82: the triangles' outlines, the pen lifted between them; nodes from 0."""
     closed = np.concatenate([triangles, triangles[:, :1]], axis=1) + 1
     path = np.concatenate([closed, np.zeros((len(closed), 1), int)], axis=1).ravel()
     rows = [path[i : i + 8] for i in range(0, len(path), 8)]
@@ -130,7 +130,7 @@ def trace_lines(triangles: IntArray, name: str) -> str:
 
 
 def shape(about: Sequence[str], values: NDArray, frequency: float, step: int, analysis: int) -> str:
-    """Data set 55: three components at nodes from 1; nodes that lack one are left out.
+    """Write data set 55: three components at nodes from 1; nodes that lack one are left out.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def shape(about: Sequence[str], values: NDArray, frequency: float, step: int, an
 def function(
     about: Sequence[str], number: int, node: int, direction: int, frequency: Array, values: NDArray
 ) -> str:
-    """Data set 58: a complex spectrum of velocity at one node's direction.
+    """Write data set 58: a complex spectrum of velocity at one node's direction.
 
     Parameters
     ----------
@@ -205,22 +205,22 @@ def function(
 
 
 def is_even(frequency: Array) -> bool:
-    """Whether first value and step, with six digits each, give every frequency."""
+    """Tell whether first value and step, with six digits each, give every frequency."""
     step = frequency[1] - frequency[0] if len(frequency) > 1 else 0.0
     first, step = float(single([frequency[0]])), float(single([step]))
     return np.allclose(first + step * np.arange(len(frequency)), frequency, rtol=1e-9, atol=0)
 
 
 def identification(about: Sequence[str]) -> list[str]:
-    """Five lines of at most 80 characters; an empty one is called NONE."""
+    """Write five lines of at most 80 characters; an empty one is called NONE."""
     return [(line.encode("ascii", "replace").decode()[:80] or "NONE") for line in about]
 
 
 def single(numbers: Sequence[float] | Array) -> str:
-    """Numbers in columns of 13 with six digits; what needs three digits of exponent is zero."""
+    """Write numbers in 13 columns with six digits; one of a three-digit exponent is zero."""
     return "".join(f"{0.0 if abs(x) < 1e-99 else x:13.5E}" for x in numbers)
 
 
 def _axis(kind: int, length: int, label: str, unit: str) -> str:
-    """What an axis of a function has."""
+    """Write the line of an axis of a function."""
     return f"{kind:10d}{length:5d}{0:5d}{0:5d} {label:<20} {unit:<20}"

@@ -1,10 +1,8 @@
-"""Line-of-sight velocities in netCDF files, the program's own or others'.
+"""Line-of-sight velocities as named arrays in netCDF and MATLAB files, the program's or others'.
 
-The variables of others' netCDF files under the program's names, or what is wrong with these.
-
-Line-of-sight velocities as named arrays, of whatever file they come from.
-
-Line-of-sight velocities as arrays in MATLAB files, up to version 7 and of version 7.3.
+Others' variables and dimensions come under the program's names by a mapping that the user gives.
+What a name or a length tells of the rest is only used to word the error, never to guess: a cube of
+three views, three points and three components would be read wrong without a word.
 """
 
 from __future__ import annotations
@@ -15,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
@@ -24,6 +23,24 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
 from sldvexp.units import VelocityUnit
 
+REQUIRED = ("direction_cosines", "velocity")
+DIMENSIONS = (*ORDER, "axis")
+#: Dimensions that each variable may have; the first is needed.
+ALLOWED = {
+    "direction_cosines": ("view", "point", "axis"),
+    "velocity": ("view", "point", "frequency"),
+    "velocity_std": ("view", "point", "frequency"),
+}
+#: How others may call a dimension.
+LIKE = {
+    "axis": "xyz|ax[ie]s|comp|dir|coord|dim|cart",
+    "frequency": "freq|^n?f$|hz|omega|line",
+    "point": "point|node|grid|pixel|^p$|^n$",
+    "view": "view|head|scan|look|station|pos",
+}
+#: Variables that must go together, and what they make.
+PARTS = {"velocity": ("real", "imag"), "direction_cosines": ("dx", "dy", "dz")}
+
 
 def read_netcdf(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSight:
     """Read a run's group ``line_of_sight``, or the same variables of another file.
@@ -31,7 +48,7 @@ def read_netcdf(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> Lin
     These are at the root or in the layout's group, and may have other names of variables and
     dimensions. The file's own unit of velocity must agree with `unit`.
     """
-    data, theirs = renamed(_group(path, layout), layout, path)
+    data, theirs = _renamed(_group(path, layout), layout, path)
     for name in REQUIRED:
         if name not in data:
             others = [str(n) for n in data.data_vars if n not in KNOWN]
@@ -53,15 +70,130 @@ def read_netcdf(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> Lin
         ("velocity_std", "std"),
     ):
         if name in data:
-            values[key] = ordered(data, name, theirs, path)
+            values[key] = _in_order(data, name, theirs, path)
     if ("point" in data["velocity"].dims) != ("point" in data["direction_cosines"].dims):
         raise UserError(f"{path}: velocity and direction_cosines must both have a dimension point")
     values |= {d: data[d].values for d in ORDER if d in data.variables}
     return from_arrays(values, path, unit)
 
 
+def read_matlab(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSight:
+    """Read a MATLAB file with arrays of these names, or of those that the layout maps to them.
+
+    ``direction_cosines`` (views x 3, or views x points x 3), ``velocity`` (views x frequencies, or
+    views x points x frequencies) or ``real`` and ``imag``, and optionally ``std`` (as velocity),
+    ``frequency``, ``view`` and ``point``. The layout's order is that of the velocities.
+    """
+    found = _arrays(path)
+    layout.require(found, path)
+    values = _with_velocity({layout.mapping.get(k, k): v for k, v in found.items()})
+    for name in REQUIRED:
+        if name not in values:
+            raise UserError(
+                f"{path}: the array {name} is missing; needed are {', '.join(REQUIRED)}"
+            )
+    if layout.order:
+        values = _ordered(values, layout.order, path)
+    if "frequency" in values:
+        values["frequency"] = np.asarray(values["frequency"]).ravel()
+    for name in {"view", "point"} & set(values):
+        values[name] = [str(np.squeeze(v)).strip() for v in np.asarray(values[name]).ravel()]
+    return from_arrays(values, path, unit)
+
+
+def from_arrays(values: Mapping[str, Any], path: Path, unit: VelocityUnit) -> LineOfSight:
+    """Give missing point and frequency dimensions length one and check the shapes.
+
+    Parameters
+    ----------
+    values : mapping of str to array
+        ``direction_cosines``, ``velocity``, and perhaps ``std``, ``view``, ``point`` and
+        ``frequency``.
+    path : Path
+        Of the file, for messages.
+    unit : VelocityUnit
+        Of velocities and standard errors.
+    """
+    cosines = _numbers(values, "direction_cosines", path)
+    velocity = _numbers(values, "velocity", path)
+    several = cosines.ndim == 3
+    cosines = cosines if several else cosines[:, None]
+
+    def cube(array: NDArray) -> NDArray:
+        array = array if several else np.expand_dims(array, 1)
+        return array if array.ndim == 3 else array[..., None]
+
+    velocity = cube(velocity)
+    views, points = cosines.shape[:2]
+    if velocity.shape[:2] != (views, points) or cosines.shape[2:] != (3,) or velocity.ndim != 3:
+        raise UserError(
+            f"{path}: velocity has the shape {velocity.shape} and direction_cosines "
+            f"{cosines.shape}; they must agree in views and points, and directions need 3 numbers"
+        )
+    frequency = _frequencies(values, velocity.shape[2], path)
+    std = None
+    if "std" in values:
+        std = cube(_numbers(values, "std", path).astype(float)) * unit.value
+        try:
+            std = np.broadcast_to(std, velocity.shape)
+        except ValueError:
+            raise UserError(
+                f"{path}: the standard errors have the shape {std.shape}, the velocities "
+                f"{velocity.shape}; they must agree, or have length 1 where they stay the same"
+            ) from None
+    return LineOfSight(
+        source=str(path),
+        view=_labels(values, "view", views, path),
+        point=_labels(values, "point", points, path) if several else None,
+        frequency=frequency,
+        direction_cosines=cosines.astype(float),
+        velocity=velocity * unit.value,
+        std=std,
+    )
+
+
+def _numbers(values: Mapping[str, Any], name: str, path: Path) -> NDArray:
+    """Complain unless an array holds numbers, along views at least."""
+    array = np.asarray(values[name])
+    if array.dtype.kind not in ("biuf" if name != "velocity" else "biufc"):
+        raise UserError(f"{path}: {name} must hold {'' if name == 'velocity' else 'real '}numbers")
+    if array.ndim < 1 + (name == "direction_cosines"):
+        raise UserError(f"{path}: {name} must have an entry for every view")
+    return array
+
+
+def _labels(values: Mapping[str, Any], dim: str, size: int, path: Path) -> list[str]:
+    """Name views or points; by numbers from 1 if there are no names."""
+    names = [str(name) for name in values.get(dim, range(1, size + 1))]
+    if len(names) != size:
+        raise UserError(f"{path}: there are {len(names)} names of {dim}s, but {size} {dim}s")
+    return names
+
+
+def _frequencies(values: Mapping[str, Any], size: int, path: Path) -> Array | None:
+    """Find the frequencies of the velocities; None for a single one that is not stated."""
+    if "frequency" not in values:
+        if size > 1:
+            raise UserError(f"{path}: velocities at {size} frequencies need an array frequency")
+        return None
+    frequency = _numbers(values, "frequency", path).astype(float)
+    if len(frequency) != size:
+        raise UserError(f"{path}: there are {len(frequency)} frequencies but velocities at {size}")
+    return frequency
+
+
+def _with_velocity(values: dict[str, Any]) -> dict[str, Any]:
+    """Add ``velocity`` where there are ``real`` and ``imag`` instead."""
+    if "velocity" in values or "real" not in values:
+        return values
+    velocity = np.asarray(values["real"])
+    if "imag" in values:
+        velocity = velocity + 1j * np.asarray(values["imag"])
+    return values | {"velocity": velocity}
+
+
 def _group(path: Path, layout: FileLayout) -> xr.Dataset:
-    """The file's group, in memory."""
+    """Read the file's group into memory."""
     try:
         with dataset.load(path) as tree:
             name = layout.group or ("line_of_sight" if "line_of_sight" in tree.children else "/")
@@ -74,36 +206,12 @@ def _group(path: Path, layout: FileLayout) -> xr.Dataset:
 
 
 def _unit_name(text: str) -> str:
-    """``m_per_s`` for ``m/s``, ``m s-1`` and ``m s^-1``."""
+    """Turn ``m/s``, ``m s-1`` and ``m s^-1`` to ``m_per_s``."""
     return text.replace(" s-1", "/s").replace(" s^-1", "/s").replace("/", "_per_")
 
 
-DIMENSIONS = (*ORDER, "axis")
-#: Dimensions that each variable may have; the first is needed.
-ALLOWED = {
-    "direction_cosines": ("view", "point", "axis"),
-    "velocity": ("view", "point", "frequency"),
-    "velocity_std": ("view", "point", "frequency"),
-}
-#: How others may call a dimension.
-LIKE = {
-    "axis": "xyz|ax[ie]s|comp|dir|coord|dim|cart",
-    "frequency": "freq|^n?f$|hz|omega|line",
-    "point": "point|node|grid|pixel|^p$|^n$",
-    "view": "view|head|scan|look|station|pos",
-}
-#: Variables that must go together, and what they make.
-PARTS = {"velocity": ("real", "imag"), "direction_cosines": ("dx", "dy", "dz")}
-
-
-def renamed(data: xr.Dataset, layout: FileLayout, path: Path) -> tuple[xr.Dataset, dict[str, str]]:
-    """The file's variables and dimensions with the program's names, put together of their parts.
-
-    Parameters
-    ----------
-    data : Dataset
-    layout : FileLayout
-    path : Path
+def _renamed(data: xr.Dataset, layout: FileLayout, path: Path) -> tuple[xr.Dataset, dict[str, str]]:
+    """Give variables and dimensions the program's names, and put them together of their parts.
 
     Returns
     -------
@@ -145,7 +253,7 @@ def renamed(data: xr.Dataset, layout: FileLayout, path: Path) -> tuple[xr.Datase
 def _dimension_of(
     array: xr.DataArray, own: str, dims: dict[str, str], path: Path
 ) -> dict[str, str]:
-    """The dimension whose entries a variable names: this says what the dimension is."""
+    """Find the dimension whose entries a variable names: this says what the dimension is."""
     if array.ndim > 1 or own == "axis":
         has = f"has the dimensions {_sizes(array)}" if array.ndim > 1 else "is no dimension itself"
         raise UserError(
@@ -163,7 +271,7 @@ def _dimension_of(
 
 
 def _with_names(data: xr.Dataset, dims: dict[str, str], others: dict[str, str]) -> xr.Dataset:
-    """All arrays anew, under their names; a dimension keeps the entries that the file has of it."""
+    """Make all arrays anew, under their names; a dimension keeps the file's entries of it."""
     made = {}
     for name, array in data.variables.items():
         own = others.get(str(name), dims.get(str(name), str(name)))
@@ -179,7 +287,7 @@ def _with_names(data: xr.Dataset, dims: dict[str, str], others: dict[str, str]) 
 
 
 def _together(data: xr.Dataset, path: Path) -> xr.Dataset:
-    """Complex velocities of their parts, directions of their components."""
+    """Put velocities together of their complex parts, directions of their components."""
     for whole, parts in PARTS.items():
         there = [name for name in parts if name in data]
         if not there:
@@ -216,16 +324,8 @@ def _together(data: xr.Dataset, path: Path) -> xr.Dataset:
     return data
 
 
-def ordered(data: xr.Dataset, name: str, theirs: dict[str, str], path: Path) -> np.ndarray:
-    """A variable's values with the dimensions in the order (view, point, axis or frequency).
-
-    Parameters
-    ----------
-    data : Dataset
-    name : str
-    theirs : dict of str to str
-        See `renamed`.
-    path : Path
+def _in_order(data: xr.Dataset, name: str, theirs: dict[str, str], path: Path) -> NDArray:
+    """Put a variable's dimensions in the order (view, point, axis or frequency).
 
     Raises
     ------
@@ -253,7 +353,7 @@ def ordered(data: xr.Dataset, name: str, theirs: dict[str, str], path: Path) -> 
 
 
 def _remedy(array: xr.DataArray, strange: list[str], free: list[str]) -> str:
-    """What to say so that the dimensions become those of the program, the needed ones first."""
+    """Say how the dimensions become those of the program, the needed ones first."""
     if not strange:
         return ", of which it lacks " + " and ".join(free)
     if not free:
@@ -267,7 +367,7 @@ def _remedy(array: xr.DataArray, strange: list[str], free: list[str]) -> str:
 
 
 def _pairs(array: xr.DataArray, strange: list[str], free: list[str]) -> dict[str, str]:
-    """What each strange dimension may be: by its name and length, else as they stand."""
+    """Guess each strange dimension by its name and length, else as they stand."""
     pairs: dict[str, str] = {}
     for own in (d for d in LIKE if d in free):
         alike = [d for d in strange if d not in pairs and re.search(LIKE[own], d.lower())]
@@ -284,132 +384,25 @@ def _pairs(array: xr.DataArray, strange: list[str], free: list[str]) -> dict[str
     return pairs | dict(zip(left, others, strict=False))
 
 
-def _tells_xyz(labels: np.ndarray) -> bool:
-    """Whether labels end in x, y and z."""
+def _tells_xyz(labels: NDArray) -> bool:
+    """Tell whether labels end in x, y and z."""
     return sorted(str(label).strip().lower()[-1:] for label in labels) == list("xyz")
 
 
-def _xyz(labels: np.ndarray) -> list[int]:
-    """Places of x, y, z by the ends of the labels; as they stand if these do not tell."""
+def _xyz(labels: NDArray) -> list[int]:
+    """Find x, y, z by the ends of the labels; as they stand if these do not tell."""
     ends = [str(label).strip().lower()[-1:] for label in labels]
     return [ends.index(c) for c in "xyz"] if sorted(ends) == list("xyz") else [0, 1, 2]
 
 
 def _sizes(array: xr.DataArray, theirs: dict[str, str] | None = None) -> str:
-    """Dimensions with their lengths, by the file's names."""
+    """List dimensions with their lengths, by the file's names."""
     names = [(theirs or {}).get(str(dim), str(dim)) for dim in array.dims]
     return ", ".join(f"{n} ({s})" for n, s in zip(names, array.shape, strict=True)) or "none"
 
 
-REQUIRED = ("direction_cosines", "velocity")
-
-
-def with_velocity(values: dict[str, Any]) -> dict[str, Any]:
-    """The arrays with ``velocity`` where there are ``real`` and ``imag`` instead."""
-    if "velocity" in values or "real" not in values:
-        return values
-    velocity = np.asarray(values["real"])
-    if "imag" in values:
-        velocity = velocity + 1j * np.asarray(values["imag"])
-    return values | {"velocity": velocity}
-
-
-def from_arrays(values: Mapping[str, Any], path: Path, unit: VelocityUnit) -> LineOfSight:
-    """Give missing point and frequency dimensions length one and check the shapes."""
-    cosines = _numbers(values, "direction_cosines", path)
-    velocity = _numbers(values, "velocity", path)
-    several = cosines.ndim == 3
-    cosines = cosines if several else cosines[:, None]
-
-    def cube(array: np.ndarray) -> np.ndarray:
-        array = array if several else np.expand_dims(array, 1)
-        return array if array.ndim == 3 else array[..., None]
-
-    velocity = cube(velocity)
-    views, points = cosines.shape[:2]
-    if velocity.shape[:2] != (views, points) or cosines.shape[2:] != (3,) or velocity.ndim != 3:
-        raise UserError(
-            f"{path}: velocity has the shape {velocity.shape} and direction_cosines "
-            f"{cosines.shape}; they must agree in views and points, and directions need 3 numbers"
-        )
-    frequency = _frequencies(values, velocity.shape[2], path)
-    std = None
-    if "std" in values:
-        std = cube(_numbers(values, "std", path).astype(float)) * unit.value
-        try:
-            std = np.broadcast_to(std, velocity.shape)
-        except ValueError:
-            raise UserError(
-                f"{path}: the standard errors have the shape {std.shape}, the velocities "
-                f"{velocity.shape}; they must agree, or have length 1 where they stay the same"
-            ) from None
-    return LineOfSight(
-        source=str(path),
-        view=_labels(values, "view", views, path),
-        point=_labels(values, "point", points, path) if several else None,
-        frequency=frequency,
-        direction_cosines=cosines.astype(float),
-        velocity=velocity * unit.value,
-        std=std,
-    )
-
-
-def _numbers(values: Mapping[str, Any], name: str, path: Path) -> np.ndarray:
-    """An array that must hold numbers, along views at least."""
-    array = np.asarray(values[name])
-    if array.dtype.kind not in ("biuf" if name != "velocity" else "biufc"):
-        raise UserError(f"{path}: {name} must hold {'' if name == 'velocity' else 'real '}numbers")
-    if array.ndim < 1 + (name == "direction_cosines"):
-        raise UserError(f"{path}: {name} must have an entry for every view")
-    return array
-
-
-def _labels(values: Mapping[str, Any], dim: str, size: int, path: Path) -> list[str]:
-    """The names of views or points; numbers from 1 if there are none."""
-    names = [str(name) for name in values.get(dim, range(1, size + 1))]
-    if len(names) != size:
-        raise UserError(f"{path}: there are {len(names)} names of {dim}s, but {size} {dim}s")
-    return names
-
-
-def _frequencies(values: Mapping[str, Any], size: int, path: Path) -> Array | None:
-    """The frequencies of the velocities; None for a single one that is not stated."""
-    if "frequency" not in values:
-        if size > 1:
-            raise UserError(f"{path}: velocities at {size} frequencies need an array frequency")
-        return None
-    frequency = _numbers(values, "frequency", path).astype(float)
-    if len(frequency) != size:
-        raise UserError(f"{path}: there are {len(frequency)} frequencies but velocities at {size}")
-    return frequency
-
-
-def read_matlab(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSight:
-    """Read a MATLAB file with arrays of these names, or of those that the layout maps to them.
-
-    ``direction_cosines`` (views x 3, or views x points x 3), ``velocity`` (views x frequencies, or
-    views x points x frequencies) or ``real`` and ``imag``, and optionally ``std`` (as velocity),
-    ``frequency``, ``view`` and ``point``. The layout's order is that of the velocities.
-    """
-    found = _arrays(path)
-    layout.require(found, path)
-    values = with_velocity({layout.mapping.get(k, k): v for k, v in found.items()})
-    for name in REQUIRED:
-        if name not in values:
-            raise UserError(
-                f"{path}: the array {name} is missing; needed are {', '.join(REQUIRED)}"
-            )
-    if layout.order:
-        values = _ordered(values, layout.order, path)
-    if "frequency" in values:
-        values["frequency"] = np.asarray(values["frequency"]).ravel()
-    for name in {"view", "point"} & set(values):
-        values[name] = [str(np.squeeze(v)).strip() for v in np.asarray(values[name]).ravel()]
-    return from_arrays(values, path, unit)
-
-
 def _arrays(path: Path) -> dict[str, Any]:
-    """The file's arrays by name."""
+    """Read the file's arrays by name."""
     try:
         found = scipy.io.loadmat(path)
     except NotImplementedError:
@@ -420,7 +413,7 @@ def _arrays(path: Path) -> dict[str, Any]:
 
 
 def _of_version_7_3(path: Path) -> dict[str, Any]:
-    """Arrays of numbers and of characters of a file of version 7.3, which is one of HDF5.
+    """Read numbers and characters of a file of version 7.3, which is one of HDF5.
 
     MATLAB writes the last dimension first there, complex numbers as pairs, and text as numbers.
     Cells are not among what the netCDF library reads.
@@ -437,16 +430,17 @@ def _of_version_7_3(path: Path) -> dict[str, Any]:
 
 
 def _is_text(variable: Any) -> bool:
+    """Tell whether a variable is a matrix of characters."""
     return getattr(variable, "MATLAB_class", "") == "char" and variable.ndim == 2
 
 
-def _text(codes: np.ndarray) -> np.ndarray:
-    """The rows of a matrix of characters, which stand in columns."""
+def _text(codes: NDArray) -> NDArray:
+    """Decode the rows of a matrix of characters, which stand in columns."""
     return np.array(["".join(map(chr, row)).strip() for row in codes.T])
 
 
 def _ordered(values: dict[str, Any], order: tuple[str, ...], path: Path) -> dict[str, Any]:
-    """Arrays with the dimensions in the order (view, point, frequency), or (.., axis)."""
+    """Put dimensions in the order (view, point, frequency), or (.., axis)."""
     values = dict(values)
     for name in ("velocity", "std", "direction_cosines"):
         if name not in values:

@@ -1,6 +1,7 @@
 """Line-of-sight velocities of points seen from several views, checked once.
 
-How a file of others differs from the program's own: names, order of dimensions, group.
+All formats end in one `LineOfSight`. What a file of others calls its arrays and dimensions, and in
+which order they are, is a `FileLayout`.
 """
 
 from __future__ import annotations
@@ -56,6 +57,11 @@ class LineOfSight:
     velocity: Array | ComplexArray
     std: Array | None = None
 
+    def __repr__(self) -> str:
+        names = ("views", "points", "frequencies")
+        shape = ", ".join(f"{n} {name}" for n, name in zip(self.velocity.shape, names, strict=True))
+        return f"<LineOfSight of {shape} from {self.source}>"
+
     def __post_init__(self) -> None:
         cosines, velocity, std = self.direction_cosines, self.velocity, self.std
         self._check("direction cosine", cosines, np.isfinite(cosines), "must be finite")
@@ -87,15 +93,15 @@ class LineOfSight:
         raise UserError(f"{self.source}: {shown}, but {right}")
 
     def _check_frequencies(self, frequency: Array) -> None:
-        """Frequencies are finite, not negative, and differ."""
+        """Complain unless frequencies are finite, not negative, and differ."""
         bad = frequency[~(np.isfinite(frequency) & (frequency >= 0))]
         if bad.size:
             raise UserError(f"{self.source}: {bad[0]:g} is not a frequency in Hz")
         if len(np.unique(frequency)) != len(frequency):
             raise UserError(f"{self.source}: a frequency is given twice")
 
-    def group(self) -> xr.Dataset:
-        """The run's group ``line_of_sight``; unnamed single points and frequencies are dropped."""
+    def to_dataset(self) -> xr.Dataset:
+        """Make the run's group ``line_of_sight``, without unnamed single points and frequencies."""
         coords: dict[str, list[str] | Array] = {"view": self.view}
         sight, velocity, std = self.direction_cosines, self.velocity, self.std
         if self.point is None:
@@ -114,7 +120,7 @@ class LineOfSight:
         return made
 
 
-#: What a name of a file may stand for.
+#: Names that a name of a file may stand for.
 KNOWN = (
     "view",
     "point",
@@ -135,7 +141,7 @@ ORDER = ("view", "point", "frequency")
 
 @dataclass(frozen=True)
 class FileLayout:
-    """Names and order of a file.
+    """Names and order of a file that differ from the program's own.
 
     Parameters
     ----------

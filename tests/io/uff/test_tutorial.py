@@ -1,6 +1,6 @@
 """The tutorial's files are what is made here, and its experiments find the shape that they hold.
 
-``SLDVEXP_WRITE_TUTORIAL=1 pytest -n0 tests/universal/test_tutorial.py`` writes the files anew.
+``SLDVEXP_WRITE_TUTORIAL=1 pytest -n0 tests/io/uff/test_tutorial.py`` writes the files anew.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-DATA = Path(__file__).parents[2] / "conf" / "data"
+DATA = Path(__file__).parents[3] / "conf" / "data"
 MM = 1e-3
 #: Where a single-point vibrometer stood on its tripod, m, and was aimed at one point after another.
 ORIGINS = {"front": (0.1, 0.0, 1.5), "left": (-0.9, -0.2, 1.1), "below": (0.3, -0.9, 1.1)}

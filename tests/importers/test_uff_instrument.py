@@ -8,11 +8,12 @@ import xarray as xr
 
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.rotation import KnownPose, rotation_from_euler
-from sldvexp.importers import pointwise as settings
-from sldvexp.importers.pointwise import PointwiseView
+from sldvexp.importers import conventions as settings
+from sldvexp.importers.pointwise_data import PointwiseView
 from sldvexp.importers.uff import UffImport
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
 from sldvexp.pose.given import known_poses
+from sldvexp.units import LengthUnit
 
 POINTS = np.array([[0, 0, 0], [0.3, 0, 0], [0.3, 0.2, 0.01], [0, 0.2, 0]])
 FREQUENCY = np.array([10.0, 20.0, 30.0])
@@ -61,7 +62,7 @@ PLAIN = {
     "positive": settings.Positive.towards,
     "phase": settings.Phase.exp_plus,
     "reference": 1.0,
-    "length_unit": settings.LengthUnit.m,
+    "length_unit": LengthUnit.m,
 }
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sldvexp.errors import UserError
-from sldvexp.io.velocities.read import read
+from sldvexp.io.velocities.files import read
 from sldvexp.io.velocities.table import LineOfSight
 from sldvexp.units import VelocityUnit
 
@@ -75,7 +75,7 @@ def test_csv_and_netcdf_round_trip(tmp_path_factory, points, frequencies, std, r
     table = example(np.random.default_rng(seed), 3, points, frequencies, std, real)
     write_csv(folder / "t.csv", table)
     same(read(folder / "t.csv", M_PER_S), table)
-    table.group().to_netcdf(folder / "t.nc", engine="netcdf4", auto_complex=True)
+    table.to_dataset().to_netcdf(folder / "t.nc", engine="netcdf4", auto_complex=True)
     same(read(folder / "t.nc", M_PER_S), table)
 
 
@@ -157,7 +157,7 @@ def test_wrong_arrays_are_named(tmp_path):
     xr.Dataset({"velocity": ("view", [1.0])}).to_netcdf(tmp_path / "t.nc", engine="netcdf4")
     with pytest.raises(UserError, match="direction_cosines is missing"):
         read(tmp_path / "t.nc", M_PER_S)
-    group = example(np.random.default_rng(3)).group()
+    group = example(np.random.default_rng(3)).to_dataset()
     group.to_netcdf(tmp_path / "u.nc", engine="netcdf4", auto_complex=True)
     with pytest.raises(UserError, match="states velocities in m/s"):
         read(tmp_path / "u.nc", VelocityUnit.mm_per_s)

@@ -7,9 +7,10 @@ import pytest
 import pyuff
 
 from sldvexp.errors import UserError
-from sldvexp.importers import pointwise as settings
-from sldvexp.importers.pointwise import PointwiseView
+from sldvexp.importers import conventions as settings
+from sldvexp.importers.pointwise_data import PointwiseView
 from sldvexp.importers.uff import Estimator, FunctionKind, NodalAxes, UffImport
+from sldvexp.units import LengthUnit
 
 POINTS = np.array([[0, 0, 0], [0.3, 0, 0], [0.3, 0.2, 0.01]])
 FREQUENCY = np.array([10.0, 20.0, 30.0, 40.0])
@@ -25,7 +26,7 @@ COMMON = {
     "positive": settings.Positive.towards,
     "phase": settings.Phase.exp_plus,
     "reference": 1.0,
-    "length_unit": settings.LengthUnit.m,
+    "length_unit": LengthUnit.m,
     "directions": settings.Directions.view,
 }
 

@@ -8,7 +8,7 @@ import scipy.io
 import xarray as xr
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.importers import pointwise
+from sldvexp.importers import conventions
 from sldvexp.importers.velocity_file import File
 from sldvexp.units import VelocityUnit
 
@@ -215,7 +215,7 @@ def test_standard_errors_that_stay_the_same_over_dimensions(truth, tmp_path):
     path = tmp_path / "other.nc"
     std = np.array([1e-3, 2e-3, 5e-3])
     foreign(truth, s=("head", std)).to_netcdf(path, engine="netcdf4")
-    group = right(path, truth, mapping=WHOLE | {"s": "std"}, amplitude=pointwise.Amplitude.peak)
+    group = right(path, truth, mapping=WHOLE | {"s": "std"}, amplitude=conventions.Amplitude.peak)
     for i, expected in enumerate(std):
         np.testing.assert_array_equal(group["velocity_std"][i], np.full((5, 2), expected))
 
@@ -295,9 +295,9 @@ def test_conventions_are_applied_and_recorded(tmp_path):
     path.write_text("view,dx,dy,dz,real,imag,std\na,1,0,0,1,2,0.5\n")
     group = File(
         path=str(path),
-        positive=pointwise.Positive.away,
-        phase=pointwise.Phase.exp_minus,
-        amplitude=pointwise.Amplitude.rms,
+        positive=conventions.Positive.away,
+        phase=conventions.Phase.exp_minus,
+        amplitude=conventions.Amplitude.rms,
     ).read()
     np.testing.assert_allclose(group["velocity"], [2**0.5 * (-1 + 2j)])
     np.testing.assert_allclose(group["velocity_std"], [2**0.5 * 0.5])

@@ -10,16 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.importers import pointwise
-from sldvexp.importers.pointwise import PointwiseView
+from sldvexp.importers import conventions
+from sldvexp.importers.pointwise_data import PointwiseView
 from sldvexp.importers.scan_export import ScanExport
+from sldvexp.units import LengthUnit
 
 POINTS = np.array([[0, 0, 0], [0.3, 0, 0], [0.3, 0.2, 0.01], [0, 0.2, 0]])
 VALUES = 1e-3 * np.array([1 + 2j, -3 + 0.5j, 0.25 - 4j, -5 - 6j])
 PLAIN = {
-    "positive": pointwise.Positive.towards,
-    "phase": pointwise.Phase.exp_plus,
-    "amplitude": pointwise.Amplitude.peak,
+    "positive": conventions.Positive.towards,
+    "phase": conventions.Phase.exp_plus,
+    "amplitude": conventions.Amplitude.peak,
 }
 
 
@@ -184,15 +185,15 @@ def test_columns_of_frequencies_without_units(read):
     text = "n\tx\ty\tz\t100 Hz\t200 Hz\n" + rows(INDEX, *XYZ, *F_EACH.real[:, :2].T)
     more = {
         "columns": {"index": 1, "x": 2, "y": 3, "z": 4},
-        "length_unit": pointwise.LengthUnit.m,
-        "quantity": pointwise.Quantity.velocity,
+        "length_unit": LengthUnit.m,
+        "quantity": conventions.Quantity.velocity,
     }
     with pytest.raises(UserError, match=r"say it with instrument\.unit"):
         read(text, **more)
-    group = read(text, **more, unit=pointwise.MotionUnit.m)
+    group = read(text, **more, unit=conventions.MotionUnit.m)
     right(group, F_EACH.real[:, :2], frequency=[100, 200])
     assert group.attrs["import_columns"].endswith("frequency heading, real 5 6")
-    right(read(text, **more, unit=pointwise.MotionUnit.m, frequency=[200.0]),
+    right(read(text, **more, unit=conventions.MotionUnit.m, frequency=[200.0]),
           F_EACH.real[:, 1:2], frequency=[200])  # fmt: skip
 
 
@@ -221,7 +222,7 @@ def test_one_of_several_functions_for_each_frequency(read):
     with pytest.raises(UserError, match=r"the columns of 100 Hz are 5 .* 8 .* say which, of one"):
         read(text)
     named = {"index": 1, "x": 2, "y": 3, "z": 4}
-    units = {"length_unit": pointwise.LengthUnit.m}
+    units = {"length_unit": LengthUnit.m}
     of_h1 = named | {"real": 10, "imag": 11}  # of 200 Hz, which is as good as another
     right(read(text, columns=of_h1, **units), F_EACH, frequency=[100, 200, 300])
     of_h2 = named | {"real": 7, "imag": 8}
@@ -263,15 +264,15 @@ def test_named_columns(read):
     with pytest.raises(UserError, match="line 3: there are no three columns of coordinates"):
         read(text)
     columns = {"index": 1, "x": 2, "y": 3, "z": 4, "real": 5, "imag": 6}
-    units = {"length_unit": pointwise.LengthUnit.m, "unit": pointwise.MotionUnit.m}
-    right(read(text, columns=columns, quantity=pointwise.Quantity.velocity, **units))
+    units = {"length_unit": LengthUnit.m, "unit": conventions.MotionUnit.m}
+    right(read(text, columns=columns, quantity=conventions.Quantity.velocity, **units))
     with pytest.raises(UserError, match=r"columns\.imag is 7, but there are 6"):
         read(text, columns=columns | {"imag": 7}, **units)
 
 
 def test_phases_signs_and_amplitudes(read):
-    more = {"phase": pointwise.Phase.exp_minus, "positive": pointwise.Positive.away}
-    group = read(TABLES["english"], amplitude=pointwise.Amplitude.rms, **more)
+    more = {"phase": conventions.Phase.exp_minus, "positive": conventions.Positive.away}
+    group = read(TABLES["english"], amplitude=conventions.Amplitude.rms, **more)
     right(group, -(2**0.5) * VALUES.conj()[:, None])
 
 
@@ -318,7 +319,7 @@ def test_tables_that_are_refused(read, name):
 def test_settings_that_cannot_be():
     view = {"a": PointwiseView(path="x", origin=[0.0, 0.0, 1.0])}
     for wrong in (
-        {"directions": pointwise.Directions.dof},
+        {"directions": conventions.Directions.dof},
         {"columns": {"u": 1}},
         {"columns": {"x": 0}},
         {"views": {"a": PointwiseView(path="x", dof="+Z", origin=[0.0, 0.0, 1.0])}},

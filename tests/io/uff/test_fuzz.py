@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sldvexp.errors import UserError
-from sldvexp.importers import pointwise
-from sldvexp.importers.pointwise import PointwiseView
+from sldvexp.importers import conventions
+from sldvexp.importers.pointwise_data import PointwiseView
 from sldvexp.importers.uff import Estimator, UffImport
 from sldvexp.io.uff.reader import universal_file
 from sldvexp.units import LengthUnit
@@ -103,9 +103,12 @@ def read_all(path):
 def import_all(path):
     """As `instrument=uff` does."""
     views = {"a": PointwiseView(path=str(path), direction=[0.0, 0.0, 1.0])}
-    settings_ = {"directions": pointwise.Directions.view, "positive": pointwise.Positive.towards}
-    settings_ |= {"phase": pointwise.Phase.exp_plus, "reference": 1.0, "amplitude": None}
-    settings_ |= {"estimator": Estimator.h1, "unit": pointwise.MotionUnit.m}
+    settings_ = {
+        "directions": conventions.Directions.view,
+        "positive": conventions.Positive.towards,
+    }
+    settings_ |= {"phase": conventions.Phase.exp_plus, "reference": 1.0, "amplitude": None}
+    settings_ |= {"estimator": Estimator.h1, "unit": conventions.MotionUnit.m}
     settings_ |= {"length_unit": LengthUnit.m, "averages": 4}
     UffImport(views=views, **settings_).read()
 

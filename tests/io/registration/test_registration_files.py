@@ -19,7 +19,7 @@ from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.units import AngleUnit, LengthUnit, decimal_in
 
-DATA = Path(__file__).parents[2] / "conf" / "data"
+DATA = Path(__file__).parents[3] / "conf" / "data"
 SUFFIXES = (".reg", ".csv", ".nc")
 
 # Figure 4.28: number, x, y, z in inch, up-down and left-right in degrees.

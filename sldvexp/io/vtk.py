@@ -11,24 +11,27 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.export.results import PrismMesh
+from sldvexp.typing import Array, IntArray
 
 WEDGE = 13
 TYPES = {"f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
 
 
 def vtu(
-    mesh: PrismMesh,
+    position: Array,
+    prisms: IntArray,
     arrays: Mapping[str, NDArray],
     components: Mapping[str, Sequence[str]],
     time: float | None,
     comment: str,
 ) -> str:
-    """The text of a VTU file.
+    """Write the text of a VTU file.
 
     Parameters
     ----------
-    mesh : PrismMesh
+    position : ndarray, shape (node, 3), m
+    prisms : ndarray of int, shape (prism, 6)
+        Nodes from 0, three of one face and the three opposite them.
     arrays : mapping of str to ndarray, shape (node,) or (node, component)
         At the nodes.
     components : mapping of str to sequence of str
@@ -36,19 +39,27 @@ def vtu(
     time : float, optional
         What the file is an instant of.
     comment : str
+        At the file's head.
+
+    Examples
+    --------
+    >>> corners = np.eye(3)[[0, 1, 2, 0, 1, 2]] * [[1], [1], [1], [2], [2], [2]]
+    >>> text = vtu(corners, np.arange(6)[None], {"depth": np.zeros(6)}, {}, None, "one prism")
+    >>> text.splitlines()[4]
+    '<Piece NumberOfPoints="6" NumberOfCells="1">'
     """
-    prisms = mesh.prisms  # VTK finds their volumes positive, although its manual turns them over
+    # VTK finds the volumes of these prisms positive, although its manual turns them over.
     instant = [] if time is None else [_array("TimeValue", np.array([time]), tuples=True)]
     lines = [
         *_head("UnstructuredGrid", comment),
         "<UnstructuredGrid>",
         *(["<FieldData>", *instant, "</FieldData>"] if instant else []),
-        f'<Piece NumberOfPoints="{len(mesh.position)}" NumberOfCells="{len(prisms)}">',
+        f'<Piece NumberOfPoints="{len(position)}" NumberOfCells="{len(prisms)}">',
         "<PointData>",
         *(_array(name, values, components.get(name, ())) for name, values in arrays.items()),
         "</PointData>",
         "<Points>",
-        _array("Points", mesh.position),
+        _array("Points", position),
         "</Points>",
         "<Cells>",
         _array("connectivity", prisms.ravel()),
@@ -63,7 +74,13 @@ def vtu(
 
 
 def pvd(files: Mapping[float, Path], comment: str) -> str:
-    """The text of a PVD file: other files by their time, named relative to it."""
+    """Write the text of a PVD file: other files by their time, named relative to it.
+
+    Examples
+    --------
+    >>> pvd({0.5: Path("mine/half.vtu")}, "").splitlines()[4]
+    '<DataSet timestep="0.5" part="0" file="mine/half.vtu"/>'
+    """
     lines = [
         *_head("Collection", comment),
         "<Collection>",
@@ -78,6 +95,7 @@ def pvd(files: Mapping[float, Path], comment: str) -> str:
 
 
 def _head(kind: str, comment: str) -> Iterator[str]:
+    """Write the beginning of a file."""
     yield '<?xml version="1.0"?>'
     yield f"<!-- {escape(comment).replace('--', '- -')} -->"
     yield (
@@ -89,7 +107,7 @@ def _head(kind: str, comment: str) -> Iterator[str]:
 def _array(
     name: str, values: NDArray, components: Sequence[str] = (), *, tuples: bool = False
 ) -> str:
-    """One array, compressed as a single block."""
+    """Write one array, compressed as a single block."""
     data = np.ascontiguousarray(values).astype(values.dtype.newbyteorder("<"))
     packed = zlib.compress(data.tobytes())
     header = np.array([1, data.nbytes, 0, len(packed)], "<u8")

@@ -1,0 +1,179 @@
+"""Conventions of measured values: how the numbers of a file become peak velocities.
+
+A file may hold displacements, velocities or accelerations in any unit of length, as peak, r.m.s.
+or half-peak amplitudes of either sign and either time dependence. With ``x = X exp(i omega t)``
+each derivative is a factor ``i omega``, so that one factor, one power of ``i omega`` and perhaps a
+conjugation make every one of them the velocity ``V exp(+i omega t)`` towards the instrument.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.typing import Array, ComplexArray
+
+
+class Directions(Enum):
+    """Sources of the lines of sight.
+
+    Attributes
+    ----------
+    dof
+        The response direction of each function, as +Z, in its node's coordinate system.
+    view
+        `origin` or `direction` of each view.
+    pose
+        The run's poses, and the laser's mirrors.
+    """
+
+    dof = "dof"
+    view = "view"
+    pose = "pose"
+
+
+class Positive(Enum):
+    """Sense of a positive velocity of the file, seen from the surface."""
+
+    towards = 1
+    away = -1
+
+
+class Quantity(Enum):
+    """Quantity of a motion; the value is how often it must be differentiated for a velocity."""
+
+    displacement = 1
+    velocity = 0
+    acceleration = -1
+
+
+class MotionUnit(Enum):
+    """Unit of length in the values' unit, as mm of mm/s, in m; g is one of acceleration."""
+
+    m = 1.0
+    cm = 0.01
+    mm = 1e-3
+    um = 1e-6
+    nm = 1e-9
+    inch = 0.0254
+    ft = 0.3048
+    g = 9.80665
+
+
+class Amplitude(Enum):
+    """Measure of a sine that a spectrum gives; the value turns it to the peak."""
+
+    peak = 1.0
+    rms = 2**0.5
+    half = 2.0
+
+
+class Phase(Enum):
+    """Sign in the exponent of the time dependence that complex values belong to."""
+
+    exp_plus = 1
+    exp_minus = -1
+
+
+class Zeros(Enum):
+    """Meaning of a function whose values are all zero."""
+
+    refuse = "refuse"
+    missing = "missing"
+    measured = "measured"
+
+
+@dataclass(frozen=True)
+class Conventions:
+    """Rule that turns a file's values to peak velocities towards the instrument, exp(+i omega t).
+
+    Parameters
+    ----------
+    quantity : Quantity
+    factor : float
+        Of units, amplitude, reference and sign together.
+    conjugate : bool
+        Whether the file's time dependence is exp(-i omega t).
+    told : dict of str to str
+        What was decided and by what, for the record.
+
+    Examples
+    --------
+    >>> rule = Conventions(Quantity.displacement, 1e-6, False, {})
+    >>> rule.velocity(np.array([1.0]), np.array([100.0])).round(6).tolist()
+    [0.000628j]
+    """
+
+    quantity: Quantity
+    factor: float
+    conjugate: bool
+    told: dict[str, str]
+
+    def velocity(self, values: NDArray, frequency: Array) -> ComplexArray:
+        """Turn values of any shape that ends with frequency to velocities, m/s."""
+        omega = 2j * np.pi * frequency
+        values = np.conj(values) if self.conjugate else values
+        return np.asarray(self.factor * values * omega**self.quantity.value, complex)
+
+
+#: ``mm/s^2``, ``(m/s)/N``, ``[in/sec]``: a length and how often it is divided by a time.
+UNIT = re.compile(
+    r"[\s\[(]*(?P<length>nm|[uµμ]m|mm|cm|m|inch|in|ft|g)"
+    r"(?P<time>\s*/\s*s(ec)?\s*(\^\s*2|\*\*\s*2|2|²|/\s*s(ec)?)?)?(?![a-zA-Z²^*])"
+)
+NAMES = {"in": "inch", "µm": "um", "μm": "um"}
+SQUARED = re.compile(r"2|²|/.*/")
+
+
+class Motion(NamedTuple):
+    """Meaning of a unit.
+
+    Parameters
+    ----------
+    quantity : Quantity
+    unit : MotionUnit
+    rest : str
+        What follows, as ``/N`` of a response function.
+    """
+
+    quantity: Quantity
+    unit: MotionUnit
+    rest: str
+
+
+def motion_in_product(text: str) -> Motion | None:
+    """Find the motion in a cross spectrum's unit, ``(m/s)*N/Hz``; None unless one factor is one."""
+    bare = re.sub(r"\s*/\s*Hz[\s\])]*$", "", text.strip()).replace("**", "^")
+    factors = [factor.strip(" ()[]") for factor in re.split(r"[*·⋅×]", bare)]
+    found = {motion for factor in factors if (motion := motion_of(factor))}
+    others = [factor for factor in factors if not motion_of(factor)]
+    return found.pop() if len(found) == 1 and "/" not in "".join(others) else None
+
+
+def motion_of(text: str) -> Motion | None:
+    """Recognise the motion that a unit is one of; None if it is none.
+
+    Examples
+    --------
+    >>> motion_of("mm/s^2")
+    Motion(quantity=<Quantity.acceleration: -1>, unit=<MotionUnit.mm: 0.001>, rest='')
+    >>> motion_of("V") is None
+    True
+    """
+    found = UNIT.match(text)
+    if not found:
+        return None
+    unit = MotionUnit[NAMES.get(found["length"], found["length"])]
+    time = found["time"] or ""
+    if unit is MotionUnit.g:
+        quantity = Quantity.acceleration
+    elif not time:
+        quantity = Quantity.displacement
+    else:
+        quantity = Quantity.acceleration if SQUARED.search(time) else Quantity.velocity
+    return Motion(quantity, unit, text[found.end() :].strip(" )]"))

@@ -1,0 +1,354 @@
+"""Views that were measured point by point, as line-of-sight velocities or as images.
+
+Each view has values at the nodes that it measured. As line-of-sight velocities they are joined at
+the nodes that all views have, with the direction of every line of sight: the response direction of
+a degree of freedom, the same for a whole view, from a point to where the instrument stood, or along
+the beam that the run's pose and mirrors send there. As images every node is a pixel, at the mirror
+angles of the beam through it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from omegaconf import MISSING
+
+from sldvexp import dataset
+from sldvexp.errors import UserError, nearest
+from sldvexp.importers.conventions import Directions
+from sldvexp.io.uff.geometry import UniversalGeometry
+from sldvexp.io.velocities.table import LineOfSight
+from sldvexp.laser.model import direction_cosines, project
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray, IntArray
+
+#: How far one node's positions in two files may be apart, relative to the object's size.
+SAME_PLACE = 1e-4
+
+
+@dataclass
+class PointwiseView:
+    """One view.
+
+    Parameters
+    ----------
+    path : str
+        Its file; several views may have the same one.
+    dof : str
+        Which of a universal file's response directions are read, as ``+Z``; empty for all.
+    origin : list of 3 float, m
+        Where the instrument stood, in the world of the points.
+    direction : list of 3 float
+        From the surface to an instrument that is far away, or moved along; any length.
+    """
+
+    path: str = MISSING
+    dof: str = ""
+    origin: list[float] = field(default_factory=list)
+    direction: list[float] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class PointwiseData:
+    """Velocities that one view has at its nodes.
+
+    Parameters
+    ----------
+    name, source : str
+        Of the view and of its file.
+    node : ndarray of int, shape (point,)
+        Ascending.
+    direction : ndarray of int, shape (point,)
+        Code of each function's response direction.
+    frequency : ndarray, shape (frequency,), Hz
+    velocity : ndarray of complex, shape (point, frequency), m/s
+    std : ndarray or None, shape of `velocity`, m/s
+    missing : ndarray of bool, shape (point,)
+        Where zeros stand for what was not measured.
+    geometry : UniversalGeometry or None
+        None if no file has positions.
+    length : float
+        One of the geometry's units in m.
+    told : dict of str to str
+        Conventions, for the record.
+    """
+
+    name: str
+    source: str
+    node: IntArray
+    direction: IntArray
+    frequency: Array
+    velocity: ComplexArray
+    std: Array | None
+    missing: BoolArray
+    geometry: UniversalGeometry | None
+    length: float
+    told: dict[str, str]
+
+
+def close(one: Array, two: Array) -> bool:
+    """Tell whether two lists of frequencies are the same."""
+    return one.shape == two.shape and bool(np.allclose(one, two, rtol=1e-9, atol=0.0))
+
+
+def same_frequencies(view: PointwiseData, first: PointwiseData | None) -> None:
+    """Complain unless a view has the frequencies of the first one."""
+    if first is not None and not close(view.frequency, first.frequency):
+        raise UserError(
+            f"{view.source}: view {view.name} has other frequencies than view {first.name}; choose "
+            "those that all views have with instrument.frequency"
+        )
+
+
+def to_line_of_sight(
+    views: list[PointwiseData],
+    settings: Mapping[str, PointwiseView],
+    directions: Directions,
+    incomplete: bool,
+    tree: Mapping[str, xr.Dataset],
+    laser: TwoMirror | None,
+) -> xr.Dataset:
+    """Join views at the nodes that all have, as the group ``line_of_sight``.
+
+    Parameters
+    ----------
+    views : list of PointwiseData
+    settings : mapping of str to PointwiseView
+        By the views' names.
+    directions : Directions
+    incomplete : bool
+        Whether nodes that a view lacks may be left out.
+    tree : mapping of str to Dataset
+        With the group ``pose``, for directions from it.
+    laser : TwoMirror, optional
+        Likewise.
+
+    Raises
+    ------
+    UserError
+        If the views have no point in common, or not all of them and `incomplete` is false.
+    """
+    node = _common(views, incomplete)
+    where = [np.searchsorted(view.node, node) for view in views]
+    position = _positions(views, node)
+    cosines = [
+        _directions(settings[view.name], directions, view, node, at, position, tree, laser)
+        for view, at in zip(views, where, strict=True)
+    ]
+    errors = [view.std[at] for view, at in zip(views, where, strict=True) if view.std is not None]
+    table = LineOfSight(
+        ", ".join(dict.fromkeys(view.source for view in views)),
+        [view.name for view in views],
+        [str(n) for n in node],
+        views[0].frequency,
+        np.stack(cosines),
+        np.stack([view.velocity[at] for view, at in zip(views, where, strict=True)]),
+        np.stack(errors) if errors else None,
+    )
+    made = table.to_dataset()
+    if position is not None:
+        geometry = next(view.geometry for view in views if view.geometry is not None)
+        made = made.merge(_shape(geometry, node, position), combine_attrs="override")
+    return made.assign_attrs(_record(views))
+
+
+def _record(views: list[PointwiseData]) -> dict[str, str]:
+    """Name what was decided of the files' conventions, as attributes."""
+    keys = dict.fromkeys(key for view in views for key in view.told)
+    return {
+        f"import_{key}": "; ".join(dict.fromkeys(view.told.get(key, "") for view in views))
+        for key in keys
+    }
+
+
+def _positions(views: list[PointwiseData], node: IntArray) -> Array | None:
+    """Find nodes in the world, m, shape (point, 3); None if no file has any.
+
+    Raises
+    ------
+    UserError
+        If a node has no position, or stands at different places in two files.
+    """
+    found: Array | None = None
+    for view in views:
+        if view.geometry is None:
+            continue
+        index = view.geometry.index()
+        lost = [int(n) for n in node if int(n) not in index]
+        if lost:
+            raise UserError(
+                f"{view.source}: the geometry of view {view.name} lacks node {lost[0]}, for which "
+                "there are functions"
+            )
+        own = view.length * view.geometry.position[[index[int(n)] for n in node]]
+        if found is None:
+            found = own
+        apart = np.linalg.norm(own - found, axis=1)
+        if (apart > SAME_PLACE * max(float(np.ptp(found, axis=0).max()), 1e-9)).any():
+            worst = int(apart.argmax())
+            raise UserError(
+                f"{view.source}: the node {node[worst]} of view {view.name} is "
+                f"{apart[worst]:.3g} m from where view {views[0].name} has it; the views must have "
+                "one geometry"
+            )
+    return found
+
+
+def _common(views: list[PointwiseData], incomplete: bool) -> IntArray:
+    """Find the nodes that all views have."""
+    everywhere = views[0].node
+    measured_by = [view.node[~view.missing] for view in views]
+    for nodes in measured_by:
+        everywhere = np.intersect1d(everywhere, nodes)
+    whole = np.unique(np.concatenate([view.node for view in views]))
+    lost = np.setdiff1d(whole, everywhere)
+    if len(lost) and not incomplete:
+        by = next(v for v, n in zip(views, measured_by, strict=True) if lost[0] not in n)
+        raise UserError(
+            f"{by.source}: the view {by.name} has not measured node {lost[0]}, as others have; "
+            "leave such points out with instrument.incomplete=true"
+        )
+    if not len(everywhere):
+        raise UserError("instrument.views: the views have no node in common")
+    return everywhere
+
+
+def _directions(
+    own: PointwiseView,
+    directions: Directions,
+    view: PointwiseData,
+    node: IntArray,
+    at: IndexArray,
+    position: Array | None,
+    tree: Mapping[str, xr.Dataset],
+    laser: TwoMirror | None,
+) -> Array:
+    """Find the unit vectors from the points to the instrument, shape (point, 3)."""
+    if directions is Directions.dof:
+        return _of_dofs(view, node, view.direction[at])
+    if own.direction:
+        return np.tile(np.array(own.direction) / np.linalg.norm(own.direction), (len(node), 1))
+    if position is None:
+        raise UserError(
+            f"{view.source}: has no geometry (data set 15 or 2411), which directions need; name a "
+            "file that has with instrument.geometry"
+        )
+    if own.origin:
+        towards = np.array(own.origin) - position
+        return towards / np.linalg.norm(towards, axis=1, keepdims=True)
+    rotation, origin, laser = _pose_of(view.name, tree, laser)
+    angles = project((position - origin) @ rotation.T, laser.mirror_offset)
+    return direction_cosines(angles, rotation)
+
+
+def _of_dofs(view: PointwiseData, node: IntArray, codes: IntArray) -> Array:
+    """Turn the response directions into the world's axes."""
+    if view.geometry is None:
+        raise UserError(
+            f"{view.source}: has no geometry (data set 15 or 2411), so that its directions cannot "
+            "be told; name a file that has with instrument.geometry, or the view's direction"
+        )
+    index = view.geometry.index()
+    for n, code in zip(node, codes, strict=True):
+        if code == 0 or int(n) not in index:
+            what = "has no direction" if code == 0 else "is not in the geometry"
+            raise UserError(
+                f"{view.source}: node {n} of view {view.name} {what}; give the view's origin or "
+                "direction with instrument.directions=view"
+            )
+    return np.array(
+        [view.geometry.direction(index[int(n)], int(c)) for n, c in zip(node, codes, strict=True)]
+    )
+
+
+def _pose_of(
+    name: str, tree: Mapping[str, xr.Dataset], laser: TwoMirror | None
+) -> tuple[Array, Array, TwoMirror]:
+    """Look up rotation and origin of a view, and the laser that they are of."""
+    if "pose" not in tree or laser is None:
+        raise UserError(
+            "instrument: needs a pose and a laser, for example pose=given, which tell where the "
+            "instrument stood"
+        )
+    names = [str(v) for v in tree["pose"]["view"].values]
+    if name not in names:
+        raise UserError(f"view {name}: has velocities but no pose; {nearest(name, names)}")
+    pose = tree["pose"].sel(view=name)
+    return pose["rotation"].values, pose["origin"].values, laser
+
+
+def _shape(geometry: UniversalGeometry, node: IntArray, position: Array) -> xr.Dataset:
+    """Give positions of points, and triangles and lines between them, for those who draw."""
+    place = {label: i for i, label in enumerate(node.tolist())}
+    q = geometry.quadrilaterals
+    corners = np.concatenate([geometry.triangles, q[:, [0, 1, 2]], q[:, [0, 2, 3]]])
+    ends = [(a, b) for line in geometry.lines for a, b in pairwise(line)]
+
+    def between_points(indices: NDArray) -> IntArray | None:
+        named = [[place.get(int(geometry.label[i]), -1) for i in row] for row in indices]
+        kept = [row for row in named if min(row) >= 0]
+        return np.array(kept, np.int64) if kept else None
+
+    return dataset.group(
+        "line_of_sight",
+        {"point": [str(n) for n in node]},
+        position=position,
+        triangle=between_points(corners),
+        line=between_points(np.array(ends, np.int64).reshape(-1, 2)),
+    )
+
+
+def to_images(
+    views: list[PointwiseData], tree: Mapping[str, xr.Dataset], laser: TwoMirror | None
+) -> dict[str, xr.Dataset]:
+    """Make the groups ``image/<view>`` for a field over a volume, a pixel for each node.
+
+    Parameters
+    ----------
+    views : list of PointwiseData
+    tree : mapping of str to Dataset
+        With the group ``pose``.
+    laser : TwoMirror
+
+    Raises
+    ------
+    UserError
+        If there is no geometry, pose, or standard error, or a point is off the board.
+    """
+    return {f"image/{view.name}": _image(view, tree, laser) for view in views}
+
+
+def _image(
+    view: PointwiseData, tree: Mapping[str, xr.Dataset], laser: TwoMirror | None
+) -> xr.Dataset:
+    rotation, origin, laser = _pose_of(view.name, tree, laser)
+    position = _positions([view], view.node)
+    if position is None:
+        raise UserError(
+            f"{view.source}: has no geometry (data set 15 or 2411), by which points become pixels; "
+            "name a file that has with instrument.geometry"
+        )
+    if view.std is None:
+        raise UserError(
+            f"{view.source}: does not state standard errors, which a field needs; say them with "
+            "instrument.std, or instrument.averages if the file has coherence functions"
+        )
+    angle = project((position - origin) @ rotation.T, laser.mirror_offset)
+    dac = laser.dac_from_angle(angle, [f"view {view.name}, node {n}" for n in view.node])
+    flagged = int(view.missing.sum())
+    made = dataset.group(
+        "image",
+        {"frequency": view.frequency},
+        velocity=view.velocity,
+        velocity_std=view.std,
+        angle=angle,
+        dac=dac,
+        flags=view.missing.astype(np.int8),
+    )
+    summary = f"{flagged} of {len(view.node)} pixels are flagged"
+    return made.assign_attrs({"summary": summary} | _record([view]))

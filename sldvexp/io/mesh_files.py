@@ -1,0 +1,142 @@
+"""Surface meshes in files: universal files, and all that meshio reads.
+
+Triangles are taken as they are, quadrilaterals are cut along their shorter diagonal, and of
+elements of second order the corners are used. Cells of other dimensions, such as the lines along
+an edge, are left out, and with them nodes that no surface cell names if another cell does.
+"""
+
+from __future__ import annotations
+
+import io
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sldvexp.errors import UserError
+from sldvexp.files import require_file
+from sldvexp.io.uff.reader import universal_file
+from sldvexp.typing import Array, IntArray
+
+SUFFIXES = (".uff", ".unv", ".uf", ".bunv")
+#: How far a universal file's unit of length may be from the one of the configuration.
+SAME_UNIT = 1e-3
+#: Corners of meshio's surface cells; nodes beyond them are inside of edges and faces.
+TRIANGLES = ("triangle", "triangle6", "triangle7")
+QUADRILATERALS = ("quad", "quad8", "quad9")
+
+
+def read_mesh(path: Path, unit: float, flip: bool) -> tuple[Array, IntArray, IntArray]:
+    r"""Read the triangles of a mesh file.
+
+    Parameters
+    ----------
+    path : Path
+    unit : float
+        One unit of the file's coordinates in m.
+    flip : bool
+        Whether to turn the triangles over.
+
+    Returns
+    -------
+    position : ndarray, shape (node, 3), m
+    triangles : ndarray of int, shape (triangle, 3)
+        Indices of nodes.
+    number : ndarray of int, shape (node,)
+        What the file calls each node: its label in a universal file, else its place from 0.
+
+    Raises
+    ------
+    UserError
+        If meshio is needed and not installed, the file cannot be read or states another unit, or
+        there are no surface cells.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "square.obj")
+    >>> corners = ("v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0", "f 1 2 3 4")
+    >>> _ = path.write_text("\n".join(corners))
+    >>> position, triangles, number = read_mesh(path, 1e-3, flip=False)
+    >>> triangles.tolist()
+    [[0, 1, 2], [0, 2, 3]]
+    """
+    if path.suffix.lower() in SUFFIXES:
+        position, triangles, number = _of_universal_file(path, unit)
+    else:
+        position, triangles, number = _of_meshio(path, unit)
+    return position, triangles[:, ::-1] if flip else triangles, number
+
+
+def _of_universal_file(path: Path, unit: float) -> tuple[Array, IntArray, IntArray]:
+    """Read the surface of a universal file, without nodes that no surface element names."""
+    with universal_file(path) as file:
+        geometry, units = file.geometry, file.units
+    if geometry is None:
+        raise UserError(f"{path}: has no geometry (data set 15 or 2411)")
+    if units is not None and abs(units.length / unit - 1) > SAME_UNIT:
+        raise UserError(
+            f"{path}: states coordinates in units of {units.length:g} m, the configuration "
+            f"volume.unit in units of {unit:g} m; they must agree"
+        )
+    position = np.asarray(geometry.position * unit)
+    triangles = np.concatenate([geometry.triangles, _halves(position, geometry.quadrilaterals)])
+    if not len(triangles):
+        raise UserError(f"{path}: has neither triangles nor quadrilaterals (data set 2412)")
+    used, renumbered = np.unique(triangles, return_inverse=True)
+    return position[used], renumbered.reshape(-1, 3), geometry.label[used]
+
+
+def _of_meshio(path: Path, unit: float) -> tuple[Array, IntArray, IntArray]:
+    """Read the surface cells of a file that meshio knows."""
+    mesh = _read(path)
+    position = np.asarray(mesh.points, float) * unit
+    if position.shape[1] == 2:
+        position = np.column_stack([position, np.zeros(len(position))])
+    found = [block.data[:, :3] for block in mesh.cells if block.type in TRIANGLES]
+    quadrilaterals = [block.data[:, :4] for block in mesh.cells if block.type in QUADRILATERALS]
+    found += [_halves(position, quadrilateral) for quadrilateral in quadrilaterals]
+    triangles = np.concatenate([np.empty((0, 3), np.int64), *found]).astype(np.int64)
+    if not len(triangles):
+        kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "no cells"
+        raise UserError(f"{path}: has {kinds}, but neither triangles nor quadrilaterals")
+    of_surface, of_cells = np.zeros(len(position), bool), np.zeros(len(position), bool)
+    of_surface[triangles.ravel()] = True
+    for block in mesh.cells:
+        of_cells[np.asarray(block.data).ravel()] = True
+    keep = of_surface | ~of_cells
+    renumbered = np.cumsum(keep) - 1
+    return position[keep], renumbered[triangles], np.flatnonzero(keep)
+
+
+def _read(path: Path) -> Any:
+    """Read the file with meshio."""
+    try:
+        import meshio
+    except ImportError:
+        raise UserError(
+            "volume=mesh needs the package meshio; install it with: pip install 'sldvexp[mesh]'"
+        ) from None
+    require_file(path)
+    said = io.StringIO()
+    try:
+        with redirect_stdout(said), redirect_stderr(said):
+            return meshio.read(path)
+    except (Exception, SystemExit) as error:  # each of its many readers fails in its own way
+        told = said.getvalue() or (str(error) if isinstance(error, Exception) else "")
+        why = " ".join(told.split()) or type(error).__name__
+        raise UserError(f"{path}: is not a mesh that can be read: {why}") from None
+
+
+def _halves(position: Array, quadrilateral: IntArray) -> IntArray:
+    """Cut each quadrilateral into two triangles of the same side, shape (2 quadrilaterals, 3)."""
+    a, b, c, d = quadrilateral.T
+    first = np.linalg.norm(position[a] - position[c], axis=1)
+    second = np.linalg.norm(position[b] - position[d], axis=1)
+    along_first = np.stack([a, b, c, a, c, d], axis=-1)
+    along_second = np.stack([a, b, d, b, c, d], axis=-1)
+    # Equal diagonals, as of rectangles, are told apart by no rounding.
+    return np.where((first <= second * (1 + 1e-9))[:, None], along_first, along_second).reshape(
+        -1, 3
+    )

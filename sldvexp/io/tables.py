@@ -1,0 +1,302 @@
+"""Tables of text with units in the header, as ``point,x_inch,y_inch,z_inch``: their one reader.
+
+Cells are between commas, lines that start with ``#`` are comments, and every complaint names the
+file, the line and the column. Rows are read with the module `csv` and not with pandas, which tells
+neither on which line a row stands nor that it is too short, and gives columns of one name others.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from sldvexp.errors import UserError
+from sldvexp.files import read_text, require_file
+from sldvexp.typing import Array, IntArray
+from sldvexp.units import LengthUnit, Unit
+
+AXES = ("x", "y", "z")
+#: How the columns of coordinates are named, for messages.
+COORDINATES = f"x_U, y_U, z_U with U one of {', '.join(LengthUnit.__members__)}"
+
+
+@dataclass(frozen=True, eq=False)
+class TextTable:
+    """Named columns of text, and the lines that their rows stand on.
+
+    Parameters
+    ----------
+    path : Path
+    header : list of str
+    lines : list of int
+        Of the header, if there is one, and of the rows.
+    rows : list of list of str
+        Cells without blanks around them.
+    """
+
+    path: Path
+    header: list[str]
+    lines: list[int]
+    rows: list[list[str]]
+
+    def __repr__(self) -> str:
+        return f"<TextTable of {len(self.rows)} rows: {', '.join(self.header)}>"
+
+    def where(self, row: int) -> str:
+        """Name file and line of a row, for a message."""
+        return f"{self.path}, line {self.lines[1 + row]}"
+
+    def require(self, columns: Iterable[str], needed: str) -> None:
+        """Complain about the first column that is missing; `needed` says which are needed.
+
+        Raises
+        ------
+        UserError
+            If one is missing.
+        """
+        for column in columns:
+            if column not in self.header:
+                raise UserError(f"{self.path}: the column {column} is missing; {needed}")
+
+    def column(self, name: str) -> list[str]:
+        """Give the cells of a column.
+
+        Raises
+        ------
+        UserError
+            If a row has more or fewer cells than there are columns.
+        """
+        return self._columns[self.header.index(name)] if self.rows else []
+
+    @cached_property
+    def _columns(self) -> list[list[str]]:
+        for i, row in enumerate(self.rows):
+            if len(row) != len(self.header):
+                if any("\n" in cell for cell in row):
+                    raise UserError(
+                        f"{self.path}: is not a CSV table; is a quotation mark left open?"
+                    )
+                raise UserError(
+                    f"{self.where(i)}: has {len(row)} values under {len(self.header)} columns"
+                )
+        return [list(cells) for cells in zip(*self.rows, strict=True)]
+
+    def floats(self, name: str) -> Array:
+        """Convert a column to numbers; NaN where a cell is none."""
+        return np.array([_float(cell) for cell in self.column(name)], float)
+
+    def numbers(self, columns: Sequence[str], of: Sequence[str] = ()) -> Array:
+        """Convert columns to finite numbers, in the file's units.
+
+        Parameters
+        ----------
+        columns : sequence of str
+        of : sequence of str, optional
+            Text that is put behind a column's name in the complaint about a row.
+
+        Returns
+        -------
+        ndarray, shape (row, column)
+
+        Raises
+        ------
+        UserError
+            If a cell is not a finite number.
+        """
+        values = np.stack([self.floats(name) for name in columns], axis=-1)
+        if not np.isfinite(values).all():
+            row, k = np.argwhere(~np.isfinite(values))[0]
+            what = f"{columns[k]}{of[row] if of else ''}"
+            number(self.column(columns[k])[row], what, self.where(row))  # tells what is wrong
+        return values
+
+    def unit_of(self, quantities: Sequence[str], units: Iterable[str]) -> str | None:
+        """Find the one unit in which the header has any of these quantities, None if it has none.
+
+        Raises
+        ------
+        UserError
+            If there are several.
+        """
+        used = [u for u in units if any(f"{q}_{u}" in self.header for q in quantities)]
+        if len(used) > 1:
+            names = ", ".join(quantities)
+            raise UserError(f"{self.path}: the columns {names} mix the units {' and '.join(used)}")
+        return used[0] if used else None
+
+    def quantity(self, names: Sequence[str], kind: type[Unit], needed: str) -> tuple[Array, Unit]:
+        """Convert columns of one quantity to SI, by the unit that their names end with.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Without unit, as x for ``x_mm``.
+        kind : LengthUnit or AngleUnit
+            Its first member is the unit of a complaint if there are no such columns.
+        needed : str
+            Which columns are needed, for that complaint.
+
+        Returns
+        -------
+        values : ndarray, shape (row, name)
+        unit : LengthUnit or AngleUnit
+            Of the file.
+
+        Raises
+        ------
+        UserError
+            If a column is missing, units differ, or a cell is not a finite number.
+        """
+        unit = kind[self.unit_of(names, kind.__members__) or next(iter(kind.__members__))]
+        columns = [f"{name}_{unit.name}" for name in names]
+        self.require(columns, needed)
+        return self.numbers(columns) * unit.value, unit
+
+
+def read_table(path: Path, inline_comments: bool = False) -> TextTable:
+    r"""Read a table of text; the first line that is neither blank nor a comment is its header.
+
+    Parameters
+    ----------
+    path : Path
+    inline_comments : bool
+        Whether ``#`` begins a comment anywhere in a line, and not only at its start.
+
+    Raises
+    ------
+    UserError
+        If the file is missing, is not text or not CSV.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "points.csv")
+    >>> _ = path.write_text("point,x_mm,y_mm,z_mm\n7,1000,0,500\n")
+    >>> table = read_table(path)
+    >>> table.column("point")
+    ['7']
+    >>> table.quantity(("x", "y", "z"), LengthUnit, "x_U, y_U, z_U")[0]
+    array([[1. , 0. , 0.5]])
+    """
+    require_file(path)
+    text = read_text(path)
+    if inline_comments:
+        text = "\n".join(line.partition("#")[0] for line in text.splitlines())
+    reader = csv.reader(io.StringIO(text), skipinitialspace=True)
+    lines, rows = [], []
+    try:
+        for cells in reader:
+            if any(cells) and not cells[0].startswith("#"):
+                lines.append(reader.line_num)
+                rows.append([cell.strip() for cell in cells])
+    except csv.Error as error:
+        raise UserError(f"{path}, line {reader.line_num}: is not CSV: {error}") from None
+    return TextTable(path, rows[0] if rows else [], lines, rows[1:])
+
+
+def read_points(path: Path) -> tuple[Array, IntArray]:
+    r"""Read the coordinates of digitised points and the lines on which they stand.
+
+    Parameters
+    ----------
+    path : Path
+        Header with ``x_U,y_U,z_U``, U one unit of length.
+
+    Returns
+    -------
+    position : ndarray, shape (point, 3), m
+    line : ndarray of int, shape (point,)
+
+    Raises
+    ------
+    UserError
+        If the file is missing, mixes units, lacks a column, or has a line that is not numbers.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "points.csv")
+    >>> _ = path.write_text("# digitised twice\nx_inch,y_inch,z_inch\n10,0,1\n")
+    >>> read_points(path)
+    (array([[0.254 , 0.    , 0.0254]]), array([3]))
+    """
+    table = read_table(path)
+    position, _ = table.quantity(AXES, LengthUnit, f"needed are {COORDINATES}")
+    return position, np.array(table.lines[1:], np.int64)
+
+
+def number(text: str, what: str, where: str) -> float:
+    """Convert text to a finite number.
+
+    Raises
+    ------
+    UserError
+        If the text is empty, not a number, infinite or NaN.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        raise UserError(f"{where}: {what} must be a number, not {text!r}") from None
+    if not math.isfinite(value):
+        raise UserError(f"{where}: {what} must be finite, not {text}")
+    return value
+
+
+def whole_number(text: str, what: str, where: str) -> int:
+    """Convert text to a whole number of zero or more.
+
+    Raises
+    ------
+    UserError
+        If the text is anything else.
+    """
+    if not (text.isascii() and text.isdigit()):
+        raise UserError(f"{where}: {what} must be a whole number, not {text!r}")
+    return int(text)
+
+
+def first_time(seen: dict[int, int], point: int, line: int, where: str) -> None:
+    """Note the line of a point number.
+
+    Raises
+    ------
+    UserError
+        If the number has been there before.
+    """
+    if point in seen:
+        raise UserError(f"{where}: point number {point} stands on line {seen[point]} already")
+    seen[point] = line
+
+
+def stated_or_given(
+    stated: LengthUnit | None, given: LengthUnit | None, where: str, how: str
+) -> LengthUnit:
+    """Choose the unit of a file that states one, that was given one, or both alike.
+
+    Raises
+    ------
+    UserError
+        If there is neither or they differ; `how` says how a file would state it.
+    """
+    unit = stated or given
+    if unit is None:
+        valid = ", ".join(LengthUnit.__members__)
+        raise UserError(f"{where}: states no unit of length; add {how} with one of {valid}")
+    if given not in (None, unit):
+        raise UserError(f"{where}: is in {unit.name} but was to be read in {given.name}")
+    return unit
+
+
+def _float(text: str) -> float:
+    """Convert text to a number, NaN if it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
