@@ -225,7 +225,7 @@ class Adjusted(Generic[V]):
     arrow: Arrow
 
 
-def adjust(
+def adjust_views(
     views: Sequence[V],
     common: Common,
     noise_known: bool,
