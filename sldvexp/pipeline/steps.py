@@ -81,7 +81,7 @@ class Run:
 
 def _target(run: Run) -> None:
     """The calibration object's points."""
-    run.tree["target"] = run.experiment.target.group()
+    run.tree["target"] = run.experiment.target.to_dataset()
 
 
 def _scan(run: Run) -> None:

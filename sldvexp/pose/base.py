@@ -73,7 +73,7 @@ class PoseResult:
         return str(self.pose.attrs.get("notes", "")).splitlines()
 
     def groups(self) -> dict[str, xr.Dataset]:
-        """Groups that the method adds to the run, by name."""
+        """Name the groups that the method adds to the run."""
         own = {} if self.registration is None else {"registration": self.registration}
         return {**own, "pose": self.pose}
 

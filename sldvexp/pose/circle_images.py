@@ -37,7 +37,7 @@ MISFIT = 3.0
 
 @dataclass(frozen=True)
 class CircleImages:
-    """The edges of one view's circles, matched to the calibration object.
+    """Edges of one view's circles, matched to the calibration object.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What poses from points are worth whose errors are not independent.
+"""Covariance of poses from points whose errors are not independent.
 
 The image points of one fitted ellipse share its errors; what stands on the object elsewhere than
 measured does so for every view. Least squares takes angles as independent, which gives a pose, but
@@ -31,7 +31,7 @@ ROUNDING = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """Where the errors of one view's image points come from.
+    """Sources of the errors of one view's image points.
 
     Parameters
     ----------

@@ -131,7 +131,7 @@ class EdgePoints:
 
 @dataclass(frozen=True, eq=False)
 class EdgeScene:
-    """Where the laser and the circles are, as far as one view's edges are concerned.
+    """Places of the laser and the circles, as far as one view's edges are concerned.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ RIM, FIRST_INTRINSIC, MOVED = 6, 7, 12
 
 
 def residuals(points: EdgePoints, scene: EdgeScene) -> tuple[Array, Array]:
-    """Distance of each edge point from its circle's rim, and the derivatives.
+    """Measure the distance of each edge point from its circle's rim, and differentiate it.
 
     Parameters
     ----------
@@ -191,13 +191,13 @@ def residuals(points: EdgePoints, scene: EdgeScene) -> tuple[Array, Array]:
 
 
 def spread(points: EdgePoints, scene: EdgeScene) -> Array:
-    """Change of ``|Q - M|`` for one standard error of each edge along its scan line, m."""
+    """Give the change of ``|Q - M|`` for one standard error of each edge along its scan line, m."""
     ends = (_meet(points, scene, sign * points.along).distance for sign in (0.5, -0.5))
     return np.asarray(np.abs(np.subtract(*ends)))
 
 
 class _Met(NamedTuple):
-    """Where the beams meet the planes of their circles, in the laser frame.
+    """Points where the beams meet the planes of their circles, in the laser frame.
 
     `distance` is ``|Q - M|``, `outward` its unit vector e, `tilt` is ``e.u / N.u``, and `reach` is
     s in ``Q = o + s (tan left_right, sin up_down, cos up_down)``.
@@ -231,7 +231,7 @@ def _meet(points: EdgePoints, scene: EdgeScene, aside: float | Array = 0.0) -> _
 
 
 def _by_intrinsics(points: EdgePoints, scene: EdgeScene, met: _Met) -> Array:
-    """Change of ``|Q - M|`` with `INTRINSICS`, shape (n, 5).
+    """Differentiate ``|Q - M|`` by `INTRINSICS`, shape (n, 5).
 
     They move the beam's origin and turn it: ``d|Q - M| = (e - (e.u / N.u) N) . (do + s du)``.
     """
@@ -253,7 +253,7 @@ def _by_intrinsics(points: EdgePoints, scene: EdgeScene, met: _Met) -> Array:
 
 
 def angles_along(laser: TwoMirror, dac: Array, direction: Array, std: Array) -> tuple[Array, Array]:
-    """Angles of edge points, and their change for one standard error along the scan line."""
+    """Give the angles of edge points, and their change for a standard error along the scan line."""
     step = direction * std[:, None]
     angle = laser.angle_from_dac(dac)
     return angle, laser.angle_from_dac(dac + step / 2) - laser.angle_from_dac(dac - step / 2)
@@ -290,7 +290,7 @@ class EdgeView:
     scale: Array
 
     def with_common(self, common: Array) -> EdgeScene:
-        """The scene with the common unknowns: shared intrinsics, then the circles' errors."""
+        """Give the scene the common unknowns: shared intrinsics, then the circles' errors."""
         intrinsics = self.scene.intrinsics.copy()
         intrinsics[self.shared] = common[: len(self.shared)]
         moved = common[len(self.shared) :].reshape(-1, ERRORS)
@@ -541,7 +541,7 @@ def _check(
     names: Sequence[str],
     max_iterations: int,
 ) -> None:
-    """UserError if something was not determined or not found."""
+    """Refuse poses if something was not determined or not found."""
     unknowns = [*EXTRINSICS, "rim", *adjusted]
     for name, share in zip(names, found.arrow.undetermined_own(), strict=True):
         if share.any():

@@ -39,7 +39,7 @@ CovarianceModel = Callable[
 
 
 class MirrorName(Enum):
-    """The two mirrors."""
+    """Mirror of the scanner."""
 
     up_down = 0
     left_right = 1

@@ -76,7 +76,7 @@ class FromScans(FromPoints):
 
 
 def edge_views(tree: Mapping[str, xr.Dataset], method: str) -> dict[str, xr.Dataset]:
-    """The groups ``edge/<view>`` of a run, by view.
+    """Take the groups ``edge/<view>`` of a run, by view.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def edge_views(tree: Mapping[str, xr.Dataset], method: str) -> dict[str, xr.Data
 
 
 def circles_of(target: Target | None, method: str) -> Circles:
-    """The target, if it is one of circles; UserError otherwise."""
+    """Take the target for circles; refuse any other."""
     if not isinstance(target, Circles):
         raise UserError(f"pose={method} needs a target of circles, for example target=dissertation")
     return target

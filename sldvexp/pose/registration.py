@@ -104,7 +104,7 @@ def _scanned(tree: Mapping[str, xr.Dataset]) -> list[RegistrationTable]:
 
 
 class MeasuredPoints(Target):
-    """The points of some views' registration data, each under its number.
+    """Points of some views' registration data, each under its number.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ MISCALIBRATED = 4.0
 
 @dataclass(frozen=True)
 class Wiring:
-    """How the channels of the D/A board reach the mirrors.
+    """Way in which the channels of the D/A board reach the mirrors.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class Hypothesis:
 
     @property
     def stance(self) -> str:
-        """How the instrument stands."""
+        """Stance of the instrument."""
         if self.up < -STANDS:
             return "upside down"
         return "upright" if self.up > STANDS else "on its side"

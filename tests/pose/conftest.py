@@ -16,8 +16,7 @@ from sldvexp.pose.edge import edge_points
 from sldvexp.pose.edge_solver import EdgePoints, EdgePoses, solve_edges
 from sldvexp.session.circles import edges_to_dataset
 from sldvexp.targets.base import std_of_bound
-from sldvexp.targets.circles import Circle, Circles
-from sldvexp.targets.plane import Plane
+from sldvexp.targets.circles import Circle, Circles, Plane
 from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.calibration_scene import CalibrationScene
 from sldvexp.virtual_lab.lab import VirtualLab
