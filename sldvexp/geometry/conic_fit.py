@@ -49,7 +49,6 @@ class ConicFit:
 
     Parameters
     ----------
-    ellipse : Ellipse
     residual : ndarray, shape (n,), steps
         Orthogonal distance of every edge point, positive outside.
     residual_std : ndarray, shape (n,), steps

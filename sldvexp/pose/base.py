@@ -167,7 +167,6 @@ def pose_to_dataset(
 
     Parameters
     ----------
-    views : sequence of str
     rotation : array_like, shape (view, 3, 3)
         World to laser.
     origin : array_like, shape (view, 3), m
@@ -232,7 +231,6 @@ class JointCovariance:
 
     Parameters
     ----------
-    views : sequence of str
     own, shared : sequence of str
         Intrinsics adjusted for each view and for all views.
     matrix : ndarray, shape (unknown, unknown)

@@ -193,8 +193,6 @@ class Adjusted(Generic[V]):
 
     Parameters
     ----------
-    views : list
-    common : Common
     covariance : ndarray, shape (all, all)
         Of all views' own unknowns, then of the common ones; infinite if they are not determined.
     places : list of slice
@@ -207,7 +205,6 @@ class Adjusted(Generic[V]):
         Degrees of freedom behind `variance`.
     cost : float
         Sum of squared residuals over their noise, with the priors'.
-    converged : bool
     arrow : Arrow
         The information.
     """
@@ -237,7 +234,6 @@ def adjust_views(
     ----------
     views : sequence of ViewTerms
         Where to start.
-    common : Common
     noise_known : bool
         Whether the residuals' standard errors are right as they are.
     pooled : bool

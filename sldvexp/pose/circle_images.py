@@ -41,12 +41,10 @@ class CircleImages:
 
     Parameters
     ----------
-    view : str
     edges : dict of int to ScanLineEdges
         By the circle's number, in DAC steps, freed from the spot's size; outliers left out.
     bitangents : BitangentPoints
         Image points of the selected pairs, DAC steps.
-    match : Match
     misfit : float
         Root mean square of the conics' residuals over their standard errors.
     """
@@ -65,11 +63,8 @@ def match_images(
 
     Parameters
     ----------
-    view : str
     edges : list of ScanLineEdges
         Of the circles in any order, DAC steps.
-    target : Circles
-    laser : TwoMirror
     pinhole : bool
         Fit in coordinates where the image of a circle is an ellipse, instead of in DAC steps.
 
@@ -132,10 +127,8 @@ def bitangent_errors(view: str, bitangents: BitangentPoints, target: Circles) ->
 
     Parameters
     ----------
-    view : str
     bitangents : BitangentPoints
         Of the selected pairs, DAC steps.
-    target : Circles
     """
     return Errors(
         view=view,
@@ -156,8 +149,6 @@ def with_shared_errors(
         From the target's selected points; adjusted intrinsics are taken as free.
     bitangents : BitangentPoints
         Of the selected pairs, DAC steps.
-    target : Circles
-    laser : TwoMirror
 
     Returns
     -------

@@ -35,7 +35,6 @@ class Errors:
 
     Parameters
     ----------
-    view : str
     points : ndarray, shape (N, 3), m
         On the object, in the world.
     of_image : ndarray, shape (2N, 2N), squared DAC steps
@@ -67,8 +66,6 @@ def with_errors(
     ----------
     solutions : sequence of PoseSolution
         Of all views.
-    errors : sequence of Errors
-    laser : TwoMirror
     adjust, shared : mapping of str to float
         Intrinsics adjusted for each view and for all views, with the standard deviations of their
         priors.

@@ -88,8 +88,6 @@ class EdgePoints:
 
         Parameters
         ----------
-        target : Circles
-        laser : TwoMirror
         number : array_like of int, shape (n,)
             Circle of each edge, as the target numbers it.
         dac : array_like, shape (n, 2), DAC steps
@@ -159,11 +157,6 @@ RIM, FIRST_INTRINSIC, MOVED = 6, 7, 12
 
 def residuals(points: EdgePoints, scene: EdgeScene) -> tuple[Array, Array]:
     """Measure the distance of each edge point from its circle's rim, and differentiate it.
-
-    Parameters
-    ----------
-    points : EdgePoints
-    scene : EdgeScene
 
     Returns
     -------
@@ -269,7 +262,6 @@ class EdgeView:
 
     Parameters
     ----------
-    points : EdgePoints
     scene : EdgeScene
         As far as it is known by now; what is shared comes from the common unknowns.
     own, shared : list of int
@@ -352,7 +344,6 @@ class EdgePose:
         Sum of the squared residuals, each as a distance along its scan line.
     s : float
         Standard deviation of the residuals; the covariance is for errors larger by it.
-    dof : float
     """
 
     rotation: Array
@@ -448,7 +439,6 @@ def solve_edges(
         known of them, infinite for a free one.
     circle_std : float, m
         Standard deviation of every circle's centre coordinates and diameter.
-    max_iterations : int
 
     Raises
     ------

@@ -138,7 +138,6 @@ class FromPoints(PoseMethod):
         ----------
         tables : sequence of RegistrationTable
             One a view.
-        laser : TwoMirror or None
         target : Target or None
             If there is one, object points of the same number are compared with it.
         inverted : sequence of MirrorName
@@ -310,9 +309,6 @@ def point_notes(
 
     Parameters
     ----------
-    method : FromPoints
-    table : RegistrationTable
-    solution : PoseSolution
     target : Target or None
         If there is one, object points of the same number are compared with it.
     explained : bool

@@ -48,8 +48,6 @@ class FromScans(FromPoints):
 
         Parameters
         ----------
-        circles : Circles
-        laser : TwoMirror
         tree : mapping of str to xarray.Dataset
             With the groups ``edge/<view>``.
         pinhole : bool

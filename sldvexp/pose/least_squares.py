@@ -205,15 +205,11 @@ def levenberg_marquardt(
 
     Parameters
     ----------
-    problem : PoseProblem
     pose : Pose
         Where to start; each run of `starts` entries belongs to the same observations.
-    starts : int
-    max_iterations : int
 
     Returns
     -------
-    pose : Pose
     cost : ndarray, shape (M,)
         Infinite where no pose with all points in front was found.
     converged : ndarray of bool, shape (M,)

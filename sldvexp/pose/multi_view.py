@@ -64,7 +64,6 @@ class PointView:
     ----------
     problem : PoseProblem
         Of one view; own intrinsics are the first that it adjusts, shared ones the others.
-    pose : Pose
     own_prior : ndarray, shape (own,)
         Standard deviations; infinite for a free one.
     expected : ndarray, shape (own,)
@@ -124,7 +123,6 @@ def solve_points_together(
 
     Parameters
     ----------
-    views : sequence of PointObservations
     step : array_like, shape (2,), rad
         Angle of one DAC step of each mirror.
     mirror_offset : float, m
@@ -132,7 +130,6 @@ def solve_points_together(
     adjust, shared : mapping of str to float
         Intrinsics to adjust for each view and for all views, with the standard deviations of their
         Gaussian priors about the nominal values; infinite for a free one.
-    max_iterations : int
 
     Returns
     -------

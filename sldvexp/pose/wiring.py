@@ -48,7 +48,6 @@ class Wiring:
 
     Parameters
     ----------
-    exchanged : bool
     turns : tuple of int
         +1 or -1 for (up_down, left_right), by the mirrors that really turn.
     """
@@ -79,7 +78,6 @@ class Hypothesis:
 
     Parameters
     ----------
-    wiring : Wiring
     residual : float, steps
         Root mean square, at the bitangent points.
     explained : bool
@@ -120,11 +118,8 @@ def check_wiring(
 
     Parameters
     ----------
-    view : str
     edges : sequence of ScanLineEdges
         Of the circles in any order, DAC steps.
-    target : Circles
-    laser : TwoMirror
     adjust : mapping of str to float
         Intrinsics that are adjusted with the pose, with what is known of them beforehand.
     upright : bool
