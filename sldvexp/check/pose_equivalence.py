@@ -53,7 +53,7 @@ class PoseEquivalence(Check):
         """t', its degrees of freedom and critical value, for every view and parameter."""
         if "pose" not in run.tree:
             raise UserError("check=pose_equivalence needs a pose to compare: choose pose=...")
-        pose, other = run.tree["pose"], self._other().group()
+        pose, other = run.tree["pose"], self._other().read().pose
         names = [str(v) for v in pose["view"].values]
         others = [str(v) for v in other["view"].values]
         if names != others and len(names) == len(others) == 1:

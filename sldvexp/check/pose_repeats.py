@@ -15,7 +15,7 @@ from sldvexp.errors import Checks, UserError
 from sldvexp.geometry.rotation import vector_from_rotation
 from sldvexp.laser.model import project
 from sldvexp.lazy import xarray as xr
-from sldvexp.pose.single_view import solve_pose
+from sldvexp.pose.single_view import solve_points
 from sldvexp.pose.uncertainty import half_width, standard_error
 
 
@@ -73,7 +73,7 @@ class PoseRepeats(Check):
         true = project(in_laser, truth["mirror_offset"])
         true = (true - _by_mirror(truth, "zero")) / _by_mirror(truth, "gain")
         noise = float(pose["s"]) * step * rng.standard_normal((self.repeats, len(points), 2))
-        repeats = solve_pose(points, true + noise, step=step, mirror_offset=offset, adjust=adjust)
+        repeats = solve_points(points, true + noise, step=step, mirror_offset=offset, adjust=adjust)
         intrinsics = [repeats.intrinsics[name] - truth[name][:, 0] for name in adjust]
         turned = vector_from_rotation(repeats.rotation @ rotation.T)
         error = np.column_stack([turned, repeats.origin - origin, *intrinsics])

@@ -1,4 +1,8 @@
-"""Which boxes of a plane may hold a place: boxes sorted into the bins of a grid."""
+"""Search for the boxes of a plane that may hold a place: boxes sorted into the bins of a grid.
+
+A bin lists every box that reaches into it, so that a place need be compared with the boxes of its
+own bin only. With about four bins a box the lists are short, whatever the boxes' number.
+"""
 
 from __future__ import annotations
 
@@ -42,6 +46,13 @@ class Bins:
         ----------
         least, most : ndarray, shape (box, 2)
             Their corners.
+
+        Examples
+        --------
+        >>> low = np.array([[0.0, 0.0], [2.0, 0.0]])
+        >>> place, box = Bins.from_boxes(low, low + 1.0).pairs(np.array([[2.5, 0.5]]))
+        >>> box
+        array([1])
         """
         low = least.min(axis=0)
         count = int(min(np.ceil(2 * np.sqrt(len(least))), MOST_BINS))
@@ -56,7 +67,7 @@ class Bins:
         return cls(low, size, count, start, box[order])
 
     def pairs(self, places: Array) -> tuple[IndexArray, IndexArray]:
-        """Every place with each of the boxes that may hold it.
+        """Pair every place with each of the boxes that may hold it.
 
         Parameters
         ----------
@@ -74,11 +85,11 @@ class Bins:
 
 
 def _bin(place: Array, low: Array, size: Array, count: int) -> IndexArray:
-    """Row and column of each place's bin, shape (..., 2); the nearest one for places beside."""
+    """Find row and column of each place's bin, shape (..., 2), or of the nearest one."""
     return np.clip((place - low) / size, 0, count - 1).astype(np.intp)
 
 
 def _runs(start: IndexArray, length: IndexArray) -> IndexArray:
-    """``start, start + 1, ...`` of each length, one after the other."""
+    """Count ``start, start + 1, ...`` of each length, in a row."""
     before = np.cumsum(length) - length
     return np.arange(length.sum()) + np.repeat(start - before, length)

@@ -53,7 +53,7 @@ class BitangentPoints(NamedTuple):
 def bitangents(
     ellipses: Sequence[Ellipse], pairs: Sequence[tuple[int, int]], names: Sequence[str]
 ) -> BitangentPoints:
-    """Bitangent points of pairs of fitted ellipses.
+    """Find the bitangent points of pairs of fitted ellipses.
 
     Parameters
     ----------
@@ -62,12 +62,19 @@ def bitangents(
     pairs : sequence of (int, int)
         Indices of the ellipses of each ordered pair (a, b).
     names : sequence of str
-        What each ellipse is called in messages.
+        Names of the ellipses in messages.
 
     Raises
     ------
     UserError
         If the ellipses of a pair overlap or lie one inside the other.
+
+    Examples
+    --------
+    >>> unit, none = [0.0, 0.0, 1.0, 1.0, 0.0], np.zeros((5, 5))
+    >>> two = [Ellipse(np.array(unit), none), Ellipse(np.array([4.0, *unit[1:]]), none)]
+    >>> bitangents(two, [(0, 1)], ["left", "right"]).points[0, 0].round(6)[1]
+    array([4., 1.])
     """
     parameters = np.array([e.parameters for e in ellipses])
     first, second = np.array(pairs).T
@@ -85,7 +92,7 @@ def bitangents(
 
 
 def bitangent_points(a: ArrayLike, b: ArrayLike) -> Array:
-    """Where the four common tangents of two ellipses touch them.
+    """Find where the four common tangents of two ellipses touch them.
 
     Parameters
     ----------
@@ -117,7 +124,7 @@ def bitangent_points(a: ArrayLike, b: ArrayLike) -> Array:
 
 
 def bitangent_jacobian(a: ArrayLike, b: ArrayLike, points: ArrayLike) -> Array:
-    """Derivative of `bitangent_points` by the ten numbers of the two ellipses.
+    """Differentiate `bitangent_points` by the ten numbers of the two ellipses.
 
     With the half-width ``r = sqrt(n' S n)`` a common tangent with normal n, to the left, has
     ``n . c_a + side_a r_a = n . c_b + side_b r_b``, as for circles. Differentiating it gives the
@@ -158,7 +165,7 @@ def bitangent_jacobian(a: ArrayLike, b: ArrayLike, points: ArrayLike) -> Array:
 
 
 def _contact_derivatives(normal: Array, shape: Array) -> tuple[Array, Array]:
-    """Derivatives of ``S n / r``, from the centre to the point of contact, by n and by S."""
+    """Differentiate ``S n / r``, the way from the centre to the point of contact, by n and by S."""
     width, width_by_shape = half_width(normal, shape)
     r = width[..., None, None]
     moment = np.einsum("...ij,...j->...i", shape, normal)[..., :, None]
@@ -169,7 +176,7 @@ def _contact_derivatives(normal: Array, shape: Array) -> tuple[Array, Array]:
 
 
 def _quartic(centre: Array, shape: Array) -> ComplexArray:
-    """Coefficients of z^4 to z^0 in ``z^2 ((n . c - 1)^2 - n' S n)``, shape (..., 5)."""
+    """Give the coefficients of z^4 to z^0 in ``z^2 ((n . c - 1)^2 - n' S n)``, shape (..., 5)."""
     c = centre[..., 0] + 1j * centre[..., 1]
     s_xx, s_yy, s_xy = shape[..., 0, 0], shape[..., 1, 1], shape[..., 0, 1]
     leading = (c**2 / 4 - ((s_xx - s_yy) / 2 + 1j * s_xy) / 2).conj()
@@ -180,7 +187,7 @@ def _quartic(centre: Array, shape: Array) -> ComplexArray:
 def _unit_roots(
     quartic: ComplexArray,
 ) -> tuple[ComplexArray, BoolArray]:
-    """Roots by the companion matrix, brought to modulus one, and whether all had it.
+    """Find the roots by the companion matrix, brought to modulus one, and whether all had it.
 
     Four roots of modulus one leave no coefficient above the binomial's multiple of the first.
     """
@@ -199,7 +206,7 @@ def _unit_roots(
 
 
 def _by_sides(touched: Array, centre: Array) -> tuple[IndexArray, BoolArray]:
-    """Order of the lines by the sides they touch, and whether each of the four is there once.
+    """Order the lines by the sides they touch, and tell whether each of the four is there once.
 
     A line touches an ellipse on its left if the ellipse is on the right of the way along the line
     from the first to the second; no homography that keeps orientation changes that.
@@ -215,7 +222,7 @@ def _by_sides(touched: Array, centre: Array) -> tuple[IndexArray, BoolArray]:
 
 
 def _not_apart(a: Array, b: Array, name_a: str, name_b: str) -> str:
-    """What is wrong with a pair that has fewer than four bitangents."""
+    """Say what is wrong with a pair that has fewer than four bitangents."""
     distance = np.linalg.norm(b[:2] - a[:2])
     sizes = " and ".join("{:.4g} x {:.4g}".format(*semi_axes(p)) for p in (a, b))
     return (

@@ -19,7 +19,7 @@ SIDES = np.array([[1.0, 1.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0]])
 
 
 def bitangent_normals(a: ArrayLike, b: ArrayLike) -> Array:
-    """Unit normals of the four common tangents, pointing left.
+    """Give the unit normals of the four common tangents, pointing left.
 
     A line with normal n touches both circles where ``n . (center + side radius n)`` is the same
     for both, hence ``n . (center_b - center_a) = side_a radius_a - side_b radius_b``.
@@ -46,7 +46,7 @@ def bitangent_normals(a: ArrayLike, b: ArrayLike) -> Array:
 
 
 def bitangent_points(a: ArrayLike, b: ArrayLike) -> Array:
-    """Where the four common tangents of two circles touch them.
+    """Find where the four common tangents of two circles touch them.
 
     Parameters
     ----------
@@ -57,6 +57,11 @@ def bitangent_points(a: ArrayLike, b: ArrayLike) -> Array:
     -------
     ndarray, shape (..., line, circle, 2), the circles' unit
         Lines in the order of `LINES`, circles in the order a, b.
+
+    Examples
+    --------
+    >>> bitangent_points([0.0, 0.0, 1.0], [4.0, 0.0, 1.0])[0].tolist()
+    [[0.0, 1.0], [4.0, 1.0]]
     """
     a, b = np.asarray(a, float), np.asarray(b, float)
     normal = bitangent_normals(a, b)[..., :, None, :]
@@ -66,7 +71,7 @@ def bitangent_points(a: ArrayLike, b: ArrayLike) -> Array:
 
 
 def bitangent_jacobian(a: ArrayLike, b: ArrayLike) -> Array:
-    """Derivative of `bitangent_points` by the six numbers of the two circles.
+    """Differentiate `bitangent_points` by the six numbers of the two circles.
 
     Differentiating ``n . (center_b - center_a) = side_a radius_a - side_b radius_b`` gives the
     angle by which the line turns; each point follows its centre, its radius and that turn.

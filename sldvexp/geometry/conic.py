@@ -41,7 +41,7 @@ class Ellipse:
 
     @property
     def centre(self) -> Array:
-        """Shape (2,), steps."""
+        """Centre of the ellipse, shape (2,), steps."""
         return self.parameters[:2]
 
     @property
@@ -64,7 +64,7 @@ class Ellipse:
 
     @property
     def coefficients(self) -> Array:
-        """A, B, C, D, E of Eq 4.17 with F = 1, shape (5,)."""
+        """Coefficients A, B, C, D, E of Eq 4.17 with F = 1, shape (5,)."""
         return coefficients(self.parameters)
 
     @property
@@ -75,24 +75,24 @@ class Ellipse:
 
 
 def shape_matrix(parameters: ArrayLike) -> Array:
-    """S of each ellipse, shape (..., 2, 2)."""
+    """Give S of each ellipse, shape (..., 2, 2)."""
     p = np.asarray(parameters, float)
     return p[..., [[2, 4], [4, 3]]]
 
 
 def is_ellipse(parameters: ArrayLike) -> BoolArray:
-    """Whether S is positive definite, so that the conic is a real ellipse, shape (...)."""
+    """Tell whether S is positive definite, so that the conic is a real ellipse, shape (...)."""
     _, _, s_xx, s_yy, s_xy = np.moveaxis(np.asarray(parameters, float), -1, 0)
     return (s_xx > 0) & (s_yy > 0) & (s_xx * s_yy > s_xy**2)
 
 
 def semi_axes(parameters: ArrayLike) -> Array:
-    """Larger and smaller semi-axis, shape (..., 2)."""
+    """Give the larger and the smaller semi-axis, shape (..., 2)."""
     return principal_axes(parameters)[0]
 
 
 def principal_axes(parameters: ArrayLike) -> tuple[Array, Array]:
-    """Semi-axes, the larger first, and their directions as columns.
+    """Give the semi-axes, the larger first, and their directions as columns.
 
     Returns
     -------
@@ -104,7 +104,7 @@ def principal_axes(parameters: ArrayLike) -> tuple[Array, Array]:
 
 
 def line_conic(parameters: ArrayLike) -> Array:
-    """Line conic: ``X' line_conic X = 0`` for every tangent line X (Eq 4.23).
+    """Make the line conic: ``X' line_conic X = 0`` for every tangent line X (Eq 4.23).
 
     For the line ``X = (n, -d)`` it reads ``n' S n = (n . c - d)^2``.
 
@@ -121,7 +121,7 @@ def line_conic(parameters: ArrayLike) -> Array:
 
 
 def point_conic(parameters: ArrayLike) -> Array:
-    """Point conic: ``x' point_conic x = 0`` for every point x of the ellipse (Eq 4.22).
+    """Make the point conic: ``x' point_conic x = 0`` for every point x of the ellipse (Eq 4.22).
 
     Returns
     -------
@@ -140,7 +140,7 @@ def point_conic(parameters: ArrayLike) -> Array:
 
 
 def from_line_conic(matrix: ArrayLike) -> Array:
-    """The five numbers of a line conic of any scale; see `is_ellipse` for whether it is one.
+    """Give the five numbers of a line conic of any scale; `is_ellipse` tells whether it is one.
 
     Parameters
     ----------
@@ -160,20 +160,20 @@ def from_line_conic(matrix: ArrayLike) -> Array:
 
 
 def from_point_conic(matrix: ArrayLike) -> Array:
-    """The five numbers of a point conic of any scale, by its adjugate; see `from_line_conic`."""
+    """Give the five numbers of a point conic of any scale, by its adjugate (`from_line_conic`)."""
     rows = np.moveaxis(np.asarray(matrix, float), -2, 0)
     adjugate = [np.cross(rows[(i + 1) % 3], rows[(i + 2) % 3]) for i in range(3)]
     return from_line_conic(np.stack(adjugate, axis=-1))
 
 
 def transformed(parameters: ArrayLike, homography: ArrayLike) -> Array:
-    """Image of each ellipse under a homography, ``H line_conic H'``, shape (..., 5)."""
+    """Transform each ellipse by a homography, ``H line_conic H'``, shape (..., 5)."""
     h = np.asarray(homography, float)
     return from_line_conic(h @ line_conic(parameters) @ np.swapaxes(h, -1, -2))
 
 
 def coefficients(parameters: ArrayLike) -> Array:
-    """A, B, C, D, E of Eq 4.17 with F = 1, shape (..., 5).
+    """Give A, B, C, D, E of Eq 4.17 with F = 1, shape (..., 5).
 
     Large beyond bounds for an ellipse through the origin, which has F = 0.
     """
@@ -182,7 +182,7 @@ def coefficients(parameters: ArrayLike) -> Array:
 
 
 def coefficients_jacobian(parameters: ArrayLike) -> Array:
-    """Derivative of `coefficients` by the five numbers, shape (..., 5, 5).
+    """Differentiate `coefficients` by the five numbers, shape (..., 5, 5).
 
     The point conic is the inverse of the line conic, ``d point = -point (d line) point``.
     """
@@ -200,14 +200,14 @@ def coefficients_jacobian(parameters: ArrayLike) -> Array:
 
 
 def _terms(matrix: Array) -> Array:
-    """Coefficients of x^2, y^2, xy, x, y in ``(x, y, 1) matrix (x, y, 1)'`` (Eq 4.22)."""
+    """Take the coefficients of x^2, y^2, xy, x, y in ``(x, y, 1) matrix (x, y, 1)'`` (Eq 4.22)."""
     m = matrix
     terms = m[..., 0, 0], m[..., 1, 1], 2 * m[..., 0, 1], 2 * m[..., 0, 2], 2 * m[..., 1, 2]
     return np.stack(terms, axis=-1)
 
 
 def boundary(parameters: ArrayLike, turn: ArrayLike) -> tuple[Array, Array]:
-    """Points of the ellipse and its outward unit normals there.
+    """Give points of the ellipse and its outward unit normals there.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ def boundary(parameters: ArrayLike, turn: ArrayLike) -> tuple[Array, Array]:
 
 
 def signed_distance(points: ArrayLike, parameters: ArrayLike) -> tuple[Array, Array]:
-    """Orthogonal distance of points from an ellipse, and its outward normal at their feet.
+    """Measure orthogonal distances of points from an ellipse, with its outward normals there.
 
     In the principal frame the foot of (x, y) is ``a^2 x / (t + a^2), b^2 y / (t + b^2)`` with t the
     largest root of ``(a x / (t + a^2))^2 + (b y / (t + b^2))^2 = 1``. That is convex and falling
@@ -265,7 +265,7 @@ def signed_distance(points: ArrayLike, parameters: ArrayLike) -> tuple[Array, Ar
 
 
 def distance_jacobian(normal: ArrayLike, parameters: ArrayLike) -> Array:
-    """Derivative of `signed_distance` by the five numbers, shape (..., n, 5).
+    """Differentiate `signed_distance` by the five numbers, shape (..., n, 5).
 
     The distance is ``n . p - n . c - sqrt(n' S n)``, stationary in n, so that n may be held fixed.
     """
@@ -275,7 +275,7 @@ def distance_jacobian(normal: ArrayLike, parameters: ArrayLike) -> Array:
 
 
 def curvature(normal: ArrayLike, parameters: ArrayLike) -> Array:
-    """Curvature of the ellipse where its outward normal is n, ``(n' S n)^(3/2) / det S``.
+    """Give the curvature of the ellipse where its outward normal is n, ``(n' S n)^(3/2) / det S``.
 
     Parameters
     ----------
@@ -292,7 +292,7 @@ def curvature(normal: ArrayLike, parameters: ArrayLike) -> Array:
 
 
 def half_width(normal: Array, shape: Array) -> tuple[Array, Array]:
-    """``r = sqrt(n' S n)``, half the width across a unit normal n, and its derivative by S.
+    """Give ``r = sqrt(n' S n)``, half the width across a unit normal n, and its derivative by S.
 
     Parameters
     ----------

@@ -1,11 +1,13 @@
-"""Ellipses fitted to edge points: outliers, covariance, and what the points do not tell.
+"""Ellipses fitted to edge points: maximum likelihood or Eq 4.19, outliers, covariance, refusals.
 
-Estimators of an ellipse from edge points: Eq 4.19, maximum likelihood, and a robust start.
+A robust start, the ellipse through five points with the least median distance, tells outliers; the
+fit and the rejection then alternate until the same points remain. The likelihood minimises the
+orthogonal distances over their standard errors by Gauss-Newton steps.
 
-They work in coordinates moved to the points' mean and scaled by their spread. Around the origin of
-the mirrors, thousands of steps away, the columns of Eq 4.19 differ by seven orders of magnitude and
-F = 1 weighs the points by where the origin happens to be (an ellipse through it has F = 0); inside
-the ellipse F cannot vanish.
+Estimators work in coordinates moved to the points' mean and scaled by their spread. Around the
+origin of the mirrors, thousands of steps away, the columns of Eq 4.19 differ by seven orders of
+magnitude and F = 1 weighs the points by where the origin happens to be (an ellipse through it has
+F = 0); inside the ellipse F cannot vanish.
 """
 
 from __future__ import annotations
@@ -47,7 +49,6 @@ class ConicFit:
 
     Parameters
     ----------
-    ellipse : Ellipse
     residual : ndarray, shape (n,), steps
         Orthogonal distance of every edge point, positive outside.
     residual_std : ndarray, shape (n,), steps
@@ -66,7 +67,7 @@ class ConicFit:
 
     @property
     def outliers(self) -> int:
-        """How many edge points were rejected."""
+        """Number of edge points that were rejected."""
         return int(np.count_nonzero(~self.used))
 
     @property
@@ -89,7 +90,7 @@ def fit_ellipse(
     reject: float = 4.0,
     name: str = "the circle",
 ) -> ConicFit:
-    """Ellipse through edge points, with outliers rejected.
+    """Fit an ellipse through edge points, with outliers rejected.
 
     Parameters
     ----------
@@ -105,13 +106,21 @@ def fit_ellipse(
     reject : float
         Points farther from the ellipse than this many standard errors are outliers.
     name : str
-        What the circle is called in messages.
+        Name of the circle in messages.
 
     Raises
     ------
     UserError
         If the points are too few, fit a hyperbola, cover too short an arc or leave the ellipse
         undetermined; it names the circle and says what was seen.
+
+    Examples
+    --------
+    >>> turn = np.linspace(0.0, 6.0, 9)
+    >>> edge = np.stack([900 + 40 * np.cos(turn), -700 + 25 * np.sin(turn)], axis=-1)
+    >>> fit = fit_ellipse(edge, std=0.1)
+    >>> fit.ellipse.centre.round(6).tolist(), fit.ellipse.semi_axes.round(6).tolist()
+    ([900.0, -700.0], [40.0, 25.0])
     """
     if method not in METHODS:
         raise UserError(f"there is no conic fit {method}; {nearest(method, METHODS)}")
@@ -187,7 +196,7 @@ def _check_numbers(position: Array, std: Array, name: str) -> None:
 
 
 def _check_arc(position: Array, name: str) -> float:
-    """Arc that the points cover as seen from the centre of the best circle, which always exists."""
+    """Measure the arc that the points cover, seen from the best circle, which always exists."""
     away = position - position.mean(axis=0)
     design = np.column_stack([2.0 * away, np.ones(len(away))])
     solution, _, rank, _ = np.linalg.lstsq(design, (away**2).sum(axis=-1), rcond=None)
@@ -238,7 +247,7 @@ EXTREME = 1e3
 
 
 class NoEllipseError(Exception):
-    """The points fit a hyperbola or a parabola."""
+    """Points that fit a hyperbola or a parabola."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +272,7 @@ class ScaledPoints:
         return ScaledPoints(self.position[used], self.std[used], direction)
 
     def across(self, normal: Array) -> Array:
-        """Standard error across an edge with these normals, shape (n,)."""
+        """Give the standard error across an edge with these normals, shape (n,)."""
         if self.direction is None:
             return self.std
         cosine = np.abs((normal * self.direction).sum(axis=-1))
@@ -292,13 +301,13 @@ def algebraic_conic(position: Array, std: ArrayLike = 1.0) -> Array:
 
 
 def algebraic(points: ScaledPoints, start: Array) -> Array:
-    """Five numbers by Eq 4.19; `start` only tells how the scan lines cross the edge."""
+    """Estimate five numbers by Eq 4.19; `start` only tells how scan lines cross the edge."""
     _, normal = signed_distance(points.position, start)
     return _ellipse(from_point_conic(algebraic_conic(points.position, points.across(normal))))
 
 
 def likelihood(points: ScaledPoints, start: Array) -> Array:
-    """Five numbers by least squares of the orthogonal distances over their standard errors.
+    """Estimate five numbers by least squares of orthogonal distances over standard errors.
 
     Gauss-Newton; a step that leaves the ellipses is halved until it does not.
     """
@@ -324,7 +333,7 @@ METHODS: dict[str, Callable[[ScaledPoints, Array], Array]] = {
 
 
 def gain(points: ScaledPoints, parameters: Array, method: str) -> Array:
-    """Change of the five numbers by each point's error in standard errors, shape (5, n).
+    """Differentiate the five numbers by each point's error in standard errors, shape (5, n).
 
     Of the likelihood, the pseudoinverse of the distances' derivative; of Eq 4.19, where a point
     that moves by d across the edge changes its row by ``|gradient| d``, that of [Data].
@@ -344,7 +353,7 @@ def gain(points: ScaledPoints, parameters: Array, method: str) -> Array:
 
 
 def least_quantile(position: Array) -> Array:
-    """The ellipse through five points that has the least median distance from all others.
+    """Find the ellipse through five points that has the least median distance from all others.
 
     One point comes from each fifth of the turn about the mean, so that every ellipse is well
     determined; the members follow an additive recurrence, spread evenly and the same every time.
@@ -368,13 +377,13 @@ def least_quantile(position: Array) -> Array:
 
 
 def quantile(size: Array) -> Array:
-    """Median of residuals that does not count those which the five numbers make small."""
+    """Take a median of residuals that does not count those which the five numbers make small."""
     rank = (size.shape[-1] + NUMBERS + 1) // 2 - 1
     return np.asarray(np.sort(size, axis=-1)[..., rank])
 
 
 def _data(position: Array) -> Array:
-    """The matrix [Data] of Eq 4.20, shape (..., n, 5)."""
+    """Make the matrix [Data] of Eq 4.20, shape (..., n, 5)."""
     x, y = np.moveaxis(position, -1, 0)
     return np.stack([x**2, y**2, x * y, x, y], axis=-1)
 

@@ -13,7 +13,7 @@ from sldvexp.typing import Array
 
 
 def from_coordinates(coordinates: ArrayLike) -> Array:
-    """Cross-ratio of four points by their coordinates along their line (Eq 4.10).
+    """Give the cross-ratio of four points by their coordinates along their line (Eq 4.10).
 
     Parameters
     ----------
@@ -30,13 +30,18 @@ def from_coordinates(coordinates: ArrayLike) -> Array:
     UserError
         If B and C or A and D coincide, where it is infinite or undetermined, or if a number is
         not finite.
+
+    Examples
+    --------
+    >>> from_coordinates([0.0, 1.0, 2.0, 3.0]).round(4)
+    np.float64(1.3333)
     """
     a, b, c, d = _elements(coordinates)
     return _ratio((c - a) * (d - b), (c - b) * (d - a))
 
 
 def from_points(points: ArrayLike, tolerance: float = 1e-9) -> Array:
-    """Cross-ratio of four collinear points in any number of dimensions (Eq 4.9).
+    """Give the cross-ratio of four collinear points in any number of dimensions (Eq 4.9).
 
     Parameters
     ----------
@@ -54,6 +59,11 @@ def from_points(points: ArrayLike, tolerance: float = 1e-9) -> Array:
     ------
     UserError
         If the points are not on one line, or B and C or A and D coincide.
+
+    Examples
+    --------
+    >>> from_points([[0.0, 0.0], [1.0, 2.0], [2.0, 4.0], [3.0, 6.0]]).round(4)
+    np.float64(1.3333)
     """
     p = np.asarray(points, float)
     _require(bool(np.isfinite(p).all()))
@@ -73,7 +83,7 @@ def from_points(points: ArrayLike, tolerance: float = 1e-9) -> Array:
 
 
 def from_slopes(slopes: ArrayLike) -> Array:
-    """Cross-ratio of four lines through one centre by their slopes (Eq 4.11).
+    """Give the cross-ratio of four lines through one centre by their slopes (Eq 4.11).
 
     Parameters
     ----------
@@ -88,12 +98,17 @@ def from_slopes(slopes: ArrayLike) -> Array:
     ------
     UserError
         If the lines OB and OC or OA and OD coincide.
+
+    Examples
+    --------
+    >>> from_slopes([0.0, 1.0, 2.0, 3.0]).round(4)
+    np.float64(1.3333)
     """
     return from_coordinates(slopes)
 
 
 def from_angles(angles: ArrayLike) -> Array:
-    """Cross-ratio of four lines or planes through one centre or axis by their angles (Eq 4.12).
+    """Give the cross-ratio of lines or planes through one centre or axis by angles (Eq 4.12).
 
     Parameters
     ----------
@@ -110,13 +125,18 @@ def from_angles(angles: ArrayLike) -> Array:
     ------
     UserError
         If the lines OB and OC or OA and OD coincide.
+
+    Examples
+    --------
+    >>> from_angles(np.arctan([0.0, 1.0, 2.0, 3.0])).round(4)
+    np.float64(1.3333)
     """
     a, b, c, d = _elements(angles)
     return _ratio(np.sin(c - a) * np.sin(d - b), np.sin(c - b) * np.sin(d - a))
 
 
 def _elements(values: ArrayLike) -> Array:
-    """A, B, C and D along the first dimension."""
+    """Move A, B, C and D to the first dimension."""
     elements = np.moveaxis(np.asarray(values, float), -1, 0)
     _require(bool(np.isfinite(elements).all()))
     return elements

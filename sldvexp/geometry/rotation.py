@@ -1,9 +1,8 @@
 """Rotations: Euler angles in the x-convention, rotation vectors, rigid motions.
 
 A rotation `R` takes world vectors into the laser frame, ``P_laser = R (P_world - origin)``.
-All functions work on stacks: leading dimensions are carried through.
-
-A pose as a configuration states it.
+All functions work on stacks: leading dimensions are carried through. `KnownPose` is a pose as a
+configuration states it, in Euler angles.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ GIMBAL_LOCK = 1e-6
 
 
 def rotation_from_euler(euler: ArrayLike) -> Array:
-    """Rotation matrix of Euler angles in the x-convention (z-x'-z'').
+    """Make the rotation matrix of Euler angles in the x-convention (z-x'-z'').
 
     Parameters
     ----------
@@ -33,6 +32,11 @@ def rotation_from_euler(euler: ArrayLike) -> Array:
     -------
     ndarray, shape (..., 3, 3)
         World to laser; the product BCD of Goldstein's *Classical Mechanics*, as in Figure 4.29.
+
+    Examples
+    --------
+    >>> rotation_from_euler([np.pi / 2, 0.0, 0.0]).round(6) @ [1.0, 0.0, 0.0]
+    array([ 0., -1.,  0.])
     """
     phi1, phi2, phi3 = np.moveaxis(np.asarray(euler, float), -1, 0)
     c1, s1, c2, s2, c3, s3 = (f(a) for a in (phi1, phi2, phi3) for f in (np.cos, np.sin))
@@ -45,7 +49,7 @@ def rotation_from_euler(euler: ArrayLike) -> Array:
 
 
 def euler_from_rotation(rotation: ArrayLike) -> Array:
-    """Euler angles in the x-convention, with phi2 in [0, pi].
+    """Give the Euler angles in the x-convention, with phi2 in [0, pi].
 
     Where sin(phi2) vanishes only phi1 + phi3 (or phi1 - phi3) is determined; phi1 is then zero.
 
@@ -56,6 +60,11 @@ def euler_from_rotation(rotation: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (..., 3), rad
+
+    Examples
+    --------
+    >>> euler_from_rotation(rotation_from_euler([-1.153, 2.547, 1.913])).round(3)
+    array([-1.153,  2.547,  1.913])
     """
     r = np.asarray(rotation, float)
     sine = np.hypot(r[..., 2, 0], r[..., 2, 1])
@@ -69,7 +78,7 @@ def euler_from_rotation(rotation: ArrayLike) -> Array:
 
 
 def euler_jacobian(rotation: ArrayLike) -> Array:
-    """Change of the Euler angles under a small rotation of the laser frame.
+    """Differentiate the Euler angles by a small rotation of the laser frame.
 
     Parameters
     ----------
@@ -80,6 +89,11 @@ def euler_jacobian(rotation: ArrayLike) -> Array:
     ndarray, shape (..., 3, 3)
         d(phi1, phi2, phi3) / d(rotation vector), for ``R -> exp([rotation vector]) R``.
         Infinite rows where sin(phi2) is zero: there the angles are not determined.
+
+    Examples
+    --------
+    >>> euler_jacobian(rotation_from_euler([0.4, np.pi / 4, 0.3]))[0, :2].round(3)
+    array([-0.418, -1.351])
     """
     euler = euler_from_rotation(rotation)
     phi2, phi3 = euler[..., 1], euler[..., 2]
@@ -94,7 +108,13 @@ def euler_jacobian(rotation: ArrayLike) -> Array:
 
 
 def skew(vector: ArrayLike) -> Array:
-    """Matrix [v] with ``[v] a = v x a``, shape (..., 3, 3)."""
+    """Make the matrix [v] with ``[v] a = v x a``, shape (..., 3, 3).
+
+    Examples
+    --------
+    >>> skew([0.0, 0.0, 1.0]) @ [1.0, 0.0, 0.0]
+    array([0., 1., 0.])
+    """
     x, y, z = np.moveaxis(np.asarray(vector, float), -1, 0)
     zero = np.zeros_like(x)
     rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
@@ -102,7 +122,13 @@ def skew(vector: ArrayLike) -> Array:
 
 
 def rotation_from_vector(vector: ArrayLike) -> Array:
-    """Rotation matrix of a rotation vector (Rodrigues), ``exp([v])``, shape (..., 3, 3)."""
+    """Make the rotation matrix of a rotation vector (Rodrigues), ``exp([v])``, shape (..., 3, 3).
+
+    Examples
+    --------
+    >>> rotation_from_vector([0.0, 0.0, np.pi / 2]).round(6) @ [1.0, 0.0, 0.0]
+    array([0., 1., 0.])
+    """
     v = np.asarray(vector, float)
     angle = np.linalg.norm(v, axis=-1)[..., None, None]
     k = skew(v)
@@ -114,7 +140,13 @@ def rotation_from_vector(vector: ArrayLike) -> Array:
 
 
 def vector_from_rotation(rotation: ArrayLike) -> Array:
-    """Rotation vector of a rotation matrix, of length at most pi, shape (..., 3)."""
+    """Give the rotation vector of a rotation matrix, of length at most pi, shape (..., 3).
+
+    Examples
+    --------
+    >>> vector_from_rotation(rotation_from_vector([0.1, 0.2, 0.3])).round(6)
+    array([0.1, 0.2, 0.3])
+    """
     r = np.asarray(rotation, float)
     return (
         scipy.spatial.transform.Rotation.from_matrix(r.reshape(-1, 3, 3))
@@ -124,14 +156,20 @@ def vector_from_rotation(rotation: ArrayLike) -> Array:
 
 
 def nearest_rotation(matrix: ArrayLike) -> Array:
-    """Proper rotation nearest to each matrix in the Frobenius norm, shape (..., 3, 3)."""
+    """Find the proper rotation nearest to each matrix in the Frobenius norm, shape (..., 3, 3).
+
+    Examples
+    --------
+    >>> nearest_rotation(np.diag([1.1, 0.9, 1.0])).round(6).tolist()
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    """
     u, _, vt = np.linalg.svd(np.asarray(matrix, float))
     u[..., :, 2] *= np.linalg.det(u @ vt)[..., None]
     return u @ vt
 
 
 def rigid_transform(source: ArrayLike, destination: ArrayLike) -> tuple[Array, Array]:
-    """Least-squares rigid motion ``destination = R source + t`` between matched points.
+    """Fit the least-squares rigid motion ``destination = R source + t`` between matched points.
 
     Parameters
     ----------
@@ -141,6 +179,13 @@ def rigid_transform(source: ArrayLike, destination: ArrayLike) -> tuple[Array, A
     -------
     rotation : ndarray, shape (..., 3, 3)
     translation : ndarray, shape (..., 3), the points' unit
+
+    Examples
+    --------
+    >>> corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    >>> rotation, shift = rigid_transform(corners, corners + [0.0, 0.0, 2.0])
+    >>> shift.round(6).tolist()
+    [0.0, 0.0, 2.0]
     """
     a, b = np.asarray(source, float), np.asarray(destination, float)
     a_mean, b_mean = a.mean(axis=-2), b.mean(axis=-2)

@@ -13,7 +13,7 @@ from sldvexp.typing import Array
 
 
 def project(points: ArrayLike, mirror_offset: ArrayLike = 0.0) -> Array:
-    """Mirror angles that point the beam at each point (Eqs 4.2 and 4.3).
+    """Give the mirror angles that point the beam at each point (Eqs 4.2 and 4.3).
 
     Parameters
     ----------
@@ -26,6 +26,11 @@ def project(points: ArrayLike, mirror_offset: ArrayLike = 0.0) -> Array:
     -------
     ndarray, shape (..., 2), rad
         ``up_down = atan2(y, z)`` and ``left_right = atan2(x, hypot(y, z) + mirror_offset)``.
+
+    Examples
+    --------
+    >>> project([0.1, 0.2, 2.0], mirror_offset=0.03).round(4)
+    array([0.0997, 0.049 ])
     """
     x, y, z = np.moveaxis(np.asarray(points, float), -1, 0)
     up_down = np.arctan2(y, z)
@@ -34,7 +39,7 @@ def project(points: ArrayLike, mirror_offset: ArrayLike = 0.0) -> Array:
 
 
 def project_jacobian(points: ArrayLike, mirror_offset: ArrayLike = 0.0) -> tuple[Array, Array]:
-    """Derivatives of `project` by the point and by the mirror offset.
+    """Differentiate `project` by the point and by the mirror offset.
 
     Parameters
     ----------
@@ -45,6 +50,12 @@ def project_jacobian(points: ArrayLike, mirror_offset: ArrayLike = 0.0) -> tuple
     -------
     by_point : ndarray, shape (..., 2, 3), rad/m
     by_offset : ndarray, shape (..., 2), rad/m
+
+    Examples
+    --------
+    >>> by_point, by_offset = project_jacobian([1.0, 0.0, 2.0])
+    >>> by_point[1, [0, 2]].round(2), by_offset.round(2)
+    (array([ 0.4, -0.2]), array([ 0. , -0.2]))
     """
     x, y, z = np.moveaxis(np.asarray(points, float), -1, 0)
     radius = np.hypot(y, z)
@@ -61,7 +72,7 @@ def project_jacobian(points: ArrayLike, mirror_offset: ArrayLike = 0.0) -> tuple
 
 
 def rays(angles: ArrayLike, mirror_offset: ArrayLike = 0.0) -> tuple[Array, Array]:
-    """The beam of each angle pair: its virtual origin and unit direction in the laser frame.
+    """Follow the beam of each angle pair: its virtual origin and unit direction in the laser frame.
 
     Parameters
     ----------
@@ -75,6 +86,12 @@ def rays(angles: ArrayLike, mirror_offset: ArrayLike = 0.0) -> tuple[Array, Arra
         ``(mirror_offset tan(left_right), 0, 0)``: on the up-down mirror's axis (A.2.2, step G).
     direction : ndarray, shape (..., 3)
         Along ``(tan(left_right), sin(up_down), cos(up_down))``, from the instrument outwards.
+
+    Examples
+    --------
+    >>> origin, direction = rays([0.0, 0.1], mirror_offset=0.03)
+    >>> origin.round(5), direction.round(4)
+    (array([0.00301, 0.     , 0.     ]), array([0.0998, 0.    , 0.995 ]))
     """
     up_down, left_right = np.moveaxis(np.asarray(angles, float), -1, 0)
     tangent = np.tan(left_right)
@@ -85,7 +102,7 @@ def rays(angles: ArrayLike, mirror_offset: ArrayLike = 0.0) -> tuple[Array, Arra
 
 
 def direction_cosines(angles: ArrayLike, rotation: ArrayLike | None = None) -> Array:
-    """Unit vectors from the surface to the instrument, ``v = V . D``.
+    """Give unit vectors D from the surface to the instrument, ``v = V . D``.
 
     Parameters
     ----------
@@ -96,6 +113,11 @@ def direction_cosines(angles: ArrayLike, rotation: ArrayLike | None = None) -> A
     Returns
     -------
     ndarray, shape (..., 3)
+
+    Examples
+    --------
+    >>> direction_cosines([0.0, 0.0])
+    array([-0., -0., -1.])
     """
     _, direction = rays(angles)
     if rotation is None:

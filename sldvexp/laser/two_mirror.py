@@ -1,9 +1,9 @@
 """`laser=two_mirror`: galvanometer mirrors with offset, orthogonal axes, and their D/A board.
 
-A mirror's calibration: DAC steps to angles and back, and the limits of the board.
-
-The last dimension is (up_down, left_right). A calibration is a polynomial in u, the DAC step over
-the board's largest step; `TwoMirror` has made sure that it is monotonic over the board's range.
+A calibration is a polynomial in u, the DAC step over the board's largest step, for each mirror:
+``angle = zero + gain u + sum_k polynomial[k] u**(k + 2)``. `TwoMirror` makes sure that it is
+monotonic over the board's range, so that angles have one DAC step each. The last dimension is
+(up_down, left_right) throughout.
 """
 
 from __future__ import annotations
@@ -25,6 +25,11 @@ MIRRORS = ("up_down", "left_right")
 
 #: Steps of u at which a calibration's slope is looked at.
 MONOTONIC_GRID = 1000
+#: Of the range: lets a limit pass that a conversion of units has rounded.
+ROUNDING = 1e-12
+
+#: Bisection alone needs 53 halvings; Newton's steps from inside the bracket need five.
+ITERATIONS = 100
 
 
 class Board(Enum):
@@ -132,113 +137,99 @@ class TwoMirror:
         return np.array([abs(getattr(self, m).coefficients[1]) / largest for m in MIRRORS])
 
     def angle_from_dac(self, dac: ArrayLike, labels: ArrayLike | None = None) -> Array:
-        """Mirror angles of DAC steps; see `sldvexp.laser.two_mirror.angle_from_dac`."""
-        return angle_from_dac(self, dac, labels)
+        """Give the mirror angles of DAC steps.
+
+        Parameters
+        ----------
+        dac : array_like, shape (..., 2), steps
+        labels : array_like, broadcastable to (...), optional
+            Names of the points in messages; their indices without it.
+
+        Returns
+        -------
+        ndarray, shape (..., 2), rad
+
+        Raises
+        ------
+        UserError
+            If a step is beyond the board's range (or not a number); names the point and the mirror.
+
+        Examples
+        --------
+        >>> TwoMirror().angle_from_dac([4096, -2048]).round(4)
+        array([ 0.4363, -0.2182])
+        """
+        steps = np.asarray(dac, float)
+        low, high = self.board.value
+        angles = np.empty(steps.shape)
+        for i, name in enumerate(MIRRORS):
+            _require_within(steps[..., i], low, high, labels, f"{name} DAC step", 1.0, "")
+            angles[..., i] = self._angle(name, steps[..., i] / high)
+        return angles
 
     def dac_from_angle(self, angle: ArrayLike, labels: ArrayLike | None = None) -> Array:
-        """DAC steps (not rounded) of mirror angles; see
-        `sldvexp.laser.two_mirror.dac_from_angle`.
+        """Give the DAC steps, not rounded, of mirror angles: the inverse of `angle_from_dac`.
+
+        Parameters
+        ----------
+        angle : array_like, shape (..., 2), rad
+        labels : array_like, broadcastable to (...), optional
+            Names of the points in messages; their indices without it.
+
+        Returns
+        -------
+        ndarray, shape (..., 2), steps
+            Within 1e-12 of the largest step.
+
+        Raises
+        ------
+        UserError
+            If an angle is beyond the mirror's range (or not a number); names the point and the
+            mirror.
+
+        Examples
+        --------
+        >>> TwoMirror().dac_from_angle([0.2, -0.1]).round(1)
+        array([1877.5, -938.7])
         """
-        return dac_from_angle(self, angle, labels)
+        angles = np.asarray(angle, float)
+        lowest, largest = self.board.value
+        steps = np.empty(angles.shape)
+        for i, name in enumerate(MIRRORS):
+            reach = self._angle(name, np.array([lowest / largest, 1.0]))
+            low, high = float(reach.min()), float(reach.max())
+            what = f"{name} angle of"
+            _require_within(angles[..., i], low, high, labels, what, 180.0 / np.pi, " deg")
+            steps[..., i] = largest * self._solve(name, angles[..., i])
+        return steps
 
+    def _angle(self, name: str, u: Array) -> Array:
+        return np.asarray(polynomial.polyval(u, getattr(self, name).coefficients))
 
-#: Of the range: lets a limit pass that a conversion of units has rounded.
-ROUNDING = 1e-12
+    def _solve(self, name: str, angle: Array) -> Array:
+        """Solve for the u of each angle, by Newton's method inside a bracket that holds the root.
 
-#: Bisection alone needs 53 halvings; Newton's steps from inside the bracket need five.
-ITERATIONS = 100
-
-
-def angle_from_dac(laser: TwoMirror, dac: ArrayLike, labels: ArrayLike | None = None) -> Array:
-    """Mirror angles of DAC steps, ``angle = zero + gain u + sum_k polynomial[k] u**(k + 2)``.
-
-    Parameters
-    ----------
-    laser : TwoMirror
-    dac : array_like, shape (..., 2), steps
-    labels : array_like, broadcastable to (...), optional
-        What the points are called in messages; their indices without it.
-
-    Returns
-    -------
-    ndarray, shape (..., 2), rad
-
-    Raises
-    ------
-    UserError
-        If a step is beyond the board's range (or not a number); names the point and the mirror.
-    """
-    steps = np.asarray(dac, float)
-    low, high = laser.board.value
-    angles = np.empty(steps.shape)
-    for i, name in enumerate(MIRRORS):
-        _require_within(steps[..., i], low, high, labels, f"{name} DAC step", 1.0, "")
-        angles[..., i] = _angle(laser, name, steps[..., i] / high)
-    return angles
-
-
-def dac_from_angle(laser: TwoMirror, angle: ArrayLike, labels: ArrayLike | None = None) -> Array:
-    """DAC steps, not rounded, of mirror angles: the inverse of `angle_from_dac`.
-
-    Parameters
-    ----------
-    laser : TwoMirror
-    angle : array_like, shape (..., 2), rad
-    labels : array_like, broadcastable to (...), optional
-        What the points are called in messages; their indices without it.
-
-    Returns
-    -------
-    ndarray, shape (..., 2), steps
-        Within 1e-12 of the largest step.
-
-    Raises
-    ------
-    UserError
-        If an angle is beyond the mirror's range (or not a number); names the point and the mirror.
-    """
-    angles = np.asarray(angle, float)
-    largest = laser.board.value[1]
-    steps = np.empty(angles.shape)
-    for i, name in enumerate(MIRRORS):
-        reach = _reach(laser, name)
-        low, high = float(reach.min()), float(reach.max())
-        what = f"{name} angle of"
-        _require_within(angles[..., i], low, high, labels, what, 180.0 / np.pi, " deg")
-        steps[..., i] = largest * _solve(laser, name, angles[..., i])
-    return steps
-
-
-def _reach(laser: TwoMirror, name: str) -> Array:
-    """Angles of one mirror at the lowest and the highest step, rad."""
-    low, high = laser.board.value
-    return _angle(laser, name, np.array([low / high, 1.0]))
-
-
-def _angle(laser: TwoMirror, name: str, u: Array) -> Array:
-    return np.asarray(polynomial.polyval(u, getattr(laser, name).coefficients))
-
-
-def _solve(laser: TwoMirror, name: str, angle: Array) -> Array:
-    """The u of each angle, by Newton's method inside a bracket that always holds the root."""
-    coefficients = getattr(laser, name).coefficients
-    slopes = polynomial.polyder(coefficients)
-    sign = np.sign(coefficients[1])
-    below = np.full(angle.shape, laser.board.value[0] / laser.board.value[1])
-    above = np.ones(angle.shape)
-    u = np.clip((angle - coefficients[0]) / coefficients[1], below, above)
-    for _ in range(ITERATIONS):
-        excess = sign * (_angle(laser, name, u) - angle)
-        below = np.where(excess < 0, u, below)
-        above = np.where(excess > 0, u, above)
-        newton = u - excess / (sign * polynomial.polyval(u, slopes))
-        outside = (newton < below) | (newton > above)
-        new = np.where(excess == 0, u, np.where(outside, (below + above) / 2, newton))
-        done = np.all(np.abs(new - u) <= np.finfo(float).eps)
-        u = new
-        if done:
-            break
-    return u
+        The polynomial is monotonic, so that the sign of the excess says which side to keep; a step
+        out of the bracket is replaced by a halving of it.
+        """
+        coefficients = getattr(self, name).coefficients
+        slopes = polynomial.polyder(coefficients)
+        sign = np.sign(coefficients[1])
+        below = np.full(angle.shape, self.board.value[0] / self.board.value[1])
+        above = np.ones(angle.shape)
+        u = np.clip((angle - coefficients[0]) / coefficients[1], below, above)
+        for _ in range(ITERATIONS):
+            excess = sign * (self._angle(name, u) - angle)
+            below = np.where(excess < 0, u, below)
+            above = np.where(excess > 0, u, above)
+            newton = u - excess / (sign * polynomial.polyval(u, slopes))
+            outside = (newton < below) | (newton > above)
+            new = np.where(excess == 0, u, np.where(outside, (below + above) / 2, newton))
+            done = np.all(np.abs(new - u) <= np.finfo(float).eps)
+            u = new
+            if done:
+                break
+        return u
 
 
 def _require_within(

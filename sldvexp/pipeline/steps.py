@@ -84,7 +84,7 @@ class Run:
 
 def _target(run: Run) -> None:
     """Add the calibration object's points."""
-    run.tree["target"] = run.experiment.target.group()
+    run.tree["target"] = run.experiment.target.to_dataset()
 
 
 def _scan(run: Run) -> None:
@@ -120,7 +120,7 @@ def _pose(run: Run) -> None:
     e = run.experiment
     if e.pose is not None:
         run.inputs += e.pose.inputs()
-        run.tree |= e.pose.estimate(e.laser, e.target, run.tree)
+        run.tree |= e.pose.estimate(e.laser, e.target, run.tree).groups()
     for name, method in e.compare_pose.items():
         run.inputs += method.inputs()
         own = f"{COMPARED_SCANS}/{name}/"
@@ -129,7 +129,7 @@ def _pose(run: Run) -> None:
             found = method.estimate(e.laser, e.target, scanned or run.tree)
         except UserError as error:
             raise UserError(f"compare_pose.{name}: {error}") from None
-        run.tree[f"compare_pose/{name}"] = found["pose"]
+        run.tree[f"compare_pose/{name}"] = found.pose
 
 
 def _images(run: Run) -> None:

@@ -1,6 +1,9 @@
-"""What every pose method has in common: its place in the run and its group of the dataset.
+"""Contract of pose methods: what each is given, what it returns, and the group ``pose`` it makes.
 
-The covariance of all views together: views that share errors do not err independently.
+A pose is six numbers a view: a small rotation vector of the laser frame and the origin, together
+the `EXTRINSICS`, with intrinsics of the mirrors if those are adjusted too. Views that share errors
+(the object's, or a shared intrinsic) do not err independently, so that the covariance of all views
+together is kept beside each view's own.
 """
 
 from __future__ import annotations
@@ -24,38 +27,127 @@ from sldvexp.typing import Array
 #: The six extrinsics: a small rotation vector of the laser frame (rad) and the origin (m).
 EXTRINSICS = ("rotation_x", "rotation_y", "rotation_z", "x", "y", "z")
 
+#: Variables of the group ``pose`` that every method gives; later steps rely on them.
+PROMISED = (
+    *("origin", "origin_std", "origin_confidence"),
+    *("euler", "euler_std", "euler_confidence"),
+    *("rotation", "covariance", "dof"),
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PoseResult:
+    """Poses of all views, as a method found them.
+
+    Parameters
+    ----------
+    pose : xarray.Dataset
+        The group ``pose`` of a run, as `pose_to_dataset` makes it: the variables `PROMISED` and,
+        if the method has them, residuals, adjusted intrinsics and the covariance between views.
+        Attributes: ``confidence_level``; ``notes``, one a line, for the reader of a report.
+    registration : xarray.Dataset, optional
+        The group ``registration``: the points, and the angles they were solved from.
+    """
+
+    pose: xr.Dataset
+    registration: xr.Dataset | None = None
+
+    @property
+    def views(self) -> list[str]:
+        """Names of the views."""
+        return [str(v) for v in self.pose["view"].values]
+
+    @property
+    def rotation(self) -> Array:
+        """Rotations from world to laser, shape (view, 3, 3)."""
+        return np.asarray(self.pose["rotation"].values)
+
+    @property
+    def origin(self) -> Array:
+        """Origins of the laser frame in the world, shape (view, 3), m."""
+        return np.asarray(self.pose["origin"].values)
+
+    @property
+    def notes(self) -> list[str]:
+        """Sentences on what to mind about the poses."""
+        return str(self.pose.attrs.get("notes", "")).splitlines()
+
+    def groups(self) -> dict[str, xr.Dataset]:
+        """Name the groups that the method adds to the run."""
+        own = {} if self.registration is None else {"registration": self.registration}
+        return {**own, "pose": self.pose}
+
+    def to_dataset(self) -> xr.Dataset:
+        """Give the group ``pose``."""
+        return self.pose
+
+    def __repr__(self) -> str:
+        rms = self.pose["residual_rms"].values if "residual_rms" in self.pose else None
+        return "\n".join(
+            f"view {view}: {describe_pose(origin, std, None if rms is None else rms[k])}"
+            for k, (view, origin, std) in enumerate(
+                zip(self.views, self.origin, self.pose["origin_std"].values, strict=True)
+            )
+        )
+
 
 @dataclass
 class PoseMethod(ABC):
-    """A way to find where the instrument stood."""
+    """A way to find where the instrument stood.
+
+    A method is a plugin: its fields are its configuration, checked in ``__post_init__``, and
+    `estimate` does the work. It needs nothing but its own file and a line in
+    `sldvexp.config.registry`; `tests/pose/test_contract.py` tries every registered one.
+    """
 
     @abstractmethod
     def estimate(
-        self, laser: TwoMirror, target: Target | None, tree: Mapping[str, xr.Dataset]
-    ) -> dict[str, xr.Dataset]:
-        """The pose of every view, with bounds.
+        self, laser: TwoMirror | None, target: Target | None, tree: Mapping[str, xr.Dataset]
+    ) -> PoseResult:
+        """Find the pose of every view, with bounds.
+
+        The same arguments give the same bits; none of them is changed.
 
         Parameters
         ----------
-        laser : TwoMirror
+        laser : TwoMirror or None
+            Mirrors of the run, if it has any.
         target : Target or None
+            The calibration object, if there is one.
         tree : mapping of str to xarray.Dataset
-            What the run has so far; scanned edges are the groups ``edge/<view>``.
+            Groups that the run has so far: scanned edges are ``edge/<view>``, points that a person
+            pointed at ``registration``.
 
         Returns
         -------
-        dict of str to xarray.Dataset
-            The group ``pose``, and ``registration`` if the method used points.
+        PoseResult
+            Of all views that the data has, in its order.
 
         Raises
         ------
         UserError
-            If the data is wrong or cannot determine a pose.
+            If something that the method needs is not there, the data is wrong or cannot determine
+            a pose. One sentence that names the file or view and says what to do.
         """
 
     def inputs(self) -> list[str]:
-        """Files that the method reads, as the configuration names them."""
+        """List the files that the method reads, as the configuration names them."""
         return []
+
+
+def describe_pose(origin: Array, std: Array, residual_rms: float | None) -> str:
+    """Say in one line where an instrument stood and how well that is known.
+
+    Parameters
+    ----------
+    origin, std : ndarray, shape (3,), m
+        The origin and its standard errors.
+    residual_rms : float, DAC steps, or None
+    """
+    places = ", ".join(f"{x:.4f}" for x in origin)
+    errors = ", ".join(f"{1e3 * x:.2g}" for x in std)
+    fit = "" if residual_rms is None else f", residuals {residual_rms:.2g} DAC steps rms"
+    return f"origin ({places}) m, std ({errors}) mm{fit}"
 
 
 def pose_to_dataset(
@@ -71,11 +163,10 @@ def pose_to_dataset(
     coords: dict[str, Any] | None = None,
     **more: ArrayLike | None,
 ) -> xr.Dataset:
-    """The group ``pose`` with its standard errors and intervals.
+    """Make the group ``pose`` with its standard errors and intervals.
 
     Parameters
     ----------
-    views : sequence of str
     rotation : array_like, shape (view, 3, 3)
         World to laser.
     origin : array_like, shape (view, 3), m
@@ -92,6 +183,16 @@ def pose_to_dataset(
         Of all views; kept if there are several.
     coords, **more
         Further coordinates and variables of the group.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> known = np.diag([1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3]) ** 2
+    >>> pose = pose_to_dataset(
+    ...     ["front"], [np.eye(3)], [[0.0, 0.0, -2.0]], [known], [np.inf], 0.95
+    ... )
+    >>> pose["origin_confidence"].values.round(5)
+    array([[0.00196, 0.00196, 0.00196]])
     """
     rotation, covariance = np.asarray(rotation, float), np.asarray(covariance, float)
     euler_std, std = euler_standard_error(rotation, covariance), standard_error(covariance)
@@ -130,7 +231,6 @@ class JointCovariance:
 
     Parameters
     ----------
-    views : sequence of str
     own, shared : sequence of str
         Intrinsics adjusted for each view and for all views.
     matrix : ndarray, shape (unknown, unknown)
@@ -148,12 +248,12 @@ class JointCovariance:
         return [*self.own, *self.shared]
 
     def unknowns(self) -> list[str]:
-        """Names of the unknowns: ``view/parameter``, and the shared intrinsics as they are."""
+        """Name the unknowns: ``view/parameter``, and the shared intrinsics as they are."""
         each = [label(v, p) for v in self.views for p in (*EXTRINSICS, *self.own)]
         return each + list(self.shared)
 
     def of_views(self) -> Array:
-        """Each view's covariance, that of the shared intrinsics in it, shape (view, p, p).
+        """Give each view's covariance, that of the shared intrinsics in it, shape (view, p, p).
 
         The parameters are `EXTRINSICS`, the own and the shared intrinsics.
         """
@@ -164,23 +264,34 @@ class JointCovariance:
 
 
 def label(view: str, parameter: str) -> str:
-    """Name of a view's unknown in ``joint_covariance``."""
+    """Name a view's unknown in ``joint_covariance``.
+
+    Examples
+    --------
+    >>> label("front", "rotation_x")
+    'front/rotation_x'
+    """
     return f"{view}/{parameter}"
 
 
 def cross_covariance(pose: xr.Dataset, views: Sequence[str]) -> Array:
-    """Covariance of some views' poses, between views too.
+    """Take the covariance of some views' poses, between views too, from a group ``pose``.
 
-    Parameters
-    ----------
-    pose : xarray.Dataset
-        The group ``pose``. Without ``joint_covariance`` its views are independent.
-    views : sequence of str
+    Without ``joint_covariance`` in the group its views are independent.
 
     Returns
     -------
     ndarray, shape (view, 6, view, 6), rad and m
         Of the `EXTRINSICS`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> two = pose_to_dataset(
+    ...     ["a", "b"], [np.eye(3)] * 2, np.zeros((2, 3)), [np.eye(6)] * 2, [9, 9], 0.95
+    ... )
+    >>> cross_covariance(two, ["b", "a"])[0, :, 1].any()
+    np.False_
     """
     count, size = len(views), len(EXTRINSICS)
     if "joint_covariance" in pose:

@@ -1,9 +1,8 @@
 """Adjustment of all views at once, with unknowns that they share and noise that is estimated.
 
-Least squares over many views that share unknowns: a block-arrow matrix.
-
 Every view v has unknowns a_v of its own, all have the unknowns c in common. With residuals r_v, and
-their derivatives A_v by the own and C_v by the common unknowns, the normal equations are::
+their derivatives A_v by the own and C_v by the common unknowns, the normal equations are a
+block-arrow matrix::
 
     [ A_1'A_1                A_1'C_1     ] [ a_1 ]     [ A_1'r_1     ]
     [            ...          ...        ] [ ... ] = - [  ...        ]
@@ -48,7 +47,7 @@ class Arrow:
     common: Array
 
     def damped(self, damping: float) -> Arrow:
-        """With its diagonal larger by a part of it, as Levenberg and Marquardt do."""
+        """Enlarge the diagonal by a part of it, as Levenberg and Marquardt do."""
 
         def larger(block: Array) -> Array:
             return block + damping * np.diag(np.diag(block))
@@ -56,7 +55,7 @@ class Arrow:
         return Arrow([larger(a) for a in self.own], self.mixed, larger(self.common))
 
     def solve(self, own: Sequence[Array], common: Array) -> tuple[list[Array], Array]:
-        """Own and common unknowns for right-hand sides of shapes (p_v,) and (q,)."""
+        """Solve for own and common unknowns, with right-hand sides of shapes (p_v,) and (q,)."""
         pulls = self._pulls()
         left = common - sum(p.T @ r for p, r in zip(pulls, own, strict=True))
         c = _solve(self._schur(pulls), left)
@@ -64,7 +63,7 @@ class Arrow:
         return [_solve(a, r) - p @ c for a, r, p in each], c
 
     def covariance(self) -> Array:
-        """Inverse of the whole matrix, all own unknowns in the order of the views, then the common.
+        """Invert the whole matrix: own unknowns in the order of the views, then the common.
 
         Two views correlate by what they have in common only:
         ``cov(a_v, a_w) = P_v S^-1 P_w'`` with ``P_v = (A_v'A_v)^-1 A_v'C_v``.
@@ -78,7 +77,7 @@ class Arrow:
         return np.asarray((whole + whole.T) / 2)
 
     def places(self) -> list[slice]:
-        """Where each view's own unknowns stand among all."""
+        """Find where each view's own unknowns stand among all."""
         ends = itertools.accumulate((len(a) for a in self.own), initial=0)
         return [slice(a, b) for a, b in itertools.pairwise(ends)]
 
@@ -88,20 +87,20 @@ class Arrow:
         return sum(len(a) for a in self.own) + len(self.common)
 
     def determined(self) -> bool:
-        """Whether the views and priors determine every unknown."""
+        """Tell whether the views and priors determine every unknown."""
         if any(share.any() for share in self.undetermined_own()):
             return False
         return not self.undetermined_common().any()
 
     def undetermined_own(self) -> list[Array]:
-        """Of each view, the own unknowns' shares in a direction that nothing determines, or zero.
+        """Give each view's own unknowns' shares in a direction that nothing determines, or zero.
 
         The common unknowns are taken as known.
         """
         return [_worst(a, np.diag(a), UNDETERMINED) for a in self.own]
 
     def undetermined_common(self) -> Array:
-        """Shares of the common unknowns in a direction that no view determines, or zeros."""
+        """Give the common unknowns' shares in a direction that no view determines, or zeros."""
         schur = self._schur(self._pulls())
         return _worst(schur, np.diag(self.common), UNDETERMINED_SCHUR)
 
@@ -117,7 +116,7 @@ def _solve(matrix: Array, right: Array) -> Array:
 
 
 def _worst(information: Array, known: Array, least: float) -> Array:
-    """Absolute components of the worst direction, relative to the diagonal `known`; or zeros."""
+    """Give the worst direction's absolute components, relative to `known`; or zeros."""
     scale = np.sqrt(np.where(known > 0, known, 1.0))
     value, vector = np.linalg.eigh(information / np.outer(scale, scale))
     if not len(value) or value[0] > least:
@@ -144,19 +143,19 @@ class LinearisedResiduals(NamedTuple):
 
 
 class ViewTerms(Protocol):
-    """What one view adds to an adjustment."""
+    """One view's part in an adjustment."""
 
     def linearise(self, common: Array) -> LinearisedResiduals:
-        """Residuals and derivatives here; infinite residuals where the view cannot be."""
+        """Evaluate residuals and derivatives; infinite residuals where the view cannot be."""
 
     def moved(self, step: Array) -> Self:
-        """After a step (p,) of its own unknowns."""
+        """Make a step (p,) of its own unknowns."""
 
     def weighed(self, common: Array) -> Self:
-        """With the standard errors of its residuals evaluated here."""
+        """Evaluate the standard errors of its residuals here."""
 
     def prior(self) -> tuple[Array, Array]:
-        """Precision (p,) of what is known of its own unknowns, and how far from it they are."""
+        """Give the precision (p,) of what is known of its unknowns, and their distance from it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,12 +175,12 @@ class Common:
 
     @property
     def precision(self) -> Array:
-        """Of the prior, shape (q,)."""
+        """Precision of the prior, shape (q,)."""
         return np.asarray(self.prior_std**-2.0)
 
     @property
     def away(self) -> Array:
-        """How far from what is expected, shape (q,)."""
+        """Deviation from what is expected, shape (q,)."""
         return self.value - self.expected
 
 
@@ -194,8 +193,6 @@ class Adjusted(Generic[V]):
 
     Parameters
     ----------
-    views : list
-    common : Common
     covariance : ndarray, shape (all, all)
         Of all views' own unknowns, then of the common ones; infinite if they are not determined.
     places : list of slice
@@ -208,7 +205,6 @@ class Adjusted(Generic[V]):
         Degrees of freedom behind `variance`.
     cost : float
         Sum of squared residuals over their noise, with the priors'.
-    converged : bool
     arrow : Arrow
         The information.
     """
@@ -225,20 +221,19 @@ class Adjusted(Generic[V]):
     arrow: Arrow
 
 
-def adjust(
+def adjust_views(
     views: Sequence[V],
     common: Common,
     noise_known: bool,
     pooled: bool,
     max_iterations: int,
 ) -> Adjusted[V]:
-    """Least squares over all views.
+    """Find the least squares over all views.
 
     Parameters
     ----------
     views : sequence of ViewTerms
         Where to start.
-    common : Common
     noise_known : bool
         Whether the residuals' standard errors are right as they are.
     pooled : bool
@@ -283,7 +278,7 @@ def adjust(
 def normal_equations(
     views: Sequence[ViewTerms], common: Common, at: Sequence[LinearisedResiduals], variance: Array
 ) -> Arrow:
-    """Information of linearised views and of the priors."""
+    """Make the information of linearised views and of the priors."""
     priors = [v.prior()[0] for v in views]
     each = list(zip(at, variance, strict=True))
     return Arrow(
@@ -296,7 +291,7 @@ def normal_equations(
 def _descend(
     views: list[V], common: Common, variance: Array, max_iterations: int
 ) -> tuple[list[V], Common, list[LinearisedResiduals], bool]:
-    """Levenberg-Marquardt steps down to the least cost, and whether it was reached."""
+    """Take Levenberg-Marquardt steps down to the least cost; tell whether it was reached."""
     at = [v.linearise(common.value) for v in views]
     cost = _cost(views, common, at, variance)
     damping, growth = DAMPING, 2.0
@@ -325,7 +320,7 @@ def _descend(
 def _right_hand_side(
     views: Sequence[ViewTerms], common: Common, at: Sequence[LinearisedResiduals], variance: Array
 ) -> tuple[list[Array], Array]:
-    """Down the cost's slope, by the own unknowns of each view and by the common ones."""
+    """Point down the cost's slope, by the own unknowns of each view and by the common ones."""
     own, pull = [], -common.precision * common.away
     for view, a, s2 in zip(views, at, variance, strict=True):
         precision, away = view.prior()
@@ -337,7 +332,7 @@ def _right_hand_side(
 def _cost(
     views: Sequence[ViewTerms], common: Common, at: Sequence[LinearisedResiduals], variance: Array
 ) -> float:
-    """Squared residuals over their noise, and squared distances from the priors over theirs."""
+    """Add squared residuals over their noise, and squared distances from the priors over theirs."""
     of_residuals = sum(a.residual @ a.residual / s2 for a, s2 in zip(at, variance, strict=True))
     of_own = sum(precision @ away**2 for precision, away in (v.prior() for v in views))
     return float(of_residuals + of_own + common.precision @ common.away**2)
@@ -346,7 +341,7 @@ def _cost(
 def _freedom(
     at: Sequence[LinearisedResiduals], covariance: Array, places: Sequence[slice], variance: Array
 ) -> Array:
-    """Residuals of each view less what the unknowns take of them, shape (view,).
+    """Count the residuals of each view less what the unknowns take of them, shape (view,).
 
     That is the trace of ``I - J C J' / s^2``; a prior gives its share back.
     """
@@ -361,7 +356,7 @@ def _freedom(
 
 
 def _variance(residual: Sequence[Array], dof: Array, pooled: bool) -> Array:
-    """Sum of squares over degrees of freedom, of each view or of all, shape (view,)."""
+    """Divide sums of squares by degrees of freedom, of each view or of all, shape (view,)."""
     square = np.array([r @ r for r in residual])
     if pooled:
         square, dof = np.full_like(square, square.sum()), np.full_like(dof, dof.sum())

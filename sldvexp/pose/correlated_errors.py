@@ -1,4 +1,4 @@
-"""What poses from points are worth whose errors are not independent.
+"""Covariance of poses from points whose errors are not independent.
 
 The image points of one fitted ellipse share its errors; what stands on the object elsewhere than
 measured does so for every view. Least squares takes angles as independent, which gives a pose, but
@@ -20,7 +20,7 @@ from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import scipy
 from sldvexp.pose.base import EXTRINSICS, JointCovariance
 from sldvexp.pose.least_squares import INTRINSICS
-from sldvexp.pose.single_view import PoseSolution
+from sldvexp.pose.solution import PoseSolution
 from sldvexp.typing import Array
 
 #: Least noise of solved angles, DAC steps: noise-free data must not void what is known beforehand.
@@ -31,11 +31,10 @@ ROUNDING = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """Where the errors of one view's image points come from.
+    """Sources of the errors of one view's image points.
 
     Parameters
     ----------
-    view : str
     points : ndarray, shape (N, 3), m
         On the object, in the world.
     of_image : ndarray, shape (2N, 2N), squared DAC steps
@@ -58,18 +57,16 @@ def with_errors(
     solutions: Sequence[PoseSolution],
     errors: Sequence[Errors],
     laser: TwoMirror,
-    adjusted: Mapping[str, float],
+    adjust: Mapping[str, float],
     shared: Mapping[str, float],
-) -> tuple[list[PoseSolution], Array, list[float]]:
-    """The same poses with the covariance that follows from their errors' origins.
+) -> tuple[list[PoseSolution], JointCovariance, list[float]]:
+    """Give the same poses the covariance that follows from their errors' origins.
 
     Parameters
     ----------
     solutions : sequence of PoseSolution
         Of all views.
-    errors : sequence of Errors
-    laser : TwoMirror
-    adjusted, shared : mapping of str to float
+    adjust, shared : mapping of str to float
         Intrinsics adjusted for each view and for all views, with the standard deviations of their
         priors.
 
@@ -77,19 +74,19 @@ def with_errors(
     -------
     solutions : list of PoseSolution
         Their covariance is known, not estimated from the residuals.
-    covariance : ndarray, shape (all, all)
-        Of all views, see `JointCovariance`.
+    joint : JointCovariance
+        Of all views.
     probability : list of float
         For each view, of residuals as large, if there are no other errors.
     """
-    joint = JointCovariance([e.view for e in errors], [*adjusted], [*shared], np.empty((0, 0)))
-    sights = [_jacobians(s, e, laser, joint) for s, e in zip(solutions, errors, strict=True)]
-    jacobian = _arrow([by_unknown for by_unknown, _ in sights], len(shared))
-    by_object = np.concatenate([by_object for _, by_object in sights])
+    joint = JointCovariance([e.view for e in errors], [*adjust], [*shared], np.empty((0, 0)))
+    jacobians = [_jacobians(s, e, laser, joint) for s, e in zip(solutions, errors, strict=True)]
+    jacobian = _arrow([by_unknown for by_unknown, _ in jacobians], len(shared))
+    by_object = np.concatenate([by_object for _, by_object in jacobians])
     weight = np.concatenate([_weight(s, e) for s, e in zip(solutions, errors, strict=True)])
     of_angles = scipy.linalg.block_diag(*(e.of_image for e in errors)) + by_object @ by_object.T
 
-    each = [*np.zeros(len(EXTRINSICS)), *(std**-2.0 for std in adjusted.values())]
+    each = [*np.zeros(len(EXTRINSICS)), *(std**-2.0 for std in adjust.values())]
     prior = np.diag([*each * len(errors), *(std**-2.0 for std in shared.values())])
     inverse = _inverse(jacobian.T @ (weight[:, None] * jacobian) + prior)
     gain = inverse @ jacobian.T * weight
@@ -98,18 +95,18 @@ def with_errors(
 
     left = np.eye(len(weight)) - jacobian @ gain
     of_residual = left @ of_angles @ left.T + jacobian @ of_prior @ jacobian.T
-    views = replace(joint, matrix=covariance).of_views()
-    judged = [
+    joint = replace(joint, matrix=covariance)
+    known = [
         replace(solution, covariance=own, noise_known=True)
-        for solution, own in zip(solutions, views, strict=True)
+        for solution, own in zip(solutions, joint.of_views(), strict=True)
     ]
-    return judged, covariance, _probabilities(solutions, of_residual)
+    return known, joint, _probabilities(solutions, of_residual)
 
 
 def _jacobians(
     solution: PoseSolution, errors: Errors, laser: TwoMirror, joint: JointCovariance
 ) -> tuple[Array, Array]:
-    """Change of the recorded angles, DAC steps, with the unknowns and with the object's errors."""
+    """Differentiate the recorded angles, DAC steps, by the unknowns and the object's errors."""
     offset = solution.intrinsics["mirror_offset"]
     in_laser = (errors.points - solution.origin) @ solution.rotation.T
     angle = project(in_laser, offset)
@@ -127,7 +124,7 @@ def _jacobians(
 
 
 def _by_intrinsic(name: str, angle: Array, by_offset: Array) -> Array:
-    """Change of the recorded angles, (angle - zero) / gain, with an intrinsic near its nominal."""
+    """Differentiate recorded angles, (angle - zero) / gain, by an intrinsic near its nominal."""
     if name == INTRINSICS[0]:
         return by_offset
     what, _, mirror = name.partition("_")
@@ -138,13 +135,13 @@ def _by_intrinsic(name: str, angle: Array, by_offset: Array) -> Array:
 
 
 def _arrow(jacobians: Sequence[Array], shared: int) -> Array:
-    """Jacobian of all views: own unknowns side by side, the shared ones last."""
+    """Join the Jacobians of all views: own unknowns side by side, the shared ones last."""
     own = scipy.linalg.block_diag(*(j[:, : j.shape[1] - shared] for j in jacobians))
     return np.hstack([own, np.concatenate([j[:, j.shape[1] - shared :] for j in jacobians])])
 
 
 def _weight(solution: PoseSolution, errors: Errors) -> Array:
-    """One over the squared standard deviations that the pose was solved with, shape (2N,)."""
+    """Weigh by the standard deviations that the pose was solved with, squared, shape (2N,)."""
     if errors.std is None:
         s = max(float(solution.s), LEAST) if np.isfinite(solution.s) else 1.0
         return np.full(2 * len(errors.points), s**-2.0)
@@ -152,14 +149,18 @@ def _weight(solution: PoseSolution, errors: Errors) -> Array:
 
 
 def _inverse(information: Array) -> Array:
-    """Of a positive matrix whose unknowns differ in unit."""
+    """Invert a positive matrix whose unknowns differ in unit."""
     scale = 1 / np.sqrt(np.diag(information))
     scaled = information * scale[:, None] * scale
     return np.asarray(np.linalg.pinv(scaled, ROUNDING, hermitian=True) * scale[:, None] * scale)
 
 
 def _probabilities(solutions: Sequence[PoseSolution], covariance: Array) -> list[float]:
-    """Of a larger sum of squares of correlated normal residuals, after Satterthwaite."""
+    """Give the probability of larger sums of squares of correlated normal residuals.
+
+    After Satterthwaite: the sum is taken for a multiple of chi-squared with the same mean and
+    variance, ``tr C`` and ``2 tr C^2``.
+    """
     ends = np.cumsum([s.residual.size for s in solutions])
     found = []
     for solution, end in zip(solutions, ends, strict=True):

@@ -1,6 +1,9 @@
 """`pose=digitizer`: pose from points digitised on the object and on the instrument itself.
 
-Poses from digitised triples of points (Section 4.6.3), and the files that hold them.
+Each repeat of the points gives two rigid motions from the digitizer's axes (Section 4.6.3), one
+into the laser frame by the instrument's posts and one into the world by the object's points. The
+pose is the mean over the repeats, its covariance that of this mean. The spread of the repeats knows
+nothing of errors in the posts' own coordinates.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ from sldvexp.geometry.rotation import nearest_rotation, rigid_transform, vector_
 from sldvexp.io.tables import AXES, COORDINATES, number, read_table
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
-from sldvexp.pose.base import PoseMethod, pose_to_dataset
+from sldvexp.pose.base import PoseMethod, PoseResult, pose_to_dataset
 from sldvexp.targets.base import Target
 from sldvexp.typing import Array
 from sldvexp.units import LengthUnit
@@ -74,89 +77,82 @@ class Digitizer(PoseMethod):
         checks.done()
 
     def inputs(self) -> list[str]:
-        """The digitised points."""
+        """List the digitised points."""
         return [self.path]
 
     def estimate(
-        self, laser: TwoMirror, target: Target | None, tree: Mapping[str, xr.Dataset]
-    ) -> dict[str, xr.Dataset]:
-        """The group ``pose``: mean and spread of the poses of the single repeats."""
-        return {"pose": estimate(self)}
+        self, laser: TwoMirror | None, target: Target | None, tree: Mapping[str, xr.Dataset]
+    ) -> PoseResult:
+        """Average one pose for each repeat; attribute ``fit_rms`` is how well they fit, in m."""
+        path = locate(self.path)
+        names = [*self.instrument_points, *self.object_points]
+        digitised = read_repeats(path, names, self.unit)
+        posts = len(self.instrument_points)
+        known = [
+            np.array(list(points.values()), float) * self.unit.value
+            for points in (self.instrument_points, self.object_points)
+        ]
+        measured = [digitised[:, :posts], digitised[:, posts:]]
+        for what, points, repeats in zip(
+            ("instrument_points", "object_points"), known, measured, strict=True
+        ):
+            _check_triangles(what, points, repeats, path)
+        motions = [rigid_transform(m, k) for m, k in zip(measured, known, strict=True)]
+        (to_laser, laser_shift), (to_world, world_shift) = motions
+        rotation = to_laser @ np.swapaxes(to_world, 1, 2)
+        origin = world_shift - np.einsum("kji,kj->ki", rotation, laser_shift)
+        mean_rotation = nearest_rotation(rotation.mean(axis=0))
+        count = len(rotation)
+        deviation = np.hstack([vector_from_rotation(rotation @ mean_rotation.T), origin])
+        covariance = np.cov(deviation.T) / count if count > 1 else np.full((6, 6), np.nan)
+        pose = pose_to_dataset(
+            [self.view],
+            mean_rotation[None],
+            origin.mean(axis=0)[None],
+            covariance[None],
+            [count - 1],
+            self.confidence,
+        )
+        misfit = [
+            np.einsum("kij,knj->kni", turn, m) + shift[:, None] - k
+            for (turn, shift), m, k in zip(motions, measured, known, strict=True)
+        ]
+        pose.attrs |= {
+            "repeats": count,
+            "fit_rms": float(np.sqrt((np.concatenate(misfit, axis=1) ** 2).sum(-1).mean())),
+            "source": path.name,
+        }
+        if count == 1:
+            pose.attrs["notes"] = (
+                f"view {self.view}: a single repeat gives no bounds; digitise again"
+            )
+        return PoseResult(pose)
 
 
 #: Three points whose smaller extent is below this fraction of their larger one lie on a line.
 COLLINEAR = 1e-3
 
 
-def estimate(method: Digitizer) -> xr.Dataset:
-    """The pose as the mean of one pose for each repeat, with the covariance of that mean.
+def _check_triangles(what: str, points: Array, repeats: Array, path: Path) -> None:
+    """Refuse points on one line: they leave the rotation about it unknown."""
+    if not _is_triangle(points):
+        message = "the points lie on one line; the rotation about it is unknown"
+        raise ConfigError([Problem(f"pose.{what}", message)])
+    for repeat, triple in enumerate(repeats, 1):
+        if not _is_triangle(triple):
+            raise UserError(
+                f"{path}: repeat {repeat} of the {what} lies on one line; digitise it again"
+            )
 
-    The spread of the repeats knows nothing of errors in the posts' own coordinates.
 
-    Parameters
-    ----------
-    method : Digitizer
-
-    Returns
-    -------
-    xarray.Dataset
-        The group ``pose``; attribute ``fit_rms`` is how well the rigid motions fit, in m.
-    """
-    path = locate(method.path)
-    names = [*method.instrument_points, *method.object_points]
-    digitised = read_repeats(path, names, method.unit)
-    posts = len(method.instrument_points)
-    known = [np.array(list(p.values()), float) * method.unit.value for p in (
-        method.instrument_points, method.object_points)]  # fmt: skip
-    for what, points, measured in zip(
-        ("instrument_points", "object_points"),
-        known,
-        (digitised[:, :posts], digitised[:, posts:]),
-        strict=True,
-    ):
-        if not _is_triangle(points):
-            message = "the points lie on one line; the rotation about it is unknown"
-            raise ConfigError([Problem(f"pose.{what}", message)])
-        for repeat, triple in enumerate(measured, 1):
-            if not _is_triangle(triple):
-                raise UserError(
-                    f"{path}: repeat {repeat} of the {what} lies on one line; digitise it again"
-                )
-    to_laser, laser_shift = rigid_transform(digitised[:, :posts], known[0])
-    to_world, world_shift = rigid_transform(digitised[:, posts:], known[1])
-    rotation = to_laser @ np.swapaxes(to_world, 1, 2)
-    origin = world_shift - np.einsum("kji,kj->ki", rotation, laser_shift)
-    mean_rotation = nearest_rotation(rotation.mean(axis=0))
-    repeats = len(rotation)
-    deviation = np.hstack([vector_from_rotation(rotation @ mean_rotation.T), origin])
-    covariance = np.full((6, 6), np.nan)
-    if repeats > 1:
-        covariance = np.cov(deviation.T) / repeats
-    group = pose_to_dataset(
-        [method.view],
-        mean_rotation[None],
-        origin.mean(axis=0)[None],
-        covariance[None],
-        [repeats - 1],
-        method.confidence,
-    )
-    in_laser = np.einsum("kij,knj->kni", to_laser, digitised[:, :posts]) + laser_shift[:, None]
-    in_world = np.einsum("kij,knj->kni", to_world, digitised[:, posts:]) + world_shift[:, None]
-    misfit = np.concatenate([in_laser - known[0], in_world - known[1]], axis=1)
-    group.attrs |= {
-        "repeats": repeats,
-        "fit_rms": float(np.sqrt((misfit**2).sum(-1).mean())),
-        "source": path.name,
-    }
-    if repeats == 1:
-        group.attrs["notes"] = (
-            f"view {method.view}: a single repeat gives no bounds; digitise again"
-        )
-    return group
+def _is_triangle(points: Array) -> bool:
+    """Tell whether points span a plane."""
+    extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(extent[1] > COLLINEAR * extent[0])
 
 
 def read_repeats(path: Path, names: list[str], unit: LengthUnit) -> Array:
-    """Digitised coordinates, shape (repeat, point, 3), m, the points in the order of `names`.
+    """Read digitised coordinates, shape (repeat, point, 3), m, the points in the order of `names`.
 
     Raises
     ------
@@ -205,7 +201,7 @@ def _read_plain(path: Path, found: dict[str, list[list[float]]], unit: LengthUni
 
 
 def _plain_rows(path: Path) -> Iterator[list[float]]:
-    """Three numbers a line, separated by blanks or commas."""
+    """Give three numbers a line, separated by blanks or commas."""
     for line, text in enumerate(read_text(path).splitlines(), 1):
         cells = text.replace(",", " ").split()
         if not cells or cells[0].startswith("#"):
@@ -213,9 +209,3 @@ def _plain_rows(path: Path) -> Iterator[list[float]]:
         if len(cells) != 3:
             raise UserError(f"{path}, line {line}: must be x y z, not {text.strip()!r}")
         yield [number(c, "a coordinate", f"{path}, line {line}") for c in cells]
-
-
-def _is_triangle(points: Array) -> bool:
-    """Whether points span a plane: those on one line leave the rotation about it unknown."""
-    extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return bool(extent[1] > COLLINEAR * extent[0])

@@ -1,13 +1,12 @@
 """Maximum-likelihood poses from all edge points of a calibration object's circles, in all views.
 
-The views have the object in common: the errors of its circles are the same in each, and so are the
-intrinsics that are said to be shared. The noise of the edges is estimated for every view.
-
-How far an edge point lies from its circle, and how that changes with pose and object.
-
 Everything is in the laser frame: a circle of centre M, unit normal N and radius r, and the beam
 ``o + s u`` of an edge point. The beam meets the circle's plane at Q; the edge's equation is
-``|Q - M| = r``.
+``|Q - M| = r``, its residual the distance ``|Q - M| - r`` over the standard error that the edge's
+own error along its scan line makes of it.
+
+The views have the object in common: the errors of its circles are the same in each, and so are the
+intrinsics that are said to be shared. The noise of the edges is estimated for every view.
 """
 
 from __future__ import annotations
@@ -17,14 +16,23 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
 from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.laser.model import rays
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.pose.base import EXTRINSICS
-from sldvexp.pose.bundle_adjustment import Adjusted, Common, LinearisedResiduals, adjust
+from sldvexp.lazy import xarray as xr
+from sldvexp.pose.base import EXTRINSICS, JointCovariance, describe_pose, pose_to_dataset
+from sldvexp.pose.bundle_adjustment import (
+    Adjusted,
+    Common,
+    LinearisedResiduals,
+    adjust_views,
+)
 from sldvexp.pose.intrinsics import named, nominal_intrinsics, places, true_angles
+from sldvexp.pose.single_view import solve_points
+from sldvexp.targets.circles import Circles
 from sldvexp.typing import Array, IndexArray
 
 #: Numbers in which a machined circle errs: its centre along three axes and its radius.
@@ -50,6 +58,10 @@ class EdgePoints:
         Unit vectors of the circle's plane, in the world.
     circle : ndarray of int, shape (n,)
         Index of the circle, from 0, the same in all views.
+    std : ndarray, shape (n,), DAC steps
+        Standard error of each edge along its scan line.
+    step : ndarray, shape (2,), rad
+        Angle of one DAC step of each mirror.
     """
 
     angle: Array
@@ -59,6 +71,55 @@ class EdgePoints:
     radius: Array
     in_plane: Array
     circle: IndexArray
+    std: Array
+    step: Array
+
+    @classmethod
+    def from_dac(
+        cls,
+        target: Circles,
+        laser: TwoMirror,
+        number: ArrayLike,
+        dac: ArrayLike,
+        direction: ArrayLike,
+        std: ArrayLike,
+    ) -> EdgePoints:
+        """Take edges in DAC steps, each of a circle of the calibration object.
+
+        Parameters
+        ----------
+        number : array_like of int, shape (n,)
+            Circle of each edge, as the target numbers it.
+        dac : array_like, shape (n, 2), DAC steps
+            Edge points (up_down, left_right).
+        direction : array_like, shape (n, 2)
+            Unit vectors of the scan lines, along which the edges err.
+        std : array_like, shape (n,), DAC steps
+            Standard error along the scan line.
+        """
+        numbers, unit = sorted(target.circles), target.unit.value
+        dac, direction, std = (np.asarray(a, float) for a in (dac, direction, std))
+        circle = np.searchsorted(numbers, np.asarray(number))
+        features = [target.circles[n] for n in numbers]
+        planes = [target.planes[c.plane] for c in features]
+        axes = np.array([p.axes() for p in planes])
+        center = [
+            unit * (np.array(p.origin) + c.x * own[0] + c.y * own[1])
+            for p, c, own in zip(planes, features, axes, strict=True)
+        ]
+        radius = np.array([unit * c.diameter / 2 for c in features])
+        angle, along = angles_along(laser, dac, direction, std)
+        return cls(
+            angle=angle,
+            along=along,
+            center=np.array(center)[circle],
+            normal=axes[circle, 2],
+            radius=radius[circle],
+            in_plane=axes[circle, :2],
+            circle=circle,
+            std=std,
+            step=laser.step,
+        )
 
     @property
     def axes(self) -> Array:
@@ -68,7 +129,7 @@ class EdgePoints:
 
 @dataclass(frozen=True, eq=False)
 class EdgeScene:
-    """Where the laser and the circles are, as far as one view's edges are concerned.
+    """Places of the laser and the circles, as far as one view's edges are concerned.
 
     Parameters
     ----------
@@ -95,12 +156,7 @@ RIM, FIRST_INTRINSIC, MOVED = 6, 7, 12
 
 
 def residuals(points: EdgePoints, scene: EdgeScene) -> tuple[Array, Array]:
-    """Distance of each edge point from its circle's rim, and the derivatives.
-
-    Parameters
-    ----------
-    points : EdgePoints
-    scene : EdgeScene
+    """Measure the distance of each edge point from its circle's rim, and differentiate it.
 
     Returns
     -------
@@ -128,13 +184,13 @@ def residuals(points: EdgePoints, scene: EdgeScene) -> tuple[Array, Array]:
 
 
 def spread(points: EdgePoints, scene: EdgeScene) -> Array:
-    """Change of ``|Q - M|`` for one standard error of each edge along its scan line, m."""
+    """Give the change of ``|Q - M|`` for one standard error of each edge along its scan line, m."""
     ends = (_meet(points, scene, sign * points.along).distance for sign in (0.5, -0.5))
     return np.asarray(np.abs(np.subtract(*ends)))
 
 
 class _Met(NamedTuple):
-    """Where the beams meet the planes of their circles, in the laser frame.
+    """Points where the beams meet the planes of their circles, in the laser frame.
 
     `distance` is ``|Q - M|``, `outward` its unit vector e, `tilt` is ``e.u / N.u``, and `reach` is
     s in ``Q = o + s (tan left_right, sin up_down, cos up_down)``.
@@ -168,7 +224,7 @@ def _meet(points: EdgePoints, scene: EdgeScene, aside: float | Array = 0.0) -> _
 
 
 def _by_intrinsics(points: EdgePoints, scene: EdgeScene, met: _Met) -> Array:
-    """Change of ``|Q - M|`` with `INTRINSICS`, shape (n, 5).
+    """Differentiate ``|Q - M|`` by `INTRINSICS`, shape (n, 5).
 
     They move the beam's origin and turn it: ``d|Q - M| = (e - (e.u / N.u) N) . (do + s du)``.
     """
@@ -190,7 +246,7 @@ def _by_intrinsics(points: EdgePoints, scene: EdgeScene, met: _Met) -> Array:
 
 
 def angles_along(laser: TwoMirror, dac: Array, direction: Array, std: Array) -> tuple[Array, Array]:
-    """Angles of edge points, and their change for one standard error along the scan line."""
+    """Give the angles of edge points, and their change for a standard error along the scan line."""
     step = direction * std[:, None]
     angle = laser.angle_from_dac(dac)
     return angle, laser.angle_from_dac(dac + step / 2) - laser.angle_from_dac(dac - step / 2)
@@ -206,7 +262,6 @@ class EdgeView:
 
     Parameters
     ----------
-    points : EdgePoints
     scene : EdgeScene
         As far as it is known by now; what is shared comes from the common unknowns.
     own, shared : list of int
@@ -227,7 +282,7 @@ class EdgeView:
     scale: Array
 
     def with_common(self, common: Array) -> EdgeScene:
-        """The scene with the common unknowns: shared intrinsics, then the circles' errors."""
+        """Give the scene the common unknowns: shared intrinsics, then the circles' errors."""
         intrinsics = self.scene.intrinsics.copy()
         intrinsics[self.shared] = common[: len(self.shared)]
         moved = common[len(self.shared) :].reshape(-1, ERRORS)
@@ -285,9 +340,10 @@ class EdgePose:
         By how much every edge is seen outside of its circle.
     residual : ndarray, shape (n,)
         Distance of each edge over its standard error.
+    sse : float, squared DAC steps
+        Sum of the squared residuals, each as a distance along its scan line.
     s : float
         Standard deviation of the residuals; the covariance is for errors larger by it.
-    dof : float
     """
 
     rotation: Array
@@ -295,34 +351,70 @@ class EdgePose:
     intrinsics: Array
     rim: float
     residual: Array
+    sse: float
     s: float
     dof: float
 
+    @property
+    def residual_rms(self) -> float:
+        """Root mean square of the residuals along the scan lines, DAC steps."""
+        return float(np.sqrt(self.sse / len(self.residual)))
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class EdgePoses:
     """Poses of all views and their covariance.
 
     Parameters
     ----------
     poses : list of EdgePose
-    covariance : ndarray, shape (all, all)
-        Of each view's `EXTRINSICS` and own intrinsics, view by view, then of the shared intrinsics.
+        One a view.
+    joint : JointCovariance
+        Names of the views, and the covariance of their poses and intrinsics.
     """
 
     poses: list[EdgePose]
-    covariance: Array
+    joint: JointCovariance
+
+    def __repr__(self) -> str:
+        each = zip(self.joint.views, self.poses, self.joint.of_views(), strict=True)
+        return "\n".join(
+            f"view {name}, pose from {len(p.residual)} edges: "
+            + describe_pose(p.origin, np.sqrt(np.diag(own)[3:6]), p.residual_rms)
+            for name, p, own in each
+        )
+
+    def to_dataset(self, confidence: float = 0.95) -> xr.Dataset:
+        """Make the group ``pose`` of a run, with intervals of a level."""
+        poses, joint = self.poses, self.joint
+        dof = np.array([p.dof for p in poses])
+        square = [p.sse for p in poses]
+        return pose_to_dataset(
+            joint.views,
+            np.array([p.rotation for p in poses]),
+            np.array([p.origin for p in poses]),
+            joint.of_views(),
+            dof,
+            confidence,
+            adjusted=joint.adjusted,
+            intrinsic=np.array([p.intrinsics[places(joint.adjusted)] for p in poses]),
+            joint=joint,
+            residual_rms=np.array([p.residual_rms for p in poses]),
+            s=np.sqrt(np.divide(square, dof)),
+            rim=np.array([p.rim for p in poses]),
+        )
 
 
 def solve_edges(
     points: Sequence[EdgePoints],
-    starts: Sequence[tuple[Array, Array]],
+    *,
     mirror_offset: float,
-    adjusted: Mapping[str, float],
-    shared: Mapping[str, float],
-    circle_std: float,
-    max_iterations: int,
-    names: Sequence[str],
+    views: Sequence[str] = (),
+    starts: Sequence[tuple[Array, Array]] = (),
+    adjust: Mapping[str, float] | None = None,
+    shared: Mapping[str, float] | None = None,
+    circle_std: float = 0.0,
+    max_iterations: int = 200,
 ) -> EdgePoses:
     """Adjust the poses until every edge point lies on its circle as well as its error allows.
 
@@ -335,54 +427,78 @@ def solve_edges(
     ----------
     points : sequence of EdgePoints
         Of each view.
-    starts : sequence of (rotation, origin)
-        From the bitangents.
     mirror_offset : float, m
         Nominal.
-    adjusted, shared : mapping of str to float
+    views : sequence of str, optional
+        Their names; numbered from 1 without them.
+    starts : sequence of (rotation, origin), optional
+        Where each view starts, from the bitangents. Without them, the pose in which the circles'
+        centres lie in the middle of their edges, which asks for three circles or more.
+    adjust, shared : mapping of str to float
         Intrinsics to adjust for each view and for all views, with the standard deviation of what is
         known of them, infinite for a free one.
     circle_std : float, m
         Standard deviation of every circle's centre coordinates and diameter.
-    max_iterations : int
-    names : sequence of str
-        Of the views, for messages.
 
     Raises
     ------
     UserError
         If the iteration does not settle or the edges do not determine the poses.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.laser import TwoMirror, project
+    >>> from sldvexp.targets import Circle, Circles
+    >>> target = Circles(circles={1: Circle(0, 0, 0.04), 2: Circle(0.2, 0, 0.04),
+    ...                           3: Circle(0.2, 0.3, 0.04), 4: Circle(0, 0.2, 0.04)})
+    >>> laser, turn = TwoMirror(mirror_offset=0.03), np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    >>> out = np.tile(np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=-1), (4, 1))
+    >>> number = np.repeat([1, 2, 3, 4], 12)
+    >>> center = np.array([[c.x, c.y, 0] for c in target.circles.values()])[number - 1]
+    >>> stand, facing = np.array([0.1, 0.2, 1.5]), np.diag([1.0, -1.0, -1.0])
+    >>> dac = laser.dac_from_angle(project((center + 0.02 * out - stand) @ facing, 0.03))
+    >>> edges = EdgePoints.from_dac(target, laser, number, dac, out[:, [1, 0]], np.full(48, 0.01))
+    >>> solve_edges([edges], mirror_offset=0.03).poses[0].origin.round(6)
+    array([0.1, 0.2, 1.5])
     """
+    adjust, shared = adjust or {}, shared or {}
+    names = list(views) or [f"{k}" for k in range(1, len(points) + 1)]
     nominal = nominal_intrinsics(mirror_offset)
-    own, common = places(adjusted), places(shared)
-    own_prior = np.array(list(adjusted.values()))
+    own, common = places(adjust), places(shared)
+    own_prior = np.array(list(adjust.values()))
     circles = 1 + max(int(p.circle.max()) for p in points)
     free = RIM + 1 + int(np.isinf(own_prior).sum())
     for p, name in zip(points, names, strict=True):
         if len(p.radius) <= free:
-            raise UserError(f"{name}: {len(p.radius)} edges are too few to determine the pose")
-    views = [
-        EdgeView(
-            p,
-            EdgeScene(*start, 0.0, nominal, np.zeros((circles, ERRORS))),
-            own,
-            common,
-            own_prior,
-            nominal[own],
-            np.ones(len(p.radius)),
-        )
-        for p, start in zip(points, starts, strict=True)
+            raise UserError(f"view {name}: {len(p.radius)} edges are too few to determine the pose")
+    starts = starts or [_start_from_centers(p, mirror_offset) for p in points]
+    none = np.zeros((circles, ERRORS))
+    scenes = [EdgeScene(rotation, origin, 0.0, nominal, none) for rotation, origin in starts]
+    terms = [
+        EdgeView(p, scene, own, common, own_prior, nominal[own], np.ones(len(p.radius)))
+        for p, scene in zip(points, scenes, strict=True)
     ]
     errors = np.tile(circle_std * CIRCLE, circles if circle_std > 0 else 0)
     expected = np.append(nominal[common], np.zeros(len(errors)))
     prior_std = np.append(np.array(list(shared.values())), errors)
-    found = adjust(views, Common(expected, expected, prior_std), False, False, max_iterations)
-    _check(found, list(adjusted), list(shared), names, max_iterations)
-    return _poses(found)
+    found = adjust_views(terms, Common(expected, expected, prior_std), False, False, max_iterations)
+    _check(found, list(adjust), list(shared), names, max_iterations)
+    return _poses(found, JointCovariance(names, [*adjust], [*shared], found.covariance))
 
 
-def _poses(found: Adjusted[EdgeView]) -> EdgePoses:
-    """What is asked for, without the rims and the circles' errors."""
+def _start_from_centers(points: EdgePoints, mirror_offset: float) -> tuple[Array, Array]:
+    """Solve for a pose as if each circle's centre were seen in the middle of its edges."""
+    circle, first = np.unique(points.circle, return_index=True)
+    middle = [points.angle[points.circle == k].mean(axis=0) for k in circle]
+    start = solve_points(
+        points.center[first], middle, step=points.step, mirror_offset=mirror_offset
+    )
+    return start.rotation, start.origin
+
+
+def _poses(found: Adjusted[EdgeView], joint: JointCovariance) -> EdgePoses:
+    """Take what is asked for, without the rims and the circles' errors."""
     wanted: list[int] = []
     for place in found.places:
         every = range(place.start, place.stop)
@@ -390,14 +506,22 @@ def _poses(found: Adjusted[EdgeView]) -> EdgePoses:
     first = found.places[-1].stop
     wanted += range(first, first + len(found.views[0].shared))
     scenes = [v.with_common(found.common.value) for v in found.views]
-    each = zip(scenes, found.residual, found.variance, found.dof, strict=True)
-    return EdgePoses(
-        [
-            EdgePose(s.rotation, s.origin, s.intrinsics, s.rim, r, float(np.sqrt(s2)), float(dof))
-            for s, r, s2, dof in each
-        ],
-        found.covariance[np.ix_(wanted, wanted)],
-    )
+    poses = [
+        EdgePose(
+            s.rotation,
+            s.origin,
+            s.intrinsics,
+            s.rim,
+            residual,
+            float(np.sum((residual * view.points.std) ** 2)),
+            float(np.sqrt(variance)),
+            float(dof),
+        )
+        for s, view, residual, variance, dof in zip(
+            scenes, found.views, found.residual, found.variance, found.dof, strict=True
+        )
+    ]
+    return EdgePoses(poses, replace(joint, matrix=found.covariance[np.ix_(wanted, wanted)]))
 
 
 def _check(
@@ -407,17 +531,20 @@ def _check(
     names: Sequence[str],
     max_iterations: int,
 ) -> None:
-    """UserError if something was not determined or not found."""
+    """Refuse poses if something was not determined or not found."""
     unknowns = [*EXTRINSICS, "rim", *adjusted]
     for name, share in zip(names, found.arrow.undetermined_own(), strict=True):
         if share.any():
-            raise UserError(_undetermined(name, named(unknowns[RIM + 1 :], share[RIM + 1 :])))
+            raise UserError(
+                _undetermined(f"view {name}", named(unknowns[RIM + 1 :], share[RIM + 1 :]))
+            )
     share = found.arrow.undetermined_common()[: len(shared)]
     if share.any():
         raise UserError(_undetermined("all views", named(shared, share)))
     if not found.converged:
         raise UserError(
-            f"{' and '.join(names)}: the edges gave no pose in {max_iterations} iterations"
+            f"{' and '.join(f'view {n}' for n in names)}: the edges gave no pose in "
+            f"{max_iterations} iterations"
         )
 
 

@@ -1,99 +1,195 @@
-"""From registration data to the groups of a run: one solution a view, and what to mind about it.
+"""Poses from matched object and image points: what all methods share that start from these.
 
-What to mind about a pose from points: a second solution, large residuals, other points.
+Each view is solved for itself, without a starting guess (`sldvexp.pose.single_view`); with shared
+intrinsics all views are then solved once more together (`sldvexp.pose.multi_view`). A method that
+knows where its points' errors come from replaces the solutions' covariance by that of a
+`CovarianceModel`. Notes say what a reader should mind: a second pose that fits nearly as well,
+large residuals, points that disagree with the calibration object's.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sldvexp.errors import UserError
+from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.io.registration.netcdf import to_dataset
 from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import scipy
-from sldvexp.lazy import xarray as xr
-from sldvexp.pose.base import JointCovariance, pose_to_dataset
+from sldvexp.pose.base import JointCovariance, PoseMethod, PoseResult
 from sldvexp.pose.intrinsics import adjusted_notes
-from sldvexp.pose.multi_view import PointObservations, solve_together
-from sldvexp.pose.single_view import PoseSolution, solve_pose
-from sldvexp.targets.base import Target
-from sldvexp.typing import Array
-
-if TYPE_CHECKING:
-    from sldvexp.pose.registration import FromPoints, MirrorName
+from sldvexp.pose.least_squares import INTRINSICS
+from sldvexp.pose.multi_view import PointObservations, solve_points_together
+from sldvexp.pose.single_view import solve_points
+from sldvexp.pose.solution import PoseSolution, solutions_to_dataset
+from sldvexp.targets.base import Target, TargetPoints
+from sldvexp.typing import Array, IntArray
 
 #: Gives solutions the covariance that they deserve where the points' errors are not independent:
 #: solutions, joint covariance of all views, notes.
-CovarianceModel = Callable[[Sequence[PoseSolution]], tuple[list[PoseSolution], Array, list[str]]]
+CovarianceModel = Callable[
+    [Sequence[PoseSolution]], tuple[list[PoseSolution], JointCovariance, list[str]]
+]
 
 
-def estimate(
-    method: FromPoints,
-    tables: Sequence[RegistrationTable],
-    laser: TwoMirror | None,
-    target: Target | None,
-    inverted: Sequence[MirrorName] = (),
-    judge: CovarianceModel | None = None,
-) -> dict[str, xr.Dataset]:
-    """Solve every view and make the groups ``registration`` and ``pose``.
+class MirrorName(Enum):
+    """Mirror of the scanner."""
+
+    up_down = 0
+    left_right = 1
+
+
+@dataclass
+class FromPoints(PoseMethod):
+    """Pose methods that solve for the pose from matched object and image points.
 
     Parameters
     ----------
-    method : FromPoints
-    tables : sequence of RegistrationTable
-    laser : TwoMirror or None
-    target : Target or None
-        If there is one, object points of the same number are compared with it.
-    inverted : sequence of MirrorName
-        Mirrors whose recorded angles grow the other way.
-    judge : CovarianceModel, optional
-        Without it, the method's own, if it has one.
-
-    Returns
-    -------
-    dict of str to xarray.Dataset
-
-    Raises
-    ------
-    UserError
-        If there is no laser, an angle or DAC step is beyond its range, or a view has too few points
-        or its pose is not determined or not found.
+    adjust : dict of str to float
+        Intrinsics to adjust with the pose, with the standard deviation of what is known of them
+        beforehand (``.inf`` for nothing): mirror_offset (m), gain_up_down and gain_left_right
+        (relative to the calibration), zero_up_down and zero_left_right (rad). All others are fixed.
+    shared : dict of str to float
+        The same for intrinsics that have one value in all views, which are then solved together.
+    confidence : float
+        Level of the intervals.
+    max_iterations : int
+        Most steps of the non-linear solution.
     """
+
+    adjust: dict[str, float] = field(default_factory=dict)
+    shared: dict[str, float] = field(default_factory=dict)
+    confidence: float = 0.95
+    max_iterations: int = 200
+
+    def __post_init__(self) -> None:
+        checks = Checks()
+        self._check(checks)
+        checks.done()
+
+    def _check(self, checks: Checks) -> None:
+        """Collect what is wrong with the fields; methods add to it."""
+        checks.probability("confidence", self.confidence)
+        least = f"must be at least 1, not {self.max_iterations}"
+        checks.require(self.max_iterations >= 1, "max_iterations", least)
+        for group in ("adjust", "shared"):
+            for name, std in getattr(self, group).items():
+                wrong = f"cannot be adjusted; {nearest(name, INTRINSICS)}"
+                checks.require(name in INTRINSICS, f"{group}.{name}", wrong)
+                wrong = f"must be a positive standard deviation, infinite for a free one, not {std}"
+                checks.require(std > 0, f"{group}.{name}", wrong)
+        for name in set(self.adjust) & set(self.shared):
+            wrong = "is in adjust too: it is either one value a view or one for all views"
+            checks.require(False, f"shared.{name}", wrong)
+
+    def angle_std(
+        self,
+        number: IntArray,
+        distance: Array,
+        step: Array,
+        points: TargetPoints | None,
+    ) -> Array | None:
+        """Give the standard deviation of each point's angles, if it is known beforehand.
+
+        Parameters
+        ----------
+        number : ndarray, shape (N,)
+            Of the points.
+        distance : ndarray, shape (N,), m
+            From the instrument.
+        step : ndarray, shape (2,), rad
+            Angle of one DAC step of each mirror.
+        points : TargetPoints or None
+            Of the calibration object.
+
+        Returns
+        -------
+        ndarray, shape (N,), DAC steps, or None
+            None estimates it from the residuals, alike for all points.
+        """
+        return None
+
+    def covariance_model(
+        self, tables: Sequence[RegistrationTable], laser: TwoMirror, target: Target | None
+    ) -> CovarianceModel | None:
+        """Make the model of errors that are not independent, if the method has one.
+
+        `tables` are those of all views.
+        """
+        return None
+
+    def solve(
+        self,
+        tables: Sequence[RegistrationTable],
+        laser: TwoMirror | None,
+        target: Target | None,
+        inverted: Sequence[MirrorName] = (),
+        model: CovarianceModel | None = None,
+    ) -> PoseResult:
+        """Solve every view of registration data.
+
+        Parameters
+        ----------
+        tables : sequence of RegistrationTable
+            One a view.
+        target : Target or None
+            If there is one, object points of the same number are compared with it.
+        inverted : sequence of MirrorName
+            Mirrors whose recorded angles grow the other way.
+        model : CovarianceModel, optional
+            Without it, the method's own, if it has one.
+
+        Raises
+        ------
+        UserError
+            If there is no laser, an angle or DAC step is beyond its range, or a view has too few
+            points or its pose is not determined or not found.
+        """
+        laser = require_laser(laser)
+        sign = np.ones(2)
+        sign[[m.value for m in inverted]] = -1
+        angles = [sign * _angles(table, laser) for table in tables]
+        solutions = [
+            _solve_view(self, table, angle, laser, target)
+            for table, angle in zip(tables, angles, strict=True)
+        ]
+        joint: JointCovariance | None = None
+        if self.shared:
+            solutions, joint = _together(self, tables, angles, solutions, laser, target)
+        model = model or self.covariance_model(tables, laser, target)
+        model_notes: list[str] = []
+        if model is not None:
+            solutions, joint, model_notes = model(solutions)
+        number = [t.number for t in tables]
+        views = [t.name for t in tables]
+        pose = solutions_to_dataset(solutions, views, number, self.confidence, joint)
+        pose.attrs["mirror_offset"] = laser.mirror_offset
+        pose.attrs["step"] = laser.step
+        pose.attrs["adjust"] = json.dumps(self.adjust)
+        pose.attrs["shared"] = json.dumps(self.shared)
+        pose.attrs["source"] = ", ".join(dict.fromkeys(Path(t.source).name for t in tables))
+        notes = [
+            n
+            for t, s in zip(tables, solutions, strict=True)
+            for n in point_notes(self, t, s, target, explained=model is not None)
+        ]
+        intrinsics = adjusted_notes(self.adjust, self.shared, pose)
+        pose.attrs["notes"] = "\n".join([*model_notes, *notes, *intrinsics])
+        solved = [_as_solved(t, angle, laser) for t, angle in zip(tables, angles, strict=True)]
+        return PoseResult(pose, to_dataset(solved))
+
+
+def require_laser(laser: TwoMirror | None) -> TwoMirror:
+    """Refuse to go on without mirrors."""
     if laser is None:
         raise UserError("the pose needs the instrument's mirrors: choose one with laser=name")
-    sign = np.ones(2)
-    sign[[m.value for m in inverted]] = -1
-    angles = [sign * _angles(table, laser) for table in tables]
-    solutions = [
-        _solve(method, table, angle, laser, target)
-        for table, angle in zip(tables, angles, strict=True)
-    ]
-    matrix: Array | None = None
-    if method.shared:
-        solutions, matrix = _together(method, tables, angles, solutions, laser, target)
-    judge = judge or method.judge(tables, laser, target)
-    judged: list[str] = []
-    if judge is not None:
-        solutions, matrix, judged = judge(solutions)
-    registration = to_dataset(
-        [_as_solved(table, angle, laser) for table, angle in zip(tables, angles, strict=True)]
-    )
-    pose = _pose_group(method, tables, solutions, laser, matrix)
-    notes = [
-        n
-        for t, s in zip(tables, solutions, strict=True)
-        for n in point_notes(method, t, s, target, judged=judge is not None)
-    ]
-    intrinsics = adjusted_notes(method.adjust, method.shared, pose)
-    pose.attrs["notes"] = "\n".join([*judged, *notes, *intrinsics])
-    return {"registration": registration, "pose": pose}
+    return laser
 
 
 def _together(
@@ -103,28 +199,28 @@ def _together(
     alone: Sequence[PoseSolution],
     laser: TwoMirror,
     target: Target | None,
-) -> tuple[list[PoseSolution], Array]:
-    """All views with the intrinsics that they share, and the joint covariance."""
-    sights = [
+) -> tuple[list[PoseSolution], JointCovariance]:
+    """Solve all views with the intrinsics that they share."""
+    views = [
         PointObservations(
             t.name, t.object_point, angle, _angle_std(method, t, s.origin, laser, target)
         )
         for t, angle, s in zip(tables, angles, alone, strict=True)
     ]
-    solutions, matrix = solve_together(
-        sights,
+    found = solve_points_together(
+        views,
         step=laser.step,
         mirror_offset=laser.mirror_offset,
-        adjusted=method.adjust,
+        adjust=method.adjust,
         shared=method.shared,
         max_iterations=method.max_iterations,
     )
-    if not all(s.converged for s in solutions):
+    if not all(s.converged for s in found.solutions):
         raise UserError(
             f"views {', '.join(t.name for t in tables)}: no poses were found together in "
             f"{method.max_iterations} iterations; share fewer intrinsics or give them priors"
         )
-    return solutions, matrix
+    return found.solutions, found.joint
 
 
 def _angle_std(
@@ -134,24 +230,27 @@ def _angle_std(
     laser: TwoMirror,
     target: Target | None,
 ) -> Array | None:
-    """Standard deviation of each point's angles, DAC steps, if known beforehand."""
+    """Give the standard deviation of each point's angles, DAC steps, if known beforehand."""
     distance = np.linalg.norm(table.object_point - origin, axis=1)
     points = None if target is None else target.points()
     return method.angle_std(table.number, distance, laser.step, points)
 
 
-def _solve(
+def _solve_view(
     method: FromPoints,
     table: RegistrationTable,
     angle: Array,
     laser: TwoMirror,
     target: Target | None,
 ) -> PoseSolution:
-    """One view's solution, its problems told with its name."""
+    """Solve one view, its problems told with its name.
+
+    Known standard deviations depend on the distance, which a first solution without them gives.
+    """
     where = f"{table.source or 'registration data'}, view {table.name}"
 
     def solve(std: Array | None) -> PoseSolution:
-        return solve_pose(
+        return solve_points(
             table.object_point,
             angle,
             step=laser.step,
@@ -177,7 +276,7 @@ def _solve(
 
 
 def _angles(table: RegistrationTable, laser: TwoMirror) -> Array:
-    """The recorded angles, or those of the recorded DAC steps."""
+    """Give the recorded angles, or those of the recorded DAC steps."""
     try:
         return table.angle_through(laser)
     except UserError as error:
@@ -185,73 +284,12 @@ def _angles(table: RegistrationTable, laser: TwoMirror) -> Array:
 
 
 def _as_solved(table: RegistrationTable, angle: Array, laser: TwoMirror) -> RegistrationTable:
-    """Registration data with the angles that the pose was solved from, and their DAC steps."""
+    """Give registration data the angles that the pose was solved from, and their DAC steps."""
     try:
         dac = laser.dac_from_angle(angle, table.labels) if table.dac is None else table.dac
     except UserError as error:
         raise UserError(f"{table.source}: {error}") from None
     return replace(table, angle=angle, dac=dac)
-
-
-def _pose_group(
-    method: FromPoints,
-    tables: Sequence[RegistrationTable],
-    solutions: Sequence[PoseSolution],
-    laser: TwoMirror,
-    matrix: Array | None,
-) -> xr.Dataset:
-    """The group ``pose`` of all views."""
-
-    def each(name: str) -> Array:
-        return np.array([getattr(s, name) for s in solutions])
-
-    number = np.unique(np.concatenate([t.number for t in tables]))
-    residual = np.full((len(tables), len(number), 2), np.nan)
-    for i, (table, s) in enumerate(zip(tables, solutions, strict=True)):
-        residual[i, np.searchsorted(number, table.number)] = s.residual
-    covariance, dof, sse = each("covariance"), each("dof"), each("sse_deg2")
-    adjusted = solutions[0].parameters[6:]
-    views = [t.name for t in tables]
-    joint = None
-    if matrix is not None:
-        joint = JointCovariance(views, [*method.adjust], [*method.shared], matrix)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s_deg = np.sqrt(sse / dof)
-    group = pose_to_dataset(
-        views,
-        each("rotation"),
-        each("origin"),
-        covariance,
-        each("covariance_dof"),
-        method.confidence,
-        adjusted=adjusted,
-        intrinsic=np.array([[s.intrinsics[a] for a in adjusted] for s in solutions]),
-        joint=joint,
-        coords={"point": number},
-        residual=residual,
-        residual_rms=np.sqrt(np.nanmean(residual**2, axis=(1, 2))),
-        s=np.array([_noise(s) for s in solutions]),
-        s_deg=s_deg,
-        sse=sse,
-        cost=each("cost"),
-        other_found=each("has_other"),
-        other_origin=each("other_origin"),
-        other_rotation=each("other_rotation"),
-        other_cost=each("other_cost"),
-    )
-    group.attrs["mirror_offset"] = laser.mirror_offset
-    group.attrs["step"] = laser.step
-    group.attrs["adjust"] = json.dumps(method.adjust)
-    group.attrs["shared"] = json.dumps(method.shared)
-    group.attrs["source"] = ", ".join(dict.fromkeys(Path(t.source).name for t in tables))
-    return group
-
-
-def _noise(solution: PoseSolution) -> float:
-    """Standard deviation of a mirror reading, DAC steps, whatever the weights."""
-    if not solution.noise_known or solution.dof <= 0:
-        return float(solution.s)
-    return float(np.sqrt(np.sum(solution.residual**2) / solution.dof))
 
 
 #: A file's object point further than this from the target's (and than its errors) is noted, m.
@@ -265,19 +303,16 @@ def point_notes(
     table: RegistrationTable,
     solution: PoseSolution,
     target: Target | None,
-    judged: bool,
+    explained: bool,
 ) -> Iterator[str]:
-    """What a reader of one view's pose should mind.
+    """Say what a reader of one view's pose should mind.
 
     Parameters
     ----------
-    method : FromPoints
-    table : RegistrationTable
-    solution : PoseSolution
     target : Target or None
         If there is one, object points of the same number are compared with it.
-    judged : bool
-        Whether the residuals have been judged already.
+    explained : bool
+        True if a model of the errors has judged the residuals already.
     """
     view = f"view {table.name}"
     if solution.dof <= 0:
@@ -291,7 +326,7 @@ def point_notes(
                 f"(squared residuals {ratio:.2f} times larger); more points or a second plane tell "
                 "them apart"
             )
-    if not judged:
+    if not explained:
         yield from _residual_notes(method, view, solution)
     z = table.object_point[:, 2]
     if np.ptp(z) == 0 and solution.origin[2] < z[0]:
@@ -305,7 +340,7 @@ def point_notes(
 
 
 def unlikely_residuals(view: str, probability: float) -> str:
-    """Residuals larger than stated errors explain."""
+    """Say that residuals are larger than stated errors explain."""
     return (
         f"{view}: residuals this large have a probability of {probability:.1g} if the stated "
         "errors are right; the bounds, which rest on these, are too small"
@@ -313,7 +348,7 @@ def unlikely_residuals(view: str, probability: float) -> str:
 
 
 def _residual_notes(method: FromPoints, view: str, solution: PoseSolution) -> Iterator[str]:
-    """Residuals larger than stated errors, or than any method's, explain."""
+    """Find residuals larger than stated errors, or than any method's, explain."""
     if solution.noise_known and solution.dof > 0:
         probability = float(scipy.special.chdtrc(solution.dof, solution.cost))
         if probability < 1 - method.confidence:
@@ -326,7 +361,7 @@ def _residual_notes(method: FromPoints, view: str, solution: PoseSolution) -> It
 
 
 def _target_notes(view: str, table: RegistrationTable, target: Target) -> Iterator[str]:
-    """Object points that disagree with the calibration object's of the same number."""
+    """Find object points that disagree with the calibration object's of the same number."""
     points = target.points()
     common, mine, theirs = np.intersect1d(table.number, points.number, return_indices=True)
     gap = np.abs(table.object_point[mine] - points.position[theirs])

@@ -43,16 +43,16 @@ class ObjectSpaceForm(NamedTuple):
     translation: Array
 
     def error(self, lifted: Array) -> Array:
-        """``r' Q r``, shape (...), m^2."""
+        """Evaluate ``r' Q r``, shape (...), m^2."""
         return ((self.quadratic @ lifted[..., None])[..., 0] * lifted).sum(axis=-1)
 
     def centre(self, lifted: Array) -> Array:
-        """Position of the points' centroid in the laser frame, shape (..., 3), m."""
+        """Give the position of the points' centroid in the laser frame, shape (..., 3), m."""
         return (self.translation @ lifted[..., None])[..., 0]
 
 
 def beam_planes(angles: Array, mirror_offset: Array) -> tuple[Array, Array]:
-    """The two planes that meet in each beam (Eqs 4.2 and 4.3).
+    """Give the two planes that meet in each beam (Eqs 4.2 and 4.3).
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def beam_planes(angles: Array, mirror_offset: Array) -> tuple[Array, Array]:
 
 
 def object_space_form(points: Array, normal: Array, distance: Array) -> ObjectSpaceForm:
-    """Quadratic form of the points' distances from their beams, ``n . (R p + t) - distance``.
+    """Make the quadratic form of the distances from the beams, ``n . (R p + t) - distance``.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def object_space_form(points: Array, normal: Array, distance: Array) -> ObjectSp
 
 
 def lift(rotation: Array) -> Array:
-    """``r = (vec R, 1)``, shape (..., 10)."""
+    """Write rotations as ``r = (vec R, 1)``, shape (..., 10)."""
     lifted = np.ones((*rotation.shape[:-2], 10))
     lifted[..., :9] = rotation.reshape(*rotation.shape[:-2], 9)
     return lifted
@@ -109,7 +109,7 @@ def lift(rotation: Array) -> Array:
 
 @functools.cache
 def rotation_grid() -> tuple[Array, Array, Array]:
-    """Rotations over all orientations, their `r` (grid, 10), and ``r r'`` flattened (100, grid)."""
+    """Spread rotations evenly; with `r` (grid, 10) and ``r r'`` flattened (100, grid)."""
     i = np.arange(DIRECTIONS)[:, None]
     azimuth = np.pi * (3 - np.sqrt(5)) * i
     polar = np.arccos(1 - (2 * i + 1) / DIRECTIONS)
@@ -121,7 +121,7 @@ def rotation_grid() -> tuple[Array, Array, Array]:
 
 
 def lowest_on_grid(form: ObjectSpaceForm) -> Array:
-    """The rotations of the grid with the smallest error, shape (..., candidates, 3, 3).
+    """Take the rotations of the grid with the smallest error, shape (..., candidates, 3, 3).
 
     A line has no front: rotations that put the object behind the instrument are left out.
     """
@@ -132,12 +132,13 @@ def lowest_on_grid(form: ObjectSpaceForm) -> Array:
 
 
 def refined(rotation: Array, form: ObjectSpaceForm) -> Array:
-    """`REFINEMENTS` damped Gauss-Newton steps down the object-space error."""
+    """Take `REFINEMENTS` damped Gauss-Newton steps down the object-space error."""
     for _ in range(REFINEMENTS):
         lifted = lift(rotation)
         tangent = (lifted[..., :9] @ GENERATORS).reshape(*lifted.shape[:-1], 3, 9)
         pull = tangent @ form.quadratic[..., :9, :]
         gradient = (pull @ lifted[..., None])[..., 0]
+        # Gauss-Newton leaves the curvature of R itself out, which keeps the matrix positive.
         hessian = pull[..., :9] @ tangent.swapaxes(-1, -2)
         diagonal = np.einsum("...kk->...k", hessian)
         diagonal += 1e-4 * diagonal.sum(axis=-1, keepdims=True)
@@ -146,12 +147,12 @@ def refined(rotation: Array, form: ObjectSpaceForm) -> Array:
 
 
 def reflection(normal: Array) -> Array:
-    """Reflection in the plane across a unit vector, shape (..., 3, 3)."""
+    """Make the reflection in the plane across a unit vector, shape (..., 3, 3)."""
     return np.eye(3) - 2 * normal[..., :, None] * normal[..., None, :]
 
 
 def flipped(rotation: Array, centre: Array, normal: Array) -> Array:
-    """The other rotation in which a small plane object looks nearly the same.
+    """Give the other rotation in which a small plane object looks nearly the same.
 
     The object is mirrored in depth, along the line of sight to its centroid, and in its own plane,
     which leaves it as it is.
@@ -171,7 +172,7 @@ def flipped(rotation: Array, centre: Array, normal: Array) -> Array:
 def start_poses(
     points: Array, normal: Array, angles: Array, mirror_offset: Array
 ) -> tuple[Array, Array]:
-    """Two poses to start from: the best of a global search, and its mirror image in depth.
+    """Find two poses to start from: the best of a global search, and its mirror image in depth.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ SKEW = skew(np.eye(3)).reshape(3, 9)
 
 
 def cross_matrix(vector: Array) -> Array:
-    """Matrix [v] with ``[v] a = v x a``, shape (..., 3, 3), in one product."""
+    """Make the matrix [v] with ``[v] a = v x a``, shape (..., 3, 3), in one product."""
     return (vector @ SKEW).reshape(*vector.shape, 3)
 
 
@@ -59,7 +59,7 @@ class Pose(NamedTuple):
     intrinsics: Array
 
     def moved(self, step: Array, adjusted: list[int]) -> Pose:
-        """After a step (M, 6 + adjusted): rotation vector, displacement, change of intrinsics."""
+        """Make a step (M, 6 + adjusted): rotation vector, displacement, change of intrinsics."""
         intrinsics = self.intrinsics
         if adjusted:
             intrinsics = intrinsics.copy()
@@ -80,12 +80,12 @@ Stack = TypeVar("Stack", Pose, Linearisation)
 
 
 def take(stack: Stack, index: Index) -> Stack:
-    """Those entries of a stack that an index or a mask names."""
+    """Take the entries of a stack that an index or a mask names."""
     return type(stack)(*(field[index] for field in stack))
 
 
 def choose(first: BoolArray, a: Stack, b: Stack) -> Stack:
-    """Entries of `a` where `first`, of `b` elsewhere."""
+    """Choose entries of `a` where `first`, of `b` elsewhere."""
     if first.all():
         return a
     return type(a)(
@@ -123,7 +123,7 @@ class PoseProblem:
     prior_weight: Array
 
     def take(self, index: Index) -> PoseProblem:
-        """Those of an index or mask."""
+        """Take the problems that an index or a mask names."""
 
         def of(a: Array) -> Array:
             return a[index] if len(a) > 1 else a
@@ -139,7 +139,7 @@ class PoseProblem:
 
 
 def linearise(problem: PoseProblem, pose: Pose) -> Linearisation:
-    """Residuals of the two-mirror model and their derivatives (Eqs 4.2 and 4.3).
+    """Evaluate residuals of the two-mirror model and their derivatives (Eqs 4.2 and 4.3).
 
     The derivatives are those of the *predicted* angles by the rotation vector, the displacement of
     the centre and the adjusted intrinsics. A pose with a point not in front has infinite cost.
@@ -188,7 +188,7 @@ def linearise(problem: PoseProblem, pose: Pose) -> Linearisation:
 
 
 def normal_equations(problem: PoseProblem, pose: Pose, at: Linearisation) -> tuple[Array, Array]:
-    """Information matrix (M, p, p) and right-hand side (M, p), with the priors in them."""
+    """Make information matrix (M, p, p) and right-hand side (M, p), with the priors in them."""
     matrix = at.jacobian @ at.jacobian.swapaxes(-1, -2)
     right = (at.jacobian @ at.residual[:, :, None])[:, :, 0]
     if problem.adjusted:
@@ -205,15 +205,11 @@ def levenberg_marquardt(
 
     Parameters
     ----------
-    problem : PoseProblem
     pose : Pose
         Where to start; each run of `starts` entries belongs to the same observations.
-    starts : int
-    max_iterations : int
 
     Returns
     -------
-    pose : Pose
     cost : ndarray, shape (M,)
         Infinite where no pose with all points in front was found.
     converged : ndarray of bool, shape (M,)

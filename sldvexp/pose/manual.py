@@ -1,6 +1,7 @@
 """`pose=manual`: an operator points the beam at fiducials by eye (Section 4.2).
 
-Where the errors of marks come from: the operator's eye in each view, and the tape measure.
+A mark's image errs by the operator's eye, anew in each view, and by the tape measure: a mark that
+stands elsewhere than measured does so in every view.
 """
 
 from __future__ import annotations
@@ -14,10 +15,11 @@ from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.pose.base import JointCovariance
 from sldvexp.pose.correlated_errors import Errors, with_errors
 from sldvexp.pose.from_points import CovarianceModel, unlikely_residuals
 from sldvexp.pose.registration import Registration
-from sldvexp.pose.single_view import PoseSolution
+from sldvexp.pose.solution import PoseSolution
 from sldvexp.targets.base import Target, TargetPoints
 from sldvexp.typing import Array, IntArray
 
@@ -49,56 +51,39 @@ class Manual(Registration):
         step: Array,
         points: TargetPoints | None,
     ) -> Array:
-        """Pointing and, for points that the target has, the uncertainty of their position."""
+        """Join pointing and, for points that the target has, the uncertainty of their position."""
         position_std = np.zeros(len(number))
         if points is not None:
             _, mine, theirs = np.intersect1d(number, points.number, return_indices=True)
             position_std[mine] = points.std[theirs].mean(axis=1)
         return np.hypot(self.pointing, position_std / distance / step.mean())
 
-    def judge(
+    def covariance_model(
         self, tables: Sequence[RegistrationTable], laser: TwoMirror, target: Target | None
     ) -> CovarianceModel | None:
-        """The marks' errors are the same in every view."""
+        """Make bounds from both errors, those of the marks being the same in every view."""
         if target is None:
             return None
+        points = target.points()
 
-        return mark_judge(self, tables, laser, target.points())
+        def covariance_model(
+            solutions: Sequence[PoseSolution],
+        ) -> tuple[list[PoseSolution], JointCovariance, list[str]]:
+            errors = [
+                _errors(self, table, solution, laser, points)
+                for table, solution in zip(tables, solutions, strict=True)
+            ]
+            known, joint, probability = with_errors(
+                solutions, errors, laser, self.adjust, self.shared
+            )
+            notes = [
+                unlikely_residuals(f"view {e.view}", p)
+                for e, p in zip(errors, probability, strict=True)
+                if p < 1 - self.confidence
+            ]
+            return known, joint, notes
 
-
-def mark_judge(
-    method: Manual, tables: Sequence[RegistrationTable], laser: TwoMirror, points: TargetPoints
-) -> CovarianceModel:
-    """Bounds from both errors; a mark that stands elsewhere than measured does so in every view.
-
-    Parameters
-    ----------
-    method : Manual
-    tables : sequence of RegistrationTable
-        Of all views.
-    laser : TwoMirror
-    points : TargetPoints
-        The marks.
-    """
-
-    def judge(
-        solutions: Sequence[PoseSolution],
-    ) -> tuple[list[PoseSolution], Array, list[str]]:
-        errors = [
-            _errors(method, table, solution, laser, points)
-            for table, solution in zip(tables, solutions, strict=True)
-        ]
-        judged, joint, probability = with_errors(
-            solutions, errors, laser, method.adjust, method.shared
-        )
-        notes = [
-            unlikely_residuals(f"view {e.view}", p)
-            for e, p in zip(errors, probability, strict=True)
-            if p < 1 - method.confidence
-        ]
-        return judged, joint, notes
-
-    return judge
+        return covariance_model
 
 
 def _errors(
@@ -108,7 +93,7 @@ def _errors(
     laser: TwoMirror,
     points: TargetPoints,
 ) -> Errors:
-    """Of one view's marks."""
+    """Say where the images of one view's marks err."""
     count = len(table.number)
     _, mine, theirs = np.intersect1d(table.number, points.number, return_indices=True)
     of_object = np.zeros((count, 3, len(points.number), 3))

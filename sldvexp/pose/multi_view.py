@@ -1,4 +1,9 @@
-"""Poses of several views from points and mirror angles, with intrinsics that the views share."""
+"""Poses of several views from points and mirror angles, with intrinsics that the views share.
+
+Each view is solved for itself first, the shared intrinsics held; from there all are adjusted
+together (`sldvexp.pose.bundle_adjustment`). A view's own solution may lie in another valley once
+the shared intrinsics have changed, so that this is repeated while it lowers the cost.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +11,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
-from sldvexp.pose.base import EXTRINSICS
-from sldvexp.pose.bundle_adjustment import Adjusted, Common, LinearisedResiduals, adjust
+from sldvexp.pose.base import EXTRINSICS, JointCovariance
+from sldvexp.pose.bundle_adjustment import (
+    Adjusted,
+    Common,
+    LinearisedResiduals,
+    adjust_views,
+)
 from sldvexp.pose.intrinsics import named, nominal_intrinsics, places, true_angles
 from sldvexp.pose.least_squares import INTRINSICS, Pose, PoseProblem, linearise
-from sldvexp.pose.single_view import PoseSolution, observations, solve_pose
+from sldvexp.pose.single_view import observations, solve_points
+from sldvexp.pose.solution import JointSolution, PoseSolution
 from sldvexp.pose.uncertainty import origin_jacobian
 from sldvexp.typing import Array
 
@@ -24,7 +36,7 @@ SAVED = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class PointObservations:
-    """What one view saw.
+    """Object points of one view and the mirror angles that reach them.
 
     Parameters
     ----------
@@ -52,7 +64,6 @@ class PointView:
     ----------
     problem : PoseProblem
         Of one view; own intrinsics are the first that it adjusts, shared ones the others.
-    pose : Pose
     own_prior : ndarray, shape (own,)
         Standard deviations; infinite for a free one.
     expected : ndarray, shape (own,)
@@ -69,7 +80,7 @@ class PointView:
         return self.problem.adjusted[: len(self.own_prior)]
 
     def with_common(self, common: Array) -> Pose:
-        """The pose with the shared intrinsics."""
+        """Give the pose the shared intrinsics."""
         intrinsics = self.pose.intrinsics.copy()
         intrinsics[0, self.problem.adjusted[len(self.own_prior) :]] = common
         return self.pose._replace(intrinsics=intrinsics)
@@ -89,7 +100,7 @@ class PointView:
         return replace(self, pose=self.pose.moved(step[None], self.own))
 
     def weighed(self, common: Array) -> PointView:
-        """The standard errors are given."""
+        """Stay as it is: the standard errors are given."""
         return self
 
     def prior(self) -> tuple[Array, Array]:
@@ -99,103 +110,110 @@ class PointView:
         return np.append(free, self.own_prior**-2.0), np.append(free, away)
 
 
-def solve_together(
-    sights: Sequence[PointObservations],
+def solve_points_together(
+    views: Sequence[PointObservations],
     *,
-    step: Array,
-    mirror_offset: float,
-    adjusted: Mapping[str, float],
+    step: ArrayLike,
+    mirror_offset: float = 0.0,
+    adjust: Mapping[str, float] | None = None,
     shared: Mapping[str, float],
-    max_iterations: int,
-) -> tuple[list[PoseSolution], Array]:
-    """Poses of all views and the intrinsics that they share, by least squares over all angles.
+    max_iterations: int = 200,
+) -> JointSolution:
+    """Solve for all views' poses and the intrinsics that they share, by least squares.
 
     Parameters
     ----------
-    sights : sequence of PointObservations
-        Of each view.
-    step : ndarray, shape (2,), rad
+    step : array_like, shape (2,), rad
         Angle of one DAC step of each mirror.
     mirror_offset : float, m
         Nominal.
-    adjusted, shared : mapping of str to float
+    adjust, shared : mapping of str to float
         Intrinsics to adjust for each view and for all views, with the standard deviations of their
         Gaussian priors about the nominal values; infinite for a free one.
-    max_iterations : int
 
     Returns
     -------
-    solutions : list of PoseSolution
-        Of each view; its covariance holds the uncertainty of the shared intrinsics. Without `std`
-        all views have the same noise, estimated from all, and `dof` are those of all.
-    covariance : ndarray, shape (all, all)
-        Of each view's `EXTRINSICS` and own intrinsics, view by view, then of the shared ones.
+    JointSolution
+        Each view's covariance holds the uncertainty of the shared intrinsics. Without `std` all
+        views have the same noise, estimated from all, and `dof` are those of all.
 
     Raises
     ------
     UserError
         If the input is malformed or something is not determined.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.laser import project
+    >>> points = np.array([[0, 0, 0], [0.3, 0, 0], [0.3, 0.3, 0], [0, 0.3, 0], [0.1, 0.1, 0.2]])
+    >>> views = [
+    ...     PointObservations(name, points, project((points - stand) * [1, -1, -1], 0.04))
+    ...     for name, stand in {"left": [0.0, 0.1, 0.9], "right": [0.4, 0.2, 0.7]}.items()
+    ... ]
+    >>> both = solve_points_together(views, step=1e-4, shared={"mirror_offset": np.inf})
+    >>> [s.intrinsics["mirror_offset"].round(6).item() for s in both.solutions]
+    [0.04, 0.04]
     """
+    adjust, steps = adjust or {}, np.broadcast_to(np.asarray(step, float), (2,))
     nominal = nominal_intrinsics(mirror_offset)
     expected = nominal[places(shared)]
     common = Common(expected, expected, np.array(list(shared.values()), float))
-    known = sights[0].std is not None
-    _check_enough(sights, adjusted, shared, known)
-
-    def single(intrinsics: Array) -> list[PoseSolution]:
-        """Each view for itself, with the shared intrinsics as they are."""
-        return [_single(s, intrinsics, step, adjusted, max_iterations) for s in sights]
+    known = views[0].std is not None
+    _check_enough(views, adjust, shared, known)
 
     best: Adjusted[PointView] | None = None
-    alone = single(nominal)
+    alone = [_alone(v, nominal, steps, adjust, max_iterations) for v in views]
     for _ in range(STARTS):
-        views = [
-            _view(s, a, step, mirror_offset, adjusted, shared)
-            for s, a in zip(sights, alone, strict=True)
+        terms = [
+            _terms(v, a, steps, mirror_offset, adjust, shared)
+            for v, a in zip(views, alone, strict=True)
         ]
-        found = adjust(views, common, known, not known, max_iterations)
+        found = adjust_views(terms, common, known, not known, max_iterations)
         _check(found, list(shared))
         if best is not None and _cost(found) > (1 - SAVED) * _cost(best):
             break
         best, common = found, found.common
         intrinsics = nominal.copy()
         intrinsics[places(shared)] = common.value
-        alone = single(intrinsics)
+        alone = [_alone(v, intrinsics, steps, adjust, max_iterations) for v in views]
     assert best is not None
-    return _solutions(best, sights, alone, step, [*adjusted, *shared])
+    joint = JointCovariance([v.name for v in views], [*adjust], [*shared], best.covariance)
+    return _solutions(best, views, alone, steps, joint)
 
 
-def _single(
-    sight: PointObservations,
+def _alone(
+    view: PointObservations,
     intrinsics: Array,
     step: Array,
-    adjusted: Mapping[str, float],
-    most: int,
+    adjust: Mapping[str, float],
+    max_iterations: int,
 ) -> PoseSolution:
+    """Solve a view for itself, with the shared intrinsics as they are."""
     try:
-        return solve_pose(
-            sight.points,
-            true_angles(sight.angles, intrinsics),
+        return solve_points(
+            view.points,
+            true_angles(view.angles, intrinsics),
             step=step,
             mirror_offset=float(intrinsics[0]),
-            adjust=adjusted,
-            std=sight.std,
-            max_iterations=most,
+            adjust=adjust,
+            std=view.std,
+            max_iterations=max_iterations,
         )
     except UserError as error:
-        raise UserError(f"view {sight.name}: {error}") from None
+        raise UserError(f"view {view.name}: {error}") from None
 
 
-def _view(
-    sight: PointObservations,
+def _terms(
+    view: PointObservations,
     start: PoseSolution,
     step: Array,
     mirror_offset: float,
-    adjusted: Mapping[str, float],
+    adjust: Mapping[str, float],
     shared: Mapping[str, float],
 ) -> PointView:
-    """A view's observations, and where it starts."""
-    given = observations(sight.points, sight.angles, step, mirror_offset, adjusted, sight.std)
+    """Give the adjustment a view's observations, and where it starts."""
+    given = observations(view.points, view.angles, step, mirror_offset, adjust, view.std)
     known = [*given.prior_std, *places(shared)]
     problem = PoseProblem(
         points=given.points,
@@ -207,22 +225,23 @@ def _view(
     )
     centre = start.rotation @ (given.centroid[0] - start.origin)
     intrinsics = given.nominal.copy()
-    own = places(adjusted)
-    intrinsics[own] = [start.intrinsics[name] for name in adjusted]
+    own = places(adjust)
+    intrinsics[own] = [start.intrinsics[name] for name in adjust]
     pose = Pose(start.rotation[None], centre[None], intrinsics[None])
-    prior = np.array(list(adjusted.values()), float)
+    prior = np.array(list(adjust.values()), float)
     return PointView(problem, pose, prior, given.nominal[own])
 
 
 def _check_enough(
-    sights: Sequence[PointObservations],
-    adjusted: Mapping[str, float],
+    views: Sequence[PointObservations],
+    adjust: Mapping[str, float],
     shared: Mapping[str, float],
     known: bool,
 ) -> None:
-    angles = sum(2 * len(s.points) for s in sights)
-    own = len(EXTRINSICS) + sum(np.isinf(std) for std in adjusted.values())
-    free = own * len(sights) + sum(np.isinf(std) for std in shared.values())
+    """Count angles and unknowns of all views."""
+    angles = sum(2 * len(v.points) for v in views)
+    own = len(EXTRINSICS) + sum(np.isinf(std) for std in adjust.values())
+    free = own * len(views) + sum(np.isinf(std) for std in shared.values())
     if angles < free or (angles == free and not known):
         raise UserError(
             f"{angles} angles in all views are too few for {free} unknowns and the noise: add "
@@ -231,7 +250,7 @@ def _check_enough(
 
 
 def _check(found: Adjusted[PointView], shared: list[str]) -> None:
-    """UserError if a shared intrinsic was not determined."""
+    """Refuse a solution if a shared intrinsic was not determined."""
     share = found.arrow.undetermined_common()
     if share.any():
         raise UserError(
@@ -241,37 +260,37 @@ def _check(found: Adjusted[PointView], shared: list[str]) -> None:
 
 
 def _cost(found: Adjusted[PointView]) -> float:
-    """In squared standard deviations, whatever noise was found."""
+    """Give the cost in squared standard deviations, whatever noise was found."""
     return found.cost * float(found.variance[0])
 
 
 def _solutions(
     found: Adjusted[PointView],
-    sights: Sequence[PointObservations],
+    views: Sequence[PointObservations],
     alone: Sequence[PoseSolution],
     step: Array,
-    adjusted: list[str],
-) -> tuple[list[PoseSolution], Array]:
-    """Solutions about the origin, and the joint covariance."""
+    joint: JointCovariance,
+) -> JointSolution:
+    """Turn poses about the points' centroids into solutions about the origin."""
     count = len(found.covariance)
     transform = np.eye(count)
-    for view, place in zip(found.views, found.places, strict=True):
+    for term, place in zip(found.views, found.places, strict=True):
         six = slice(place.start, place.start + len(EXTRINSICS))
-        transform[six, six] = origin_jacobian(view.pose.rotation[0], view.pose.centre[0])
+        transform[six, six] = origin_jacobian(term.pose.rotation[0], term.pose.centre[0])
     covariance = transform @ found.covariance @ transform.T
     common = np.arange(found.places[-1].stop, count)
     solutions = []
-    for k, (view, sight, other) in enumerate(zip(found.views, sights, alone, strict=True)):
-        pose, own = view.with_common(found.common.value), np.r_[found.places[k], common]
-        std = 1.0 if sight.std is None else sight.std[:, None]
+    for k, (term, view, other) in enumerate(zip(found.views, views, alone, strict=True)):
+        pose, own = term.with_common(found.common.value), np.r_[found.places[k], common]
+        std = 1.0 if view.std is None else view.std[:, None]
         residual = found.residual[k].reshape(2, -1).T * std
         solutions.append(
             replace(
                 other,
                 rotation=pose.rotation[0],
-                origin=sight.points.mean(axis=0) - pose.rotation[0].T @ pose.centre[0],
+                origin=view.points.mean(axis=0) - pose.rotation[0].T @ pose.centre[0],
                 intrinsics=dict(zip(INTRINSICS, pose.intrinsics[0], strict=True)),
-                parameters=(*EXTRINSICS, *adjusted),
+                parameters=(*EXTRINSICS, *joint.adjusted),
                 covariance=covariance[np.ix_(own, own)],
                 residual=residual,
                 cost=np.asarray(np.sum(found.residual[k] ** 2)),
@@ -281,4 +300,4 @@ def _solutions(
                 converged=np.asarray(found.converged),
             )
         )
-    return solutions, covariance
+    return JointSolution(solutions, replace(joint, matrix=covariance))

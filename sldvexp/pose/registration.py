@@ -1,14 +1,14 @@
 """`pose=registration`: pose of each view from points and the mirror angles that reach them.
 
-Object points as a session measured them, in the place of a calibration object's.
+A file gives the points, or a person who pointed at them or digitised them in this run. Points whose
+uncertainty was measured stand in the place of a calibration object's (`MeasuredPoints`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,115 +20,10 @@ from sldvexp.io.registration.netcdf import from_dataset
 from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
-from sldvexp.pose.base import PoseMethod
+from sldvexp.pose.base import PoseResult
+from sldvexp.pose.from_points import FromPoints, MirrorName
 from sldvexp.targets.base import Target, TargetPoints
-from sldvexp.typing import Array, IntArray
 from sldvexp.units import LengthUnit
-
-if TYPE_CHECKING:
-    from sldvexp.pose.from_points import CovarianceModel
-
-#: What may be adjusted besides the pose.
-ADJUSTABLE = (
-    "mirror_offset",
-    "gain_up_down",
-    "zero_up_down",
-    "gain_left_right",
-    "zero_left_right",
-)
-
-
-class MirrorName(Enum):
-    """The two mirrors."""
-
-    up_down = 0
-    left_right = 1
-
-
-@dataclass
-class FromPoints(PoseMethod):
-    """What all methods share that solve for the pose from matched object and image points.
-
-    Parameters
-    ----------
-    adjust : dict of str to float
-        Intrinsics to adjust with the pose, with the standard deviation of what is known of them
-        beforehand (``.inf`` for nothing): mirror_offset (m), gain_up_down and gain_left_right
-        (relative to the calibration), zero_up_down and zero_left_right (rad). All others are fixed.
-    shared : dict of str to float
-        The same for intrinsics that have one value in all views, which are then solved together.
-    confidence : float
-        Level of the intervals.
-    max_iterations : int
-        Most steps of the non-linear solution.
-    """
-
-    adjust: dict[str, float] = field(default_factory=dict)
-    shared: dict[str, float] = field(default_factory=dict)
-    confidence: float = 0.95
-    max_iterations: int = 200
-
-    def __post_init__(self) -> None:
-        checks = Checks()
-        self._check(checks)
-        checks.done()
-
-    def _check(self, checks: Checks) -> None:
-        """Collect what is wrong with the fields; methods add to it."""
-        checks.probability("confidence", self.confidence)
-        least = f"must be at least 1, not {self.max_iterations}"
-        checks.require(self.max_iterations >= 1, "max_iterations", least)
-        for group in ("adjust", "shared"):
-            for name, std in getattr(self, group).items():
-                wrong = f"cannot be adjusted; {nearest(name, ADJUSTABLE)}"
-                checks.require(name in ADJUSTABLE, f"{group}.{name}", wrong)
-                wrong = f"must be a positive standard deviation, infinite for a free one, not {std}"
-                checks.require(std > 0, f"{group}.{name}", wrong)
-        for name in set(self.adjust) & set(self.shared):
-            wrong = "is in adjust too: it is either one value a view or one for all views"
-            checks.require(False, f"shared.{name}", wrong)
-
-    def angle_std(
-        self,
-        number: IntArray,
-        distance: Array,
-        step: Array,
-        points: TargetPoints | None,
-    ) -> Array | None:
-        """Standard deviation of each point's angles, DAC steps, if it is known beforehand.
-
-        Parameters
-        ----------
-        number : ndarray, shape (N,)
-            Of the points.
-        distance : ndarray, shape (N,), m
-            From the instrument.
-        step : ndarray, shape (2,), rad
-            Angle of one DAC step of each mirror.
-        points : TargetPoints or None
-            Of the calibration object.
-
-        Returns
-        -------
-        ndarray or None
-            None estimates it from the residuals, alike for all points.
-        """
-        return None
-
-    def judge(
-        self, tables: Sequence[RegistrationTable], laser: TwoMirror, target: Target | None
-    ) -> CovarianceModel | None:
-        """What gives solved poses the covariance that they deserve, if errors are not independent.
-
-        Parameters
-        ----------
-        tables : sequence of RegistrationTable
-            Of all views.
-        laser : TwoMirror
-        target : Target or None
-        """
-        return None
-
 
 NAME_A_FILE = "must name a registration file, or one for each view as {front: a.reg, left: b.reg}"
 
@@ -164,31 +59,28 @@ class Registration(FromPoints):
             checks.require(self.unit in units, "unit", message)
 
     def files(self) -> dict[str, str]:
-        """Path of each file, by the view it is said to hold; empty for as the file says."""
+        """Give each file's path by the view it is said to hold; empty for as the file says."""
         if self.path is None:
             return {}
         return self.path if isinstance(self.path, dict) else {"": self.path}
 
     def inputs(self) -> list[str]:
-        """The registration files."""
+        """List the registration files."""
         return list(self.files().values())
 
     def estimate(
-        self, laser: TwoMirror, target: Target | None, tree: Mapping[str, xr.Dataset]
-    ) -> dict[str, xr.Dataset]:
-        """Groups ``registration`` and ``pose``."""
-        from sldvexp.pose.from_points import estimate
+        self, laser: TwoMirror | None, target: Target | None, tree: Mapping[str, xr.Dataset]
+    ) -> PoseResult:
+        """Solve every view of the files, or those that a person found in this run."""
+        tables = self._tables() if self.path is not None else _scanned(tree)
+        # Points found in this run have just been measured: no target knows them better.
+        known = target if self.path is not None else None
+        return self.solve(tables, laser, known or measured_points(tables), self.inverted)
 
-        if self.path is None:
-            tables = _scanned(tree)
-            return estimate(self, tables, laser, measured_points(tables), self.inverted)
-        tables = self._tables()
-        return estimate(self, tables, laser, target or measured_points(tables), self.inverted)
-
-    def _tables(self) -> list[Any]:
-        """Registration data of all views."""
+    def _tables(self) -> list[RegistrationTable]:
+        """Read the registration data of all views."""
         unit = LengthUnit[self.unit] if self.unit else None
-        tables = []
+        tables: list[RegistrationTable] = []
         for view, path in self.files().items():
             found = read(locate(path), unit)
             if view and len(found) > 1:
@@ -204,7 +96,7 @@ class Registration(FromPoints):
 
 
 def _scanned(tree: Mapping[str, xr.Dataset]) -> list[RegistrationTable]:
-    """Registration data of all views that a person pointed or digitised in this run."""
+    """Take registration data of all views that a person pointed or digitised in this run."""
     if "registration" not in tree:
         told = f"{NAME_A_FILE}, unless scan=by_hand or scan=by_digitizer gives the points"
         raise ConfigError([Problem("pose.path", told)])
@@ -212,7 +104,7 @@ def _scanned(tree: Mapping[str, xr.Dataset]) -> list[RegistrationTable]:
 
 
 class MeasuredPoints(Target):
-    """The points of some views' registration data, each under its number.
+    """Points of some views' registration data, each under its number.
 
     Parameters
     ----------
@@ -228,13 +120,13 @@ class MeasuredPoints(Target):
         self._std = np.concatenate(stds)[first]
 
     def points(self) -> TargetPoints:
-        """See `Target`."""
+        """Give every point once, as its first view has it."""
         label = tuple(f"point {n}" for n in self._number)
         return TargetPoints(self._number, self._position, self._std, label)
 
 
 def measured_points(tables: Sequence[RegistrationTable]) -> MeasuredPoints | None:
-    """The points of some views, None unless the uncertainty of all is known."""
+    """Take the points of some views for a target; None unless the uncertainty of all is known."""
     if any(table.object_std is None for table in tables):
         return None
     return MeasuredPoints(tables)

@@ -1,6 +1,11 @@
 """Pose from object points and mirror angles, without a starting guess, for one or many at once.
 
-What the pose solver is given, checked and brought into shape.
+The recorded angles less those of the two-mirror model (Eqs 4.2 and 4.3) are least squares in the
+pose and in what is adjusted of the intrinsics. A closed form gives two starts, since a plane object
+looks nearly the same from two places; Levenberg-Marquardt steps lead both down, and the lower one
+is the pose. Angles err independently and alike, or as a given standard deviation says. With priors
+and noise that is not known, the noise is estimated in turns with the pose, for the priors' weight
+depends on it.
 """
 
 from __future__ import annotations
@@ -15,7 +20,9 @@ from numpy.typing import ArrayLike
 from sldvexp.errors import UserError, nearest
 from sldvexp.pose.base import EXTRINSICS
 from sldvexp.pose.initial_pose import start_poses
+from sldvexp.pose.intrinsics import named, nominal_intrinsics, places
 from sldvexp.pose.least_squares import INTRINSICS, Pose, PoseProblem, levenberg_marquardt, take
+from sldvexp.pose.solution import PoseSolution
 from sldvexp.pose.uncertainty import about_origin, worth
 from sldvexp.typing import Array, BoolArray, IndexArray
 
@@ -27,71 +34,9 @@ BLOCK = 256
 ROUNDS, SETTLED = 50, 1e-6
 #: Least variance of the noise, in squared DAC steps: noise-free data must not void the priors.
 LEAST_VARIANCE = 1e-8
-#: Share of an intrinsic in an undetermined direction from which it is named.
-NOTABLE = 0.1
 
 
-@dataclass(frozen=True)
-class PoseSolution:
-    """Poses with their uncertainty; the leading (batch) dimension is missing for one problem.
-
-    Parameters
-    ----------
-    rotation : ndarray, shape (..., 3, 3)
-        World to laser, ``P_laser = rotation (P_world - origin)``.
-    origin : ndarray, shape (..., 3), m
-    intrinsics : dict of str to ndarray, shape (...)
-        All of `INTRINSICS`, adjusted or not.
-    parameters : tuple of str
-        What `covariance` is about: the rotation vector of a small rotation of the laser frame
-        (rad), the origin (m), and the adjusted intrinsics.
-    covariance : ndarray, shape (..., parameters, parameters)
-        Infinite where the noise cannot be estimated (`dof` is 0), or where `converged` is false.
-    residual : ndarray, shape (..., points, 2), DAC steps
-        Recorded minus predicted angles.
-    cost : ndarray, shape (...)
-        What was minimised: the sum of squared residuals, each over its standard deviation if known
-        and in DAC steps if not, and of the priors' deviations in the same unit.
-    sse_deg2 : ndarray, shape (...), deg^2
-        Sum of squared residuals, without weights.
-    dof : ndarray, shape (...)
-        Degrees of freedom of the residuals; a prior may take any part between 0 and 1.
-    s : ndarray, shape (...)
-        Standard deviation of the residuals, DAC steps; if `noise_known`, in units of the given one.
-        Infinite if `dof` is 0.
-    noise_known : bool
-        Whether `covariance` rests on given standard deviations instead of `s`.
-    converged : ndarray of bool, shape (...)
-    has_other : ndarray of bool, shape (...)
-        Whether there is a second, distinct local minimum: a plane object has one as a rule.
-    other_rotation, other_origin, other_cost : ndarray, shapes (..., 3, 3), (..., 3) and (...)
-        The second solution; NaN where `has_other` is false.
-    """
-
-    rotation: Array
-    origin: Array
-    intrinsics: dict[str, Array]
-    parameters: tuple[str, ...]
-    covariance: Array
-    residual: Array
-    cost: Array
-    sse_deg2: Array
-    dof: Array
-    s: Array
-    noise_known: bool
-    converged: BoolArray
-    has_other: BoolArray
-    other_rotation: Array
-    other_origin: Array
-    other_cost: Array
-
-    @property
-    def covariance_dof(self) -> Array:
-        """Degrees of freedom behind the covariance; infinite if the noise is known."""
-        return np.where(self.noise_known, np.inf, self.dof)
-
-
-def solve_pose(
+def solve_points(
     object_points: ArrayLike,
     angles: ArrayLike,
     *,
@@ -101,7 +46,7 @@ def solve_pose(
     std: ArrayLike | None = None,
     max_iterations: int = 200,
 ) -> PoseSolution:
-    """Pose of the laser from points and the mirror angles that reach them (Section 4.6.2).
+    """Solve for the laser's pose from points and the mirror angles that reach them (Section 4.6.2).
 
     Parameters
     ----------
@@ -122,14 +67,23 @@ def solve_pose(
     max_iterations : int
         Of each start.
 
-    Returns
-    -------
-    PoseSolution
-
     Raises
     ------
     UserError
         If the input is malformed, the points lie on one line, or a parameter is not determined.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.laser import project
+    >>> points = np.array([[0, 0, 0], [0.3, 0, 0], [0.3, 0.3, 0], [0, 0.3, 0], [0.1, 0.1, 0.1]])
+    >>> stand, facing = np.array([0.2, 0.1, 1.5]), np.diag([1.0, -1.0, -1.0])
+    >>> angles = project((points - stand) @ facing.T).round(4)
+    >>> pose = solve_points(points, angles, step=1e-4)
+    >>> pose.origin.round(3)
+    array([0.2, 0.1, 1.5])
+    >>> pose
+    pose from 5 points: origin (...) m, std (...) mm, residuals ... DAC steps rms
     """
     given = observations(object_points, angles, step, mirror_offset, adjust or {}, std)
     blocks = [
@@ -149,7 +103,7 @@ def solve_pose(
 
 
 def _solve(given: Observations, max_iterations: int) -> dict[str, Array]:
-    """Fields of `PoseSolution` for one block of problems."""
+    """Solve one block of problems for the fields of `PoseSolution`."""
     each = np.arange(len(given.angles))
     offset = np.full((len(each), 1), given.nominal[0])
     rotation, centre = start_poses(given.points, given.normal, given.angles, offset)
@@ -182,7 +136,7 @@ def _solve(given: Observations, max_iterations: int) -> dict[str, Array]:
 
 
 def _problem(given: Observations) -> PoseProblem:
-    """Weights of a unit of noise: a DAC step, or the given standard deviation."""
+    """Weigh by a unit of noise: a DAC step, or the given standard deviation."""
     adjusted = list(given.prior_std)
     shape = (len(given.angles), len(adjusted))
     prior_std = np.array(list(given.prior_std.values()))
@@ -197,7 +151,7 @@ def _problem(given: Observations) -> PoseProblem:
 
 
 def _origin(given: Observations, pose: Pose) -> Array:
-    """Of ``centre = R (centroid - origin)``, shape (M, 3), m."""
+    """Give the origin of ``centre = R (centroid - origin)``, shape (M, 3), m."""
     return given.centroid - np.einsum("mji,mj->mi", pose.rotation, pose.centre)
 
 
@@ -221,7 +175,7 @@ def _settle_noise(
 def _evaluated(
     given: Observations, problem: PoseProblem, pose: Pose, converged: BoolArray
 ) -> dict[str, Array]:
-    """Fields of `PoseSolution` about the better solution, and what it leaves `undetermined`."""
+    """Evaluate the better solution for `PoseSolution`, and what it leaves `undetermined`."""
     found = worth(problem, pose)
     variance = np.where(given.noise_known, 1.0, found.variance)
     covariance = about_origin(found.cofactor, pose.rotation, pose.centre)
@@ -253,11 +207,9 @@ def _check_determined(given: Observations, share: Array) -> None:
         return
     first = undetermined[0]
     where = place(first, len(share))
-    intrinsic = dict(zip(given.prior_std, share[first[0], 6:], strict=True))
-    names = [INTRINSICS[k] for k, part in intrinsic.items() if part > NOTABLE]
-    if names:
+    if names := named([INTRINSICS[k] for k in given.prior_std], share[first[0], 6:]):
         raise UserError(
-            f"the angles{where} cannot tell {' and '.join(names)} from a motion of the instrument: "
+            f"the angles{where} cannot tell {names} from a motion of the instrument: "
             "keep it fixed or give it a finite prior"
         )
     raise UserError(
@@ -307,18 +259,18 @@ class Observations:
     batched: bool
 
     def part(self, block: slice) -> Observations:
-        """Those problems; what they share is kept."""
+        """Take those problems; what they share is kept."""
 
-        def of(a: Array) -> Array:
+        def part(a: Array) -> Array:
             return a if len(a) == 1 else a[block]
 
         return replace(
             self,
-            points=of(self.points),
-            centroid=of(self.centroid),
-            normal=of(self.normal),
+            points=part(self.points),
+            centroid=part(self.centroid),
+            normal=part(self.normal),
             angles=self.angles[block],
-            std=of(self.std),
+            std=part(self.std),
         )
 
 
@@ -330,7 +282,7 @@ def observations(
     adjust: Mapping[str, float],
     std: ArrayLike | None,
 ) -> Observations:
-    """Check the arguments of `sldvexp.pose.single_view.solve_pose`.
+    """Check the arguments of `solve_points` and bring them into shape.
 
     Raises
     ------
@@ -363,8 +315,8 @@ def observations(
         step=steps,
         std=_deviations(std, recorded.shape[:2], batched),
         noise_known=std is not None,
-        nominal=np.array([mirror_offset, 1.0, 0.0, 1.0, 0.0]),
-        prior_std={INTRINSICS.index(name): float(prior) for name, prior in adjust.items()},
+        nominal=nominal_intrinsics(mirror_offset),
+        prior_std=dict(zip(places(adjust), map(float, adjust.values()), strict=True)),
         batched=batched,
     )
 
@@ -421,7 +373,7 @@ def _check_adjust(
 
 
 def _deviations(std: ArrayLike | None, shape: tuple[int, ...], batched: bool) -> Array:
-    """Standard deviations, shape (batch or 1, 1, points), DAC steps."""
+    """Broadcast standard deviations to the shape (batch or 1, 1, points), DAC steps."""
     if std is None:
         return np.ones((1, 1, shape[1]))
     try:
@@ -436,7 +388,7 @@ def _deviations(std: ArrayLike | None, shape: tuple[int, ...], batched: bool) ->
 
 
 def _least_spread(points: Array) -> Array:
-    """Direction in which centred points (..., 3, N) spread least, shape (..., 3).
+    """Find the direction in which centred points (..., 3, N) spread least, shape (..., 3).
 
     Raises
     ------

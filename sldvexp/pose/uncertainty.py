@@ -1,4 +1,9 @@
-"""What the solved pose is worth: covariance, standard errors and confidence intervals."""
+"""Uncertainty of solved poses: covariance, standard errors and confidence intervals.
+
+With the information ``N = J'J`` of residuals over their standard deviations the covariance is
+``s^2 N^-1``, ``s^2 = SSE / dof``; a prior of precision P gives back ``P N^-1`` of a degree of
+freedom. Poses are solved about the points' centroid and turned into those about the origin here.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +21,7 @@ UNDETERMINED = 1e-13
 
 
 class Worth(NamedTuple):
-    """What the residuals of solved problems say.
+    """Residuals of solved problems, and the uncertainty that they tell.
 
     Parameters
     ----------
@@ -41,7 +46,7 @@ class Worth(NamedTuple):
 
 
 def worth(problem: PoseProblem, pose: Pose) -> Worth:
-    """Cofactor matrix and estimated variance of solved problems, ``s^2 = SSE / dof``."""
+    """Evaluate cofactor matrix and variance of solved problems, ``s^2 = SSE / dof``."""
     at = linearise(problem, pose)
     information, _ = normal_equations(problem, pose, at)
     inverse, undetermined = cofactor(information)
@@ -54,7 +59,10 @@ def worth(problem: PoseProblem, pose: Pose) -> Worth:
 
 
 def cofactor(information: Array) -> tuple[Array, Array]:
-    """Inverse of information matrices (M, p, p), and the shares (M, p) of what is undetermined."""
+    """Invert information matrices (M, p, p); give shares (M, p) of what is undetermined.
+
+    Scaled to a unit diagonal, since rotations, lengths and gains differ in unit.
+    """
     scale = np.sqrt(np.einsum("mkk->mk", information))
     scale = np.where(scale > 0, scale, 1.0)
     value, vector = np.linalg.eigh(information / (scale[:, :, None] * scale[:, None, :]))
@@ -66,7 +74,7 @@ def cofactor(information: Array) -> tuple[Array, Array]:
 
 
 def origin_jacobian(rotation: Array, centre: Array) -> Array:
-    """Derivative of (rotation vector, origin) by (rotation vector, centre), shape (..., 6, 6).
+    """Differentiate (rotation vector, origin) by (rotation vector, centre), shape (..., 6, 6).
 
     With ``centre = R (centroid - origin)`` a small rotation vector w and displacement d move the
     origin by ``R' (w x centre - d)``.
@@ -85,7 +93,7 @@ def origin_jacobian(rotation: Array, centre: Array) -> Array:
 
 
 def about_origin(cofactor: Array, rotation: Array, centre: Array) -> Array:
-    """Cofactor matrix of (rotation vector, origin) from that of (rotation vector, centre).
+    """Make the cofactor matrix of (rotation vector, origin) from that of (rotation vector, centre).
 
     Parameters
     ----------
@@ -101,12 +109,18 @@ def about_origin(cofactor: Array, rotation: Array, centre: Array) -> Array:
 
 
 def standard_error(covariance: Array) -> Array:
-    """Standard errors of the parameters of a covariance, shape (..., parameters)."""
+    """Take the standard errors of the parameters of a covariance, shape (..., parameters).
+
+    Examples
+    --------
+    >>> standard_error(np.diag([4.0, 9.0]))
+    array([2., 3.])
+    """
     return np.sqrt(np.einsum("...kk->...k", covariance))
 
 
 def euler_standard_error(rotation: Array, covariance: Array) -> Array:
-    """Standard errors of the Euler angles (x-convention), shape (..., 3), rad.
+    """Give the standard errors of the Euler angles (x-convention), shape (..., 3), rad.
 
     Parameters
     ----------
@@ -131,7 +145,7 @@ def euler_standard_error(rotation: Array, covariance: Array) -> Array:
 
 
 def half_width(error: Array, dof: Array, confidence: float) -> Array:
-    """Half-widths of confidence intervals, Student's t times the standard errors (Eq 5.18).
+    """Give half-widths of confidence intervals, Student's t times the standard errors (Eq 5.18).
 
     Parameters
     ----------
@@ -145,6 +159,11 @@ def half_width(error: Array, dof: Array, confidence: float) -> Array:
     -------
     ndarray, shape (..., k), unit of `error`
         Infinite without degrees of freedom: the noise is unknown and cannot be estimated.
+
+    Examples
+    --------
+    >>> half_width(np.array([[0.1, 0.2]]), np.array([26.0]), 0.95).round(4)
+    array([[0.2056, 0.4111]])
     """
     factor = student_factor(confidence, dof)
     return np.where(np.isnan(factor), np.inf, factor)[..., None] * error

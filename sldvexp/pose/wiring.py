@@ -1,4 +1,4 @@
-"""Recognises mirrors that are exchanged or turn the other way, before a pose is fitted to them.
+"""Recognition of mirrors that are exchanged or turn the other way, before a pose is fitted to them.
 
 A scanner can be wired in eight ways: its two mirrors exchanged or not, each turning one way or the
 other. The same edges are looked at through each of them. Three things tell the right one:
@@ -24,9 +24,14 @@ from sldvexp.errors import UserError
 from sldvexp.geometry.bitangent import BitangentPoints
 from sldvexp.image.scan_lines import ScanLineEdges
 from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
-from sldvexp.pose.bitangent import UNLIKELY, with_shared_errors
-from sldvexp.pose.from_scans import CircleImages, match_images, registration_table
-from sldvexp.pose.single_view import solve_pose
+from sldvexp.pose.circle_images import (
+    UNLIKELY,
+    CircleImages,
+    match_images,
+    registration_table,
+    with_shared_errors,
+)
+from sldvexp.pose.single_view import solve_points
 from sldvexp.targets.circles import Circles
 
 #: Cosine of the angle between the instrument's up axis and the object's within which it stands.
@@ -39,11 +44,10 @@ MISCALIBRATED = 4.0
 
 @dataclass(frozen=True)
 class Wiring:
-    """How the channels of the D/A board reach the mirrors.
+    """Way in which the channels of the D/A board reach the mirrors.
 
     Parameters
     ----------
-    exchanged : bool
     turns : tuple of int
         +1 or -1 for (up_down, left_right), by the mirrors that really turn.
     """
@@ -70,11 +74,10 @@ WIRINGS = [Wiring(e, turns) for e in (False, True) for turns in itertools.produc
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """What a wiring makes of the edges.
+    """A wiring, and how well the edges fit the object through it.
 
     Parameters
     ----------
-    wiring : Wiring
     residual : float, steps
         Root mean square, at the bitangent points.
     explained : bool
@@ -92,12 +95,12 @@ class Hypothesis:
     up: float
 
     def right(self, upright: bool) -> bool:
-        """Whether nothing speaks against it."""
+        """Tell whether nothing speaks against it."""
         return self.faces and self.explained and (not upright or self.stance == "upright")
 
     @property
     def stance(self) -> str:
-        """How the instrument stands."""
+        """Stance of the instrument."""
         if self.up < -STANDS:
             return "upside down"
         return "upright" if self.up > STANDS else "on its side"
@@ -111,15 +114,12 @@ def check_wiring(
     adjust: Mapping[str, float],
     upright: bool,
 ) -> CircleImages:
-    """The circles' images, unless another wiring of the mirrors explains them better.
+    """Match the circles' images, unless another wiring of the mirrors explains them better.
 
     Parameters
     ----------
-    view : str
     edges : sequence of ScanLineEdges
         Of the circles in any order, DAC steps.
-    target : Circles
-    laser : TwoMirror
     adjust : mapping of str to float
         Intrinsics that are adjusted with the pose, with what is known of them beforehand.
     upright : bool
@@ -165,7 +165,7 @@ def check_wiring(
 def _images(
     view: str, edges: Sequence[ScanLineEdges], target: Circles, laser: TwoMirror
 ) -> tuple[CircleImages | None, UserError | None]:
-    """The images of the circles, or why there are none."""
+    """Match the images of the circles, or give the reason why there are none."""
     try:
         return match_images(view, list(edges), target, laser, pinhole=True), None
     except UserError as error:
@@ -173,7 +173,7 @@ def _images(
 
 
 def _exchanged(edges: ScanLineEdges) -> ScanLineEdges:
-    """The edges as they are if each channel drives the other mirror."""
+    """Turn the edges into what they are if each channel drives the other mirror."""
     return replace(edges, position=edges.position[:, ::-1], direction=edges.direction[:, ::-1])
 
 
@@ -184,12 +184,12 @@ def _hypothesis(
     laser: TwoMirror,
     adjust: Mapping[str, float],
 ) -> Hypothesis | None:
-    """The pose from bitangent points, turned as the mirrors turn; None if there is none."""
+    """Solve bitangent points, turned as the mirrors turn; None if they have no pose."""
     turns = np.array(wiring.turns)
     table = registration_table(images, target)
     assert table.dac is not None
     try:
-        solution = solve_pose(
+        solution = solve_points(
             table.object_point,
             laser.angle_from_dac(table.dac * turns),
             step=laser.step,
@@ -211,7 +211,7 @@ def _hypothesis(
 
 
 def _faces(target: Circles, origin: np.ndarray) -> bool:
-    """Whether a point is in front of all planes that have circles."""
+    """Tell whether a point is in front of all planes that have circles."""
     planes = [target.planes[name] for name in {c.plane for c in target.circles.values()}]
     height = [
         (origin - target.unit.value * np.array(plane.origin)) @ plane.axes()[2] for plane in planes
@@ -225,7 +225,7 @@ def _sentence(
     straight: Hypothesis | None,
     laser: TwoMirror,
 ) -> str:
-    """What looks wrong, by which evidence, what would put it right and what would look the same."""
+    """Say what looks wrong, by which evidence, what puts it right and what would look the same."""
     first, *rest = sorted(best, key=lambda h: -h.up)
     told = (
         f"the mirrors look wired wrongly, {first.wiring}: so the calibration object fits to "
@@ -240,7 +240,7 @@ def _sentence(
 
 
 def _as_recorded(straight: Hypothesis | None) -> str:
-    """What is wrong without another wiring."""
+    """Say what is wrong without another wiring."""
     if straight is None:
         return "the image is not that of the calibration object"
     mirrored = "" if straight.faces else "as a mirror image seen from behind, "
@@ -248,7 +248,7 @@ def _as_recorded(straight: Hypothesis | None) -> str:
 
 
 def _remedy(wiring: Wiring, laser: TwoMirror) -> str:
-    """What puts a wrong wiring right."""
+    """Say what puts a wrong wiring right."""
     if wiring.exchanged:
         return "check the cables from the D/A board to the mirrors"
     gains = [f"laser.{name}.gain={-getattr(laser, name).gain:g}" for name in wiring.inverted]
@@ -257,7 +257,7 @@ def _remedy(wiring: Wiring, laser: TwoMirror) -> str:
 
 
 def phase_notes(images: Sequence[CircleImages]) -> list[str]:
-    """Views whose speakers move with the phases of the first view's, but of opposite sign.
+    """Find views whose speakers move with the phases of the first view's, but of opposite sign.
 
     Every speaker has one phase, wherever it is seen from. The pose does not depend on it.
     """
@@ -282,5 +282,5 @@ def phase_notes(images: Sequence[CircleImages]) -> list[str]:
 
 
 def _speakers(images: CircleImages) -> np.ndarray:
-    """Mean direction ``exp(i phase)`` of every circle's motion, by the circles' numbers."""
+    """Average the direction ``exp(i phase)`` of every circle's motion, by the circles' numbers."""
     return np.array([np.exp(1j * images.edges[n].phase).mean() for n in sorted(images.edges)])

@@ -1,4 +1,4 @@
-"""What every calibration object gives: numbered points, and how well their places are known."""
+"""Base of calibration objects: numbered points, and how well their places are known."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class TargetPoints:
     std : ndarray, shape (N, 3), m
         Standard deviation of each coordinate.
     label : tuple of str, length N
-        What each point is, for people.
+        Each point's description, for people.
     """
 
     number: IntArray
@@ -32,14 +32,17 @@ class TargetPoints:
 
 
 class Target(ABC):
-    """A calibration object. A strategy implements the one hook `points`."""
+    """A calibration object.
+
+    A plugin implements the one hook `points`; pose methods and reports take all else from it.
+    """
 
     @abstractmethod
     def points(self) -> TargetPoints:
-        """The numbered points that a pose is computed from."""
+        """Give the numbered points that a pose is computed from."""
 
-    def group(self) -> xr.Dataset:
-        """The points as the group ``target`` of a run."""
+    def to_dataset(self) -> xr.Dataset:
+        """Make the group ``target`` of a run."""
         points = self.points()
         return dataset.group(
             "target",
@@ -50,5 +53,11 @@ class Target(ABC):
 
 
 def std_of_bound(accuracy: float) -> float:
-    """Standard deviation of a number known within +-`accuracy`, no value in between preferred."""
+    """Give the standard deviation of a number known within +-`accuracy`, all values as likely.
+
+    Examples
+    --------
+    >>> round(std_of_bound(0.0003), 6)
+    0.000173
+    """
     return accuracy / math.sqrt(3.0)

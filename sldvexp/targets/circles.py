@@ -1,4 +1,10 @@
-"""`target=circles`: circular features on one or several planes and their bitangent points."""
+"""`target=circles`: circular features on one or several planes and their bitangent points.
+
+Circles are measured in the axes of their plane. The four common tangents of two circles on a plane
+touch each of them at four points, which a scanner sees well defined although the circles have no
+marks (Section 4.4.1). Errors of the circles' numbers move these points to first order,
+``C_point = J C_circle J'``; an error of the height above the plane moves them along its normal.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +14,12 @@ import re
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, nearest
-from sldvexp.geometry.circles import LINES
+from sldvexp.geometry.circles import LINES, bitangent_jacobian, bitangent_points
 from sldvexp.targets.base import Target, TargetPoints, std_of_bound
-from sldvexp.targets.bitangents import bitangents_in_space, bitangents_std
-from sldvexp.targets.plane import Plane
 from sldvexp.typing import Array
 from sldvexp.units import LengthUnit
 
@@ -23,6 +27,8 @@ from sldvexp.units import LengthUnit
 EXTERNAL = 2
 
 PAIR = re.compile(r"\s*(\d+)\s*-\s*(\d+)\s*")
+#: Sine of the angle between a normal and the object's x axis below which x has no projection.
+PARALLEL = 1e-6
 
 
 @dataclass
@@ -33,6 +39,53 @@ class Circle:
     y: float
     diameter: float
     plane: str = "front"
+
+
+@dataclass
+class Plane:
+    """A plane of features, by a point on it and its normal.
+
+    The plane's own x axis is the projection of the object's x axis, its y axis completes the
+    right-handed frame with the normal. A plane facing the viewer has its normal towards them.
+
+    Parameters
+    ----------
+    origin : list of 3 float, the target's unit
+        Where the plane's own coordinates are zero.
+    normal : list of 3 float
+        Of any length but zero.
+    """
+
+    origin: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    normal: list[float] = field(default_factory=lambda: [0.0, 0.0, 1.0])
+
+    def check(self, checks: Checks, name: str) -> None:
+        """Note under `name` what makes this no plane."""
+        known = len(checks.problems)
+        for part in ("origin", "normal"):
+            values = getattr(self, part)
+            checks.finite(f"{name}.{part}", *values)
+            checks.require(
+                len(values) == 3, f"{name}.{part}", f"must be three numbers, not {len(values)}"
+            )
+        if len(checks.problems) > known:
+            return
+        x, y, z = self.normal
+        length = math.hypot(x, y, z)
+        checks.require(length > 0, f"{name}.normal", "must not be zero")
+        checks.require(
+            length == 0 or math.hypot(y, z) > PARALLEL * length,
+            f"{name}.normal",
+            "must not be along the object's x axis, whose projection is the plane's own x axis",
+        )
+
+    def axes(self) -> Array:
+        """Give the plane's own x, y and normal as unit rows in the object's axes, shape (3, 3)."""
+        normal = np.array(self.normal, float)
+        normal /= np.linalg.norm(normal)
+        x = np.array([1.0, 0.0, 0.0]) - normal[0] * normal
+        x /= np.linalg.norm(x)
+        return np.stack([x, np.cross(normal, x), normal])
 
 
 @register("target", "circles")
@@ -79,7 +132,7 @@ class Circles(Target):
         checks.done()
 
     def points(self) -> TargetPoints:
-        """External bitangent points of the selected pairs, numbered as in Figure 4.1.
+        """Give the external bitangent points of the selected pairs, numbered as in Figure 4.1.
 
         Every pair a-b adds four: a left, a right, b left, b right, on the left and the right of
         the way from a to b.
@@ -89,15 +142,15 @@ class Circles(Target):
         return _numbered(position, std, label[:, :EXTERNAL].swapaxes(1, 2))
 
     def all_bitangents(self) -> TargetPoints:
-        """All bitangent points of all pairs on a common plane: 48 for four circles (Section 4.5.2).
+        """Give all bitangent points of all pairs on a common plane: 48 for four circles.
 
-        Numbered from 1; pairs by circle number, lines in the order of
+        Numbered from 1 (Section 4.5.2); pairs by circle number, lines in the order of
         `sldvexp.geometry.circles.LINES`, on each line first the point on the first circle.
         """
         return _numbered(*self._bitangents(self._same_plane()))
 
     def selected_pairs(self) -> list[tuple[int, int]]:
-        """The pairs whose points are used, in the order of the points' numbers."""
+        """List the pairs whose points are used, in the order of the points' numbers."""
         if self.pairs:
             return [(int(m[1]), int(m[2])) for p in self.pairs if (m := PAIR.fullmatch(p))]
         rings: list[tuple[int, int]] = []
@@ -164,7 +217,7 @@ class Circles(Target):
             seen.add(frozenset(numbers))
 
     def _bitangents(self, pairs: list[tuple[int, int]]) -> tuple[Array, Array, NDArray[np.str_]]:
-        """Positions, standard deviations and labels, each of shape (pair, line, circle[, 3]), m."""
+        """Give positions, standard deviations and labels, shape (pair, line, circle[, 3]), m."""
         a, b = (np.array([self._numbers(pair[side]) for pair in pairs]) for side in (0, 1))
         planes = [self.planes[self.circles[one].plane] for one, _ in pairs]
         origin = np.array([plane.origin for plane in planes])
@@ -183,10 +236,58 @@ class Circles(Target):
 
 
 def _numbered(position: Array, std: Array, label: NDArray[np.str_]) -> TargetPoints:
-    """Number points from 1 in the order in which they stand."""
+    """Give points numbers from 1 in the order in which they stand."""
     return TargetPoints(
         number=np.arange(1, label.size + 1),
         position=position.reshape(-1, 3),
         std=std.reshape(-1, 3),
         label=tuple(label.ravel().tolist()),
     )
+
+
+def bitangents_in_space(a: ArrayLike, b: ArrayLike, origin: ArrayLike, axes: ArrayLike) -> Array:
+    """Place the bitangent points of pairs of circles, each pair on a plane of its own.
+
+    Parameters
+    ----------
+    a, b : array_like, shape (pair, 3)
+        x, y and radius of each circle on its plane, one unit.
+    origin : array_like, shape (pair, 3), the same unit
+        Zero of the plane's own axes.
+    axes : array_like, shape (pair, 3, 3)
+        The plane's own x, y and normal as unit rows.
+
+    Returns
+    -------
+    ndarray, shape (pair, line, circle, 3), the same unit
+        Lines in the order of `sldvexp.geometry.circles.LINES`.
+    """
+    flat = bitangent_points(a, b)
+    in_plane = np.asarray(axes, float)[:, None, None, :2, :]
+    return np.asarray(origin, float)[:, None, None] + np.einsum("...i,...ij->...j", flat, in_plane)
+
+
+def bitangents_std(a: ArrayLike, b: ArrayLike, axes: ArrayLike, std: float) -> Array:
+    """Give the standard deviations of `bitangents_in_space`, to first order.
+
+    Parameters
+    ----------
+    a, b : array_like, shape (pair, 3)
+        x, y and radius of each circle on its plane, one unit.
+    axes : array_like, shape (pair, 3, 3)
+        The plane's own x, y and normal as unit rows.
+    std : float, the same unit
+        Of every center coordinate and diameter, and of the height above the plane; independent.
+
+    Returns
+    -------
+    ndarray, shape (pair, line, circle, 3), the same unit
+        Along the object's axes.
+    """
+    jacobian = bitangent_jacobian(a, b)
+    circle_variance = std**2 * np.array([1.0, 1.0, 0.25, 1.0, 1.0, 0.25])  # radius: diameter / 2
+    covariance = np.zeros((*jacobian.shape[:-2], 3, 3))
+    covariance[..., :2, :2] = np.einsum("...ik,k,...jk->...ij", jacobian, circle_variance, jacobian)
+    covariance[..., 2, 2] = std**2
+    turned = np.asarray(axes, float)[:, None, None]
+    return np.sqrt(np.einsum("...ki,...kl,...li->...i", turned, covariance, turned))

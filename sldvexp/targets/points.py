@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -59,7 +58,7 @@ class FiducialPoints(Target):
         checks.done()
 
     def points(self) -> TargetPoints:
-        """The fiducials in the order in which the configuration has them."""
+        """Give the fiducials in the order in which the configuration has them."""
         position = self.unit.value * np.array([[p.x, p.y, p.z] for p in self.fiducials.values()])
         std = np.full(position.shape, self.unit.value * std_of_bound(self.accuracy))
         number = np.array(list(self.fiducials), np.int64)
@@ -73,22 +72,13 @@ class FiducialPoints(Target):
             checks.require(
                 other == number, f"fiducials.{number}", f"stands where point {other} stands"
             )
-        places = list(seen)
-        first = places[0]
-        far = max(places, key=lambda place: math.dist(first, place))
-        along = [b - a for a, b in zip(first, far, strict=True)]
-        length = math.hypot(*along)
-        beside = [math.hypot(*_cross(along, first, place)) for place in places]
+        away = np.array(list(seen))
+        away -= away[0]
+        distance = np.linalg.norm(away, axis=1)
+        # The cross product with the longest way is that length times the distance beside it.
+        beside = np.linalg.norm(np.cross(away[distance.argmax()], away), axis=1)
         checks.require(
-            max(beside) > COLLINEAR * length**2,
+            beside.max() > COLLINEAR * distance.max() ** 2,
             "fiducials",
             f"all {len(self.fiducials)} points lie on one line; at least one must stand beside it",
         )
-
-
-def _cross(
-    along: list[float], first: tuple[float, float, float], place: tuple[float, float, float]
-) -> tuple[float, float, float]:
-    """Cross product of `along` and the way from `first` to `place`."""
-    (ax, ay, az), (bx, by, bz) = along, (b - a for a, b in zip(first, place, strict=True))
-    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

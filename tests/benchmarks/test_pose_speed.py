@@ -17,7 +17,7 @@ import pytest
 
 from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.laser.model import project
-from sldvexp.pose.single_view import solve_pose
+from sldvexp.pose.single_view import solve_points
 
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 BATCH, RUNS, BATCH_RUNS = (1000, 200, 10) if FULL_SIZE else (3, 1, 1)
@@ -66,7 +66,7 @@ def test_agrees_with_solve_pnp(shape: str) -> None:
     xyz = points(shape)
     exact = project(xyz @ ROTATION.T + IN_FRONT)
     _, vector, translation = solve_pnp(xyz, exact)()
-    found = solve_pose(xyz, exact, step=STEP)
+    found = solve_points(xyz, exact, step=STEP)
     np.testing.assert_allclose(found.rotation, cv2.Rodrigues(vector)[0], atol=1e-6)
     np.testing.assert_allclose(-found.rotation @ found.origin, translation[:, 0], atol=1e-6)
 
@@ -75,7 +75,7 @@ def test_agrees_with_solve_pnp(shape: str) -> None:
 def test_one_pose_from_a_cold_start(shape: str) -> None:
     xyz = points(shape)
     angle = angles(xyz)[0]
-    ours, theirs = seconds(RUNS, lambda: solve_pose(xyz, angle, step=STEP), solve_pnp(xyz, angle))
+    ours, theirs = seconds(RUNS, lambda: solve_points(xyz, angle, step=STEP), solve_pnp(xyz, angle))
     print(f"one pose, {shape}: {ours * 1e6:.0f} us, {ours / theirs:.1f} x solvePnP")
     if FULL_SIZE:
         assert ours <= COLD_START_RATIO * theirs
@@ -86,7 +86,7 @@ def test_a_batch_of_poses(shape: str) -> None:
     xyz = points(shape)
     angle = angles(xyz)
     one = solve_pnp(xyz, angle[0])
-    ours, theirs = seconds(BATCH_RUNS, lambda: solve_pose(xyz, angle, step=STEP), one)
+    ours, theirs = seconds(BATCH_RUNS, lambda: solve_points(xyz, angle, step=STEP), one)
     print(f"a pose of {BATCH}, {shape}: {ours / BATCH * 1e6:.0f} us, {ours / BATCH / theirs:.2f} x")
     if FULL_SIZE:
         assert ours / BATCH <= BATCH_RATIO * theirs

@@ -22,7 +22,7 @@ def rng():
 def test_simulated_repeats_confirm_the_bounds_and_expose_false_ones():
     from sldvexp.laser.two_mirror import TwoMirror
 
-    tree = Registration(path="conf://data/figure_4_28.reg").estimate(TwoMirror(), None, {})
+    tree = Registration(path="conf://data/figure_4_28.reg").estimate(TwoMirror(), None, {}).groups()
     found = PoseRepeats(repeats=400).examine(Examined(tree, rng()))
     # Four standard errors of a standard deviation, and of a share of 0.95, from 400 repeats.
     np.testing.assert_allclose(found["std_ratio"], 1, atol=4 / np.sqrt(800))
@@ -38,7 +38,7 @@ def test_poses_that_differ_are_rejected():
         known = KnownPose([0.1, 0.2, 0.3], [x, 0, 1], [0.01] * 3, [0.01] * 3, samples=16)
         return {"front": known}
 
-    tree = {"pose": Given(views=pose(0.0)).group()}
+    tree = {"pose": Given(views=pose(0.0)).read().pose}
     same = PoseEquivalence(views=pose(0.005)).examine(Examined(tree, rng()))
     other = PoseEquivalence(views=pose(0.05)).examine(Examined(tree, rng()))
     assert not same["reject"].any()
@@ -59,7 +59,7 @@ def test_repeats_confirm_the_bounds_of_adjusted_intrinsics(std):
     from sldvexp.laser.two_mirror import TwoMirror
 
     path, adjust = "conf://data/figure_4_28.reg", {"mirror_offset": std}
-    tree = Registration(path=path, adjust=adjust).estimate(TwoMirror(), None, {})
+    tree = Registration(path=path, adjust=adjust).estimate(TwoMirror(), None, {}).groups()
     found = PoseRepeats(repeats=400).examine(Examined(tree, rng()))
     np.testing.assert_allclose(found["std_ratio"], 1, atol=4 / np.sqrt(800))
     np.testing.assert_allclose(found["coverage"], 0.95, atol=4 * np.sqrt(0.95 * 0.05 / 400))

@@ -157,7 +157,7 @@ def session_of(views, added=None, motion=as_one, **volume_settings):
     """Views of a moving plate, and what is added to the image of some, m/s."""
     settings = {"shape": [5, 4], "layers": 3, "thickness": 0.01} | volume_settings
     volume = Grid(size=[0.2, 0.15], **settings)
-    tree = {"pose": Given(views=views).group(), "volume": volume.group()}
+    tree = {"pose": Given(views=views).read().pose, "volume": volume.group()}
     corners = volume.prisms().position.reshape(-1, 3)
     for name, pose in views.items():
         rotation = rotation_from_euler(pose.euler)

@@ -22,7 +22,7 @@ from sldvexp.laser.model import project, rays
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
 from sldvexp.pose.base import JointCovariance, pose_to_dataset
 from sldvexp.pose.intrinsics import places, true_angles
-from sldvexp.pose.multi_view import PointObservations, solve_together
+from sldvexp.pose.multi_view import PointObservations, solve_points_together
 from sldvexp.volume.samples import SampleRule
 
 Make = Callable[..., Any]
@@ -80,27 +80,14 @@ def posed(
         sights.append(
             PointObservations(view.name, marks, angle, np.full(len(marks), std) / nominal.step[0])
         )
-    solutions, matrix = solve_together(
+    found = solve_points_together(
         sights,
         step=nominal.step,
         mirror_offset=nominal.mirror_offset,
-        adjusted={},
         shared={OFFSET: np.inf},
         max_iterations=100,
     )
-    names = [v.name for v in views]
-    joint = JointCovariance(names, [], [OFFSET], matrix)
-    return pose_to_dataset(
-        names,
-        [s.rotation for s in solutions],
-        [s.origin for s in solutions],
-        joint.of_views(),
-        [np.inf] * len(names),
-        0.95,
-        adjusted=[OFFSET],
-        intrinsic=[[s.intrinsics[OFFSET]] for s in solutions],
-        joint=joint,
-    )
+    return found.to_dataset()
 
 
 def as_image(view: View) -> xr.Dataset:

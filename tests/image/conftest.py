@@ -14,8 +14,7 @@ from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.image.scan_lines import ScanLines
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.targets.circles import Circle, Circles
-from sldvexp.targets.plane import Plane
+from sldvexp.targets.circles import Circle, Circles, Plane
 from sldvexp.units import LengthUnit
 
 #: Figure 4.1, inches.

@@ -12,8 +12,7 @@ from sldvexp.errors import UserError
 from sldvexp.geometry.conic import Ellipse
 from sldvexp.geometry.conic_fit import fit_ellipse
 from sldvexp.image.matching import bitangent_images, match_circles
-from sldvexp.targets.circles import Circle, Circles
-from sldvexp.targets.plane import Plane
+from sldvexp.targets.circles import Circle, Circles, Plane
 from sldvexp.units import LengthUnit
 
 Make = Callable[..., Any]

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
+from sldvexp.config import hydra_plugin
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.laser.two_mirror import Board, Mirror, TwoMirror
 from sldvexp.units import AngleUnit
@@ -46,6 +47,7 @@ def test_whole_steps_come_back_whole(mirror, board):
 @pytest.mark.parametrize(("name", "steps"), [("ometron", 4096), ("ometron_16bit", 32767)])
 def test_configured_lasers(name, steps):
     conf = Path(__file__).parents[2] / "conf"
+    hydra_plugin.install()
     with initialize_config_dir(str(conf), version_base="1.3"):
         laser = OmegaConf.to_object(compose(overrides=[f"+laser={name}"]))["laser"]
     np.testing.assert_allclose(laser.angle_from_dac([steps, steps]), np.radians(25))

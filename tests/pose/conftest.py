@@ -11,13 +11,12 @@ import pytest
 from sldvexp.geometry.rotation import KnownPose, euler_from_rotation, vector_from_rotation
 from sldvexp.image.scan_lines import ScanLineEdges
 from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.pose.circle_images import CircleImages
 from sldvexp.pose.edge import edge_points
 from sldvexp.pose.edge_solver import EdgePoints, EdgePoses, solve_edges
-from sldvexp.pose.from_scans import CircleImages
 from sldvexp.session.circles import edges_to_dataset
 from sldvexp.targets.base import std_of_bound
-from sldvexp.targets.circles import Circle, Circles
-from sldvexp.targets.plane import Plane
+from sldvexp.targets.circles import Circle, Circles, Plane
 from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.calibration_scene import CalibrationScene
 from sldvexp.virtual_lab.lab import VirtualLab
@@ -117,8 +116,16 @@ class EdgeLab:
         """From starts that are aside."""
         starts = [(r, o + aside) for r, o in map(self.truth, self.names)]
         std = self.target.unit.value * std_of_bound(self.target.accuracy)
-        return solve_edges(points, starts, self.nominal, adjusted or {}, shared or {}, std, 100,
-                           [f"view {n}" for n in self.names])  # fmt: skip
+        return solve_edges(
+            points,
+            mirror_offset=self.nominal,
+            views=self.names,
+            starts=starts,
+            adjust=adjusted,
+            shared=shared,
+            circle_std=std,
+            max_iterations=100,
+        )
 
     def errors(self, found: EdgePoses):
         """Rotation vector and origin, estimated minus true, of all views in a row."""

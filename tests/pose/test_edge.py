@@ -29,7 +29,7 @@ def exact(edge_lab, make_circles):
 
 
 def bounds(found):
-    return np.sqrt(np.diag(found.covariance))
+    return np.sqrt(np.diag(found.joint.matrix))
 
 
 def test_exact_edges_give_the_exact_pose(exact):
@@ -190,7 +190,7 @@ def test_what_is_barely_determined_is_noted(edge_lab, make_circles):
     def notes(planes, **adjust):
         lab = edge_lab(target=make_circles(planes=planes))
         tree = lab.tree(np.random.default_rng(3))
-        return Edge(adjust=adjust).estimate(lab.laser, lab.target, tree)["pose"].attrs["notes"]
+        return Edge(adjust=adjust).estimate(lab.laser, lab.target, tree).pose.attrs["notes"]
 
     barely = notes(1, mirror_offset=INF)
     assert "view a: this data barely determines mirror_offset: 0.03" in barely

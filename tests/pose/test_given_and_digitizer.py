@@ -12,9 +12,8 @@ from sldvexp.check.pose_equivalence import PoseEquivalence
 from sldvexp.check.pose_repeats import PoseRepeats
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.rotation import KnownPose, euler_from_rotation, rotation_from_euler
-from sldvexp.pose.digitizer import Digitizer, estimate
-from sldvexp.pose.files import _NAMES, read_poses
-from sldvexp.pose.given import Given
+from sldvexp.pose.digitizer import Digitizer
+from sldvexp.pose.given import _NAMES, Given, read_poses
 from sldvexp.report.pose_tables import pose_text
 
 EULER, ORIGIN = [-1.149, 2.545, 1.928], [0.871, 0.489, 1.554]
@@ -34,7 +33,7 @@ Parameters - radians and meters
 
 def test_numbers_with_a_sample_size_become_means_with_student_bounds():
     known = KnownPose(EULER, ORIGIN, [0.06, 0.02, 0.05], [0.02, 0.02, 0.006], samples=7)
-    pose = Given(views={"front": known}).group()
+    pose = Given(views={"front": known}).read().pose
     np.testing.assert_allclose(pose["euler"][0], EULER, rtol=1e-12)
     np.testing.assert_allclose(pose["euler_std"][0], np.array(known.euler_std) / np.sqrt(7))
     factor = stats.t.ppf(0.975, 6)
@@ -87,6 +86,11 @@ def test_wrong_numbers_are_collected():
         Given(views={"a": KnownPose([1.0], [0, 0, np.nan], samples=1)}, confidence=2.0)
     fields = {p.field for p in error.value.problems}
     assert fields == {"confidence", "views.a.euler", "views.a.origin", "views.a.samples"}
+
+
+def estimate(method):
+    """The group ``pose`` of a digitizer's file."""
+    return method.estimate(None, None, {}).pose
 
 
 def digitise(rng, path, noise, repeats=7):
@@ -187,8 +191,8 @@ def kept(path, pose):
 
 def test_pose_of_a_run_is_given_at_the_asked_level(tmp_path):
     known = KnownPose(EULER, ORIGIN, [0.06, 0.02, 0.05], [0.02, 0.02, 0.006], samples=7)
-    first, wanted = (Given(views={"a": known}, confidence=c).group() for c in (0.95, 0.68))
-    pose = Given(path=str(kept(tmp_path / "run.nc", first)), confidence=0.68).group()
+    first, wanted = (Given(views={"a": known}, confidence=c).read().pose for c in (0.95, 0.68))
+    pose = Given(path=str(kept(tmp_path / "run.nc", first)), confidence=0.68).read().pose
     for name in ("euler_confidence", "origin_confidence"):
         np.testing.assert_allclose(pose[name], wanted[name], rtol=1e-12)
         assert pose[name].attrs == wanted[name].attrs
@@ -197,7 +201,7 @@ def test_pose_of_a_run_is_given_at_the_asked_level(tmp_path):
 
 @pytest.mark.parametrize("name", ["view", "rotation", "origin", "covariance", "dof", "euler_std"])
 def test_group_that_is_no_pose_is_named(tmp_path, name):
-    pose = Given(views={"a": KnownPose(EULER, ORIGIN, [0.1] * 3, [0.1] * 3)}).group()
+    pose = Given(views={"a": KnownPose(EULER, ORIGIN, [0.1] * 3, [0.1] * 3)}).read().pose
     path = kept(tmp_path / "run.nc", pose.drop_vars(name))
     with pytest.raises(UserError, match=f"the group pose lacks {name}$"):
         read_poses(path, 0.95)
@@ -214,7 +218,9 @@ def test_bounds_of_zero_are_unknown(tmp_path):
 def test_errors_of_zero_are_not_tested():
     exact = {"a": KnownPose(EULER, ORIGIN, [0.0] * 3, [0.0] * 3)}
     with pytest.raises(UserError, match="no standard errors that are positive and finite"):
-        PoseEquivalence(views=exact).examine(Examined({"pose": Given(views=exact).group()}, None))
+        PoseEquivalence(views=exact).examine(
+            Examined({"pose": Given(views=exact).read().pose}, None)
+        )
 
 
 def test_repeats_say_how_to_do_without_them():

@@ -24,9 +24,9 @@ from sldvexp.pose.edge import Edge
 from sldvexp.pose.intrinsics import nominal_intrinsics, true_angles
 from sldvexp.pose.least_squares import INTRINSICS
 from sldvexp.pose.manual import Manual
-from sldvexp.pose.multi_view import PointObservations, solve_together
+from sldvexp.pose.multi_view import PointObservations, solve_points_together
 from sldvexp.pose.registration import Registration
-from sldvexp.pose.single_view import solve_pose
+from sldvexp.pose.single_view import solve_points
 from sldvexp.targets.points import FiducialPoint, FiducialPoints
 from sldvexp.virtual_lab.scene import MirrorError, MirrorErrors
 
@@ -66,14 +66,10 @@ def sights(poses, true, rng=None, std=None, size=1.0):
 
 
 def together(seen, shared, adjusted=None, offset=0.03):
-    return solve_together(
-        seen,
-        step=STEP,
-        mirror_offset=offset,
-        adjusted=adjusted or {},
-        shared=shared,
-        max_iterations=100,
+    found = solve_points_together(
+        seen, step=STEP, mirror_offset=offset, adjust=adjusted, shared=shared, max_iterations=100
     )
+    return found.solutions, found.joint.matrix
 
 
 def first(poses, count):
@@ -134,7 +130,7 @@ def test_edges_without_noise_give_all_views_and_what_they_share(edge_lab, make_c
 def test_one_view_shares_with_itself(poses):
     seen = sights(first(poses, 1), {"mirror_offset": 0.045}, np.random.default_rng(3))
     (found,), covariance = together(seen, {"mirror_offset": INF})
-    alone = solve_pose(
+    alone = solve_points(
         OBJECT, seen[0].angles, step=STEP, mirror_offset=0.03, adjust={"mirror_offset": INF}
     )
     np.testing.assert_allclose(found.rotation, alone.rotation, atol=1e-9)
@@ -161,7 +157,7 @@ def test_a_shared_offset_is_known_better_from_several_views(edge_lab):
     def std(views):
         lab = edge_lab(views=views)
         found = lab.solve(lab.points(np.random.default_rng(4)), shared={"mirror_offset": INF})
-        return np.sqrt(np.diag(found.covariance))
+        return np.sqrt(np.diag(found.joint.matrix))
 
     one, three = std(1), std(3)
     # The same machining errors of the circles look different from each place.
@@ -192,7 +188,7 @@ def test_the_noise_is_that_of_all_views(poses):
 def test_what_is_only_assumed_stays_in_the_bounds(edge_lab, method):
     lab = edge_lab(views=2)
     tree = lab.tree(np.random.default_rng(14))
-    pose = method(shared={"zero_up_down": 0.001}).estimate(lab.laser, lab.target, tree)["pose"]
+    pose = method(shared={"zero_up_down": 0.001}).estimate(lab.laser, lab.target, tree).pose
     std = np.sqrt(np.diag(pose["joint_covariance"].values))
     np.testing.assert_allclose(std[[0, 6, 12]], 0.001, rtol=0.01)
     # One zero for both: it turns both views alike.
@@ -252,7 +248,7 @@ def edge_errors(lab, shared, seed, repeats):
         true = nominal_intrinsics(lab.nominal + lab.scene.mirrors.mirror_offset)
         away = (found.poses[0].intrinsics - true)[[INTRINSICS.index(n) for n in shared]]
         errors.append(np.append(lab.errors(found), away))
-        covariances.append(found.covariance)
+        covariances.append(found.joint.matrix)
     return np.array(errors), np.array(covariances)
 
 
@@ -307,7 +303,7 @@ def test_groups_hold_the_joint_covariance(tmp_path, poses):
     laser = TwoMirror(mirror_offset=0.03)
     paths = files(tmp_path, first(poses, 3), TRUE, np.random.default_rng(9))
     method = Registration(path=paths, shared={"mirror_offset": INF}, adjust={"gain_up_down": 0.01})
-    pose = method.estimate(laser, None, {})["pose"]
+    pose = method.estimate(laser, None, {}).pose
     assert list(pose["unknown"].values[[0, 6, 7, -1]]) == [
         "a/rotation_x", "a/gain_up_down", "b/rotation_x", "mirror_offset"
     ]  # fmt: skip
@@ -324,14 +320,14 @@ def test_groups_hold_the_joint_covariance(tmp_path, poses):
         np.testing.assert_allclose(block[k, :, k], own)
     assert np.abs(block[0, :, 1]).max() > 0
     np.testing.assert_allclose(block.reshape(12, 12), block.reshape(12, 12).T)
-    examined = Examined(method.estimate(laser, None, {}), np.random.default_rng(0))
+    examined = Examined(method.estimate(laser, None, {}).groups(), np.random.default_rng(0))
     with pytest.raises(UserError, match=r"pose\.shared solved them together"):
         PoseRepeats().examine(examined)
 
 
 def test_views_without_common_errors_are_independent(tmp_path, poses):
     paths = files(tmp_path, first(poses, 2), {}, np.random.default_rng(10))
-    pose = Registration(path=paths).estimate(TwoMirror(), None, {})["pose"]
+    pose = Registration(path=paths).estimate(TwoMirror(), None, {}).pose
     assert "joint_covariance" not in pose
     block = cross_covariance(pose, ["a", "b"])
     assert not block[0, :, 1].any()
@@ -377,7 +373,7 @@ def test_marks_that_stand_elsewhere_move_all_views(tmp_path, poses):
             paths[name] = str(tmp_path / f"{name}.csv")
             angle = project((moved - origin) @ rotation.T, 0.03)
             write(paths[name], [RegistrationTable(name, numbers, OBJECT, angle=angle)])
-        return Manual(path=paths, pointing=0.5).estimate(laser, target, {})["pose"]
+        return Manual(path=paths, pointing=0.5).estimate(laser, target, {}).pose
 
     shifts = []
     for k in range(OBJECT.size):
@@ -396,9 +392,7 @@ def test_circles_that_stand_elsewhere_move_all_views(edge_lab, poses):
 
     def solved(center, radius):
         lab.lab.objects = [replace(thing, center=center, radius=radius)]
-        return Bitangent().estimate(lab.laser, lab.target, lab.tree(np.random.default_rng(11)))[
-            "pose"
-        ]
+        return Bitangent().estimate(lab.laser, lab.target, lab.tree(np.random.default_rng(11))).pose
 
     known = solved(thing.center, thing.radius)
     shifts = []
@@ -417,7 +411,7 @@ def test_circles_that_stand_elsewhere_move_all_views(edge_lab, poses):
 def test_scanned_views_share_an_offset(edge_lab, method):
     lab = edge_lab(views=3, mirrors=MirrorErrors(0.01))
     tree = lab.tree(np.random.default_rng(12))
-    pose = method(shared={"mirror_offset": INF}).estimate(lab.laser, lab.target, tree)["pose"]
+    pose = method(shared={"mirror_offset": INF}).estimate(lab.laser, lab.target, tree).pose
     error = pose["intrinsic"].values[:, 0] - 0.04
     assert (np.abs(error) < 4 * pose["intrinsic_std"].values[:, 0]).all()
     for k, name in enumerate(lab.names):

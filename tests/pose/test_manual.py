@@ -42,7 +42,7 @@ def test_bounds_from_known_errors_cover_the_truth(tmp_path):
     inside = []
     for _ in range(repeats):
         path = pointed(rng, tmp_path / "hand.csv")
-        pose = Manual(path=str(path)).estimate(LASER, TARGET, {})["pose"].isel(view=0)
+        pose = Manual(path=str(path)).estimate(LASER, TARGET, {}).pose.isel(view=0)
         inside.append(np.abs(pose["origin"] - ORIGIN) <= pose["origin_confidence"])
         assert np.isinf(pose["dof"])
     # Position errors are uniform and seen at a slant: their bound is a little wide.
@@ -53,7 +53,7 @@ def test_bounds_from_known_errors_cover_the_truth(tmp_path):
 
 def test_larger_residuals_than_stated_are_noted(tmp_path):
     path = pointed(np.random.default_rng(1), tmp_path / "hand.csv", worse=5.0)
-    pose = Manual(path=str(path)).estimate(LASER, TARGET, {})["pose"]
+    pose = Manual(path=str(path)).estimate(LASER, TARGET, {}).pose
     assert "the bounds, which rest on these, are too small" in pose.attrs["notes"]
 
 
@@ -61,11 +61,11 @@ def test_marks_known_better_give_smaller_bounds(tmp_path):
     path = pointed(np.random.default_rng(2), tmp_path / "hand.csv")
     method = Manual(path=str(path))
     rough, fine = (
-        method.estimate(LASER, replace(TARGET, accuracy=a), {})["pose"]["origin_std"]
+        method.estimate(LASER, replace(TARGET, accuracy=a), {}).pose["origin_std"]
         for a in (1 / 64, 1e-6)
     )
     assert (fine < rough).all()
-    alone = method.estimate(LASER, None, {})["pose"]["origin_std"]
+    alone = method.estimate(LASER, None, {}).pose["origin_std"]
     np.testing.assert_allclose(alone, fine, rtol=1e-4)
 
 

@@ -15,7 +15,8 @@ from sldvexp.geometry.rotation import (
 )
 from sldvexp.laser.model import project
 from sldvexp.pose.least_squares import cross_matrix, turned
-from sldvexp.pose.single_view import PoseSolution, solve_pose
+from sldvexp.pose.single_view import solve_points
+from sldvexp.pose.solution import PoseSolution
 from sldvexp.pose.uncertainty import (
     cofactor,
     euler_standard_error,
@@ -59,7 +60,7 @@ EXACT = project((OBJECT - ORIGIN) @ ROTATION.T, OFFSET)
 
 
 def solve(angles: np.ndarray, **options: object) -> PoseSolution:
-    return solve_pose(OBJECT, angles, step=STEP, mirror_offset=OFFSET, **options)
+    return solve_points(OBJECT, angles, step=STEP, mirror_offset=OFFSET, **options)
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +127,7 @@ def test_the_estimated_noise_is_the_noise(repeats: PoseSolution) -> None:
 
 
 def test_euler_angles_are_unknown_where_they_are_not_determined() -> None:
-    in_front = solve_pose(
+    in_front = solve_points(
         OBJECT,
         project((OBJECT - [0.1, 0.1, -1.0]) @ np.eye(3), 0.0),
         step=STEP,
@@ -144,7 +145,7 @@ def test_factors_of_intervals() -> None:
 
 
 def test_bounds_are_infinite_if_the_covariance_is() -> None:
-    three = solve_pose(OBJECT[:3], EXACT[:3], step=STEP)
+    three = solve_points(OBJECT[:3], EXACT[:3], step=STEP)
     assert np.isinf(standard_error(three.covariance)).all()
     assert np.isinf(euler_standard_error(three.rotation, three.covariance)).all()
     assert np.isinf(half_width(standard_error(three.covariance), three.covariance_dof, 0.95)).all()

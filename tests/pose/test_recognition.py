@@ -12,10 +12,9 @@ from sldvexp.geometry.rotation import rotation_from_euler, rotation_from_vector
 from sldvexp.image.scan_lines import ScanLineEdges
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
-from sldvexp.pose.from_scans import match_images
+from sldvexp.pose.circle_images import match_images
 from sldvexp.pose.wiring import WIRINGS, Wiring, check_wiring, phase_notes
-from sldvexp.targets.circles import Circle, Circles
-from sldvexp.targets.plane import Plane
+from sldvexp.targets.circles import Circle, Circles, Plane
 from sldvexp.units import LengthUnit
 
 #: Figure 4.1, inches.

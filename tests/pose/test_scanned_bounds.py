@@ -56,7 +56,7 @@ class Scans:
         errors, std, covered, notes = [], [], [], []
         for group in self.groups:
             e = self.experiment
-            pose = method.estimate(e.laser, e.target, {"edge/1": group})["pose"].isel(view=0)
+            pose = method.estimate(e.laser, e.target, {"edge/1": group}).pose.isel(view=0)
             turned = vector_from_rotation(pose["rotation"].values @ rotation.T)
             errors.append(np.hstack([turned, pose["origin"].values - origin]))
             std.append(np.sqrt(np.diag(pose["covariance"].values)))
@@ -111,5 +111,5 @@ def test_edges_are_freed_from_the_spot():
     """A finite spot sees every edge 1 um inside of its circle, more where it falls at a slant."""
     scans = Scans(1, [*SMALL, "scene.vibrometer.noise=1e-4", "scene.machine_error=false"])
     e, tree = scans.experiment, {"edge/1": scans.groups[0]}
-    pose = Edge().estimate(e.laser, e.target, tree)["pose"]
+    pose = Edge().estimate(e.laser, e.target, tree).pose
     assert abs(float(pose["rim"][0])) < 1.5e-7

@@ -14,7 +14,8 @@ from sldvexp.errors import UserError
 from sldvexp.geometry.rotation import rotation_from_vector, vector_from_rotation
 from sldvexp.laser.model import project
 from sldvexp.pose.least_squares import INTRINSICS, Pose, PoseProblem, levenberg_marquardt, linearise
-from sldvexp.pose.single_view import PoseSolution, solve_pose
+from sldvexp.pose.single_view import solve_points
+from sldvexp.pose.solution import PoseSolution
 from sldvexp.pose.uncertainty import standard_error
 
 #: 12-bit-plus-sign board over +-25 deg.
@@ -108,7 +109,7 @@ class Scene:
         return local
 
     def solve(self, angles: np.ndarray, **options: object) -> PoseSolution:
-        return solve_pose(
+        return solve_points(
             self.points, angles, step=STEP, mirror_offset=self.mirror_offset, **options
         )
 
@@ -212,7 +213,7 @@ def test_the_global_optimum_is_found_without_a_start() -> None:
     for points, _ in itertools.product(Scene.SIZES, range(4)):
         offset = rng.uniform(0, 0.05)
         group = [Scene(rng, points, mirror_offset=offset) for _ in range(50)]
-        found = solve_pose(
+        found = solve_points(
             [scene.points for scene in group],
             [scene.noisy for scene in group],
             step=STEP,
@@ -252,7 +253,7 @@ def test_a_point_that_is_not_in_front_is_no_solution() -> None:
 
 def figure_4_28(up_down: float = 1.0, **options: object) -> PoseSolution:
     """The instrument's own data, with the sign of the up-down angles as recorded or not."""
-    return solve_pose(OBJECT, ANGLES * [up_down, 1.0], step=STEP, **options)
+    return solve_points(OBJECT, ANGLES * [up_down, 1.0], step=STEP, **options)
 
 
 @pytest.mark.parametrize("up_down", [1.0, -1.0])
@@ -311,7 +312,7 @@ def test_a_batch_is_the_same_as_its_problems_one_by_one() -> None:
     rng = np.random.default_rng(11)
     group = [Scene(rng, 8, mirror_offset=0.03) for _ in range(300)]
     points, angles = [s.points for s in group], [s.noisy for s in group]
-    batch = solve_pose(points, angles, step=STEP, mirror_offset=0.03)
+    batch = solve_points(points, angles, step=STEP, mirror_offset=0.03)
     assert batch.rotation.shape == (300, 3, 3)
     assert batch.intrinsics["mirror_offset"].shape == (300,)
     for i in (0, 1, 255, 256, 299):
@@ -325,8 +326,8 @@ def test_a_batch_is_the_same_as_its_problems_one_by_one() -> None:
 
 def test_one_object_serves_a_whole_batch() -> None:
     angles = ANGLES + STEP * np.random.default_rng(3).normal(size=(5, 16, 2))
-    shared = solve_pose(OBJECT, angles, step=STEP)
-    repeated = solve_pose(np.broadcast_to(OBJECT, (5, 16, 3)), angles, step=STEP)
+    shared = solve_points(OBJECT, angles, step=STEP)
+    repeated = solve_points(np.broadcast_to(OBJECT, (5, 16, 3)), angles, step=STEP)
     np.testing.assert_allclose(shared.origin, repeated.origin, atol=1e-10)
 
 
@@ -367,7 +368,7 @@ def recorded(true_intrinsics: dict[str, float]) -> np.ndarray:
 
 
 def test_two_starts_that_meet_are_one_solution() -> None:
-    found = solve_pose(DEEP, recorded({}), step=STEP)
+    found = solve_points(DEEP, recorded({}), step=STEP)
     assert found.converged
     assert not found.has_other
     assert np.isnan(found.other_origin).all()
@@ -380,7 +381,7 @@ def test_free_intrinsics_are_recovered() -> None:
         "gain_left_right": 0.97,
         "zero_left_right": 0.01,
     }
-    found = solve_pose(DEEP, recorded(true), step=STEP, adjust=dict.fromkeys(true, math.inf))
+    found = solve_points(DEEP, recorded(true), step=STEP, adjust=dict.fromkeys(true, math.inf))
     assert found.parameters[6:] == tuple(true)
     for name, value in true.items():
         assert found.intrinsics[name] == pytest.approx(value, abs=1e-9)
@@ -390,8 +391,8 @@ def test_free_intrinsics_are_recovered() -> None:
 def test_the_zero_of_the_up_down_mirror_is_a_rotation() -> None:
     angles = recorded({"zero_up_down": 0.01})
     with pytest.raises(UserError, match="cannot tell zero_up_down from a motion of the instrument"):
-        solve_pose(DEEP, angles, step=STEP, adjust={"zero_up_down": math.inf})
-    found = solve_pose(DEEP, angles, step=STEP, adjust={"zero_up_down": 0.002}, std=1.0)
+        solve_points(DEEP, angles, step=STEP, adjust={"zero_up_down": math.inf})
+    found = solve_points(DEEP, angles, step=STEP, adjust={"zero_up_down": 0.002}, std=1.0)
     assert found.intrinsics["zero_up_down"] == pytest.approx(0.0, abs=1e-9)
     assert standard_error(found.covariance)[6] == pytest.approx(0.002)
     assert standard_error(found.covariance)[0] > 0.0019
@@ -404,7 +405,7 @@ def test_a_prior_lies_between_fixed_and_free(std: float | None) -> None:
 
     def offset(nominal: float, prior: float) -> tuple[float, float]:
         adjust = {"mirror_offset": prior}
-        found = solve_pose(DEEP, angles, step=STEP, mirror_offset=nominal, adjust=adjust, std=std)
+        found = solve_points(DEEP, angles, step=STEP, mirror_offset=nominal, adjust=adjust, std=std)
         assert found.converged
         return float(found.intrinsics["mirror_offset"]), float(standard_error(found.covariance)[6])
 
@@ -423,14 +424,14 @@ def test_the_noise_behind_a_prior_is_that_of_the_residuals() -> None:
     true = recorded({"mirror_offset": 0.045})
     for size in (0.1, 3.0):
         angles = true + size * STEP * rng.normal(size=(200, 27, 2))
-        found = solve_pose(
+        found = solve_points(
             DEEP, angles, step=STEP, mirror_offset=0.044, adjust={"mirror_offset": 0.001}
         )
         assert found.converged.all()
         sse = (found.residual**2).sum(axis=(1, 2))
         np.testing.assert_allclose(found.s**2, sse / found.dof, rtol=1e-9)
         assert ((found.dof > 47) & (found.dof < 48)).all()
-        known = solve_pose(
+        known = solve_points(
             DEEP,
             angles[0],
             step=STEP,
@@ -444,12 +445,12 @@ def test_the_noise_behind_a_prior_is_that_of_the_residuals() -> None:
 
 
 def test_three_points_give_a_pose_without_bounds() -> None:
-    found = solve_pose(OBJECT[:3] * [1, 1, 0] + [0, 0, 0.1], ANGLES[:3], step=STEP)
+    found = solve_points(OBJECT[:3] * [1, 1, 0] + [0, 0, 0.1], ANGLES[:3], step=STEP)
     assert found.cost < 1e-12
     assert found.dof == 0
     assert found.s == math.inf
     assert np.isinf(found.covariance).all()
-    known = solve_pose(OBJECT[:3], ANGLES[:3], step=STEP, std=1.0)
+    known = solve_points(OBJECT[:3], ANGLES[:3], step=STEP, std=1.0)
     assert np.isfinite(known.covariance).all()
 
 
@@ -500,7 +501,7 @@ def test_bad_input_is_explained(
     points: np.ndarray, angles: np.ndarray, options: dict[str, object], message: str
 ) -> None:
     with pytest.raises(UserError, match=message):
-        solve_pose(points, angles, **({"step": STEP} | options))
+        solve_points(points, angles, **({"step": STEP} | options))
 
 
 def test_every_intrinsic_can_be_adjusted_with_a_prior() -> None:

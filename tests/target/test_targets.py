@@ -9,12 +9,11 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
+from sldvexp.config import hydra_plugin
 from sldvexp.errors import ConfigError
 from sldvexp.geometry.circles import LINES
 from sldvexp.io.registration import read
-from sldvexp.targets.bitangents import bitangents_in_space, bitangents_std
-from sldvexp.targets.circles import Circle, Circles
-from sldvexp.targets.plane import Plane
+from sldvexp.targets.circles import Circle, Circles, Plane, bitangents_in_space, bitangents_std
 from sldvexp.targets.points import FiducialPoint, FiducialPoints
 from sldvexp.units import LengthUnit
 
@@ -43,6 +42,7 @@ PUBLISHED = [
 
 
 def configured(name: str, *overrides: str):
+    hydra_plugin.install()
     with initialize_config_dir(str(CONF), version_base="1.3"):
         config = compose(overrides=[f"+target={name}", *overrides])
     return OmegaConf.to_object(config)["target"]
@@ -64,7 +64,7 @@ def accept(target) -> None:
     assert (points.std <= 1.5 * bound).all()
     spread = np.linalg.svd(points.position - points.position.mean(axis=0), compute_uv=False)
     assert spread[1] > 1e-6 * spread[0]  # not on one line
-    group = target.group()
+    group = target.to_dataset()
     np.testing.assert_array_equal(group["position"].sel(axis=["x", "y", "z"]), points.position)
     np.testing.assert_array_equal(group["position_std"], points.std)
     np.testing.assert_array_equal(group["point"], points.number)

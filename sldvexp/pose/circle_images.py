@@ -1,0 +1,191 @@
+"""Images of the object's circles in one view: matched, as registration data, with their errors.
+
+A conic is fitted to each circle's edge; the object tells which circle each conic is, and the
+bitangents of the conics give image points of the object's bitangent points (Sections 4.5.2, 4.5.3).
+
+These points share errors: four lie on each fitted ellipse and share its five numbers, four on each
+machined circle and share its centre, diameter and height. Taken as independent they would make the
+pose's bounds too small by a factor of two; see `sldvexp.pose.correlated_errors`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sldvexp.errors import UserError
+from sldvexp.geometry.bitangent import BitangentPoints
+from sldvexp.image.matching import Match, bitangent_images, match_circles
+from sldvexp.image.pinhole import dac_bitangents, dac_edges, fit_circle, pinhole_edges
+from sldvexp.image.scan_lines import ScanLineEdges
+from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.pose.correlated_errors import Errors, with_errors
+from sldvexp.pose.solution import PoseSolution
+from sldvexp.targets.base import std_of_bound
+from sldvexp.targets.circles import Circles
+from sldvexp.typing import Array, BoolArray
+
+#: Probability of residuals below which they are noted.
+UNLIKELY = 1e-4
+#: Change of a circle's number for its derivative, as a part of the circle's diameter.
+SMALL = 1e-5
+#: Residual of the conics, in standard errors of the edges, that is noted.
+MISFIT = 3.0
+
+
+@dataclass(frozen=True)
+class CircleImages:
+    """Edges of one view's circles, matched to the calibration object.
+
+    Parameters
+    ----------
+    edges : dict of int to ScanLineEdges
+        By the circle's number, in DAC steps, freed from the spot's size; outliers left out.
+    bitangents : BitangentPoints
+        Image points of the selected pairs, DAC steps.
+    misfit : float
+        Root mean square of the conics' residuals over their standard errors.
+    """
+
+    view: str
+    edges: dict[int, ScanLineEdges]
+    bitangents: BitangentPoints
+    match: Match
+    misfit: float
+
+
+def match_images(
+    view: str, edges: list[ScanLineEdges], target: Circles, laser: TwoMirror, pinhole: bool
+) -> CircleImages:
+    """Fit a conic to each circle's image and find out which circle it is.
+
+    Parameters
+    ----------
+    edges : list of ScanLineEdges
+        Of the circles in any order, DAC steps.
+    pinhole : bool
+        Fit in coordinates where the image of a circle is an ellipse, instead of in DAC steps.
+
+    Raises
+    ------
+    UserError
+        If a circle makes no ellipse or the ellipses fit the object in no way or in two.
+    """
+    image = [pinhole_edges(laser, e) for e in edges] if pinhole else edges
+    try:
+        fits = [fit_circle(e) for e in image]
+        ellipses = [fit.ellipse for fit, _ in fits]
+        match = match_circles(target, ellipses)
+        found = bitangent_images(ellipses, match, target.selected_pairs())
+    except UserError as error:
+        raise UserError(f"view {view}: {error}") from None
+    if pinhole:
+        found = dac_bitangents(laser, found)
+    square = sum(fit.chi_square for fit, _ in fits)
+    freedom = sum(fit.dof for fit, _ in fits)
+    freed = {n: _used(fits[k][1], fits[k][0].used) for n, k in match.ellipse.items()}
+    return CircleImages(
+        view,
+        {n: dac_edges(laser, e) for n, e in freed.items()} if pinhole else freed,
+        found,
+        match,
+        float(np.sqrt(square / freedom)),
+    )
+
+
+def registration_table(images: CircleImages, target: Circles) -> RegistrationTable:
+    """Give the view's bitangent points as registration data, with the object's numbering."""
+    points = target.points()
+    # (pair, line, circle, mirror) to the numbering a left, a right, b left, b right.
+    external = images.bitangents.points[:, :2].swapaxes(1, 2).reshape(-1, 2)
+    return RegistrationTable(
+        name=images.view, number=points.number, object_point=points.position, dac=external
+    )
+
+
+def image_notes(images: CircleImages) -> list[str]:
+    """Say what to mind about a view's images."""
+    notes = []
+    if images.misfit > MISFIT:
+        notes.append(
+            f"view {images.view}: the edges lie {images.misfit:.1f} standard errors beside their "
+            "ellipses; circles that hide one another, or that move unevenly, look like this"
+        )
+    return notes
+
+
+def _used(edges: ScanLineEdges, used: BoolArray) -> ScanLineEdges:
+    """Keep the edges that are no outliers."""
+    parts = ("position", "std", "direction", "width", "line", "rising", "phase")
+    return replace(edges, **{p: getattr(edges, p)[used] for p in parts})
+
+
+def bitangent_errors(view: str, bitangents: BitangentPoints, target: Circles) -> Errors:
+    """Say where one view's selected points err: by its ellipses and by the circles.
+
+    Parameters
+    ----------
+    bitangents : BitangentPoints
+        Of the selected pairs, DAC steps.
+    """
+    return Errors(
+        view=view,
+        points=target.points().position,
+        of_image=_of_images(bitangents),
+        of_object=std_of_bound(target.accuracy) * _by_circles(target),
+    )
+
+
+def with_shared_errors(
+    solution: PoseSolution, bitangents: BitangentPoints, target: Circles, laser: TwoMirror
+) -> tuple[PoseSolution, float]:
+    """Give one view's pose the covariance that follows from ellipses and circles.
+
+    Parameters
+    ----------
+    solution : PoseSolution
+        From the target's selected points; adjusted intrinsics are taken as free.
+    bitangents : BitangentPoints
+        Of the selected pairs, DAC steps.
+
+    Returns
+    -------
+    solution : PoseSolution
+        Its covariance is known, not estimated from the residuals.
+    probability : float
+        Of residuals this large, if ellipses and circles are the only sources of error.
+    """
+    errors = bitangent_errors("", bitangents, target)
+    adjust = dict.fromkeys(solution.parameters[6:], np.inf)
+    known, _, probability = with_errors([solution], [errors], laser, adjust, {})
+    return known[0], probability[0]
+
+
+def _of_images(bitangents: BitangentPoints) -> Array:
+    """Take the selected image points' covariance in the object's numbering, shape (2N, 2N)."""
+    # (pair, line, ellipse, mirror) twice; the external lines; numbered a left, a right, b left ...
+    joint = bitangents.covariance[:, :2][:, :, :, :, :, :2]
+    joint = joint.transpose(0, 2, 1, 3, 4, 6, 5, 7)
+    size = int(np.prod(joint.shape[:4]))
+    return joint.reshape(size, size)
+
+
+def _by_circles(target: Circles) -> Array:
+    """Differentiate the selected points by each circle's numbers, shape (N, 3, 4 * circles).
+
+    Per unit of the target: the centre's x and y, the diameter, and the height above the plane.
+    """
+    position = target.points().position
+    touched = np.array([[a, a, b, b] for a, b in target.selected_pairs()]).ravel()
+    columns = []
+    for number, circle in target.circles.items():
+        step = SMALL * circle.diameter
+        for name in ("x", "y", "diameter"):
+            moved = replace(circle, **{name: getattr(circle, name) + step})
+            other = replace(target, circles={**target.circles, number: moved})
+            columns.append((other.points().position - position) / step)
+        normal = target.planes[circle.plane].axes()[2] * target.unit.value
+        columns.append(np.where((touched == number)[:, None], normal, 0.0))
+    return np.stack(columns, axis=-1)
