@@ -14,7 +14,7 @@ import xarray as xr
 import yaml
 
 from sldvexp import dataset
-from sldvexp.dataset.run_data import as_read
+from sldvexp.dataset import read_yaml
 from sldvexp.errors import UserError
 from sldvexp.plot import FIGURES
 from sldvexp.report.base import attempt
@@ -236,9 +236,9 @@ def test_garbage_is_looked_for_later_as_it_was_before(pages, monkeypatch, tmp_pa
 
 
 def test_a_configuration_makes_no_objects():
-    assert as_read("{a: [1, 2.5], b: null}") == {"a": [1, 2.5], "b": None}
+    assert read_yaml("{a: [1, 2.5], b: null}") == {"a": [1, 2.5], "b": None}
     with pytest.raises(yaml.YAMLError, match="python"):
-        as_read("!!python/object/apply:os.getcwd []")
+        read_yaml("!!python/object/apply:os.getcwd []")
 
 
 def test_flagged_pixels_do_not_count_in_the_table_of_images(run_file, no_figures):

@@ -14,7 +14,7 @@ import yaml
 from matplotlib.figure import Figure as Drawn
 
 from sldvexp import dataset
-from sldvexp.dataset.run_data import as_read
+from sldvexp.dataset import read_yaml
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import figures_of
@@ -78,7 +78,7 @@ def opened(path: Path) -> Iterator[Subject]:
         nodes = {node.path.strip("/"): node for node in tree.subtree}
         groups = {p: n.to_dataset() for p, n in nodes.items() if p and n.has_data}
         config, plugins = (
-            _table(path, tree.attrs, *of) for of in (("config", as_read), ("plugins", json.loads))
+            _table(path, tree.attrs, *of) for of in (("config", read_yaml), ("plugins", json.loads))
         )
         yield Subject(path, tree.attrs, groups, config, plugins, tree)
 

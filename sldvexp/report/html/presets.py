@@ -8,7 +8,7 @@ from typing import Any
 
 from sldvexp.config import docs
 from sldvexp.config.paths import conf_dir
-from sldvexp.dataset.run_data import as_read
+from sldvexp.dataset import read_yaml
 
 
 def preset(group: str, plugin: str, values: Mapping[str, Any]) -> tuple[str, str]:
@@ -21,7 +21,7 @@ def preset(group: str, plugin: str, values: Mapping[str, Any]) -> tuple[str, str
         The stage's settings. They have all that the choice sets, such as ``rows: all``.
     """
     for file in sorted((conf_dir() / group).glob("*.yaml")):
-        own = as_read(file.read_text(encoding="utf-8")) or {}
+        own = read_yaml(file.read_text(encoding="utf-8")) or {}
         defaults = own.pop("defaults", [])
         if own and _root(file, defaults) == plugin and _has(values, own):
             return file.stem, docs.of_file(file)
@@ -33,7 +33,7 @@ def _root(file: Path, defaults: list[Any]) -> str:
     found = ""
     while based := [d for d in defaults if isinstance(d, str) and d.isidentifier() and d[0] != "_"]:
         found = based[0]
-        defaults = as_read(file.with_stem(found).read_text(encoding="utf-8")).get("defaults", [])
+        defaults = read_yaml(file.with_stem(found).read_text(encoding="utf-8")).get("defaults", [])
     return found
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.lazy import xarray as xr
-from sldvexp.plot.points_shape import joined_points, normals
+from sldvexp.plot.shape import joined_points, normals
 
 #: Frequencies are left out beyond so many bytes, the strongest are kept.
 MOST_BYTES = 1_200_000
