@@ -10,7 +10,7 @@ from sldvexp.check.base import Examined
 from sldvexp.check.pose_methods import PoseMethods
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.rotation import KnownPose, rotation_from_euler
-from sldvexp.report.pose_tables import pose_methods
+from sldvexp.report.tables import pose_methods
 from sldvexp.report.terminal import closing_table
 
 EULER = np.array([[0.1, 2.9, 0.3], [-1.0, 2.7, 0.2]])
