@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sldvexp import dataset
-from sldvexp.check.base import Examined
+from sldvexp.check import Examination
 from sldvexp.check.pose_methods import PoseMethods
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.rotation import KnownPose, rotation_from_euler
@@ -41,7 +41,7 @@ TREE = {
 
 
 def examined(methods, truth=TRUTH, tree=TREE):
-    run = Examined(tree, np.random.default_rng(0))
+    run = Examination(tree, rng=np.random.default_rng(0))
     return PoseMethods(methods=methods, truth=truth).examine(run)
 
 

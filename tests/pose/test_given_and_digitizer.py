@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from sldvexp import dataset
-from sldvexp.check.base import Examined
+from sldvexp.check import Examination
 from sldvexp.check.pose_equivalence import PoseEquivalence
 from sldvexp.check.pose_repeats import PoseRepeats
 from sldvexp.errors import ConfigError, UserError
@@ -214,9 +214,11 @@ def test_bounds_of_zero_are_unknown(tmp_path):
 def test_errors_of_zero_are_not_tested():
     exact = {"a": KnownPose(EULER, ORIGIN, [0.0] * 3, [0.0] * 3)}
     with pytest.raises(UserError, match="no standard errors that are positive and finite"):
-        PoseEquivalence(views=exact).examine(Examined({"pose": Given(views=exact).group()}, None))
+        PoseEquivalence(views=exact).examine(
+            Examination({"pose": Given(views=exact).group()}, rng=None)
+        )
 
 
 def test_repeats_say_how_to_do_without_them():
     with pytest.raises(UserError, match=r"leave the check out with '~check\.pose_repeats'"):
-        PoseRepeats().examine(Examined({}, None))
+        PoseRepeats().examine(Examination({}, rng=None))
