@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sldvexp.check.base import Examined
+from sldvexp.check.base import Examination
 from sldvexp.errors import UserError
 from sldvexp.field.estimate import volume_visibility
 from sldvexp.field.visibility.visibility import VolumeVisibility
@@ -38,7 +38,7 @@ class Agreement:
     freedom: Array
 
 
-def agreement(run: Examined, parts: int) -> Agreement:
+def agreement(run: Examination, parts: int) -> Agreement:
     """The misfit at every sampled depth.
 
     Only places of the surface that all views see at all depths count, so that depths are compared
@@ -66,12 +66,12 @@ def agreement(run: Examined, parts: int) -> Agreement:
     return Agreement(depth, misfit, freedom)
 
 
-def field_looks(run: Examined) -> VolumeVisibility:
+def field_looks(run: Examination) -> VolumeVisibility:
     """What the views of a run see of its volume; UserError if it has none."""
     e = run.experiment
-    if e is None or e.volume is None or "pose" not in run.tree:
+    if e is None or e.volume is None or "pose" not in run.groups:
         raise UserError("views can only be compared over a volume: choose volume=grid and images")
-    return volume_visibility(run.tree, e.laser, e.volume)
+    return volume_visibility(run.groups, e.laser, e.volume)
 
 
 def sampled_depth(looks: VolumeVisibility) -> Array:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sldvexp import dataset
-from sldvexp.check.base import Check, Examined
+from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.geometry import cross_ratio
@@ -55,7 +55,7 @@ class CrossRatio(Check):
         checks.non_negative("mirror_offset", self.mirror_offset)
         checks.done()
 
-    def examine(self, run: Examined) -> xr.Dataset:
+    def examine(self, run: Examination) -> xr.Dataset:
         """``up_down (kind)`` and ``left_right (kind)``, all equal if the mirrors are projective."""
         up_down, left_right = (
             np.array(points, float) for points in (self.up_down_points, self.left_right_points)

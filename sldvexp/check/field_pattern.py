@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp import dataset
-from sldvexp.check.base import Check, Examined
+from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
@@ -25,7 +25,7 @@ class FieldPattern(Check):
     for a surface that stands otherwise.
     """
 
-    def examine(self, run: Examined) -> xr.Dataset:
+    def examine(self, run: Examination) -> xr.Dataset:
         """Ratios of the chosen field, called ``field``, and of those it is compared with.
 
         Returns
@@ -40,14 +40,11 @@ class FieldPattern(Check):
         UserError
             If there is no field.
         """
-        if "field" not in run.tree:
+        if "field" not in run.groups:
             raise UserError("check=field_pattern needs a field: choose a volume, a reconstruction")
-        compared = {k: g for k, g in run.tree.items() if k.startswith("compare/")}
-        fields = {"field": run.tree["field"]} | {
-            k.removeprefix("compare/"): g for k, g in compared.items()
-        }
-        components = list(map(str, run.tree["field"]["component"].values))
-        views = list(map(str, run.tree["field"]["view"].values))
+        fields = {"field": run.groups["field"]} | run.below("compare")
+        components = list(map(str, run.groups["field"]["component"].values))
+        views = list(map(str, run.groups["field"]["view"].values))
         each = fields.values()
         cond = np.array([g.attrs.get("cond", np.nan) for g in each])
         return dataset.group(

@@ -11,7 +11,7 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.check.agreement import field_looks, sampled_depth
-from sldvexp.check.base import Check, Examined
+from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
 from sldvexp.field.estimate import estimate_field
@@ -29,7 +29,7 @@ class LeftOut(Check):
     What matters is the error where the others agree best, which is on the real surface.
     """
 
-    def examine(self, run: Examined) -> xr.Dataset:
+    def examine(self, run: Examination) -> xr.Dataset:
         """``error`` of every view at every sampled depth, and the smallest beside the noise."""
         found = predict(run)
         best = found.error.mean(axis=0).argmin()
@@ -66,7 +66,7 @@ class Prediction:
     noise: Array
 
 
-def predict(run: Examined) -> Prediction:
+def predict(run: Examination) -> Prediction:
     """Leave out each view in turn.
 
     Raises
@@ -87,7 +87,7 @@ def predict(run: Examined) -> Prediction:
 
 
 def _left_out(
-    run: Examined, looks: VolumeVisibility, k: int, place: IndexArray, depths: int
+    run: Examination, looks: VolumeVisibility, k: int, place: IndexArray, depths: int
 ) -> tuple[Array, float, float]:
     """Error at each depth, size and noise of one view."""
     e, view = run.experiment, looks.views[k]

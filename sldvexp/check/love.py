@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp import dataset
-from sldvexp.check.base import Check, Examined
+from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
@@ -23,11 +23,11 @@ class Love(Check):
     which changes the tangential components much and the normal one little.
     """
 
-    def examine(self, run: Examined) -> xr.Dataset:
+    def examine(self, run: Examination) -> xr.Dataset:
         """``variation`` of each component through the layers, and its bound."""
-        if not {"field", "volume"} <= set(run.tree):
+        if not {"field", "volume"} <= set(run.groups):
             raise UserError("check=love needs a field: choose a volume and a reconstruction")
-        field, volume = run.tree["field"], run.tree["volume"]
+        field, volume = run.groups["field"], run.groups["volume"]
         layers = volume.sizes["layer"]
 
         def by_layer(name: str) -> np.ndarray:

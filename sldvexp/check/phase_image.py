@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp import dataset
-from sldvexp.check.base import Check, Examined
+from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
@@ -22,10 +22,9 @@ class PhaseImage(Check):
     is what scatters or not; each pixel counts with its squared amplitude, since a node has none.
     """
 
-    def examine(self, run: Examined) -> xr.Dataset:
+    def examine(self, run: Examination) -> xr.Dataset:
         """``phase``, ``phase_std`` and ``p_uniform`` over view, stage and frequency."""
-        tree = run.tree
-        images = {k.removeprefix("image/"): g for k, g in tree.items() if k.startswith("image/")}
+        images = run.below("image")
         if not images:
             raise UserError("check=phase_image needs velocity images: choose scan=rectangle")
         frequency = next(iter(images.values()))["frequency"].values

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sldvexp import dataset
-from sldvexp.check.base import Check, Examined
+from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.geometry.rotation import KnownPose
@@ -49,11 +49,11 @@ class PoseEquivalence(Check):
         """The other pose's file."""
         return self._other().inputs()
 
-    def examine(self, run: Examined) -> xr.Dataset:
+    def examine(self, run: Examination) -> xr.Dataset:
         """t', its degrees of freedom and critical value, for every view and parameter."""
-        if "pose" not in run.tree:
+        if "pose" not in run.groups:
             raise UserError("check=pose_equivalence needs a pose to compare: choose pose=...")
-        pose, other = run.tree["pose"], self._other().read().pose
+        pose, other = run.groups["pose"], self._other().read().pose
         names = [str(v) for v in pose["view"].values]
         others = [str(v) for v in other["view"].values]
         if names != others and len(names) == len(others) == 1:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sldvexp import dataset
-from sldvexp.check.base import Check, Examined
+from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.geometry.rotation import KnownPose, rotation_from_euler, vector_from_rotation
@@ -44,9 +44,9 @@ class PoseMethods(Check):
                 checks.require(len(values) == 3, f"truth.{name}.{key}", wrong)
         checks.done()
 
-    def examine(self, run: Examined) -> xr.Dataset:
+    def examine(self, run: Examination) -> xr.Dataset:
         """``s_mean``, ``s_std`` and, with the truth, ``origin_error`` and ``rotation_error``."""
-        poses = {name: self._pose(name, group, run.tree) for name, group in self.methods.items()}
+        poses = {name: self._pose(name, group, run.groups) for name, group in self.methods.items()}
         s = [pose["s"].values for pose in poses.values()]
         errors: dict[str, np.ndarray] = {}
         if self.truth:

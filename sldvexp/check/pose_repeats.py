@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sldvexp import dataset
-from sldvexp.check.base import Check, Examined
+from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.geometry.rotation import vector_from_rotation
@@ -37,14 +37,14 @@ class PoseRepeats(Check):
         checks.require(self.repeats >= 10, "repeats", f"must be at least 10, not {self.repeats}")
         checks.done()
 
-    def examine(self, run: Examined) -> xr.Dataset:
+    def examine(self, run: Examination) -> xr.Dataset:
         """``std_ratio`` and ``coverage`` of each parameter; a note where bounds do not hold."""
-        if "pose" not in run.tree or "registration" not in run.tree:
+        if "pose" not in run.groups or "registration" not in run.groups:
             raise UserError(
                 "check=pose_repeats needs a pose from points: choose pose=registration, or leave "
                 "the check out with '~check.pose_repeats'"
             )
-        pose, registration = run.tree["pose"], run.tree["registration"]
+        pose, registration = run.groups["pose"], run.groups["registration"]
         if json.loads(pose.attrs.get("shared", "{}")):
             raise UserError(
                 "check=pose_repeats repeats every view for itself, but pose.shared solved them "

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sldvexp import dataset
-from sldvexp.check.base import Check, Examined
+from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError, nearest
 from sldvexp.lazy import scipy
@@ -39,19 +39,19 @@ class Printed(Check):
     full: str = ""
     decimals: int = 4
 
-    def examine(self, run: Examined) -> xr.Dataset:
+    def examine(self, run: Examination) -> xr.Dataset:
         """One entry of each for every reconstruction of the run."""
-        methods = [name for name in run.tree if name.split("/")[0] in ("point", "compare")]
+        methods = [name for name in run.groups if name.split("/")[0] in ("point", "compare")]
         for name in (self.partial, self.full):
             if name and name not in methods:
                 raise UserError(f"check.printed: there is no {name}; {nearest(name, methods)}")
-        rows = {name: _conventions(run.tree[name]) for name in methods}
+        rows = {name: _conventions(run.groups[name]) for name in methods}
         columns = {
             key: np.array([row[key] for row in rows.values()]) for key in next(iter(rows.values()))
         }
         more = {}
         if self.full:
-            partial, full = run.tree[self.partial], run.tree[self.full]
+            partial, full = run.groups[self.partial], run.groups[self.full]
             tabulated = partial.attrs["sse"], full.attrs["sse"], rows[self.full]["std"]
             more["f_statistic"] = printed_f(*(round(x, self.decimals) for x in tabulated))
             more["f_critical"] = float(scipy.special.fdtri(1, full.sizes["row"] - 1, 0.95))

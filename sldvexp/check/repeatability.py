@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sldvexp import dataset
-from sldvexp.check.base import Check, Examined
+from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
@@ -16,14 +16,14 @@ from sldvexp.lazy import xarray as xr
 class Repeatability(Check):
     """Standard deviation of every image point over all views, which must be of one pose."""
 
-    def examine(self, run: Examined) -> xr.Dataset:
+    def examine(self, run: Examination) -> xr.Dataset:
         """``dac_std (point, mirror)`` and the largest of them."""
-        if "registration" not in run.tree or run.tree["registration"].sizes["view"] < 2:
+        if "registration" not in run.groups or run.groups["registration"].sizes["view"] < 2:
             raise UserError(
                 "check=repeatability needs image points of at least two views of one pose: choose "
                 "pose=bitangent and repeat the view under other names"
             )
-        dac = run.tree["registration"]["dac"]
+        dac = run.groups["registration"]["dac"]
         std = dac.std("view", ddof=1)
         return dataset.group(
             "examined/repeatability",

@@ -11,7 +11,7 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.check.agreement import agreement, best_depth, jackknife
-from sldvexp.check.base import Check, Examined
+from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.lazy import xarray as xr
@@ -43,7 +43,7 @@ class SurfaceDepth(Check):
         checks.require(self.parts >= 4, "parts", f"must be at least 4, not {self.parts}")
         checks.done()
 
-    def examine(self, run: Examined) -> xr.Dataset:
+    def examine(self, run: Examination) -> xr.Dataset:
         """``depth`` along the normals, ``agreement_depth``, and ``misfit`` at sampled depths.
 
         Raises
@@ -51,11 +51,11 @@ class SurfaceDepth(Check):
         UserError
             If there is no field.
         """
-        if not {"field", "volume"} <= set(run.tree):
+        if not {"field", "volume"} <= set(run.groups):
             raise UserError("check=surface_depth needs a field: choose volume and reconstruction")
-        depth, std, inside = least_motion(run.tree["field"], run.tree["volume"], self.parts)
+        depth, std, inside = least_motion(run.groups["field"], run.groups["volume"], self.parts)
         notes = [] if inside else ["the surface lies outside of the volume; move volume.offset"]
-        found = agreement(run, self.parts) if len(run.tree["field"]["view"]) > 3 else None
+        found = agreement(run, self.parts) if len(run.groups["field"]["view"]) > 3 else None
         agreed, agreed_std = best_depth(found) if found else (None, None)
         group = dataset.group(
             "examined/surface_depth",

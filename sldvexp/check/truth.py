@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp import dataset
-from sldvexp.check.base import Check, Examined
+from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
@@ -27,9 +27,9 @@ class Truth(Check):
     layers, as the element does; so is its bound, which is then no smaller than the exact one.
     """
 
-    def examine(self, run: Examined) -> xr.Dataset:
+    def examine(self, run: Examination) -> xr.Dataset:
         """Errors and coverage of each component at each frequency, and in all frequencies."""
-        tree = run.tree
+        tree = run.groups
         if not {"field", "truth", "volume"} <= set(tree):
             raise UserError(
                 "check=truth needs a field and the virtual lab's truth: choose a volume, a "

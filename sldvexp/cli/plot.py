@@ -6,10 +6,10 @@ from pathlib import Path
 
 from sldvexp import dataset
 from sldvexp.config.paths import RUN_FILE
-from sldvexp.dataset.run_data import RunData, require, shown
+from sldvexp.dataset import RunData
 from sldvexp.errors import UserError, nearest
-from sldvexp.plot.catalogue import FIGURES, figures_of
-from sldvexp.plot.saving import save
+from sldvexp.plot.catalogue import FIGURES, figures_of, save
+from sldvexp.plot.selection import require
 
 #: Files that figures can be made of, and the folder beside them that the figures go to.
 SWEEP_FILE = "sweep.nc"
@@ -59,5 +59,5 @@ def _opened(path: Path) -> RunData:
     """Open the groups of a run's file; of one without groups, the dataset of a sweep."""
     tree = dataset.load(path)
     if not tree.children:
-        return shown(tree.to_dataset())
-    return shown(tree)
+        return RunData.from_source(tree.to_dataset())
+    return RunData.from_source(tree)

@@ -1,25 +1,40 @@
-"""A run's groups, variables, dimensions and units, and how they are stored."""
+"""A run's groups, variables, dimensions and units, and how they are stored.
 
+`variables` is the one place that knows the name, dimensions, unit, shown unit and meaning of every
+variable; `group` makes a stage's arrays a dataset by it. `save` writes a run, `open_run` opens one
+again; `RunData` is what figures, checks and pages read. To add a variable, add a line to
+`VARIABLES`.
+"""
+
+from sldvexp.dataset.run_data import RunData, Source, read_yaml
 from sldvexp.dataset.store import (
-    AXES,
-    CONVENTIONS,
     UNREADABLE,
-    VARIABLES,
     group,
     load,
     load_some,
+    load_table,
+    open_run,
     save,
     save_table,
 )
+from sldvexp.dataset.variables import AXES, CONVENTIONS, DAC, FREQUENCY, VARIABLES, Variable
 
 __all__ = [
     "AXES",
     "CONVENTIONS",
+    "DAC",
+    "FREQUENCY",
     "UNREADABLE",
     "VARIABLES",
+    "RunData",
+    "Source",
+    "Variable",
     "group",
     "load",
     "load_some",
+    "load_table",
+    "open_run",
+    "read_yaml",
     "save",
     "save_table",
 ]

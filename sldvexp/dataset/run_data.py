@@ -1,210 +1,140 @@
-"""What a figure shows: the groups of a run, from whatever the user has in hand.
+"""A run as figures, checks and pages read it: its groups by path, whatever one has in hand.
 
-Plugins of a run as its own file records them, for what a figure computes anew.
-
-What a figure cannot do without, said in one sentence.
+An opened ``run.nc``, its path, groups in memory and a sweep's table all become a `RunData`. Groups
+of a file are read when they are used.
 """
 
 from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import numpy as np
 import yaml
-from omegaconf import OmegaConf
 
-from sldvexp import dataset
-from sldvexp.config import registry
-from sldvexp.errors import UserError, nearest
+from sldvexp.dataset.store import load
+from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 
-#: What all figures take: an opened run.nc, the groups of a run by their path, or a sweep's dataset.
+#: What a run can be given as: an opened run.nc, its path, the groups of a run by their path, or a
+#: sweep's dataset.
 Source: TypeAlias = "xr.DataTree | Mapping[str, xr.Dataset] | xr.Dataset | str | Path"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RunData:
-    """The groups of a run by their path, such as ``image/1``.
+    """The groups of a run by their path, such as ``image/front``.
 
-    Parameters
+    Attributes
     ----------
     groups : mapping of str to Dataset
         A sweep's dataset is under the empty path.
     attributes : mapping
         Of the root.
+    path : Path or None
+        Of the run's file, if it is known.
     folder : Path or None
         Of the run; its scan lines are there, if they were kept.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> run = RunData({"image/front": group("image", {}, velocity=[0.01, 0.02j])})
+    >>> run.has("image/front", "velocity"), list(run.below("image"))
+    (True, ['front'])
+    >>> run
+    <RunData of 1 group: image/front>
     """
 
-    groups: Mapping[str, xr.Dataset] = field(repr=False)  # thousands of lines at a prompt
-    attributes: Mapping[Any, Any] = field(default_factory=dict, repr=False)
+    groups: Mapping[str, xr.Dataset]
+    attributes: Mapping[Any, Any] = field(default_factory=dict)
+    path: Path | None = None
     folder: Path | None = None
 
+    def __repr__(self) -> str:
+        count = len(self.groups)
+        of = f"{count} group{'s' * (count != 1)}: {', '.join(self.groups)}"
+        return f"<{type(self).__name__} of {of}>"
+
+    @classmethod
+    def from_source(cls, source: Source | RunData, folder: str | Path | None = None) -> RunData:
+        """Take a run or a sweep as whatever it is given.
+
+        Parameters
+        ----------
+        source : DataTree, mapping of str to Dataset, Dataset, str, Path or RunData
+        folder : str or Path, optional
+            Of the run, if `source` is not a file in it.
+
+        Raises
+        ------
+        UserError
+            If a path is no readable file.
+        """
+        if isinstance(source, RunData):
+            return source
+        if isinstance(source, str | Path):
+            file = Path(source)
+            source = _opened(file.absolute(), file.stat().st_mtime_ns if file.is_file() else 0)
+        known = Path(folder) if folder else None
+        if isinstance(source, xr.Dataset):
+            return RunData({"": source}, source.attrs)
+        if isinstance(source, xr.DataTree):
+            nodes = {n.path.strip("/"): n for n in source.subtree if n.has_data}
+            groups = {name: node.to_dataset(inherit=False) for name, node in nodes.items()}
+            own = source.root.encoding.get("source")
+            path = Path(own) if own else None
+            return RunData(groups, source.root.attrs, path, known or (path and path.parent))
+        return RunData(dict(source), {}, None, known)
+
     def has(self, name: str, *variables: str) -> bool:
-        """Whether there is a group with these variables."""
+        """Tell whether there is a group with these variables."""
         return name in self.groups and all(v in self.groups[name] for v in variables)
 
-    def below(self, parent: str) -> dict[str, xr.Dataset]:
-        """Groups below another, by the rest of their path."""
+    def below(self, parent: str, *variables: str) -> dict[str, xr.Dataset]:
+        """Find the groups below another that have these variables, by the rest of their path."""
         start = f"{parent}/"
-        return {k.removeprefix(start): g for k, g in self.groups.items() if k.startswith(start)}
+        found = {k.removeprefix(start): g for k, g in self.groups.items() if k.startswith(start)}
+        return {k: g for k, g in found.items() if all(v in g for v in variables)}
 
-    def below_with(self, parent: str, *variables: str) -> dict[str, xr.Dataset]:
-        """Those groups below another that have these variables."""
-        return {k: g for k, g in self.below(parent).items() if all(v in g for v in variables)}
+    def fields(self) -> dict[str, xr.Dataset]:
+        """Find the velocity fields by name: ``field`` first, then those it is compared with."""
+        own = {"field": self.groups["field"]} if self.has("field", "velocity", "element") else {}
+        return own | self.below("compare", "velocity", "element")
 
+    @functools.cached_property
+    def config(self) -> dict[str, Any]:
+        """The whole configuration, which the root records as YAML; UserError if it does not."""
+        return self._table("config", read_yaml)
 
-def shown(source: Source | RunData, folder: str | Path | None = None) -> RunData:
-    """The groups of a run or a sweep.
+    @functools.cached_property
+    def plugins(self) -> dict[str, str]:
+        """The plugin that each configuration group has; UserError if the root has no such table."""
+        return self._table("plugins", json.loads)
 
-    Parameters
-    ----------
-    source : DataTree, mapping of str to Dataset, Dataset, str, Path or RunData
-        An opened run.nc, its path, the groups of a run by their path, or a sweep's dataset.
-    folder : str or Path, optional
-        Of the run, if `source` is not a file in it.
-
-    Raises
-    ------
-    UserError
-        If a path is no readable file.
-    """
-    if isinstance(source, RunData):
-        return source
-    if isinstance(source, str | Path):
-        file = Path(source)
-        source = _opened(file.absolute(), file.stat().st_mtime_ns if file.is_file() else 0)
-    if isinstance(source, xr.Dataset):
-        return RunData({"": source}, source.attrs)
-    if isinstance(source, xr.DataTree):
-        found = {
-            n.path.strip("/"): n.to_dataset(inherit=False) for n in source.subtree if n.has_data
-        }
-        path = source.root.encoding.get("source")
-        where = Path(path).parent if path else None
-        return RunData(found, source.root.attrs, Path(folder) if folder else where)
-    return RunData(dict(source), {}, Path(folder) if folder else None)
+    def _table(self, name: str, loads: Callable[[str], Any]) -> dict[str, Any]:
+        """Read a table that an attribute of the root has as text."""
+        if name not in self.attributes:
+            raise UserError(f"{self.path}: has no attribute {name}; it is not the file of a run")
+        try:
+            found = loads(str(self.attributes[name]))
+        except (yaml.YAMLError, ValueError, RecursionError) as error:
+            told = " ".join(str(error).split())
+            raise UserError(f"{self.path}: {name}: cannot be read: {told}") from None
+        if not isinstance(found, dict):
+            raise UserError(f"{self.path}: {name}: must be a table")
+        return found
 
 
 @functools.lru_cache(maxsize=4)
 def _opened(path: Path, changed: int) -> xr.DataTree:
-    """A run's file, opened once: netCDF4 may crash if it is opened again before it is closed."""
-    return dataset.load(path)
+    """Open a run's file once: netCDF4 may crash if it is opened again before it is closed."""
+    return load(path)
 
 
-def one_of(name: str | None, valid: Iterable[str], figure: str, what: str) -> str:
-    """The one that was asked for, or the first.
-
-    Raises
-    ------
-    UserError
-        If there is none of that name.
-    """
-    valid = list(valid)
-    if name is None:
-        return valid[0]
-    if str(name) not in valid:
-        raise UserError(f"plot: {figure}: there is no {what} {name}; {nearest(str(name), valid)}")
-    return str(name)
-
-
-def at_frequency(
-    group: xr.Dataset, figure: str, frequency: float | None = None
-) -> tuple[xr.Dataset, str]:
-    """A group at one frequency, and what to call it.
-
-    Parameters
-    ----------
-    group : Dataset
-        With ``velocity``.
-    figure : str
-        For messages.
-    frequency : float, Hz, optional
-        The nearest that there is; without it the one of largest r.m.s. velocity.
-
-    Returns
-    -------
-    group : Dataset
-        Without the dimension.
-    text : str
-        ``197 Hz``, or empty if the run does not tell a frequency.
-
-    Raises
-    ------
-    UserError
-        If the frequency is not within those of the run.
-    """
-    if "frequency" not in group.dims:
-        return group, ""
-    hertz = group["frequency"].values
-    if frequency is None:
-        others = [d for d in group["velocity"].dims if d != "frequency"]
-        index = int(np.argmax((abs(group["velocity"]) ** 2).mean(others).values))
-    elif not hertz.min() <= frequency <= hertz.max():
-        raise UserError(
-            f"plot: {figure}: the frequencies go from {hertz.min():g} to {hertz.max():g} Hz; "
-            f"{frequency:g} Hz is none of them"
-        )
-    else:
-        index = int(np.abs(hertz - frequency).argmin())
-    return group.isel(frequency=index), f"{hertz[index]:g} Hz"
-
-
-def settings(run: RunData, figure: str) -> dict[str, Any]:
-    """The configuration that the run's file records.
-
-    Raises
-    ------
-    UserError
-        If there is none, or it refers to something else: a run's file has values only.
-    """
-    if "config" not in run.attributes:
-        raise UserError(f"plot: {figure}: needs the run's configuration; give an opened run.nc")
-    text = str(run.attributes["config"])
-    if "${" in text:
-        raise UserError(f"plot: {figure}: the run's configuration refers to something; it must not")
-    found: dict[str, Any] = as_read(text)
-    return found
-
-
-def as_read(text: str) -> Any:
-    """What a text in YAML says; no object of a class is made, and libyaml reads if it is there."""
+def read_yaml(text: str) -> Any:
+    """Read YAML without making objects of classes; by libyaml if it is there."""
     return yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-
-
-def plugin(run: RunData, group: str, figure: str) -> Any:
-    """The plugin of one group with its settings; only registered ones can be named.
-
-    Raises
-    ------
-    UserError
-        If the run had none.
-    """
-    names = json.loads(str(run.attributes.get("plugins", "{}")))
-    if group not in names:
-        raise UserError(f"plot: {figure}: the run has no {group}")
-    schema = registry.schema_of(registry.get(group, names[group]))
-    return OmegaConf.to_object(OmegaConf.merge(schema, settings(run, figure)[group] or {}))
-
-
-def require(figure: str, missing: str) -> None:
-    """Refuse a figure whose data is missing.
-
-    Parameters
-    ----------
-    figure : str
-    missing : str
-        What is missing; empty if nothing is.
-
-    Raises
-    ------
-    UserError
-        If anything is missing.
-    """
-    if missing:
-        raise UserError(f"plot: {figure}: {missing}")

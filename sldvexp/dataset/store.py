@@ -1,4 +1,9 @@
-"""The one place that knows a run's groups, variables, dimensions, units, and how it is stored."""
+"""How a run is made of groups, written and opened again.
+
+A run is one netCDF-4 file, a group a stage. It is written beside its final name and renamed: a file
+of that name is always whole. HDF5 is not crash-safe, and netCDF4 needs ``auto_complex`` for complex
+numbers; whoever reads or writes a run's file does it through here.
+"""
 
 from __future__ import annotations
 
@@ -10,32 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sldvexp.config.paths import RUN_FILE
-from sldvexp.dataset.variables import EXAMINED, STAGES, Variable
+from sldvexp.dataset.variables import AXES, CONVENTIONS, FREQUENCY, VARIABLES, Variable
 from sldvexp.errors import UserError
 from sldvexp.files import whole_or_nothing
 from sldvexp.lazy import netCDF4
 from sldvexp.lazy import xarray as xr
 
 UNREADABLE = "is not a readable netCDF-4 file"
-
-#: Coordinates that mean the same in every group.
-AXES: dict[str, tuple[str, ...]] = {
-    "axis": ("x", "y", "z"),
-    "laser_axis": ("x", "y", "z"),
-    "component": ("x", "y", "z"),
-    "mirror": ("up_down", "left_right"),
-    "angle_index": ("phi1", "phi2", "phi3"),
-}
-
-CONVENTIONS = {
-    "amplitude_convention": "peak",
-    "time_convention": "exp(+i omega t)",
-    "phase_reference": "reference channel",
-    "line_of_sight_convention": "positive towards the instrument",
-    "euler_convention": "x-convention (z-x'-z'')",
-}
-
-VARIABLES: dict[str, dict[str, Variable]] = {**STAGES, **EXAMINED}
 
 
 def group(name: str, coords: Mapping[str, ArrayLike], **arrays: ArrayLike | None) -> xr.Dataset:
@@ -50,9 +36,11 @@ def group(name: str, coords: Mapping[str, ArrayLike], **arrays: ArrayLike | None
     **arrays : array_like or None
         The variables; None is left out.
 
-    Returns
-    -------
-    xarray.Dataset
+    Examples
+    --------
+    >>> point = group("point", {"frequency": [200.0]}, velocity=[[0.01], [0.0], [0.02j]])
+    >>> dict(point.sizes), point["velocity"].attrs["units"]
+    ({'component': 3, 'frequency': 1}, 'm/s')
     """
     known = VARIABLES[name]
     data: dict[str, Any] = {}
@@ -69,12 +57,12 @@ def group(name: str, coords: Mapping[str, ArrayLike], **arrays: ArrayLike | None
     given = {d: np.asarray(v) for d, v in coords.items() if d in used}
     dataset = xr.Dataset(data, coords={**axes, **given})
     if "frequency" in dataset.coords:
-        dataset["frequency"].attrs["units"] = "Hz"
+        dataset["frequency"].attrs["units"] = FREQUENCY.units
     return dataset
 
 
 def _dims(spec: Variable, coords: Mapping[str, ArrayLike]) -> tuple[str, ...]:
-    """Dimensions of a variable: all required ones, and the optional ones that have a coordinate."""
+    """Return all required dimensions of a variable, and the optional ones with a coordinate."""
     parts = [(d.strip("[]"), d.startswith("[")) for d in spec.dims.split()]
     return tuple(d for d, optional in parts if not optional or d in coords)
 
@@ -98,7 +86,7 @@ def save(tree: Mapping[str, xr.Dataset], attributes: Mapping[str, Any], path: Pa
 
 
 def _double(group: xr.Dataset) -> xr.Dataset:
-    """The group with complex numbers in double precision.
+    """Make complex numbers double precision.
 
     Beside one of double precision netCDF4 1.7.5 writes a complex variable of single precision wrong
     (its type is taken for the other), mostly without an error.
@@ -109,19 +97,38 @@ def _double(group: xr.Dataset) -> xr.Dataset:
     return group.assign({n: group[n].astype(np.complex128).drop_encoding() for n in single})
 
 
-def load(path: Path) -> xr.DataTree:
-    """Open a run's file, lazily.
+def open_run(path: str | Path, lazy: bool = False) -> xr.DataTree:
+    """Open a run that was made earlier.
+
+    Parameters
+    ----------
+    path : str or Path
+        Its ``run.nc``, or the folder that has one.
+    lazy : bool
+        Whether values are read when they are needed. The file is then open until the tree is
+        closed, as by ``with``; otherwise all is in memory and the file is closed.
 
     Raises
     ------
     UserError
         If it is missing or is not a run's netCDF-4 file.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     point = group("point", {}, velocity=[0.01, 0.0, 0.02j])
+    ...     save({"point": point}, {"seed": 1}, Path(folder, "run.nc"))
+    ...     tree = open_run(folder)
+    >>> tree["point/velocity"].values
+    array([0.01+0.j  , 0.  +0.j  , 0.  +0.02j])
     """
-    _require(path)
-    try:
-        return xr.open_datatree(path, engine="netcdf4", auto_complex=True)
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: {UNREADABLE} ({error})") from None
+    path = Path(path)
+    tree = load(path / RUN_FILE if path.is_dir() else path)
+    if lazy:
+        return tree
+    with tree:
+        return tree.load()
 
 
 def _require(path: Path) -> None:
@@ -129,8 +136,26 @@ def _require(path: Path) -> None:
         raise UserError(f"{path}: there is no such file; a run's dataset is called {RUN_FILE}")
 
 
+def load(path: Path) -> xr.DataTree:
+    """Open a netCDF-4 file with groups lazily, see `open_run`."""
+    _require(path)
+    try:
+        return xr.open_datatree(path, engine="netcdf4", auto_complex=True)
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path}: {UNREADABLE} ({error})") from None
+
+
+def load_table(path: Path) -> xr.Dataset:
+    """Read a dataset without groups, such as a sweep's; UserError if it is not readable."""
+    try:
+        with xr.open_dataset(path, engine="netcdf4", auto_complex=True) as opened:
+            return opened.load()
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path}: {UNREADABLE} ({error})") from None
+
+
 def load_some(path: Path, names: Collection[str]) -> xr.DataTree:
-    """Some groups of a run's file and those below them, in memory; the others cost nothing.
+    """Read some groups of a run's file and those below them; the others cost nothing.
 
     Raises
     ------
@@ -158,6 +183,6 @@ def _in_memory(group: Any) -> xr.Dataset:
 
 
 def save_table(table: xr.Dataset, path: Path) -> None:
-    """Write one dataset without groups, such as a sweep's, whole or not at all."""
+    """Write a dataset without groups, such as a sweep's, whole or not at all."""
     with whole_or_nothing(path) as beside:
         table.to_netcdf(beside, engine="netcdf4", auto_complex=True)

@@ -1,26 +1,94 @@
-"""Variables of the stages of a run, by group.
+"""Every variable of a run: dimensions, unit, meaning, and how people read it.
 
-Variables of the groups that checks and expectations leave.
-
-What is known of one variable of the dataset.
+One place holds these facts. `sldvexp.dataset.group` gives them to a stage's arrays, so that they
+stand in ``run.nc``; tables, figures, pages and exports take headings and factors from here, as in
+``VARIABLES["pose"]["s"].titled()``. A new variable is a line in its group.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
+
+#: Unit of a mirror's reading, which has none in SI: steps of its digital-analogue converter.
+DAC = "DAC steps"
+
+#: Units in which people read what the dataset has in SI, where a variable says nothing else.
+SHOWN = {"m": "mm", "m/s": "mm/s"}
+
+#: Shown units in those of the dataset.
+FACTORS = {"mm": 1e3, "mm/s": 1e3, "mrad": 1e3, "deg": 180.0 / math.pi}
+
+#: Coordinates that mean the same in every group.
+AXES: dict[str, tuple[str, ...]] = {
+    "axis": ("x", "y", "z"),
+    "laser_axis": ("x", "y", "z"),
+    "component": ("x", "y", "z"),
+    "mirror": ("up_down", "left_right"),
+    "angle_index": ("phi1", "phi2", "phi3"),
+}
+
+CONVENTIONS = {
+    "amplitude_convention": "peak",
+    "time_convention": "exp(+i omega t)",
+    "phase_reference": "reference channel",
+    "line_of_sight_convention": "positive towards the instrument",
+    "euler_convention": "x-convention (z-x'-z'')",
+}
 
 
 class Variable(NamedTuple):
-    """Dimensions (an optional one in brackets), units and meaning of one variable."""
+    """Facts about one variable of the dataset.
+
+    Attributes
+    ----------
+    dims : str
+        Dimensions, an optional one in brackets.
+    units : str
+        In the dataset, SI; ``1`` for a number without one.
+    long_name : str
+        Meaning.
+    shown : str
+        Unit in which people read it, if `SHOWN` has another or none.
+    label : str
+        Short name for headings and axes.
+
+    Examples
+    --------
+    >>> speed = Variable("node component", "m/s", "velocity", label="velocity")
+    >>> speed.titled(), speed.titled("bound"), speed.factor * 0.25
+    ('velocity, mm/s', 'bound, mm/s', 250.0)
+    """
 
     dims: str
     units: str
     long_name: str
+    shown: str = ""
+    label: str = ""
+
+    @property
+    def shown_unit(self) -> str:
+        """Unit in which people read it; empty if it has none."""
+        unit = self.shown or SHOWN.get(self.units, self.units)
+        return "" if unit == "1" else unit
+
+    @property
+    def factor(self) -> float:
+        """Number by which values of the dataset are multiplied for the shown unit."""
+        return FACTORS.get(self.shown_unit, 1.0)
+
+    def titled(self, text: str = "") -> str:
+        """Join a text, or the label, and the shown unit, as headings and axes have it."""
+        return ", ".join(part for part in (text or self.label, self.shown_unit) if part)
 
 
 _V = Variable
 
-STAGES: dict[str, dict[str, Variable]] = {
+#: The coordinate of all that is given by frequency.
+FREQUENCY = Variable("frequency", "Hz", "frequency", label="frequency")
+
+#: Variables of the stages of a run, and of what checks and expectations leave, by group.
+VARIABLES: dict[str, dict[str, Variable]] = {
     "target": {
         "position": _V("point axis", "m", "position of the object's points"),
         "position_std": _V("point axis", "m", "standard error of the position"),
@@ -29,14 +97,14 @@ STAGES: dict[str, dict[str, Variable]] = {
         "object_point": _V("view point axis", "m", "position of the point on the object"),
         "object_point_std": _V("view point axis", "m", "standard error of that position"),
         "angle": _V("view point mirror", "rad", "mirror angle that points the beam there"),
-        "dac": _V("view point mirror", "1", "DAC step of that angle"),
+        "dac": _V("view point mirror", "1", "DAC step of that angle", DAC),
         "used": _V("view point", "1", "1 where the view has the point"),
     },
     "edge": {
-        "dac": _V("edge mirror", "1", "edge of a circle on a scan line, DAC steps"),
-        "dac_std": _V("edge", "1", "its standard error along the scan line, DAC steps"),
+        "dac": _V("edge mirror", "1", f"edge of a circle on a scan line, {DAC}", DAC),
+        "dac_std": _V("edge", "1", f"its standard error along the scan line, {DAC}", DAC),
         "direction": _V("edge mirror", "1", "unit vector along the scan line"),
-        "width": _V("edge", "1", "width of the edge's profile along the scan line, DAC steps"),
+        "width": _V("edge", "1", f"width of the edge's profile along the scan line, {DAC}", DAC),
         "phase": _V("edge", "rad", "phase of the motion on the scan line"),
         "circle": _V("edge", "1", "which rough centre the line belongs to"),
     },
@@ -48,8 +116,8 @@ STAGES: dict[str, dict[str, Variable]] = {
         "uncorrected": _V("pixel [frequency]", "m/s", "velocity before the phase correction"),
         "refined_frequency": _V("[frequency]", "Hz", "frequency as the reference channel has it"),
         "refined_frequency_std": _V("[frequency]", "Hz", "its standard error"),
-        "angle": _V("pixel mirror", "rad", "mirror angle of the pixel"),
-        "dac": _V("pixel mirror", "1", "DAC step of that angle"),
+        "angle": _V("pixel mirror", "rad", "mirror angle of the pixel", "deg"),
+        "dac": _V("pixel mirror", "1", "DAC step of that angle", DAC),
         "flags": _V("pixel", "1", "what is wrong with the pixel; 0 for a good one"),
     },
     "pose": {
@@ -57,7 +125,7 @@ STAGES: dict[str, dict[str, Variable]] = {
         "origin_std": _V("view axis", "m", "standard error of the origin"),
         "origin_confidence": _V("view axis", "m", "half-width of the origin's interval"),
         "rotation": _V("view laser_axis axis", "1", "rotation from world to laser axes"),
-        "euler": _V("view angle_index", "rad", "Euler angles, world to laser"),
+        "euler": _V("view angle_index", "rad", "Euler angles, world to laser", "mrad"),
         "euler_std": _V("view angle_index", "rad", "standard error of the Euler angles"),
         "euler_confidence": _V("view angle_index", "rad", "half-width of the angles' interval"),
         "covariance": _V("view parameter parameter2", "m and rad", "covariance of the pose"),
@@ -67,14 +135,18 @@ STAGES: dict[str, dict[str, Variable]] = {
         "intrinsic": _V("view adjusted", "m, 1 and rad", "adjusted intrinsic parameter"),
         "intrinsic_std": _V("view adjusted", "m, 1 and rad", "its standard error"),
         "intrinsic_confidence": _V("view adjusted", "m, 1 and rad", "half-width of its interval"),
-        "residual": _V("view point mirror", "1", "observed minus predicted, DAC steps"),
-        "residual_rms": _V("view", "1", "root mean square of the residuals, DAC steps"),
-        "s": _V("view", "1", "standard deviation of a mirror reading, DAC steps"),
+        "residual": _V(
+            "view point mirror", "1", f"observed minus predicted, {DAC}", DAC, "residual"
+        ),
+        "residual_rms": _V(
+            "view", "1", f"root mean square of the residuals, {DAC}", DAC, "residual r.m.s."
+        ),
+        "s": _V("view", "1", f"standard deviation of a mirror reading, {DAC}", DAC, "s"),
         "s_deg": _V("view", "deg", "standard deviation of a mirror reading"),
         "rim": _V("view", "m", "by how much edges are seen outside of their circles"),
         "sse": _V("view", "deg2", "sum of the squared residuals"),
-        "cost": _V("view", "1", "what was minimised, squared DAC steps"),
-        "dof": _V("view", "1", "degrees of freedom of the covariance"),
+        "cost": _V("view", "1", "what was minimised, squared DAC steps", "squared DAC steps"),
+        "dof": _V("view", "1", "degrees of freedom of the covariance", label="dof"),
         "other_origin": _V("view axis", "m", "origin of the other, worse solution"),
         "other_rotation": _V("view laser_axis axis", "1", "rotation of the other solution"),
         "other_cost": _V("view", "1", "cost of the other solution"),
@@ -178,16 +250,15 @@ STAGES: dict[str, dict[str, Variable]] = {
         "residual_std": _V("equation [frequency]", "m/s", "root of sse over samples"),
         "s": _V("equation [frequency]", "m/s", "residual std of a real component, unbiased"),
         "chi2_ratio": _V("equation [frequency]", "1", "sse over its expectation from the noise"),
-        "residual_std_by_view": _V("view [frequency]", "m/s", "rms residual of the view"),
+        "residual_std_by_view": _V(
+            "view [frequency]", "m/s", "rms residual of the view", label="r.m.s. residual"
+        ),
         "residual_std_by_row": _V("row [frequency]", "m/s", "rms residual of the method's row"),
         "f_statistic": _V("[frequency]", "1", "F of the intercepts against none"),
         "f_p_value": _V("[frequency]", "1", "probability of such an F without intercepts"),
         "samples_seen": _V("view", "1", "samples that the view sees"),
         "samples_lost": _V("view reason", "1", "samples that it does not see, by the reason"),
     },
-}
-
-EXAMINED: dict[str, dict[str, Variable]] = {
     "examined/bitangents": {
         "position_inch": _V("point plane_axis", "inch", "bitangent point in its circles' plane"),
     },
@@ -216,10 +287,19 @@ EXAMINED: dict[str, dict[str, Variable]] = {
     },
     "examined/pose_methods": {
         "views": _V("pose_method", "1", "how many poses the method found"),
-        "s_mean": _V("pose_method", "1", "mean of s, the error estimate of a pose, DAC steps"),
-        "s_std": _V("pose_method", "1", "its sample standard deviation, DAC steps"),
-        "origin_error": _V("pose_method", "m", "root mean square distance from the true origin"),
-        "rotation_error": _V("pose_method", "rad", "root mean square angle to the true axes"),
+        "s_mean": _V(
+            "pose_method", "1", f"mean of s, the error estimate of a pose, {DAC}", DAC, "s"
+        ),
+        "s_std": _V("pose_method", "1", f"its sample standard deviation, {DAC}", DAC, "std"),
+        "origin_error": _V(
+            "pose_method",
+            "m",
+            "root mean square distance from the true origin",
+            label="origin off by",
+        ),
+        "rotation_error": _V(
+            "pose_method", "rad", "root mean square angle to the true axes", "mrad", "axes by"
+        ),
     },
     "examined/pose_repeats": {
         "std_ratio": _V("view parameter", "1", "std of simulated repeats over the reported one"),
@@ -227,9 +307,9 @@ EXAMINED: dict[str, dict[str, Variable]] = {
     },
     "examined/repeatability": {
         "dac_std": _V(
-            "point mirror", "1", "standard deviation of repeated image points, DAC steps"
+            "point mirror", "1", f"standard deviation of repeated image points, {DAC}", DAC
         ),
-        "largest": _V("", "1", "the largest of them, DAC steps"),
+        "largest": _V("", "1", f"the largest of them, {DAC}", DAC),
     },
     "examined/surface_depth": {
         "depth": _V("", "m", "depth of least tangential motion: the middle of the real shell"),
@@ -249,10 +329,27 @@ EXAMINED: dict[str, dict[str, Variable]] = {
         "bound": _V("component [frequency]", "1", "r.m.s. half-width of the intervals over size"),
     },
     "examined/truth": {
-        "relative_error": _V("component [frequency]", "1", "r.m.s. error over the true r.m.s."),
-        "rms_error": _V("component [frequency]", "m/s", "r.m.s. error on the true surface"),
-        "rms_bound": _V("component [frequency]", "m/s", "r.m.s. half-width of the intervals"),
-        "covered": _V("component [frequency]", "1", "share of the intervals that hold the truth"),
+        "relative_error": _V(
+            "component [frequency]",
+            "1",
+            "r.m.s. error over the true r.m.s.",
+            label="relative error",
+        ),
+        "rms_error": _V(
+            "component [frequency]",
+            "m/s",
+            "r.m.s. error on the true surface",
+            label="r.m.s. error",
+        ),
+        "rms_bound": _V(
+            "component [frequency]", "m/s", "r.m.s. half-width of the intervals", label="bound"
+        ),
+        "covered": _V(
+            "component [frequency]",
+            "1",
+            "share of the intervals that hold the truth",
+            label="covered",
+        ),
         "relative_error_in_all": _V("component", "1", "relative error of all frequencies together"),
         "covered_in_all": _V("component", "1", "share of the intervals of all frequencies"),
     },

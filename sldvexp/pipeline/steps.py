@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from sldvexp.check.base import Examined
+from sldvexp.check.base import Examination
 from sldvexp.check.expectations import evaluate
 from sldvexp.config.experiment import Experiment
 from sldvexp.errors import UserError
@@ -243,7 +243,8 @@ def _checks(run: Run) -> None:
     """Examine what the configuration wants examined."""
     for name, check in run.experiment.check.items():
         run.inputs += check.inputs()
-        run.tree[f"examined/{name}"] = check.examine(Examined(run.tree, run.rng, run.experiment))
+        seen = Examination(run.tree, rng=run.rng, experiment=run.experiment)
+        run.tree[f"examined/{name}"] = check.examine(seen)
 
 
 def _expectations(run: Run) -> None:

@@ -1,15 +1,23 @@
-"""Which figures there are, and which of them a run can show."""
+"""The list of figures, which of them a run can show, and figures as files.
+
+Another figure is a function that takes a run, one that says why a run cannot show it, and their
+line in `FIGURES`.
+"""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+import matplotlib
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.run_data import RunData, Source, shown
+from sldvexp.dataset import RunData, Source
+from sldvexp.errors import UserError
+from sldvexp.files import whole_or_nothing
 from sldvexp.plot import (
     circle_edges,
     field_maps,
@@ -24,6 +32,7 @@ from sldvexp.plot import (
     volume_views,
 )
 from sldvexp.plot.layer import field_unavailable_because
+from sldvexp.plot.style import SETTINGS
 
 
 class FigureEntry(NamedTuple):
@@ -68,8 +77,6 @@ def figures_of(
 
     Parameters
     ----------
-    source : DataTree or others
-        See `sldvexp.dataset.run_data.shown`.
     folder : str or Path, optional
         Of the run, if `source` is not the file in it.
 
@@ -79,9 +86,60 @@ def figures_of(
         In the order in which data flows. Called without arguments it returns the figure; it takes
         the figure's own options by name, such as ``view``.
     """
-    run = shown(source, folder)
+    run = RunData.from_source(source, folder)
     return {
         name: functools.partial(entry.draw, run)
         for name, entry in FIGURES.items()
         if not entry.unavailable_because(run)
     }
+
+
+#: Formats with what each would say of the moment and the program, which is left out.
+FORMATS = {"png": {"Software": None}, "svg": {"Date": None, "Creator": None}}
+
+
+def save(figure: Figure, path: str | Path, title: str = "") -> list[Path]:
+    """Write a figure as PNG and SVG beside each other.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    path : str or Path
+        Without suffix; its folder is made.
+    title : str
+        What the files say of themselves; without it the file's name.
+
+    Returns
+    -------
+    list of Path
+        The files, PNG first.
+
+    Raises
+    ------
+    UserError
+        If they cannot be written.
+    """
+    path = Path(path)
+    files = [path.with_name(f"{path.name}.{suffix}") for suffix in FORMATS]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with matplotlib.rc_context(SETTINGS), _laid_out(figure):
+            for file, (suffix, metadata) in zip(files, FORMATS.items(), strict=True):
+                about = {**metadata, "Title": title or path.name}
+                with whole_or_nothing(file) as beside:
+                    figure.savefig(beside, format=suffix, metadata=about)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written: {error.strerror or error}") from None
+    return files
+
+
+@contextmanager
+def _laid_out(figure: Figure) -> Iterator[None]:
+    """Lay the figure out once instead of anew for each file."""
+    engine = figure.get_layout_engine()
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    try:
+        yield
+    finally:
+        figure.set_layout_engine(engine)

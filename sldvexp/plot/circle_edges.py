@@ -11,11 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sldvexp.dataset.run_data import RunData, Source, one_of, plugin, require, shown
+from sldvexp.dataset import VARIABLES, RunData, Source
 from sldvexp.geometry.conic import boundary
 from sldvexp.geometry.conic_fit import ConicFit
 from sldvexp.image.pinhole import dac_from_pinhole, fit_circle, pinhole_edges
-from sldvexp.plot import sheet, style
+from sldvexp.plot import style
+from sldvexp.plot.selection import one_of, plugin, require
 from sldvexp.session.circles import edges_of
 from sldvexp.typing import Array
 
@@ -23,6 +24,10 @@ NO_EDGES = (
     "the run has no edges of circles (groups edge/<view>); they come from a scan of a calibration "
     "object, as in experiment=dissertation/automated_pose"
 )
+
+#: Readings of the mirrors, and the axes of a picture by them.
+DAC = VARIABLES["edge"]["dac"]
+ACROSS_AND_UP = style.mirror_labels(DAC)
 
 #: Views beside each other.
 COLUMNS = 3
@@ -35,7 +40,7 @@ TURN = np.linspace(0.0, 2.0 * np.pi, 181)
 
 def unavailable_because(run: RunData) -> str:
     """Why no edges can be shown; empty if they can."""
-    return "" if run.below_with("edge", "dac", "circle") else NO_EDGES
+    return "" if run.below("edge", "dac", "circle") else NO_EDGES
 
 
 @style.styled
@@ -44,23 +49,17 @@ def edges(source: Source | RunData, view: str | None = None) -> Figure:
 
     Parameters
     ----------
-    source : DataTree or others
-        See `sldvexp.dataset.run_data.shown`.
     view : str, optional
         Only this one.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------
     UserError
         If the run has no edges, or none of that view.
     """
-    run = shown(source)
+    run = RunData.from_source(source)
     require("edges", unavailable_because(run))
-    views = run.below_with("edge", "dac", "circle")
+    views = run.below("edge", "dac", "circle")
     if view is not None:
         view = one_of(view, views, "edges", "view")
         views = {view: views[view]}
@@ -76,8 +75,8 @@ def edges(source: Source | RunData, view: str | None = None) -> Figure:
         error = float(np.median(group["dac_std"]))
         axis.set_title(f"view {name}: {len(group['circle'])} edges ± {error:.2g} steps (median)")
         axis.set_aspect("equal", adjustable="datalim")
-    style.outer_labels(axes, len(views), "left-right, DAC steps", "up-down, DAC steps")
-    sheet.legend(made, *axes.ravel()[: len(views)], title="circle", markerscale=2)
+    style.outer_labels(axes, len(views), *ACROSS_AND_UP)
+    style.legend(made, *axes.ravel()[: len(views)], title="circle", markerscale=2)
     return made
 
 
@@ -92,10 +91,10 @@ def panels_of_views(
 ) -> tuple[Figure, NDArray[Any]]:
     """A sheet with a panel for each view, and room below for a legend with a title."""
     columns = min(number, COLUMNS)
-    width = sheet.LEFT + (3.4 if number > 1 else 4.8) * columns
-    below = 1.5 * sheet.LEGEND_BELOW
+    width = style.LEFT + (3.4 if number > 1 else 4.8) * columns
+    below = 1.5 * style.LEGEND_BELOW
     size = (-(-number // columns), columns, width, ratio)
-    made, axes = sheet.sheet(*size, title, sheet.NUMBERS, below, right=0.15, **shared)
+    made, axes = style.sheet(*size, title, style.NUMBERS, below, right=0.15, **shared)
     for axis in axes.ravel()[number:]:
         axis.remove()
     return made, axes
@@ -110,23 +109,17 @@ def conics(source: Source | RunData, view: str | None = None) -> Figure:
 
     Parameters
     ----------
-    source : DataTree or others
-        See `sldvexp.dataset.run_data.shown`.
     view : str, optional
         Without it the first.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------
     UserError
         If the run has no edges, or none of that view.
     """
-    run = shown(source)
+    run = RunData.from_source(source)
     require("conics", unavailable_because(run))
-    view = one_of(view, run.below_with("edge", "dac", "circle"), "conics", "view")
+    view = one_of(view, run.below("edge", "dac", "circle"), "conics", "view")
     fits = fitted(run, view)
     columns = len(fits)
     made = style.figure(1.0 + 2.8 * columns, 6.4, f"Ellipses through the edges of view {view}")
@@ -135,8 +128,8 @@ def conics(source: Source | RunData, view: str | None = None) -> Figure:
         _ellipse(column[0], points, curve, fit)
         column[0].set_title(f"circle {number}")
         _residuals(column[1], turn, fit)
-    axes[0, 0].set_ylabel("up-down, DAC steps")
-    axes[1, 0].set_ylabel("distance from the ellipse, DAC steps")
+    axes[0, 0].set_ylabel(ACROSS_AND_UP[1])
+    axes[1, 0].set_ylabel(DAC.titled("distance from the ellipse"))
     low = min(axis.get_ylim()[0] for axis in axes[1])
     high = max(axis.get_ylim()[1] for axis in axes[1])
     for axis in axes[1]:
@@ -151,23 +144,14 @@ def conic_residuals(source: Source | RunData) -> Figure:
     Beside a circle's number stand its edges in the order of their direction from its centre, from
     -180 to 180 deg, as `conics` shows them of one view.
 
-    Parameters
-    ----------
-    source : DataTree or others
-        See `sldvexp.dataset.run_data.shown`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
     UserError
         If the run has no edges.
     """
-    run = shown(source)
+    run = RunData.from_source(source)
     require("conic_residuals", unavailable_because(run))
-    views = run.below_with("edge", "dac", "circle")
+    views = run.below("edge", "dac", "circle")
     shared = {"sharex": True, "sharey": True}
     title = "Edges around every circle: distances from the ellipse"
     made, axes = panels_of_views(len(views), 0.62, title, **shared)
@@ -179,8 +163,8 @@ def conic_residuals(source: Source | RunData) -> Figure:
         axis.set_xticks(list(fits))
         square, dof = (sum(getattr(f[0], n) for f in fits.values()) for n in ("chi_square", "dof"))
         axis.set_title(f"view {name}: χ² {square:.0f} of {dof} degrees of freedom")
-    style.outer_labels(axes, len(views), "circle", "distance, DAC steps")
-    sheet.legend(made, *axes.ravel()[: len(views)])
+    style.outer_labels(axes, len(views), "circle", DAC.titled("distance"))
+    style.legend(made, *axes.ravel()[: len(views)])
     return made
 
 
@@ -214,7 +198,7 @@ def _ellipse(axes: Axes, points: Array, curve: Array, fit: ConicFit) -> None:
             look: dict[str, Any] = {"color": style.COLOURS[0], "markersize": 3, "fillstyle": "none"}
             axes.plot(some[:, 1], some[:, 0], marker, label=name, **look)
     axes.set_aspect("equal")
-    axes.set_xlabel("left-right, DAC steps")
+    axes.set_xlabel(ACROSS_AND_UP[0])
     axes.legend(loc="center")
 
 

@@ -9,9 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
-from sldvexp.dataset.run_data import RunData, Source, require, shown
-from sldvexp.plot import sheet, style
+from sldvexp.dataset import RunData, Source
+from sldvexp.plot import style
 from sldvexp.plot.layer import VolumeLayer, field_unavailable_because, layer_of
+from sldvexp.plot.selection import require
 
 
 @style.styled
@@ -27,8 +28,6 @@ def field(
 
     Parameters
     ----------
-    source : DataTree or others
-        See `sldvexp.dataset.run_data.shown`.
     frequency : float, Hz, optional
         Without it the one of the largest velocity.
     depth : float, m, optional
@@ -36,16 +35,12 @@ def field(
     name : str, optional
         ``field``, or one of those it is compared with.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
     UserError
         If the run has no field, or none there.
     """
-    run = shown(source)
+    run = RunData.from_source(source)
     require("field", field_unavailable_because(run))
     layer = layer_of(run, "field", frequency, depth, name)
     rows = len(layer.components)
@@ -53,12 +48,12 @@ def field(
     ratio = min(max(high / wide, 0.35), 1.4)
     title = style.joined(f"Velocity {layer.where}", layer.frequency)
     shared = {"sharex": True, "sharey": True}
-    made, axes = sheet.sheet(rows, 3, 10.5, ratio, title, sheet.SCALE_BESIDE, **shared)
+    made, axes = style.sheet(rows, 3, 10.5, ratio, title, style.SCALE_BESIDE, **shared)
     for row, component in zip(axes, layer.components, strict=True):
         _size(row[0], layer, component)
         phases = _phase(row[1], layer, component)
         _bound(row[2], layer, component)
-    sheet.in_turns(sheet.scale_beside(axes[:, 1], phases, "phase, rad"))
+    style.in_turns(style.scale_beside(axes[:, 1], phases, style.PHASE))
     for one in axes.ravel():
         layer.label(one)
         one.label_outer()
@@ -68,7 +63,7 @@ def field(
 def _size(axes: Axes, layer: VolumeLayer, component: str) -> None:
     """Magnitudes; linear inside of an element, as the field is."""
     size = np.abs(layer.values("velocity", component))
-    factor, unit = style.prefixed(size, "m/s")
+    factor, unit = style.prefixed(size, style.SPEED)
     _map(axes, layer, factor * size, unit, 0.0, component)
     axes.set_title(f"{component}: size")
 
@@ -76,7 +71,7 @@ def _size(axes: Axes, layer: VolumeLayer, component: str) -> None:
 def _bound(axes: Axes, layer: VolumeLayer, component: str) -> None:
     """Half-widths of the intervals."""
     bound = layer.bound(component)
-    factor, unit = style.prefixed(bound, "m/s")
+    factor, unit = style.prefixed(bound, style.SPEED)
     _map(axes, layer, factor * bound, unit, None, component)
     axes.set_title(f"{component}: {layer.bound_name}")
 
@@ -95,7 +90,7 @@ def _map(
     mapped = axes.tripcolor(
         mesh, shown_values, shading="gouraud", cmap=style.SIZE_MAP, vmin=low, rasterized=True
     )
-    sheet.scale_beside(axes, mapped, unit)
+    style.scale_beside(axes, mapped, unit)
 
 
 def _phase(axes: Axes, layer: VolumeLayer, component: str) -> Any:

@@ -6,11 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.run_data import RunData, Source, one_of, require, shown
+from sldvexp.dataset import AXES, VARIABLES, RunData, Source
 from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
-from sldvexp.plot import sheet, style
-from sldvexp.plot.circle_edges import COLUMNS, fitted, panels_of_views, ratio_of
+from sldvexp.plot import style
+from sldvexp.plot.circle_edges import ACROSS_AND_UP, COLUMNS, DAC, fitted, panels_of_views, ratio_of
+from sldvexp.plot.selection import one_of, require
 
 NO_POINTS = (
     "the run has no image points of the object (group registration); they come from pose=bitangent "
@@ -26,14 +27,15 @@ NO_REPEATS = (
     "see experiment=dissertation/repeatability"
 )
 
-MIRRORS = {"left_right": "left-right", "up_down": "up-down"}
+POSE = VARIABLES["pose"]
+MIRRORS = {name: name.replace("_", "-") for name in reversed(AXES["mirror"])}
 
 
 def unavailable_because(run: RunData) -> str:
     """Why no bitangent points can be shown; empty if they can."""
     if not run.has("registration", "dac"):
         return NO_POINTS
-    scanned = run.below_with("edge", "dac")
+    scanned = run.below("edge", "dac")
     return "" if scanned and run.groups["registration"].sizes["point"] % 4 == 0 else NO_PAIRS
 
 
@@ -44,7 +46,7 @@ def residuals_unavailable_because(run: RunData) -> str:
 
 def repeats_unavailable_because(run: RunData) -> str:
     """Why no repeatability can be shown; empty if it can."""
-    found = run.below_with("examined", "dac_std") and run.has("registration", "dac")
+    found = run.below("examined", "dac_std") and run.has("registration", "dac")
     return "" if found else NO_REPEATS
 
 
@@ -54,21 +56,15 @@ def bitangents(source: Source | RunData, view: str | None = None) -> Figure:
 
     Parameters
     ----------
-    source : DataTree or others
-        See `sldvexp.dataset.run_data.shown`.
     view : str, optional
         Only this one.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------
     UserError
         If the run has no bitangent points, or none of that view.
     """
-    run = shown(source)
+    run = RunData.from_source(source)
     require("bitangents", unavailable_because(run))
     group = run.groups["registration"]
     views = [str(v) for v in group["view"].values]
@@ -78,8 +74,8 @@ def bitangents(source: Source | RunData, view: str | None = None) -> Figure:
     made, axes = panels_of_views(len(views), ratio, "Bitangent points of the circles")
     for axis, name in zip(axes.ravel(), views, strict=False):
         _touching(axis, run, name)
-    style.outer_labels(axes, len(views), "left-right, DAC steps", "up-down, DAC steps")
-    sheet.legend(made, axes[0, 0])
+    style.outer_labels(axes, len(views), *ACROSS_AND_UP)
+    style.legend(made, axes[0, 0])
     return made
 
 
@@ -124,21 +120,12 @@ def pose_residuals(source: Source | RunData) -> Figure:
 
     Error bars are the standard deviation of a mirror reading, s.
 
-    Parameters
-    ----------
-    source : DataTree or others
-        See `sldvexp.dataset.run_data.shown`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
     UserError
         If the run has no pose that leaves residuals.
     """
-    run = shown(source)
+    run = RunData.from_source(source)
     require("pose_residuals", residuals_unavailable_because(run))
     pose = run.groups["pose"]
     return _by_point(pose) if "residual" in pose else _by_view(pose)
@@ -172,7 +159,7 @@ def _by_point(pose: xr.Dataset) -> Figure:
             axis.set_xticks(numbers, [str(n) for n in labels])
     for axis in axes.ravel()[len(names) :]:
         axis.remove()
-    style.outer_labels(axes, len(names), "point", "residual, DAC steps")
+    style.outer_labels(axes, len(names), "point", POSE["residual"].titled())
     style.legend_below(made, axes[0, 0])
     return made
 
@@ -192,7 +179,7 @@ def _by_view(pose: xr.Dataset) -> Figure:
             error = values / np.sqrt(2.0 * pose["dof"].values) if "dof" in pose else None
             axes.errorbar(place + aside, values, error, label=text, markersize=6, **look)
     axes.set_xticks(place, names)
-    axes.set(xlabel="view", ylabel="DAC steps")
+    axes.set(xlabel="view", ylabel=POSE["s"].shown_unit)
     axes.set_ylim(bottom=0.0)
     axes.margins(x=0.1)
     style.legend_below(made, axes)
@@ -203,24 +190,15 @@ def _by_view(pose: xr.Dataset) -> Figure:
 def repeatability(source: Source | RunData) -> Figure:
     """Scatter of repeated image points: both mirrors and standard deviation (Figures 4.25 to 4.27).
 
-    Parameters
-    ----------
-    source : DataTree or others
-        See `sldvexp.dataset.run_data.shown`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
     UserError
         If the run does not repeat a pose.
     """
-    run = shown(source)
+    run = RunData.from_source(source)
     require("repeatability", repeats_unavailable_because(run))
     group = run.groups["registration"]
-    examined = next(iter(run.below_with("examined", "dac_std").values()))
+    examined = next(iter(run.below("examined", "dac_std").values()))
     names = [str(v) for v in group["view"].values]
     numbers = np.arange(group.sizes["point"]) + 1
     made = style.figure(8.0, 8.4, f"Image points of {len(names)} repeated scans of one pose")
@@ -233,7 +211,7 @@ def repeatability(source: Source | RunData) -> Figure:
         for name, look, aside in zip(names, style.looks(len(names)), shift, strict=True):
             look["linestyle"] = "none"
             axis.plot(numbers + aside, away.sel(view=name).values, label=name, **look)
-        axis.set_ylabel(f"{text} minus mean, DAC steps")
+        axis.set_ylabel(DAC.titled(f"{text} minus mean"))
     _scatter(axes[2], examined, len(names), numbers)
     axes[2].set_xticks(numbers, [str(n) for n in group["point"].values])
     axes[2].set_xlabel("point")
@@ -252,6 +230,6 @@ def _scatter(axes: Axes, examined: xr.Dataset, repeats: int, numbers: np.ndarray
         look["linestyle"] = "none"
         error = np.stack([std * (1.0 - low), std * (high - 1.0)])
         axes.errorbar(numbers + shift, std, error, label=f"{text}, 95% interval", **look)
-    axes.set_ylabel("standard deviation, DAC steps")
+    axes.set_ylabel(DAC.titled("standard deviation"))
     axes.set_ylim(bottom=0.0)
     axes.legend(loc="upper left", bbox_to_anchor=(0.0, 1.16), ncols=2)

@@ -9,12 +9,15 @@ from matplotlib.axes import Axes
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
-from sldvexp.dataset.run_data import RunData, at_frequency, one_of
+from sldvexp.dataset import VARIABLES, RunData
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
+from sldvexp.plot.selection import at_frequency, one_of
 from sldvexp.typing import Array, ComplexArray, IndexArray
 
 AXES = "xyz"
+#: Of nodes and points, as figures show it.
+PLACE = VARIABLES["field"]["position"]
 
 #: Height of the true surface over a layer, in layer spacings, that makes no difference.
 IN_LAYER = 0.02
@@ -69,7 +72,7 @@ class VolumeLayer:
         return (
             "at the surface"
             if self.depth == 0
-            else f"at {1000 * self.depth:+.3g} mm from the surface"
+            else f"at {PLACE.factor * self.depth:+.3g} {PLACE.shown_unit} from the surface"
         )
 
     def values(self, name: str, component: str) -> NDArray:
@@ -92,26 +95,20 @@ class VolumeLayer:
         return "standard error"
 
     def mesh(self) -> Triangulation:
-        """The layer's triangles in its plane, mm."""
-        x, y = 1000 * self.position[:, self.plane].T
+        """Make the layer's triangles in its plane, in the shown unit."""
+        x, y = PLACE.factor * self.position[:, self.plane].T
         return Triangulation(x, y, self.triangle)
 
     def label(self, axes: Axes) -> None:
         """Name the axes of a map of this layer."""
         first, second = (AXES[i] for i in self.plane)
-        axes.set(xlabel=f"{first}, mm", ylabel=f"{second}, mm")
+        axes.set(xlabel=PLACE.titled(first), ylabel=PLACE.titled(second))
         axes.set_aspect("equal")
 
 
 def field_unavailable_because(run: RunData) -> str:
     """Why no field can be shown; empty if one can."""
-    return "" if fields(run) else NO_FIELD
-
-
-def fields(run: RunData) -> dict[str, xr.Dataset]:
-    """Velocity fields of a run by name: ``field``, and those it is compared with."""
-    own = {"field": run.groups["field"]} if run.has("field", "velocity", "element") else {}
-    return own | run.below_with("compare", "velocity", "element", "position")
+    return "" if run.fields() else NO_FIELD
 
 
 def layer_of(
@@ -129,26 +126,27 @@ def layer_of(
     figure : str
         For messages.
     frequency : float, Hz, optional
-        See `sldvexp.dataset.run_data.at_frequency`.
+        See `sldvexp.plot.selection.at_frequency`.
     depth : float, m, optional
         The layer nearest to it. Without it that nearest to the given surface.
     name : str, optional
-        Of the field, as in `fields`.
+        Of the field, as `RunData.fields` names it.
 
     Raises
     ------
     UserError
         If there is none of that name, depth or frequency.
     """
-    known = fields(run)
+    known = run.fields()
     chosen = one_of(name, known, figure, "field")
     whole, hertz = at_frequency(known[chosen], figure, frequency)
     depths = run.groups["volume"]["depth"].values if run.has("volume", "depth") else np.zeros(1)
     wanted = 0.0 if depth is None else depth
     if not depths.min() - 1e-9 <= wanted <= depths.max() + 1e-9 and depth is not None:
+        low, high = PLACE.factor * depths.min(), PLACE.factor * depths.max()
         raise UserError(
-            f"plot: {figure}: the volume's layers lie from {1000 * depths.min():g} to "
-            f"{1000 * depths.max():g} mm; {1000 * wanted:g} mm is outside of them"
+            f"plot: {figure}: the volume's layers lie from {low:g} to {high:g} {PLACE.shown_unit}; "
+            f"{PLACE.factor * wanted:g} {PLACE.shown_unit} is outside of them"
         )
     index = int(np.abs(depths - wanted).argmin())
     position = whole["position"].values

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.run_data import RunData, Source, one_of, plugin, require, settings, shown
+from sldvexp.dataset import VARIABLES, RunData, Source
 from sldvexp.errors import UserError
 from sldvexp.image.edge_detection import gradient_edges
 from sldvexp.image.scan_lines import ScanLineEdges, ScanLines
@@ -19,6 +19,7 @@ from sldvexp.instrument.protocol import Status
 from sldvexp.instrument.recording import JOURNAL, read_line
 from sldvexp.lazy import scipy
 from sldvexp.plot import style
+from sldvexp.plot.selection import one_of, plugin, require, settings
 from sldvexp.scan.calibration import EdgeMethod
 from sldvexp.session.circles import PLACE
 
@@ -71,8 +72,6 @@ def scan_lines(
 
     Parameters
     ----------
-    source : DataTree or others
-        See `sldvexp.dataset.run_data.shown`.
     view : str, optional
         Without it the first.
     circle : int
@@ -80,16 +79,12 @@ def scan_lines(
     folder : str or Path, optional
         Of the run, if `source` is not the file in it: the samples are in its ``journal``.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
     UserError
         If the scan lines were not kept, or there is no such view or circle.
     """
-    run = shown(source, folder)
+    run = RunData.from_source(source, folder)
     require("scan_lines", unavailable_because(run))
     view = one_of(view, _views(run), "scan_lines", "view")
     circles = _circles(run, view)
@@ -105,7 +100,7 @@ def scan_lines(
 
 def _column(axes: Any, kind: str, taken: Taken) -> None:
     """Four panels of one kind of lines."""
-    factor, unit = style.prefixed(taken.raw.magnitude, "m/s")
+    factor, unit = style.prefixed(taken.raw.magnitude, style.SPEED)
     along = taken.raw.along
     count = f"{len(along)} {kind} lines"
     raw = np.where(taken.raw.flag, np.nan, taken.raw.magnitude)
@@ -128,7 +123,7 @@ def _column(axes: Any, kind: str, taken: Taken) -> None:
     for axis in (axes[0], axes[1], axes[3]):
         axis.set_ylabel(f"velocity, {unit}")
     axes[2].set_ylabel(f"gradient, {unit} per step")
-    axes[3].set_xlabel("place along the line, DAC steps")
+    axes[3].set_xlabel(VARIABLES["edge"]["dac"].titled("place along the line"))
 
 
 def edge_heights(taken: Taken) -> tuple[np.ndarray, np.ndarray]:

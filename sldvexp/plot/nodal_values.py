@@ -9,11 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.run_data import RunData, Source, require, shown
+from sldvexp.dataset import RunData, Source
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
-from sldvexp.plot import sheet, style
-from sldvexp.plot.layer import AXES, VolumeLayer, field_unavailable_because, layer_of
+from sldvexp.plot import style
+from sldvexp.plot.layer import AXES, PLACE, VolumeLayer, field_unavailable_because, layer_of
+from sldvexp.plot.selection import require
 from sldvexp.typing import Array, IndexArray
 
 PARTS: dict[str, Any] = {"real": np.real, "imaginary": style.imaginary}
@@ -32,8 +33,6 @@ def nodal(
 
     Parameters
     ----------
-    source : DataTree or others
-        See `sldvexp.dataset.run_data.shown`.
     frequency : float, Hz, optional
         Without it the one of the largest velocity.
     depth : float, m, optional
@@ -46,16 +45,12 @@ def nodal(
         ``line``: those along the layer's longer side through its largest velocity. ``all``: all of
         the layer, by number. Numbers of nodes: these, of any layer.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
     UserError
         If the run has no field, or not these nodes.
     """
-    run = shown(source)
+    run = RunData.from_source(source)
     require("nodal", field_unavailable_because(run))
     layer = layer_of(run, "nodal", frequency, depth, name)
     own, place, label = _chosen(layer, nodes)
@@ -66,18 +61,18 @@ def nodal(
         )
     title = style.joined(f"Nodal velocities {layer.where}", layer.frequency, layer.bound_name)
     room: dict[str, Any] = {
-        "beside": sheet.LEFT,
-        "below": sheet.LEGEND_BELOW if layer.truth else 0.0,
+        "beside": style.LEFT,
+        "below": style.LEGEND_BELOW if layer.truth else 0.0,
     }
     size = (len(components), 2, 11.0, 0.4)
-    made, axes = sheet.sheet(*size, title, **room, right=0.15, sharex=True)
+    made, axes = style.sheet(*size, title, **room, right=0.15, sharex=True)
     for row, one in zip(axes, components, strict=True):
         for axis, (part, take) in zip(row, PARTS.items(), strict=True):
             _values(axis, layer, own, place, one, part, take)
     for axis in axes[-1]:
         axis.set_xlabel(label)
     if layer.truth:
-        sheet.legend(made, axes[0, 0], axes[-1, 0])
+        style.legend(made, axes[0, 0], axes[-1, 0])
     return made
 
 
@@ -87,7 +82,7 @@ def _chosen(layer: VolumeLayer, nodes: str | Sequence[int]) -> tuple[IndexArray,
         raise UserError(f"plot: nodal: nodes is line, all or numbers, not {nodes}")
     if nodes == "line":
         own, along = line_nodes(layer)
-        return own, 1000 * along, _line_label(layer, own)
+        return own, PLACE.factor * along, _line_label(layer, own)
     wanted = layer.node if isinstance(nodes, str) else np.asarray(nodes, int)
     own = np.flatnonzero(np.isin(layer.node, wanted))
     if not len(own):
@@ -117,8 +112,9 @@ def _line_label(layer: VolumeLayer, own: IndexArray) -> str:
     flat = layer.position[own][:, layer.plane]
     longer = int(np.ptp(flat, axis=0).argmax())
     other = layer.plane[1 - longer]
-    beside = 1000 * float(np.median(flat[:, 1 - longer]))
-    return f"{AXES[layer.plane[longer]]}, mm (at {AXES[other]} = {beside:.1f} mm)"
+    unit = PLACE.shown_unit
+    beside = PLACE.factor * float(np.median(flat[:, 1 - longer]))
+    return f"{PLACE.titled(AXES[layer.plane[longer]])} (at {AXES[other]} = {beside:.1f} {unit})"
 
 
 def part_bound(group: xr.Dataset, component: str, part: str, own: IndexArray) -> Array | None:
@@ -153,7 +149,7 @@ def _values(
 ) -> None:
     velocity = layer.values("velocity", component)[own]
     bound = part_bound(layer.group, component, part, own)
-    factor, unit = style.prefixed(velocity, "m/s")
+    factor, unit = style.prefixed(velocity, style.SPEED)
     many = len(own) > 150
     axes.axhline(0.0, color=style.COLOURS[-1], linewidth=0.7)
     if component in layer.truth:

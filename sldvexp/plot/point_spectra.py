@@ -9,10 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sldvexp.dataset.run_data import RunData, Source, one_of, require, shown
+from sldvexp.dataset import FREQUENCY, RunData, Source
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
-from sldvexp.plot.layer import AXES, fields
+from sldvexp.plot.layer import AXES, PLACE
+from sldvexp.plot.selection import one_of, require
 
 NO_POINT = "the run has no velocity of a point (group point); see experiment=point"
 NO_SPECTRUM = "the run has no velocity field at several frequencies; see experiment=plate_frf"
@@ -30,14 +31,14 @@ def unavailable_because(run: RunData) -> str:
 
 def spectrum_unavailable_because(run: RunData) -> str:
     """Why no spectrum of a field can be shown; empty if one can."""
-    found = any(g.sizes.get("frequency", 1) > 1 for g in fields(run).values())
+    found = any(g.sizes.get("frequency", 1) > 1 for g in run.fields().values())
     return "" if found else NO_SPECTRUM
 
 
 def _points(run: RunData) -> dict[str, xr.Dataset]:
     """Velocities of points by method: ``point``, and those it is compared with."""
     own = {"point": run.groups["point"]} if run.has("point", "velocity", "component") else {}
-    others = run.below_with("compare", "velocity", "velocity_std")
+    others = run.below("compare", "velocity", "velocity_std")
     return own | {k: g for k, g in others.items() if "node" not in g.dims}
 
 
@@ -52,21 +53,15 @@ def point(source: Source | RunData, number: int = 0) -> Figure:
 
     Parameters
     ----------
-    source : DataTree or others
-        See `sldvexp.dataset.run_data.shown`.
     number : int
         Which point, from 0, if the run has several.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------
     UserError
         If the run has no velocity of points, or not so many.
     """
-    run = shown(source)
+    run = RunData.from_source(source)
     require("point", unavailable_because(run))
     found = _points(run)
     title = "Velocity of the point"
@@ -87,33 +82,27 @@ def spectrum(source: Source | RunData, node: int | None = None, name: str | None
 
     Parameters
     ----------
-    source : DataTree or others
-        See `sldvexp.dataset.run_data.shown`.
     node : int, optional
         Without it that of the largest velocity.
     name : str, optional
         ``field``, or one of those it is compared with.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------
     UserError
         If the run has no field at several frequencies, or not this node.
     """
-    run = shown(source)
+    run = RunData.from_source(source)
     require("spectrum", spectrum_unavailable_because(run))
-    known = {k: g for k, g in fields(run).items() if g.sizes.get("frequency", 1) > 1}
+    known = {k: g for k, g in run.fields().items() if g.sizes.get("frequency", 1) > 1}
     group = known[one_of(name, known, "spectrum", "field")]
     if node is None:
         largest = abs(group["velocity"]).max(["component", "frequency"])
         node = int(np.nanargmax(largest.values))
     one_of(str(node), map(str, range(group.sizes["node"])), "spectrum", "node")
-    place = 1000 * group["position"].values[node]
+    place = PLACE.factor * group["position"].values[node]
     where = ", ".join(f"{a} {p:.1f}" for a, p in zip(AXES, place, strict=True))
-    return _spectrum(group.isel(node=node), f"Velocity of node {node} ({where} mm)")
+    return _spectrum(group.isel(node=node), f"Velocity of node {node} ({where} {PLACE.shown_unit})")
 
 
 def bound_of(group: xr.Dataset) -> tuple[xr.DataArray | None, str]:
@@ -130,7 +119,7 @@ def _spectrum(group: xr.Dataset, title: str) -> Figure:
     bound, meaning = bound_of(group)
     made = style.figure(11.0, 0.9 + 1.9 * len(names), title)
     axes = made.subplots(len(names), 2, squeeze=False, sharex=True, sharey="col")
-    factor, unit = style.prefixed(group["velocity"].values, "m/s")
+    factor, unit = style.prefixed(group["velocity"].values, style.SPEED)
     for (left, right), name in zip(axes, names, strict=True):
         velocity = group["velocity"].sel(component=name).values
         size, known = factor * np.abs(velocity), np.ones(len(hertz), bool)
@@ -147,7 +136,7 @@ def _spectrum(group: xr.Dataset, title: str) -> Figure:
         look = {"fmt": "o", "color": "#000000", "markersize": 1.8, "capsize": 0, "linewidth": 0.6}
         right.errorbar(hertz[known], np.angle(velocity[known]), error, **look)
         left.set_ylabel(f"{name}, size, {unit}")
-        right.set_ylabel(f"{name}, phase, rad")
+        right.set_ylabel(f"{name}, {style.PHASE}")
     sizes = factor * np.abs(group["velocity"].values)
     axes[0, 0].set_yscale("log")
     axes[0, 0].set_ylim(0.5 * np.nanmin(sizes[sizes > 0]), 3.0 * np.nanmax(sizes))
@@ -155,7 +144,7 @@ def _spectrum(group: xr.Dataset, title: str) -> Figure:
     axes[0, 1].set_yticks([-np.pi, 0.0, np.pi], ["−π", "0", "π"])
     axes[0, 1].set_title("phase where the size is above its bound")
     for axis in axes[-1]:
-        axis.set_xlabel("frequency, Hz")
+        axis.set_xlabel(FREQUENCY.titled())
         axis.margins(x=0.01)
     style.legend_below(made, axes[0, 0])
     return made
@@ -173,7 +162,7 @@ def _methods(found: dict[str, xr.Dataset], title: str) -> Figure:
         here = {n: g.isel(frequency=k) if "frequency" in g.dims else g for n, g in found.items()}
         for axis, (part, take) in zip(row, PARTS.items(), strict=True):
             _values(axis, here, components, part, take)
-            axis.set_title("" if at is None else f"{at:g} Hz")
+            axis.set_title("" if at is None else f"{at:g} {FREQUENCY.units}")
     for axis in axes[-1]:
         axis.set_xticks(np.arange(len(components)), components)
         axis.set_xlabel("component")
@@ -187,7 +176,7 @@ def _values(
     axes: Axes, found: dict[str, xr.Dataset], components: list[str], part: str, take: Any
 ) -> None:
     values = np.concatenate([g["velocity"].values.ravel() for g in found.values()])
-    factor, unit = style.prefixed(values, "m/s")
+    factor, unit = style.prefixed(values, style.SPEED)
     axes.axhline(0.0, color=style.COLOURS[-1], linewidth=0.7)
     shift = np.linspace(-0.3, 0.3, len(found)) if len(found) > 1 else np.zeros(1)
     for (name, group), look, aside in zip(

@@ -3,21 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+from numpy.typing import NDArray
 
-from sldvexp.dataset.run_data import RunData, Source, require, shown
+from sldvexp.dataset import RunData, Source
 from sldvexp.errors import UserError
-from sldvexp.plot import sheet, style
-from sldvexp.plot.layer import AXES, fields, layer_of
-from sldvexp.plot.points_shape import NO_SHAPE, points_surface, points_unavailable_because
-from sldvexp.typing import Array, ComplexArray
+from sldvexp.lazy import xarray as xr
+from sldvexp.plot import style
+from sldvexp.plot.layer import AXES, PLACE, layer_of
+from sldvexp.plot.selection import at_frequency, require
+from sldvexp.typing import Array, ComplexArray, IntArray
+
+NO_SHAPE = (
+    "the run has no velocity field (group field), as in experiment=plate, and no velocities of "
+    "points whose positions are known, as in experiment=tutorial_points"
+)
+#: Largest deflection, as a share of the shape's diagonal.
+DRAWN_SHARE = 0.12
+#: The shortest side of the drawn box, as a share of the longest.
+THINNEST = 0.3
 
 
 def unavailable_because(run: RunData) -> str:
     """Why no surface can be shown; empty if one can."""
-    return "" if fields(run) or not points_unavailable_because(run) else NO_SHAPE
+    return "" if run.fields() or not points_unavailable_because(run) else NO_SHAPE
 
 
 @style.styled
@@ -35,8 +48,6 @@ def surface(
 
     Parameters
     ----------
-    source : DataTree or others
-        See `sldvexp.dataset.run_data.shown`.
     frequency : float, Hz, optional
         Without it the one of the largest velocity.
     depth : float, m, optional
@@ -46,18 +57,14 @@ def surface(
     component : str, optional
         Without it the one that is largest.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
     UserError
         If the run has no field and no points, or not this component, depth or field.
     """
-    run = shown(source)
+    run = RunData.from_source(source)
     require("surface", unavailable_because(run))
-    if not fields(run):
+    if not run.fields():
         _only(component, run.groups["point"]["component"].values)
         if depth is not None or name is not None:
             raise UserError("plot: surface: points have no depth and no name, only a field has")
@@ -69,11 +76,11 @@ def surface(
         size = np.nansum(np.abs(layer.group["velocity"].values) ** 2, axis=0)
         component = known[int(size.argmax())]
     velocity = layer.values("velocity", component)
-    moment, values = at_largest(velocity)
-    factor, unit = style.prefixed(values, "m/s")
+    moment, values = at_largest(velocity, velocity)
+    factor, unit = style.prefixed(values, style.SPEED)
     mesh, fine = layer.mesh(), np.isfinite(values)
     title = style.joined(f"Velocity along {component} {layer.where}", layer.frequency, moment)
-    made, axes, scale = sheet.scene(title)
+    made, axes, scale = style.scene(title)
     limit = float(np.nanmax(np.abs(factor * values))) or 1.0
     mapped = axes.plot_trisurf(
         mesh.x,
@@ -89,7 +96,7 @@ def surface(
     )
     mapped.set_rasterized(True)
     first, second = (AXES[i] for i in layer.plane)
-    axes.set(xlabel=f"{first}, mm", ylabel=f"{second}, mm", zlabel=f"velocity, {unit}")
+    axes.set(xlabel=PLACE.titled(first), ylabel=PLACE.titled(second), zlabel=f"velocity, {unit}")
     wide, deep = np.ptp(mesh.x), np.ptp(mesh.y)
     axes.set_box_aspect((wide, deep, 0.5 * max(wide, deep)), zoom=1.0)
     bottom, top = axes.get_zlim()
@@ -105,8 +112,118 @@ def _only(component: str | None, known: Iterable[str]) -> None:
         )
 
 
-def at_largest(velocity: ComplexArray) -> tuple[str, Array]:
-    """Velocities at the moment of the largest one, which is then as positive as it gets."""
-    largest = velocity[int(np.nanargmax(np.abs(velocity)))]
-    phase = float(np.angle(largest))
+def at_largest(velocity: ComplexArray, of: ComplexArray) -> tuple[str, Array]:
+    """Take velocities at the moment when the largest one of some is as positive as it gets."""
+    phase = float(np.angle(of[int(np.nanargmax(np.abs(of)))]))
     return f"ωt = {-phase:+.2f} rad", (velocity * np.exp(-1j * phase)).real
+
+
+def points_unavailable_because(run: RunData) -> bool:
+    """Whether no points in space can be shown."""
+    there = run.has("point", "velocity") and run.has("line_of_sight", "position")
+    return not there or run.groups["point"].sizes.get("point", 1) < 2
+
+
+def joined_points(line_of_sight: xr.Dataset) -> tuple[Array, IntArray, IntArray]:
+    """Where the points of several lines of sight are, and what joins them.
+
+    Returns
+    -------
+    position : ndarray, shape (point, 3), m
+    triangles : ndarray of int, shape (triangle, 3)
+        By points; empty if the file that they come from has none.
+    lines : ndarray of int, shape (line, 2)
+    """
+    none = xr.DataArray(np.empty((0, 0), np.int64))
+    corners, ends = (line_of_sight.get(name, none).values for name in ("triangle", "line"))
+    position = line_of_sight["position"].transpose("point", "axis").values
+    return position, corners.reshape(-1, 3).astype(np.int64), ends.reshape(-1, 2).astype(np.int64)
+
+
+def normals(position: Array, triangles: IntArray) -> Array:
+    """Unit normals of a surface at its points, shape (point, 3).
+
+    The mean of the triangles around a point by their areas; where there is none, the normal of the
+    plane that is nearest to all points.
+    """
+    _, _, axes = np.linalg.svd(position - position.mean(axis=0))
+    plane = axes[-1] * (1.0 if axes[-1][np.abs(axes[-1]).argmax()] > 0 else -1.0)
+    first, second, third = position[triangles].transpose(1, 0, 2)
+    doubled = np.cross(second - first, third - first)
+    total = np.zeros_like(position)
+    for corner in triangles.T:
+        np.add.at(total, corner, doubled)
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    known = length > 1e-9 * max(np.ptp(position, axis=0).max() ** 2, 1e-300)
+    return np.where(known, total / np.where(known, length, 1.0), plane)
+
+
+def points_surface(run: RunData, frequency: float | None, component: str | None) -> Figure:
+    """Points where they are at the moment of the largest velocity, see `surface`.
+
+    Parameters
+    ----------
+    run : RunData
+    frequency : float, Hz, optional
+    component : str, optional
+        That the colours tell; without it the largest one.
+    """
+    group, hertz = at_frequency(run.groups["point"], "surface", frequency)
+    position, triangles, lines = joined_points(run.groups["line_of_sight"])
+    known = [str(c) for c in group["component"].values]
+    velocity = group["velocity"].transpose("point", "component").values
+    index = known.index(component) if component is not None else _largest(velocity)
+    moment, now = at_largest(velocity, velocity[:, index])
+    size = np.linalg.norm(np.nan_to_num(now), axis=1).max()
+    diagonal = np.linalg.norm(np.ptp(position, axis=0))
+    place = PLACE.factor * (position + DRAWN_SHARE * diagonal / (size or 1.0) * np.nan_to_num(now))
+    factor, unit = style.prefixed(now[:, index], style.SPEED)
+    title = style.joined(f"Velocity of {len(place)} points", hertz, moment)
+    made, axes, scale = style.scene(title)
+    dots = _draw(axes, PLACE.factor * position, place, triangles, lines, factor * now[:, index])
+    scale(dots, f"velocity along {known[index]}, {unit}")
+    return made
+
+
+def _largest(velocity: NDArray) -> int:
+    return int(np.nansum(np.abs(velocity) ** 2, axis=0).argmax())
+
+
+def _draw(
+    axes: Any, rest: Array, place: Array, triangles: IntArray, lines: IntArray, values: Array
+) -> Any:
+    """Surface, lines and points, coloured by their values; grey lines where they rest."""
+    limit = float(np.nanmax(np.abs(values))) or 1.0
+    look = {"cmap": style.SIGN_MAP, "clim": (-limit, limit)}
+    ends = lines if len(lines) else _sides(triangles)
+    if len(triangles):
+        faces = Poly3DCollection(place[triangles], edgecolor="#00000040", linewidth=0.2, **look)
+        faces.set_array(values[triangles].mean(axis=1))
+        faces.set_rasterized(True)
+        axes.add_collection3d(faces)
+    if len(ends):
+        axes.add_collection3d(Line3DCollection(rest[ends], colors="#999999", linewidths=0.7))
+        axes.add_collection3d(Line3DCollection(place[ends], colors="#000000", linewidths=0.6))
+    found = np.isfinite(values)
+    dots = axes.scatter(
+        *place[found].T, c=values[found], s=14, edgecolors="#000000", linewidths=0.3, **look
+    )
+    if not found.all():
+        axes.scatter(*place[~found].T, marker="x", color="#000000", s=16, label="not determined")
+        axes.legend()
+    both = np.concatenate([rest, place])
+    middle, span = (both.min(axis=0) + both.max(axis=0)) / 2, np.ptp(both, axis=0)
+    span = np.maximum(span, THINNEST * span.max())
+    for name, centre, width in zip(AXES, middle, span, strict=True):
+        axes.set(**{f"{name}lim": (centre - width / 2, centre + width / 2)})
+        axes.set(**{f"{name}label": PLACE.titled(name)})
+        axis = getattr(axes, f"{name}axis")
+        axis.set_major_locator(style.ticks(round(3 + 3 * width / span.max())))
+    axes.set_box_aspect(span, zoom=0.85)
+    return dots
+
+
+def _sides(triangles: IntArray) -> IntArray:
+    """The sides of triangles, each once."""
+    every = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    return np.unique(np.sort(every, axis=1), axis=0)

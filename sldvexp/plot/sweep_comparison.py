@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.run_data import RunData, Source, require, shown
+from sldvexp.dataset import RunData, Source
 from sldvexp.errors import UserError, nearest
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
+from sldvexp.plot.selection import require
 
 NO_SWEEP = "this is no sweep (a dataset sweep.nc with state and headline results of its runs)"
 NO_RESULT = "no run of the sweep has a result that can be compared"
@@ -64,7 +65,7 @@ def sweep(source: Source | RunData, quantity: str | None = None) -> Figure:
     UserError
         If it is no sweep, or has no such result.
     """
-    run = shown(source)
+    run = RunData.from_source(source)
     require("sweep", unavailable_because(run))
     table = run.groups[""]
     results = _results(table)

@@ -9,9 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sldvexp.dataset.run_data import RunData, Source, at_frequency, one_of, require, shown
+from sldvexp.dataset import VARIABLES, RunData, Source
 from sldvexp.lazy import xarray as xr
-from sldvexp.plot import sheet, style
+from sldvexp.plot import style
+from sldvexp.plot.selection import at_frequency, one_of, require
 from sldvexp.typing import BoolArray, ComplexArray
 
 NO_IMAGE = (
@@ -29,12 +30,12 @@ PARTS = ("real part", "imaginary part", "magnitude", "phase")
 
 def unavailable_because(run: RunData) -> str:
     """Why no image can be shown; empty if one can."""
-    return "" if run.below_with("image", "velocity", "dac") else NO_IMAGE
+    return "" if run.below("image", "velocity", "dac") else NO_IMAGE
 
 
 def raw_unavailable_because(run: RunData) -> str:
     """Why no image before the correction can be shown; empty if one can."""
-    return unavailable_because(run) or ("" if run.below_with("image", "uncorrected") else NO_RAW)
+    return unavailable_because(run) or ("" if run.below("image", "uncorrected") else NO_RAW)
 
 
 @style.styled
@@ -48,25 +49,19 @@ def images(
 
     Parameters
     ----------
-    source : DataTree or others
-        See `sldvexp.dataset.run_data.shown`.
     view : str, optional
         Only this one.
     frequency : float, Hz, optional
         Without it the one of the largest velocity in the first of them.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------
     UserError
         If the run has no image, or none of that view and frequency.
     """
-    run = shown(source)
+    run = RunData.from_source(source)
     require("images", unavailable_because(run))
-    views = run.below_with("image", "velocity", "dac")
+    views = run.below("image", "velocity", "dac")
     if view is not None:
         view = one_of(view, views, "images", "view")
         views = {view: views[view]}
@@ -87,25 +82,19 @@ def phase_correction(
 
     Parameters
     ----------
-    source : DataTree or others
-        See `sldvexp.dataset.run_data.shown`.
     view : str, optional
         Without it the first.
     frequency : float, Hz, optional
         Without it the one of the largest velocity.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------
     UserError
         If the run has no image before the correction, or none of that view and frequency.
     """
-    run = shown(source)
+    run = RunData.from_source(source)
     require("phase_correction", raw_unavailable_because(run))
-    views = run.below_with("image", "velocity", "uncorrected", "dac")
+    views = run.below("image", "velocity", "uncorrected", "dac")
     view = one_of(view, views, "phase_correction", "view")
     group, hertz = at_frequency(views[view], "phase_correction", frequency)
     values = {"raw": group["uncorrected"].values, "corrected": group["velocity"].values}
@@ -123,22 +112,23 @@ def _rows(groups: dict[str, xr.Dataset], velocities: dict[str, ComplexArray], ti
     title = f"{title} ({'; '.join(told)})" if told else title
     shared: dict[str, Any] = {"sharex": "row", "sharey": "row"}
     size = (len(groups), len(PARTS), 12.0, 0.8 * tall)
-    made, axes = sheet.sheet(*size, title, below=sheet.SCALE_BELOW, **shared)
+    made, axes = style.sheet(*size, title, below=style.SCALE_BELOW, **shared)
     largest = max(np.abs(v[_good(groups[k])]).max(initial=0.0) for k, v in velocities.items())
-    factor, unit = style.prefixed(largest, "m/s")
+    factor, unit = style.prefixed(largest, style.SPEED)
+    across, up = style.mirror_labels(VARIABLES["image"]["dac"])
     for column, part in zip(axes.T, PARTS, strict=True):
         for axis, (name, group) in zip(column, groups.items(), strict=True):
             mapped = _part(axis, group, velocities[name], part, factor, factor * largest or 1.0)
             axis.set_title(f"{name}: {part}")
             axis.xaxis.set_major_locator(style.ticks(4))
             axis.yaxis.set_major_locator(style.ticks(4))
-        column[-1].set_xlabel("left-right, DAC steps")
+        column[-1].set_xlabel(across)
         is_phase = part == "phase"
-        scale = sheet.scale_below(column, mapped, "phase, rad" if is_phase else unit)
+        scale = style.scale_below(column, mapped, style.PHASE if is_phase else unit)
         if is_phase:
-            sheet.in_turns(scale)
+            style.in_turns(scale)
     for axis in axes[:, 0]:
-        axis.set_ylabel("up-down, DAC steps")
+        axis.set_ylabel(up)
     return made
 
 
@@ -191,7 +181,7 @@ def _pixels(
         across, up = left_right.reshape(shape), up_down.reshape(shape)
         if _even(across) and _even(up.T):
             extent = *_ends(across[0]), *_ends(up[:, 0])
-            return axes.imshow(grid, extent=extent, aspect="auto", **sheet.AS_IT_IS, **look)
+            return axes.imshow(grid, extent=extent, aspect="auto", **style.AS_IT_IS, **look)
         return axes.pcolormesh(across, up, grid, shading="nearest", rasterized=True, **look)
     axes.margins(0.05)
     axes.patch.set(hatch=None, facecolor="#eeeeee")

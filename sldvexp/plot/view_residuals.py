@@ -6,15 +6,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sldvexp.dataset.run_data import RunData, Source, require, shown
+from sldvexp.dataset import FREQUENCY, VARIABLES, RunData, Source
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
-from sldvexp.plot.layer import fields
+from sldvexp.plot.selection import require
 
 NO_RESIDUALS = (
     "the run has no residuals of a field by view (group field, variable residual_std_by_view); "
     "choose a volume and a reconstruction, as in experiment=plate"
 )
+
+NAME = "residual_std_by_view"
+RESIDUAL = VARIABLES["field"][NAME]
 
 #: More frequencies than this are drawn as curves.
 FEW = 4
@@ -31,21 +34,12 @@ def residuals(source: Source | RunData) -> Figure:
 
     Bars by view, hatched by field, for a few frequencies; curves over the frequency for many.
 
-    Parameters
-    ----------
-    source : DataTree or others
-        See `sldvexp.dataset.run_data.shown`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
     UserError
         If the run has no field with residuals by view.
     """
-    run = shown(source)
+    run = RunData.from_source(source)
     require("residuals", unavailable_because(run))
     found = _of(run)
     first = next(iter(found.values()))
@@ -63,23 +57,22 @@ def residuals(source: Source | RunData) -> Figure:
         for k, axis in enumerate(axes):
             _bars(axis, {n: v.isel(frequency=k, missing_dims="ignore") for n, v in found.items()})
             if "frequency" in first.coords:
-                axis.set_title(f"{float(first['frequency'][k]):g} Hz")
-    axes[-1].set_xlabel("frequency, Hz" if many else "view")
+                axis.set_title(f"{float(first['frequency'][k]):g} {FREQUENCY.units}")
+    axes[-1].set_xlabel(FREQUENCY.titled() if many else "view")
     if many or len(found) > 1:
         style.legend_below(made, axes[0], title="view" if many else "field")
     return made
 
 
 def _of(run: RunData) -> dict[str, xr.DataArray]:
-    name = "residual_std_by_view"
-    return {k: g[name] for k, g in fields(run).items() if name in g}
+    return {k: g[NAME] for k, g in run.fields().items() if NAME in g}
 
 
 def _bars(axes: Axes, found: dict[str, xr.DataArray]) -> None:
     """A bar for each view and field; a field that leaves a view out has none there."""
     names = list(dict.fromkeys(str(v) for f in found.values() for v in f["view"].values))
     width = 0.8 / len(found)
-    factor, unit = style.prefixed(np.concatenate([f.values for f in found.values()]), "m/s")
+    factor, unit = style.prefixed(np.concatenate([f.values for f in found.values()]), style.SPEED)
     for k, (name, array) in enumerate(found.items()):
         place = [
             names.index(str(v)) + (k - (len(found) - 1) / 2) * width for v in array["view"].values
@@ -96,14 +89,14 @@ def _bars(axes: Axes, found: dict[str, xr.DataArray]) -> None:
         )
     axes.set_xticks(np.arange(len(names)), names)
     axes.grid(False, axis="x")
-    axes.set_ylabel(f"r.m.s. residual, {unit}")
+    axes.set_ylabel(f"{RESIDUAL.label}, {unit}")
 
 
 def _curves(axes: Axes, array: xr.DataArray) -> None:
     """A curve for each view over the frequency."""
-    factor, unit = style.prefixed(array.values, "m/s")
+    factor, unit = style.prefixed(array.values, style.SPEED)
     hertz = array["frequency"].values
     for name, look in zip(array["view"].values, style.looks(array.sizes["view"]), strict=True):
         values = factor * array.sel(view=name).values
         axes.plot(hertz, values, label=str(name), markevery=max(1, len(hertz) // 12), **look)
-    axes.set_ylabel(f"r.m.s. residual, {unit}")
+    axes.set_ylabel(f"{RESIDUAL.label}, {unit}")

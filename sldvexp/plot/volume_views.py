@@ -8,9 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
-from sldvexp.dataset.run_data import RunData, Source, require, shown
+from sldvexp.dataset import VARIABLES, RunData, Source
 from sldvexp.lazy import xarray as xr
-from sldvexp.plot import sheet, style
+from sldvexp.plot import style
+from sldvexp.plot.selection import require
 from sldvexp.typing import Array, IndexArray
 
 NO_VOLUME = (
@@ -41,21 +42,12 @@ def unavailable_because(run: RunData) -> str:
 def volume(source: Source | RunData) -> Figure:
     """The volume among the instrument's places, and its nodes in every view's image.
 
-    Parameters
-    ----------
-    source : DataTree or others
-        See `sldvexp.dataset.run_data.shown`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
     UserError
         If the run has no volume or no pose.
     """
-    run = shown(source)
+    run = RunData.from_source(source)
     require("volume", unavailable_because(run))
     pose, group = run.groups["pose"], run.groups["volume"]
     names = [str(v) for v in pose["view"].values]
@@ -63,15 +55,15 @@ def volume(source: Source | RunData) -> Figure:
     rows = -(-len(names) // columns)
     middle, rim = _surface(group), outline(group)
     room: dict[str, Any] = {
-        "beside": sheet.NUMBERS,
-        "below": sheet.LEGEND_BELOW,
+        "beside": style.NUMBERS,
+        "below": style.LEGEND_BELOW,
         "before": SCENE,
         "right": 0.15,
     }
     ratio = 0.95 if rows > 1 else min(2.6 / (WIDTH - SCENE) * columns, 1.6)
-    made, axes = sheet.sheet(rows, columns, WIDTH, ratio, _title(group), **room)
-    share, low, high = SCENE / WIDTH, sheet.BOTTOM + sheet.LEGEND_BELOW, made.get_figheight()
-    box = (0.0, low / high, share, 1.0 - (low + 0.5 * sheet.TOP) / high)
+    made, axes = style.sheet(rows, columns, WIDTH, ratio, _title(group), **room)
+    share, low, high = SCENE / WIDTH, style.BOTTOM + style.LEGEND_BELOW, made.get_figheight()
+    box = (0.0, low / high, share, 1.0 - (low + 0.5 * style.TOP) / high)
     scene: Any = made.add_axes(box, projection="3d")
     _scene(scene, run, names)
     spot = 1.0 if len(middle) > FEW else 2.0
@@ -92,7 +84,7 @@ def volume(source: Source | RunData) -> Figure:
         axis.set_aspect("equal", adjustable="datalim")
     for axis in axes.ravel()[len(names) :]:
         axis.remove()
-    style.outer_labels(axes, len(names), "left-right, deg", "up-down, deg")
+    style.outer_labels(axes, len(names), *style.mirror_labels(VARIABLES["image"]["angle"]))
     style.legend_below(
         made,
         axes[0, 0],
@@ -111,8 +103,13 @@ def _surface(group: xr.Dataset) -> IndexArray:
 
 
 def _title(group: xr.Dataset) -> str:
-    depth = 1000 * group["depth"].values if "depth" in group else np.zeros(1)
-    layers = f"{len(depth)} layers from {depth.min():g} to {depth.max():g} mm".replace("-", "−")
+    length = VARIABLES["volume"]["depth"]
+    depth = length.factor * group["depth"].values if "depth" in group else np.zeros(1)
+    layers = (
+        f"{len(depth)} layers from {depth.min():g} to {depth.max():g} {length.shown_unit}".replace(
+            "-", "−"
+        )
+    )
     return f"Volume of {group.sizes['node']} nodes, {group.sizes['element']} prisms, {layers}"
 
 
@@ -150,7 +147,7 @@ def _scene(axes: Axes3D, run: RunData, names: list[str]) -> None:
     axes.tick_params(labelsize=7, pad=0)
     for axis, name, own in zip((axes.xaxis, axes.yaxis, axes.zaxis), "xyz", length, strict=True):
         axis.set_major_locator(style.ticks(2 if own < 0.6 * length.max() else 4))
-        axis.set_label_text(f"{name}, m")
+        axis.set_label_text(f"{name}, {VARIABLES['pose']['origin'].units}")
     # the height of most worlds is y; looked at from beside the instruments
     axes.view_init(elev=20, azim=-60, vertical_axis="y")
     style.legend_below(axes.figure, axes, columns=2, loc="lower left")

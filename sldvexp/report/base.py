@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from sldvexp.config.registry import register
+from sldvexp.dataset import RunData
 from sldvexp.errors import UserError
-from sldvexp.lazy import xarray as xr
 
 log = logging.getLogger(__name__)
 
@@ -112,16 +112,11 @@ class NoReport(Report):
         """Nothing, see `Report.of_sweep`."""
 
 
-def notes(tree: Mapping[str, xr.Dataset]) -> list[str]:
-    """Every note once; one that is not of all results of a run names those that it is of.
-
-    Parameters
-    ----------
-    tree : mapping of str to xarray.Dataset
-    """
-    results = [n for n in tree if n in ("point", "field") or n.startswith("compare/")]
+def notes(run: RunData) -> list[str]:
+    """List every note once; one that is not of all results names those that it is of."""
+    results = [n for n in run.groups if n in ("point", "field") or n.startswith("compare/")]
     found: dict[str, list[str]] = {}
-    for name, group in tree.items():
+    for name, group in run.groups.items():
         for note in filter(None, str(group.attrs.get("notes", "")).splitlines()):
             found.setdefault(note, []).append(name)
     told = []

@@ -18,11 +18,11 @@ from rich.markup import escape
 from rich.table import Column, Table
 from rich.text import Text
 
+from sldvexp.dataset import RunData, Source
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.base import notes
-from sldvexp.report.field_tables import field_tables, image_text
 from sldvexp.report.numbers import number, with_bound
-from sldvexp.report.pose_tables import pose_methods
+from sldvexp.report.tables import POSE, VELOCITY, field_tables, image_text, pose_methods
 
 #: Velocities shown on the terminal of those of many points and frequencies; the file has all.
 MOST_VELOCITIES = 4
@@ -33,14 +33,9 @@ RUN = "run.nc"
 ALONG_AXIS = 1 - 1e-9
 
 
-def closing_table(tree: Mapping[str, xr.Dataset], files: Sequence[Path]) -> None:
-    """Print what was estimated, what was published, what passed, what to mind, where the files lie.
-
-    Parameters
-    ----------
-    tree : mapping of str to xarray.Dataset
-    files : sequence of Path
-    """
+def closing_table(source: Source | RunData, files: Sequence[Path]) -> None:
+    """Print what was estimated, published and met, what to mind, and where the files lie."""
+    run = RunData.from_source(source)
     console = Console()
     if not console.is_terminal:
         console = Console(width=max(console.width, NARROWEST))
@@ -48,31 +43,29 @@ def closing_table(tree: Mapping[str, xr.Dataset], files: Sequence[Path]) -> None
     for column in ("value ± bound", "unit"):
         table.add_column(column, no_wrap=True)
     table.add_column("note")
-    for row in estimates(tree):
+    for row in estimates(run):
         table.add_row(*map(escape, row))
     width = console.width
     if table.row_count:
         console.print(fitted(table, width, ("estimated", "value ± bound"), RUN))
-    if images := image_text(tree):
+    if images := image_text(run):
         console.print(escape(images), highlight=False)
-    for group in tree.values():
+    for group in run.groups.values():
         if "s_mean" in group:
             console.print(fitted(pose_methods(group), width, (), RUN))
-    for fields in field_tables(tree):
+    for fields in field_tables(run):
         console.print(fitted(fields, width, (), RUN))
-    if "check" in tree:
-        console.print(fitted(published(tree["check"]), width, ("quantity", "met"), RUN))
-    for note in notes(tree):
+    if "check" in run.groups:
+        console.print(fitted(published(run.groups["check"]), width, ("quantity", "met"), RUN))
+    for note in notes(run):
         console.print(f"[yellow]note:[/] {escape(note)}", highlight=False)
     for file in files:
         console.print(str(file), soft_wrap=True, highlight=False)
 
 
-def estimates(
-    tree: Mapping[str, xr.Dataset], most: int = MOST_VELOCITIES
-) -> Iterator[tuple[str, str, str, str]]:
+def estimates(run: RunData, most: int = MOST_VELOCITIES) -> Iterator[tuple[str, str, str, str]]:
     """Rows of all groups that hold estimates, at most so many velocities of each."""
-    for name, group in tree.items():
+    for name, group in run.groups.items():
         if name == "pose":
             shared = list(json.loads(group.attrs.get("shared", "{}")))
             own = [n for n in group["adjusted"].values if n not in shared] if shared else None
@@ -88,27 +81,26 @@ def estimates(
 
 def _pose_rows(view: str, pose: xr.Dataset) -> Iterator[tuple[str, str, str, str]]:
     """Euler angles, origin, intrinsics and residual of one view."""
-    columns = (
-        ("euler", "angle_index", "rad"),
-        ("origin", "axis", "m"),
-        ("intrinsic", "adjusted", None),
-    )
-    for variable, dim, unit in columns:
+    columns = (("euler", "angle_index"), ("origin", "axis"), ("intrinsic", "adjusted"))
+    for variable, dim in columns:
         if variable not in pose:
             continue
         for label in pose[dim].values:
             value = float(pose[variable].sel({dim: label}))
             bounds = pose.get(f"{variable}_confidence")
             bound = float(bounds.sel({dim: label})) if bounds is not None else np.nan
-            yield f"pose {view}: {label}", with_bound(value, bound), unit or _unit(label), ""
+            unit = _unit(label) if variable == "intrinsic" else POSE[variable].units
+            yield f"pose {view}: {label}", with_bound(value, bound), unit, ""
     if "s" in pose:
         note = f"SSE {number(float(pose['sse']))} deg²" if "sse" in pose else ""
-        yield f"pose {view}: s", number(float(pose["s"])), "DAC steps", note
+        yield f"pose {view}: s", number(float(pose["s"])), POSE["s"].shown_unit, note
 
 
 def _unit(intrinsic: str) -> str:
     """A gain is relative to the calibration."""
-    return {"mirror": "m", "zero": "rad"}.get(str(intrinsic).partition("_")[0], "")
+    return {"mirror": POSE["origin"].units, "zero": POSE["euler"].units}.get(
+        str(intrinsic).partition("_")[0], ""
+    )
 
 
 def _point_rows(name: str, point: xr.Dataset, most: int) -> Iterator[tuple[str, str, str, str]]:
@@ -134,10 +126,10 @@ def _point_rows(name: str, point: xr.Dataset, most: int) -> Iterator[tuple[str, 
                 complex(value.sel(component=component)), float(bound.sel(component=component))
             )
             at = {d: value[d].item() for d in cases} | {"component": component}
-            yield f"{label}: V_{component}", text, "m/s", _merit(point, at)
+            yield f"{label}: V_{component}", text, VELOCITY.units, _merit(point, at)
         of_point, of_frequency = divmod(i, stacked.sizes["case"] // points)
         for along, text in _observed(point, of_point, of_frequency):
-            yield f"{label}: V along {along}", text, "m/s", "determined by these views"
+            yield f"{label}: V along {along}", text, VELOCITY.units, "determined by these views"
     if stacked.sizes["case"] > shown:
         rest = (stacked.sizes["case"] - shown) * point.sizes["component"]
         yield f"{name}: {rest} more", f"in run.nc, group {name}", "", ""

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from sldvexp import dataset
-from sldvexp.check.base import Examined
+from sldvexp.check import Examination
 from sldvexp.check.field_pattern import FieldPattern
 from sldvexp.check.left_out import LeftOut
 from sldvexp.check.love import Love
@@ -37,7 +37,7 @@ NODES = 20
 
 
 def examined(tree, experiment=None):
-    return Examined(tree, np.random.default_rng(0), experiment)
+    return Examination(tree, rng=np.random.default_rng(0), experiment=experiment)
 
 
 def field_of(velocity, confidence, components="xyz", **attributes):

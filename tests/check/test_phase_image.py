@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sldvexp import dataset
-from sldvexp.check.base import Examined
+from sldvexp.check import Examination
 from sldvexp.check.phase_image import PhaseImage
 from sldvexp.errors import UserError
 
@@ -27,7 +27,7 @@ def image(phase, uncorrected, frequency=(450.0,), flags=0):
 
 
 def examine(tree):
-    return PhaseImage().examine(Examined(tree, np.random.default_rng(0)))
+    return PhaseImage().examine(Examination(tree, rng=np.random.default_rng(0)))
 
 
 def test_two_phases_half_a_turn_apart_are_one():

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from sldvexp import dataset
-from sldvexp.check.base import Examined
+from sldvexp.check import Examination
 from sldvexp.check.pose_methods import PoseMethods
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.rotation import KnownPose, rotation_from_euler
-from sldvexp.report.pose_tables import pose_methods
+from sldvexp.report.tables import pose_methods
 from sldvexp.report.terminal import closing_table
 
 EULER = np.array([[0.1, 2.9, 0.3], [-1.0, 2.7, 0.2]])
@@ -41,7 +41,7 @@ TREE = {
 
 
 def examined(methods, truth=TRUTH, tree=TREE):
-    run = Examined(tree, np.random.default_rng(0))
+    run = Examination(tree, rng=np.random.default_rng(0))
     return PoseMethods(methods=methods, truth=truth).examine(run)
 
 

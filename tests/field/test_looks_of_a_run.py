@@ -13,8 +13,8 @@ import xarray as xr
 import sldvexp.field.estimate as field_run
 import sldvexp.field.visibility.visibility as field_looks
 from sldvexp import dataset
+from sldvexp.check import Examination
 from sldvexp.check.agreement import agreement
-from sldvexp.check.base import Examined
 from sldvexp.config.experiment import Experiment
 from sldvexp.field.estimate import volume_visibility
 from sldvexp.field.visibility.view import View
@@ -85,9 +85,8 @@ def test_agreement_is_the_same_part_by_part(
     examined: list[Any] = []
     for most in (field_looks.CACHE_SAMPLES, 0):
         monkeypatch.setattr(field_looks, "CACHE_SAMPLES", most)
-        run = Examined(
-            session(views), np.random.default_rng(), Experiment(laser=laser, volume=VOLUME)
-        )
+        experiment = Experiment(laser=laser, volume=VOLUME)
+        run = Examination(session(views), rng=np.random.default_rng(), experiment=experiment)
         examined.append(agreement(run, 4))
     whole, parts = examined
     assert whole.freedom.shape[0] == 4

@@ -7,14 +7,14 @@ import pytest
 from scipy import stats
 
 from sldvexp import dataset
-from sldvexp.check.base import Examined
+from sldvexp.check import Examination
 from sldvexp.check.pose_equivalence import PoseEquivalence
 from sldvexp.check.pose_repeats import PoseRepeats
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.rotation import KnownPose, euler_from_rotation, rotation_from_euler
 from sldvexp.pose.digitizer import Digitizer
 from sldvexp.pose.given import _NAMES, Given, read_poses
-from sldvexp.report.pose_tables import pose_text
+from sldvexp.report.tables import pose_text
 
 EULER, ORIGIN = [-1.149, 2.545, 1.928], [0.871, 0.489, 1.554]
 POSTS = {"low": [0.3, -0.25, -0.05], "med": [-0.3, -0.25, 0.1], "high": [0.0, 0.35, -0.2]}
@@ -219,10 +219,10 @@ def test_errors_of_zero_are_not_tested():
     exact = {"a": KnownPose(EULER, ORIGIN, [0.0] * 3, [0.0] * 3)}
     with pytest.raises(UserError, match="no standard errors that are positive and finite"):
         PoseEquivalence(views=exact).examine(
-            Examined({"pose": Given(views=exact).read().pose}, None)
+            Examination({"pose": Given(views=exact).read().pose}, rng=None)
         )
 
 
 def test_repeats_say_how_to_do_without_them():
     with pytest.raises(UserError, match=r"leave the check out with '~check\.pose_repeats'"):
-        PoseRepeats().examine(Examined({}, None))
+        PoseRepeats().examine(Examination({}, rng=None))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sldvexp import dataset
-from sldvexp.check.base import Examined
+from sldvexp.check import Examination
 from sldvexp.check.pose_repeats import PoseRepeats
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.rotation import rotation_from_euler, vector_from_rotation
@@ -320,7 +320,7 @@ def test_groups_hold_the_joint_covariance(tmp_path, poses):
         np.testing.assert_allclose(block[k, :, k], own)
     assert np.abs(block[0, :, 1]).max() > 0
     np.testing.assert_allclose(block.reshape(12, 12), block.reshape(12, 12).T)
-    examined = Examined(method.estimate(laser, None, {}).groups(), np.random.default_rng(0))
+    examined = Examination(method.estimate(laser, None, {}).groups(), rng=np.random.default_rng(0))
     with pytest.raises(UserError, match=r"pose\.shared solved them together"):
         PoseRepeats().examine(examined)
 

@@ -14,11 +14,11 @@ import xarray as xr
 import yaml
 
 from sldvexp import dataset
-from sldvexp.dataset.run_data import as_read
+from sldvexp.dataset import read_yaml
 from sldvexp.errors import UserError
 from sldvexp.plot import FIGURES
 from sldvexp.report.base import attempt
-from sldvexp.report.html import figures, presets, render, results, run_page, setup
+from sldvexp.report.html import figures, render, results, run_page, setup
 from sldvexp.report.html.blocks import having
 from sldvexp.report.html.page import Html
 from sldvexp.report.html.render import number_like
@@ -236,9 +236,9 @@ def test_garbage_is_looked_for_later_as_it_was_before(pages, monkeypatch, tmp_pa
 
 
 def test_a_configuration_makes_no_objects():
-    assert as_read("{a: [1, 2.5], b: null}") == {"a": [1, 2.5], "b": None}
+    assert read_yaml("{a: [1, 2.5], b: null}") == {"a": [1, 2.5], "b": None}
     with pytest.raises(yaml.YAMLError, match="python"):
-        as_read("!!python/object/apply:os.getcwd []")
+        read_yaml("!!python/object/apply:os.getcwd []")
 
 
 def test_flagged_pixels_do_not_count_in_the_table_of_images(run_file, no_figures):
@@ -308,13 +308,13 @@ def test_blocks_that_are_missing_are_left_out():
 
 def test_a_choice_that_builds_on_a_plugin_is_told_in_its_own_words():
     every = {"rows": "all", "model": "partial"}
-    choice, told = presets.preset("reconstruction", "contravariant", every)
+    choice, told = setup.preset("reconstruction", "contravariant", every)
     assert choice == "samplewise"
     assert "all views" in told
-    assert presets.preset("reconstruction", "contravariant", {"rows": "1,2,3"}) == ("", "")
-    assert presets.preset("reconstruction", "absolute", every) == ("", "")
-    assert presets.preset("reconstruction", "absolute", {"model": "full"})[0] == "absolute_full"
-    assert presets.preset("pose", "edge", {}) == ("", "")
+    assert setup.preset("reconstruction", "contravariant", {"rows": "1,2,3"}) == ("", "")
+    assert setup.preset("reconstruction", "absolute", every) == ("", "")
+    assert setup.preset("reconstruction", "absolute", {"model": "full"})[0] == "absolute_full"
+    assert setup.preset("pose", "edge", {}) == ("", "")
     name, told = setup._method("reconstruction", "contravariant", every)
     assert name == "samplewise (contravariant)"
     assert "Three rows" not in told

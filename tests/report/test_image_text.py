@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from sldvexp import dataset
-from sldvexp.report.field_tables import image_text
+from sldvexp.dataset import RunData
+from sldvexp.report.tables import image_text
 
 
 def image(frequency, **attributes):
@@ -22,7 +23,7 @@ def image(frequency, **attributes):
 def test_a_line_for_each_view():
     tree = {"image/front": image([450.0], shape=[2, 3]), "pose": None}
     tree["image/side"] = image([100.0, 200.5])
-    assert image_text(tree).splitlines() == [
+    assert image_text(RunData(tree)).splitlines() == [
         "Image of the view front (2 x 3): 1 of 6 pixels are flagged (dropped_out 1); "
         "450 Hz: at most 5 mm/s, median std 0.003 mm/s",
         "Image of the view side: 1 of 6 pixels are flagged (dropped_out 1); "
@@ -32,11 +33,11 @@ def test_a_line_for_each_view():
 
 
 def test_nothing_without_images():
-    assert image_text({"pose": None}) == ""
+    assert image_text(RunData({"pose": None})) == ""
 
 
 def test_of_many_frequencies_the_strongest_are_told():
-    told = image_text({"image/front": image([10.0, 20.0, 30.0, 40.0, 50.0, 60.0])})
+    told = image_text(RunData({"image/front": image([10.0, 20.0, 30.0, 40.0, 50.0, 60.0])}))
     assert " 30 Hz: at most 15 mm/s" in told
     assert " 20 Hz:" not in told
     assert told.endswith("; 2 more frequencies")

@@ -7,7 +7,7 @@ import base64
 import numpy as np
 import pytest
 
-from sldvexp.plot.points_shape import normals
+from sldvexp.plot.shape import normals
 from sldvexp.report.html import shape
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 1.0]])

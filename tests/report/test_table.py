@@ -7,9 +7,10 @@ import xarray as xr
 from rich.console import Console
 
 from sldvexp import dataset
+from sldvexp.dataset import RunData
 from sldvexp.report import terminal as closing
 from sldvexp.report.base import notes
-from sldvexp.report.field_tables import field_tables
+from sldvexp.report.tables import field_tables
 from sldvexp.report.terminal import _point_rows, estimates
 
 
@@ -31,9 +32,9 @@ def test_rows_tell_of_their_own_point_and_frequency():
     assert notes["point, point b, frequency 10: V_x"] == "efficiency 0.3, rcond 0.25"
     assert notes["point, point b, frequency 20: V_x"] == "efficiency 0.2, rcond 0.25"
     assert notes["point, point b, frequency 20: V_z"] == "not determined by these views"
-    *_, last = estimates({"point": point}, 3)
+    *_, last = estimates(RunData({"point": point}), 3)
     assert last[:2] == ("point: 3 more", "in run.nc, group point")
-    assert len(list(estimates({"point": point}, 3))) == 3 * 3 + 1
+    assert len(list(estimates(RunData({"point": point}), 3))) == 3 * 3 + 1
 
 
 def test_fields_of_many_frequencies_are_told_of_where_they_are_strongest(small_volume, small_field):
@@ -48,7 +49,7 @@ def test_fields_of_many_frequencies_are_told_of_where_they_are_strongest(small_v
         },
         coords={"component": ["x", "y", "z"], "frequency": list(hertz)},
     )
-    _, components, compared = field_tables({"field": field, "examined/truth": truth})
+    _, components, compared = field_tables(RunData({"field": field, "examined/truth": truth}))
     for table in (components, compared):
         told = {str(c.header): list(c.cells) for c in table.columns}
         assert told["Hz"] == ["10", "30", "50", "60"] * 3
@@ -71,7 +72,7 @@ def test_what_is_determined_along_no_axis_is_told_with_its_direction():
         observed_velocity=np.array([[[3, 4], [5, 6j], [nan, nan]]]),
         observed_confidence=np.array([[[0.1, 0.1], [0.2, 0.3], [nan, nan]]]),
     )
-    rows = {row[0]: row[1:] for row in estimates({"point": point})}
+    rows = {row[0]: row[1:] for row in estimates(RunData({"point": point}))}
     along = {label: row for label, row in rows.items() if "along" in label}
     label = "point, point b, frequency {}: V along (0.00, -0.60, 0.80)"
     about = ("m/s", "determined by these views")
@@ -91,14 +92,14 @@ def test_a_note_names_its_results_unless_it_is_of_all():
         "compare/relative": noted("of all", "coarse by 3"),
         "compare/combined": noted("of all", "coarse by 3"),
     }
-    assert notes(tree) == [
+    assert notes(RunData(tree)) == [
         "no covariance",
         "of all",
         "field: coarse by 2",
         "relative, combined: coarse by 3",
     ]
     del tree["compare/relative"], tree["compare/combined"]
-    assert notes(tree) == ["no covariance", "of all", "coarse by 2"]
+    assert notes(RunData(tree)) == ["no covariance", "of all", "coarse by 2"]
 
 
 def test_expectations_on_a_terminal_of_80_columns_are_whole(monkeypatch, capsys):

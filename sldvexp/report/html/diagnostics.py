@@ -1,30 +1,49 @@
-"""Warnings first: what to mind before any number is believed."""
+"""What to mind: warnings first of all, what checks found, and how the run came to be."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
+from dataclasses import replace
+from datetime import datetime
+from typing import Any
 
 import numpy as np
 
+from sldvexp.config.paths import RUN_FILE
+from sldvexp.dataset import RunData
+from sldvexp.lazy import xarray as xr
 from sldvexp.report.base import notes
-from sldvexp.report.html.blocks import Listing, Section, Text
-from sldvexp.report.html.page_data import Subject
+from sldvexp.report.html.blocks import (
+    Code,
+    Facts,
+    HtmlTable,
+    Listing,
+    More,
+    Section,
+    Text,
+    having,
+)
 from sldvexp.report.numbers import number
+from sldvexp.report.tables import strongest, truth_table
+from sldvexp.report.terminal import published
 
 #: A larger share of flagged pixels is told first of all.
 MOST_FLAGGED = 0.05
+#: Numbers of one check that a page shows; the dataset has all.
+MOST_NUMBERS = 200
 
 
-def section(run: Subject) -> Section:
+def warnings_section(run: RunData) -> Section:
     """What the stages noted, what was missed, and what has no bound."""
-    found = list(dict.fromkeys(_all(run)))
+    found = list(dict.fromkeys(_warnings(run)))
     block = Listing(found, "warning") if found else Text("Nothing to mind.", "good")
     return Section("Warnings", [block])
 
 
-def _all(run: Subject) -> Iterator[str]:
+def _warnings(run: RunData) -> Iterator[str]:
     yield from _missed(run)
-    yield from notes(run.groups)
+    yield from notes(run)
     yield from _unbounded(run)
     yield from _undetermined(run)
     for view, image in run.below("image").items():
@@ -35,7 +54,7 @@ def _all(run: Subject) -> Iterator[str]:
         yield "the program had been changed since its last commit, which does not tell how"
 
 
-def _missed(run: Subject) -> Iterator[str]:
+def _missed(run: RunData) -> Iterator[str]:
     """Expectations that were not met."""
     if "check" not in run.groups:
         return
@@ -49,7 +68,7 @@ def _missed(run: Subject) -> Iterator[str]:
         )
 
 
-def _unbounded(run: Subject) -> Iterator[str]:
+def _unbounded(run: RunData) -> Iterator[str]:
     """Poses without bounds, which make those of the velocities too small."""
     pose = run.groups.get("pose")
     if pose is None:
@@ -57,12 +76,12 @@ def _unbounded(run: Subject) -> Iterator[str]:
     std = pose.get("origin_std")
     known = np.zeros(pose.sizes["view"]) if std is None else np.isfinite(std.values).all(axis=1)
     if views := [str(v) for v, k in zip(pose["view"].values, known, strict=True) if not k]:
-        yield f"the pose of {_views(views)} has no bounds"
+        yield f"the pose of {_named(views)} has no bounds"
 
 
-def _undetermined(run: Subject) -> Iterator[str]:
+def _undetermined(run: RunData) -> Iterator[str]:
     """Directions that the views do not tell."""
-    for name, field in run.fields.items():
+    for name, field in run.fields().items():
         if flagged := field.sizes.get("flagged", 0):
             of = "" if name == "field" else f" by {name}"
             yield (
@@ -75,5 +94,125 @@ def _undetermined(run: Subject) -> Iterator[str]:
         yield f"at {where} the views do not determine every component"
 
 
-def _views(views: list[str]) -> str:
+def _named(views: list[str]) -> str:
     return f"view {views[0]}" if len(views) == 1 else f"views {', '.join(views)}"
+
+
+def checks_section(run: RunData) -> Section | None:
+    """Expectations met and missed, then every check's findings."""
+    examined = run.below("examined")
+    if "check" not in run.groups and not examined:
+        return None
+    blocks: list[Any] = []
+    if "check" in run.groups:
+        check = run.groups["check"]
+        met, of = int(check["passed"].sum()), check.sizes["quantity"]
+        told = f"{met} of {of} expectations are met."
+        if met == of:
+            told = f"All {of} expectations are met." if of > 1 else "The one expectation is met."
+        blocks.append(Text(told, "good" if met == of else "warning"))
+        blocks.append(replace(HtmlTable.from_table(published(check)), caption=""))
+    for field in list(run.fields().values())[:1]:
+        own = [g for g in examined.values() if "rms_bound" in g]
+        blocks += [HtmlTable.from_table(truth_table(g, strongest(field))) for g in own]
+    tables = [
+        HtmlTable(["what", "where", "value", "unit"], list(_numbers(name, g)), name)
+        for name, g in examined.items()
+    ]
+    if tables:
+        blocks.append(More("What the checks found, number by number", tables))
+    return Section("Checks", blocks)
+
+
+def _numbers(name: str, group: xr.Dataset) -> Iterator[list[str]]:
+    """A check's numbers by name, the first of many."""
+    left = MOST_NUMBERS
+    for variable in group.data_vars.values():
+        told = str(variable.attrs.get("long_name", variable.name))
+        for index in np.ndindex(*variable.shape):
+            if not left:
+                rest = sum(v.size for v in group.data_vars.values()) - MOST_NUMBERS
+                yield [f"{rest} more", f"in run.nc, group examined/{name}", "", ""]
+                return
+            left -= 1
+            at = zip(variable.dims, index, strict=True)
+            where = ", ".join(
+                f"{d} {_label(variable[d].values[i])}" if d in variable.coords else f"{d} {i}"
+                for d, i in at
+            )
+            yield [
+                told,
+                where,
+                _value(variable.values[index]),
+                str(variable.attrs.get("units", "")),
+            ]
+
+
+def _label(label: object) -> str:
+    return f"{label:.4g}" if isinstance(label, float | np.floating) else str(label)
+
+
+def _value(value: Any) -> str:
+    return (
+        number(complex(value))
+        if isinstance(value, complex | float | int | np.number)
+        else str(value)
+    )
+
+
+def provenance_section(run: RunData) -> Section:
+    """Versions, commit, seed, digests and inputs; the exact command last."""
+    attributes = run.attributes
+    packages = recorded_table(attributes, "packages")
+    facts = [
+        ("program", f"sldvexp {packages.get('sldvexp', '')}"),
+        ("commit", str(attributes.get("git_commit", "")) or "an installed package, not a checkout"),
+        ("seed", str(attributes.get("seed", ""))),
+        ("begun", str(attributes.get("start_time", ""))),
+        ("ended", str(attributes.get("end_time", ""))),
+        ("configuration", f"sha256 {attributes.get('config_sha256', '')}"),
+        (
+            "packages",
+            ", ".join(f"{k} {v}" for k, v in packages.items()),
+        ),
+        ("conventions", "; ".join(_conventions(attributes))),
+    ]
+    if reused := attributes.get("reused_steps"):
+        facts.append(("taken over", f"from another run of the same sweep: {reused}"))
+    inputs = [list(each) for each in recorded_table(attributes, "inputs_sha256").items()]
+    read = HtmlTable(["file", "sha256"], inputs, "Files that were read", (0, 1))
+    blocks = having(
+        Facts(facts),
+        read if inputs else Text("No file was read but the program's own configuration."),
+        More("The whole configuration", [Code(str(attributes.get("config", "")))]),
+        Text("To repeat the run exactly, in this folder:"),
+        Code(f"sldvexp rerun {run.path.name if run.path else RUN_FILE}"),
+    )
+    return Section("Provenance", blocks)
+
+
+def duration(attributes: Any) -> float:
+    """Seconds that a run took; NaN if its file does not tell."""
+    try:
+        begun, ended = (
+            datetime.fromisoformat(str(attributes[f"{k}_time"])) for k in ("start", "end")
+        )
+    except (KeyError, ValueError):
+        return float("nan")
+    return (ended - begun).total_seconds()
+
+
+def _conventions(attributes: Any) -> list[str]:
+    ending = "_convention"
+    names = {k: v for k, v in attributes.items() if str(k).endswith(ending)}
+    told = [f"{str(k).removesuffix(ending).replace('_', ' ')}: {v}" for k, v in names.items()]
+    return [*told, f"phase: {attributes.get('phase_reference', '')}"]
+
+
+def recorded_table(attributes: Any, name: str) -> dict[str, str]:
+    """A table that an attribute has as text; an empty one if it has none."""
+    try:
+        found = json.loads(str(attributes.get(name, "{}")))
+    except ValueError:
+        return {}
+    return {str(k): str(v) for k, v in found.items()} if isinstance(found, dict) else {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import functools
 import io
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -11,10 +12,10 @@ import matplotlib
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure as Drawn
 
+from sldvexp.dataset import RunData
 from sldvexp.plot import figures_of
 from sldvexp.plot.style import SETTINGS
 from sldvexp.report.html.blocks import Figure, Text
-from sldvexp.report.html.page_data import Subject
 
 #: Which figures stand in which part of a page, with what they show. A page is made in seconds, so
 #: that it has none of scan lines and of single views; `sldvexp plot` has those.
@@ -52,12 +53,18 @@ SPELT = {"%": "%25", "#": "%23", "&": "%26", "<": "%3C", ">": "%3E", "\n": " ", 
 FINE = 150
 
 
-def figures(run: Subject, part: str) -> Iterator[Figure | Text]:
+def figures(run: RunData, part: str) -> Iterator[Figure | Text]:
     """The figures of one part of the page that a run can show."""
-    known = run.drawable
+    known = drawable(run)
     for name, caption in PARTS[part].items():
         if name in known:
             yield _figure(name, known[name], caption, only_print=part == "shape")
+
+
+@functools.lru_cache(maxsize=1)
+def drawable(run: RunData) -> dict[str, Callable[..., Drawn]]:
+    """Find the figures that can be drawn of a run, once for all parts of its page."""
+    return figures_of(run)
 
 
 def sweep_figures(table: Any) -> Iterator[Figure | Text]:

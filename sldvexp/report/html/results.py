@@ -1,29 +1,158 @@
-"""The velocity of the structure, with bounds: the shape that moves, the tables, the figures."""
+"""What came out: the poses, the images and the velocity with bounds, a section each.
+
+The velocity comes as the shape that moves, the tables and the figures.
+"""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterator, Sequence
 from typing import Any
 
-from sldvexp.report.field_tables import field_tables
-from sldvexp.report.html.blocks import HtmlTable, Section, Shape, Text, having
-from sldvexp.report.html.figures import figures
-from sldvexp.report.html.page_data import Subject
+import numpy as np
+
+from sldvexp.dataset import FREQUENCY, VARIABLES, RunData
+from sldvexp.lazy import xarray as xr
+from sldvexp.report.html.blocks import HtmlTable, More, Section, Shape, Text, having
+from sldvexp.report.html.figures import drawable, figures
 from sldvexp.report.html.shape import shape_of, shape_of_points
+from sldvexp.report.numbers import number, with_bound
+from sldvexp.report.tables import MOST_FREQUENCIES, field_tables, pose_methods
 from sldvexp.report.terminal import estimates
 
+POSE = VARIABLES["pose"]
+RESIDUALS = ("s", "residual_rms", "dof")
 #: Velocities in the table of points, which scrolls; the dataset has all.
 MOST_VELOCITIES = 30
 
 
-def section(run: Subject) -> Section | None:
+def pose_section(run: RunData) -> Section | None:
+    """Origins and angles of all views, by the chosen method and those it is compared with."""
+    poses = {"": run.groups["pose"]} if "pose" in run.groups else {}
+    poses |= run.below("compare_pose")
+    if not poses:
+        return None
+    blocks = []
+    for name, pose in poses.items():
+        level = f"{float(pose.attrs.get('confidence_level', 0.95)):.0%}"
+        by = f" by {name}" if name else ""
+        blocks += [
+            HtmlTable(*_pose_table(pose, of, more), f"{title}, with {level} bounds")
+            for title, of, more in (
+                (f"Origin{by}", ("origin", "axis"), RESIDUALS),
+                (f"Euler angles{by}", ("euler", "angle_index"), ()),
+            )
+        ]
+        blocks += _adjusted(pose)
+    methods = [HtmlTable.from_table(pose_methods(g)) for g in run.groups.values() if "s_mean" in g]
+    note = (
+        "World to laser: P_laser = R (P_world - origin), R by Euler angles of the x-convention. "
+        "s is the standard deviation of one mirror reading, estimated from the residuals."
+    )
+    circles = list(figures(run, "circles"))
+    seen = More("Circles of the calibration object, view by view", circles) if circles else None
+    drawn = having(figures(run, "pose"), seen, _residuals(run))
+    return Section("Pose", having(blocks, Text(note, "small"), methods, drawn))
+
+
+def _pose_table(
+    pose: xr.Dataset, of: tuple[str, str], more: Sequence[str]
+) -> tuple[list[str], list[list[str]]]:
+    """Make columns, and one row a view: a variable along its dimension, and more of the pose."""
+    name, dimension = of
+    columns = ["view", *(POSE[name].titled(str(label)) for label in pose[dimension].values)]
+    known = {name: POSE[name].titled() for name in more if name in pose}
+    rows = []
+    for view in pose["view"].values:
+        one = pose.sel(view=view)
+        row = [str(view), *_with_bounds(one, name)]
+        rows.append([*row, *(number(float(one[other]), 3) for other in known)])
+    return [*columns, *known.values()], rows
+
+
+def _with_bounds(view: xr.Dataset, name: str) -> Iterator[str]:
+    factor = POSE[name].factor
+    values = factor * view[name].values
+    bounds = view.get(f"{name}_confidence", xr.full_like(view[name], np.nan)).values
+    for value, bound in zip(values, factor * bounds, strict=True):
+        yield with_bound(value, bound)
+
+
+def _adjusted(pose: xr.Dataset) -> Iterator[HtmlTable]:
+    """Parameters of the instrument that were adjusted with the pose."""
+    if "intrinsic" not in pose:
+        return
+    shared = list(json.loads(pose.attrs.get("shared", "{}")))
+    rows = []
+    for name in pose["adjusted"].values:
+        views = pose["view"].values[:1] if name in shared else pose["view"].values
+        for view in views:
+            one = pose.sel(view=view, adjusted=name)
+            told = with_bound(float(one["intrinsic"]), float(one["intrinsic_confidence"]))
+            rows.append([str(name), "all" if name in shared else str(view), told])
+    yield HtmlTable(["parameter", "view", "value ± bound (SI)"], rows, "Adjusted with the pose")
+
+
+def _residuals(run: RunData) -> More | None:
+    """Residuals of points, of which there are few."""
+    pose = run.groups.get("pose")
+    if pose is None or "residual" not in pose:
+        return None
+    residual = pose["residual"].values
+    rows = [
+        [str(view), str(point), *(number(r, 3) for r in residual[i, j])]
+        for i, view in enumerate(pose["view"].values)
+        for j, point in enumerate(pose["point"].values)
+        if np.isfinite(residual[i, j]).any()
+    ]
+    table = HtmlTable(["view", "point", "up-down", "left-right"], rows)
+    return More(POSE["residual"].titled("Residuals of every point"), [table])
+
+
+def images_section(run: RunData) -> Section | None:
+    """How large, how certain and how complete the images are, and the images themselves."""
+    images = run.below("image")
+    pictures = list(figures(run, "image"))
+    if not images and not pictures:
+        return None
+    speed, rows = VARIABLES["image"]["velocity"], []
+    factor = speed.factor
+    for view, image in images.items():
+        good = image["flags"].values == 0  # read whole: to pick pixels out of the file takes longer
+        size, std = (
+            np.abs(image[name].transpose("pixel", ...).values[good]).reshape(good.sum(), -1)
+            for name in ("velocity", "velocity_std")
+        )
+        hertz = (
+            np.atleast_1d(image["frequency"].values) if "frequency" in image.coords else [np.nan]
+        )
+        grid = " × ".join(map(str, np.atleast_1d(image.attrs.get("shape", []))))
+        largest = size.max(axis=0, initial=0.0)
+        for i in np.sort(np.argsort(-largest, kind="stable")[:MOST_FREQUENCIES]):
+            row = [view, grid or str(image.sizes["pixel"]), number(hertz[i], 6)]
+            row += [number(factor * largest[i], 3), number(factor * _median(std[:, i]), 2)]
+            rows.append([*row, str(image.attrs.get("summary", ""))])
+    columns = ["view", "pixels", FREQUENCY.units]
+    columns += [speed.titled("largest"), speed.titled("median std"), "pixels of use"]
+    table = HtmlTable(columns, rows, wide=(5,)) if rows else None
+    return Section("Velocity images", having(table, pictures))
+
+
+def _median(values: np.ndarray) -> float:
+    return float(np.median(values)) if values.size else np.nan
+
+
+def velocity_section(run: RunData) -> Section | None:
     """The field, or the velocity of points."""
-    fields = run.fields
-    known = estimates(run.groups, MOST_VELOCITIES)
+    fields = run.fields()
+    known = estimates(run, MOST_VELOCITIES)
     points = [list(row) for row in known if not row[0].startswith("pose ")]
     if not fields and not points:
         return None
-    own = {name: group for name, group in run.groups.items() if not name.startswith("examined/")}
-    blocks = having(_shape(run), [HtmlTable.from_table(table) for table in field_tables(own)])
+    own = {k: group for k, group in run.groups.items() if not k.startswith("examined/")}
+    blocks = having(
+        _shape(run), [HtmlTable.from_table(table) for table in field_tables(RunData(own))]
+    )
     if points:
         shown = [row for row in points if not row[0].endswith(" more")]
         table = HtmlTable(["of", "velocity ± bound", "unit", "note"], shown, "At points", (3,))
@@ -35,13 +164,13 @@ def section(run: Subject) -> Section | None:
     return Section(title, having(blocks, figures(run, "field")))
 
 
-def _shape(run: Subject) -> list[Any]:
+def _shape(run: RunData) -> list[Any]:
     """The shape that turns and moves, or why there is none."""
-    fields = run.fields
+    fields = run.fields()
     if fields and "volume" in run.groups:
         data = shape_of(next(iter(fields.values())), run.groups["volume"])
         note = "The layer next to the given surface is drawn."
-    elif "surface" in run.drawable:
+    elif "surface" in drawable(run):
         data = shape_of_points(run.groups["point"], run.groups["line_of_sight"])
         note = "Points are joined as their file says."
     else:

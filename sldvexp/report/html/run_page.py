@@ -4,30 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
-from sldvexp.report.html import (
-    checked,
-    diagnostics,
-    imaged,
-    posed,
-    provenance,
-    render,
-    results,
-    setup,
-)
+from sldvexp.dataset import RunData, load
+from sldvexp.report.html import diagnostics, render, results, setup
 from sldvexp.report.html.blocks import Section
-from sldvexp.report.html.page_data import Subject, opened
 
 #: Each makes a section of what a run has, or none; another part of the page is a line here.
-SECTIONS: tuple[Callable[[Subject], Section | None], ...] = (
-    diagnostics.section,
-    setup.section,
-    posed.section,
-    imaged.section,
-    results.section,
-    checked.section,
-    provenance.section,
+SECTIONS: tuple[Callable[[RunData], Section | None], ...] = (
+    diagnostics.warnings_section,
+    setup.setup_section,
+    results.pose_section,
+    results.images_section,
+    results.velocity_section,
+    diagnostics.checks_section,
+    diagnostics.provenance_section,
 )
 
 
@@ -51,17 +43,19 @@ def write(path: Path, page: Path) -> Path:
     UserError
         If the file is not a run's.
     """
-    with opened(path) as run:
+    with load(path) as tree:
+        run = replace(RunData.from_source(tree), path=path)
+        _ = run.config, run.plugins  # a file that has none is not a run's, and is refused
         sections = [s for make in SECTIONS if (s := make(run))]
         return render.write(page, _title(run), _subtitle(run), sections)
 
 
-def _title(run: Subject) -> str:
+def _title(run: RunData) -> str:
     """What came out, in a line."""
     views = max((g.sizes.get("view", 0) for g in run.groups.values()), default=0)
     views = views or len(run.below("image"))
     seen = f" from {views} views" if views > 1 else " from one view" if views else ""
-    for field in run.fields.values():
+    for field in run.fields().values():
         return f"Velocity field of {field.sizes['node']} nodes{seen}{_frequencies(field)}"
     point = run.groups.get("point")
     if point is not None:
@@ -80,11 +74,11 @@ def _frequencies(group: object) -> str:
     return f" at {hertz.values[0]:g} Hz" if hertz.size == 1 else f" at {hertz.size} frequencies"
 
 
-def _subtitle(run: Subject) -> str:
+def _subtitle(run: RunData) -> str:
     """When, how long, and by what."""
     day, _, time = str(run.attributes.get("start_time", "")).partition("T")
-    took = provenance.duration(run.attributes)
-    packages = provenance.table(run.attributes, "packages")
+    took = diagnostics.duration(run.attributes)
+    packages = diagnostics.recorded_table(run.attributes, "packages")
     parts = [f"{day} {time[:8]} UTC", f"sldvexp {packages.get('sldvexp', '')}"]
     if math.isfinite(took):
         parts.insert(1, f"took {took:.3g} s")

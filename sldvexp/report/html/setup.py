@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from sldvexp.config import docs, registry
 from sldvexp.config.experiment import NAMED_GROUPS
+from sldvexp.config.paths import conf_dir
+from sldvexp.dataset import DAC, RunData, read_yaml
 from sldvexp.errors import UserError
 from sldvexp.report.html.blocks import HtmlTable, More, Section, having
 from sldvexp.report.html.figures import figures
-from sldvexp.report.html.page_data import Subject
-from sldvexp.report.html.presets import preset
 
 #: What each group of the configuration is to a reader.
 STAGES = {
@@ -30,10 +31,10 @@ STAGES = {
 LONGEST_VALUE = 40
 MOST_SETTINGS = 8
 MOST_FREQUENCIES = 4
-UNITS = ("m", "mm", "inch", "rad", "deg", "Hz", "m/s", "V", "s", "DAC steps")
+UNITS = ("m", "mm", "inch", "rad", "deg", "Hz", "m/s", "V", "s", DAC)
 
 
-def section(run: Subject) -> Section:
+def setup_section(run: RunData) -> Section:
     """The plugins in the order in which data flows, and what each view saw."""
     chosen = [
         (told, g, run.plugins[g], run.config[g]) for g, told in STAGES.items() if _has(run, g)
@@ -61,9 +62,9 @@ def section(run: Subject) -> Section:
     return Section("What was measured and how", blocks)
 
 
-def _has(run: Subject, group: str) -> bool:
+def _has(run: RunData, group: str) -> bool:
     """Whether a run has a plugin of a group and made use of it."""
-    idle = group == "solver" and not run.fields
+    idle = group == "solver" and not run.fields()
     return isinstance(run.config.get(group), dict) and group in run.plugins and not idle
 
 
@@ -126,10 +127,10 @@ def _plain(value: Any) -> str:
     return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _views(run: Subject) -> HtmlTable | None:
+def _views(run: RunData) -> HtmlTable | None:
     """One row a view: what was scanned there, and what of it was of use."""
     edges, images = run.below("edge"), run.below("image")
-    field = next(iter(run.fields.values()), None)
+    field = next(iter(run.fields().values()), None)
     counts: dict[str, dict[str, str]] = {}
     for view, edge in edges.items():
         counts.setdefault(view, {})["edges of circles"] = str(edge.sizes["edge"])
@@ -160,3 +161,36 @@ def _settings(group: str, name: str, values: dict[str, Any]) -> Iterator[list[st
             one = documented.get(str(key))
             told = [one.kind, one.meaning] if one else ["", ""]
             yield [str(key), docs.as_yaml(value), *told]
+
+
+def preset(group: str, plugin: str, values: Mapping[str, Any]) -> tuple[str, str]:
+    """Name and first sentence of a choice that builds on the plugin's own; empty if it is none.
+
+    Parameters
+    ----------
+    group, plugin : str
+    values : mapping
+        The stage's settings. They have all that the choice sets, such as ``rows: all``.
+    """
+    for file in sorted((conf_dir() / group).glob("*.yaml")):
+        own = read_yaml(file.read_text(encoding="utf-8")) or {}
+        defaults = own.pop("defaults", [])
+        if own and _root(file, defaults) == plugin and _holds(values, own):
+            return file.stem, docs.of_file(file)
+    return "", ""
+
+
+def _root(file: Path, defaults: list[Any]) -> str:
+    """The choice at the root of those that a file builds on; empty if it builds on a schema."""
+    found = ""
+    while based := [d for d in defaults if isinstance(d, str) and d.isidentifier() and d[0] != "_"]:
+        found = based[0]
+        defaults = read_yaml(file.with_stem(found).read_text(encoding="utf-8")).get("defaults", [])
+    return found
+
+
+def _holds(values: Any, own: Any) -> bool:
+    """Whether settings are among others."""
+    if isinstance(own, Mapping) and isinstance(values, Mapping):
+        return all(key in values and _holds(values[key], each) for key, each in own.items())
+    return bool(values == own)

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sldvexp.dataset import VARIABLES
 from sldvexp.lazy import xarray as xr
-from sldvexp.plot.points_shape import joined_points, normals
+from sldvexp.plot.shape import joined_points, normals
 
+FIELD = VARIABLES["field"]
 #: Frequencies are left out beyond so many bytes, the strongest are kept.
 MOST_BYTES = 1_200_000
 #: A surface of more nodes is nothing for a browser.
@@ -96,8 +98,8 @@ def _drawn(
         chosen = _strongest(velocity)
         velocity, bound = velocity[chosen], bound[chosen]
         hertz = [float(f) for f in group["frequency"].values[chosen]]
-    length, length_unit = _scale(np.ptp(position, axis=0).max(), "m")
-    speed, speed_unit = _scale(np.nanmax(np.abs(velocity), initial=0.0), "m/s")
+    length, length_unit = _scale(np.ptp(position, axis=0).max(), FIELD["position"].units)
+    speed, speed_unit = _scale(np.nanmax(np.abs(velocity), initial=0.0), FIELD["velocity"].units)
     return {
         "components": [str(c) for c in group["component"].values],
         "frequencies": hertz,

@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from sldvexp.errors import UserError
+from sldvexp.dataset import load_table
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.html import render
 from sldvexp.report.html.blocks import Code, Facts, HtmlTable, Link, Listing, Section, Text, having
@@ -39,11 +39,7 @@ def write(path: Path, ranking: Sequence[Mapping[str, Any]], page: Path) -> Path:
     UserError
         If the file is not a sweep's.
     """
-    try:
-        with xr.open_dataset(path, engine="netcdf4", auto_complex=True) as opened:
-            table = opened.load()
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: is not a readable netCDF-4 file ({error})") from None
+    table = load_table(path)
     keys, by = [str(k) for k in np.atleast_1d(table.attrs["keys"])], str(table.attrs["ranked_by"])
     done = sum(row["state"] in GOOD for row in ranking)
     unit = str(table[by].attrs.get("units", "1")) if by in table else "1"

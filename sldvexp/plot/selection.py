@@ -1,0 +1,112 @@
+"""What a figure chooses from a run, and the sentence if it is not there.
+
+One of several views or fields by name, one frequency, the recorded settings, and plugins made of
+them for what a figure computes anew. Every complaint begins with ``plot:`` and the figure's name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from omegaconf import OmegaConf
+
+from sldvexp.config import registry
+from sldvexp.dataset import FREQUENCY, RunData
+from sldvexp.errors import UserError, nearest
+from sldvexp.lazy import xarray as xr
+
+
+def require(figure: str, missing: str) -> None:
+    """Refuse a figure whose data is missing, in a sentence that is empty if nothing is."""
+    if missing:
+        raise UserError(f"plot: {figure}: {missing}")
+
+
+def one_of(name: str | None, valid: Iterable[str], figure: str, kind: str) -> str:
+    """Choose the one that was asked for, or the first.
+
+    Raises
+    ------
+    UserError
+        If there is none of that name.
+    """
+    valid = list(valid)
+    if name is None:
+        return valid[0]
+    if str(name) not in valid:
+        raise UserError(f"plot: {figure}: there is no {kind} {name}; {nearest(str(name), valid)}")
+    return str(name)
+
+
+def at_frequency(
+    group: xr.Dataset, figure: str, frequency: float | None = None
+) -> tuple[xr.Dataset, str]:
+    """Choose one frequency of a group.
+
+    Parameters
+    ----------
+    group : Dataset
+        With ``velocity``.
+    figure : str
+        For messages.
+    frequency : float, Hz, optional
+        The nearest that there is; without it the one of largest r.m.s. velocity.
+
+    Returns
+    -------
+    group : Dataset
+        Without the dimension.
+    text : str
+        ``197 Hz``, or empty if the run does not tell a frequency.
+
+    Raises
+    ------
+    UserError
+        If the frequency is not within those of the run.
+    """
+    if "frequency" not in group.dims:
+        return group, ""
+    hertz, unit = group["frequency"].values, FREQUENCY.units
+    if frequency is None:
+        others = [d for d in group["velocity"].dims if d != "frequency"]
+        index = int(np.argmax((abs(group["velocity"]) ** 2).mean(others).values))
+    elif not hertz.min() <= frequency <= hertz.max():
+        raise UserError(
+            f"plot: {figure}: the frequencies go from {hertz.min():g} to {hertz.max():g} {unit}; "
+            f"{frequency:g} {unit} is none of them"
+        )
+    else:
+        index = int(np.abs(hertz - frequency).argmin())
+    return group.isel(frequency=index), f"{hertz[index]:g} {unit}"
+
+
+def settings(run: RunData, figure: str) -> dict[str, Any]:
+    """Read the configuration that the run's file records.
+
+    Raises
+    ------
+    UserError
+        If there is none, or it refers to something else: a run's file has values only.
+    """
+    if "config" not in run.attributes:
+        raise UserError(f"plot: {figure}: needs the run's configuration; give an opened run.nc")
+    if "${" in str(run.attributes["config"]):
+        raise UserError(f"plot: {figure}: the run's configuration refers to something; it must not")
+    return run.config
+
+
+def plugin(run: RunData, group: str, figure: str) -> Any:
+    """Make the plugin of one group with its settings; only registered ones can be named.
+
+    Raises
+    ------
+    UserError
+        If the run had none.
+    """
+    names = run.plugins if "plugins" in run.attributes else {}
+    if group not in names:
+        raise UserError(f"plot: {figure}: the run has no {group}")
+    schema = registry.schema_of(registry.get(group, names[group]))
+    return OmegaConf.to_object(OmegaConf.merge(schema, settings(run, figure)[group] or {}))

@@ -1,0 +1,16 @@
+from .base import REPORT_FILE as REPORT_FILE
+from .base import Report as Report
+from .base import attempt as attempt
+from .base import notes as notes
+from .numbers import LARGEST as LARGEST
+from .numbers import first as first
+from .numbers import number as number
+from .numbers import with_bound as with_bound
+from .tables import field_tables as field_tables
+from .tables import image_text as image_text
+from .tables import pose_methods as pose_methods
+from .tables import pose_text as pose_text
+from .terminal import NARROWEST as NARROWEST
+from .terminal import closing_table as closing_table
+from .terminal import estimates as estimates
+from .terminal import fitted as fitted

@@ -1,0 +1,236 @@
+"""Poses, images and fields of a run as text for the terminal and the page.
+
+Poses come in the layout of Figure 4.29 and Table 4.3, images in a line for each view, fields as in
+Tables 5.7 and 5.8. Units of headings are those that `sldvexp.dataset.VARIABLES` shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from sldvexp.dataset import FREQUENCY, VARIABLES, RunData
+from sldvexp.lazy import xarray as xr
+from sldvexp.report.numbers import number
+
+POSE = VARIABLES["pose"]
+VELOCITY = VARIABLES["field"]["velocity"]
+#: Frequencies that a line tells of, those of the largest amplitudes.
+MOST_FREQUENCIES = 4
+
+
+def pose_text(pose: xr.Dataset) -> str:
+    """Every view's parameters with their bounds.
+
+    Parameters
+    ----------
+    pose : xarray.Dataset
+        The group ``pose``.
+
+    Returns
+    -------
+    str
+        For each view: source, SSE in deg^2, s^2 and s in degrees and DAC steps, then Euler angles
+        (rad) and origin (m), each ``+-`` the half-width of its confidence interval.
+    """
+    return "\n".join(_pose_view_text(pose.sel(view=v), str(v)) for v in pose["view"].values)
+
+
+def _pose_view_text(view: xr.Dataset, name: str) -> str:
+    """One view's block."""
+    lines = [f"View: {name}"]
+    if source := view.attrs.get("source"):
+        lines.append(f"Registration data file name: {source}")
+    if "sse" in view:
+        s_deg, steps = float(view["s_deg"]), float(view["s"])
+        lines.append(
+            f"SSE {_fixed(float(view['sse']), 5)}, s^2 {s_deg**2:.4e}, "
+            f"s (deg) {_fixed(s_deg, 4)}, "
+            f"s ({POSE['s'].shown_unit}) {steps:.4f}"
+        )
+    lines.append("Parameters - radians and meters")
+    for variable, prefix in (("euler", ""), ("origin", "x0_")):
+        index = "angle_index" if variable == "euler" else "axis"
+        bounds = view.get(f"{variable}_confidence", xr.full_like(view[variable], np.nan))
+        for label in view[index].values:
+            value, bound = (
+                float(view[variable].sel({index: label})),
+                float(bounds.sel({index: label})),
+            )
+            places = _places(bound)
+            known = f"+- {bound:.{places}f}" if np.isfinite(bound) else "(no bound)"
+            lines.append(f"  {prefix}{label} = {value:{places + 3}.{places}f} {known}")
+    if "intrinsic" in view:
+        for label in view["adjusted"].values:
+            value = float(view["intrinsic"].sel(adjusted=label))
+            bound = float(view["intrinsic_confidence"].sel(adjusted=label))
+            lines.append(f"  {label} = {value:.5f} +- {bound:.5f}")
+    return "\n".join(lines) + "\n"
+
+
+def _places(bound: float) -> int:
+    """Decimals of a value: three as in Figure 4.29, more where its bound is known to more."""
+    if not np.isfinite(bound) or bound <= 0:
+        return 3
+    return max(3, 1 - int(np.floor(np.log10(bound))))
+
+
+def _fixed(value: float, places: int) -> str:
+    """A number with so many decimals, or in powers of ten where these would show nothing."""
+    return f"{value:.{places}f}" if value >= 10.0 ** (1 - places) or value == 0 else f"{value:.2e}"
+
+
+def pose_methods(found: xr.Dataset) -> Table:
+    """One row a method.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        As ``check=pose_methods`` makes it.
+    """
+    table = Table(title="Pose methods", title_justify="left")
+    known = VARIABLES["examined/pose_methods"]
+    columns = [n for n in ("s_mean", "s_std", "origin_error", "rotation_error") if n in found]
+    titles = [known[n].label if n == "s_std" else known[n].titled() for n in columns]
+    for title in ("method", "views", *titles):
+        table.add_column(title)
+    for method in found["pose_method"].values:
+        row = found.sel(pose_method=method)
+        cells = [number(known[name].factor * float(row[name]), 3) for name in columns]
+        table.add_row(str(method), str(int(row["views"])), *cells)
+    return table
+
+
+def field_tables(run: RunData) -> Iterator[Table]:
+    """Make a table of all methods, one of the components by frequency, one of the checks."""
+    fields = run.fields()
+    if not fields:
+        return
+    yield _methods(fields)
+    yield _components(fields)
+    if "examined/truth" in run.groups:
+        yield truth_table(run.groups["examined/truth"], strongest(next(iter(fields.values()))))
+
+
+def _methods(fields: Mapping[str, xr.Dataset]) -> Table:
+    """Size, residuals and condition of every method's system."""
+    names = ("unknowns", "rows", "residual std", "SSE", "cond", "bounds")
+    table = Table("field", *names, title="Fields (as Table 5.7)", title_justify="left")
+    for name, field in fields.items():
+        a = field.attrs
+        std = f"{_mm(a['residual_std'])} {VELOCITY.shown_unit}"
+        cells = [name, str(a["dof"]), str(a["samples"]), std, number(a["sse"], 4)]
+        cells += [number(a["cond"], 4), f"{a['confidence_level']:.0%}"]
+        table.add_row(*map(escape, cells))
+    return table
+
+
+def _components(fields: Mapping[str, xr.Dataset]) -> Table:
+    """Size of every component with its bounds, at the strongest frequencies."""
+    columns = (
+        "component",
+        FREQUENCY.units,
+        "largest",
+        "r.m.s.",
+        "std: noise",
+        "poses",
+        "bound",
+        "elements",
+    )
+    title = f"{VELOCITY.titled('Velocity')}{_some(fields.values())}"
+    table = Table("field", *columns, title=title, title_justify="left")
+    for name, field in fields.items():
+        for component in field["component"].values:
+            for hertz in strongest(field):
+                one = _at(field.sel(component=component), hertz)
+                size = np.abs(one["velocity"].values)
+                cells = [name, str(component), "" if np.isnan(hertz) else f"{hertz:g}"]
+                cells += [_mm(np.nanmax(size)), _mm(_rms(size))]
+                bounds = ("velocity_std_noise", "velocity_std_pose", "confidence")
+                cells += [_mm(_rms(one[b].values)) if b in one else "" for b in bounds]
+                cells.append(_mm(_rms(np.abs(one["element_error"].values))))
+                table.add_row(*map(escape, cells))
+    return table
+
+
+def truth_table(truth: xr.Dataset, frequencies: Sequence[float]) -> Table:
+    """The field against the virtual lab's truth at some frequencies."""
+    names = ("relative_error", "rms_error", "rms_bound", "covered")
+    known = VARIABLES["examined/truth"]
+    columns = ("component", FREQUENCY.units, *(known[name].titled() for name in names))
+    title = f"On the true surface{_some([truth])}"
+    table = Table(*columns, title=title, title_justify="left")
+    for component in truth["component"].values:
+        for hertz in frequencies:
+            one = _at(truth.sel(component=component), hertz)
+            cells = [str(component), "" if np.isnan(hertz) else f"{hertz:g}"]
+            cells += [f"{float(one['relative_error']):.2%}", _mm(float(one["rms_error"]))]
+            cells += [_mm(float(one["rms_bound"])), f"{float(one['covered']):.0%}"]
+            table.add_row(*map(escape, cells))
+    return table
+
+
+def strongest(field: xr.Dataset) -> list[float]:
+    """The frequencies of the largest velocities in their order, or NaN if there are none."""
+    if "frequency" not in field.coords:
+        return [np.nan]
+    hertz = np.atleast_1d(field["frequency"].values)
+    others = [d for d in field["velocity"].dims if d != "frequency"]
+    size = np.atleast_1d((abs(field["velocity"]) ** 2).sum(others).values)
+    return [float(hertz[i]) for i in np.sort(np.argsort(-size, kind="stable")[:MOST_FREQUENCIES])]
+
+
+def _at(group: xr.Dataset, hertz: float) -> xr.Dataset:
+    """A group at one of its frequencies, if it has any."""
+    return group.sel(frequency=hertz) if "frequency" in group.dims else group
+
+
+def _some(groups: Iterable[xr.Dataset]) -> str:
+    """That a table does not tell of all frequencies, if so."""
+    count = max(g.sizes.get("frequency", 1) for g in groups)
+    few = count > MOST_FREQUENCIES
+    return f", the {MOST_FREQUENCIES} strongest of {count} frequencies" if few else ""
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.nanmean(np.square(values))))
+
+
+def _mm(value: float) -> str:
+    return number(VELOCITY.factor * value, 3)
+
+
+def image_text(run: RunData) -> str:
+    """Say what the images of a run hold, a line for each view; empty if there are none.
+
+    That is pixels, flagged ones by kind, and for the strongest frequencies the largest amplitude
+    and the median standard error.
+    """
+    return "\n".join(_image_view_text(v, image) for v, image in run.below("image").items())
+
+
+def _image_view_text(view: str, image: xr.Dataset) -> str:
+    """One view's line."""
+    grid = " x ".join(map(str, np.atleast_1d(image.attrs.get("shape", []))))
+    name = f"Image of the view {view}" + (f" ({grid})" if grid else "")
+    good = image.isel(pixel=image["flags"].values == 0)
+    largest = abs(good["velocity"]).max("pixel").values
+    hertz = image["frequency"].values
+    shown = np.sort(np.argsort(-largest, kind="stable")[:MOST_FREQUENCIES])
+    factor, unit = VELOCITY.factor, VELOCITY.shown_unit
+    found = "; ".join(
+        f"{hertz[i]:g} {FREQUENCY.units}: at most {factor * largest[i]:.4g} {unit}, "
+        f"median std {factor * _std(good, i):.2g} {unit}"
+        for i in shown
+    )
+    rest = f"; {len(hertz) - len(shown)} more frequencies" if len(shown) < len(hertz) else ""
+    return f"{name}: {image.attrs['summary']}; {found}{rest}"
+
+
+def _std(image: xr.Dataset, frequency: int) -> float:
+    """The median standard error at a frequency; pixels may have one for all."""
+    at = image["velocity_std"].isel(frequency=frequency, missing_dims="ignore")
+    return float(np.median(at.values))
