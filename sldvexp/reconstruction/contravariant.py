@@ -8,8 +8,9 @@ from typing import ClassVar
 
 from sldvexp.config.registry import register
 from sldvexp.reconstruction import rows
-from sldvexp.reconstruction.base import Model, Reconstruction
+from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.reconstruction.rows import RowChoice
+from sldvexp.reconstruction.system import Model
 
 
 @register("reconstruction", "contravariant")

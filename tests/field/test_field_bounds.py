@@ -18,7 +18,8 @@ from sldvexp.field.visibility.view import View
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.reconstruction.base import Model, Reconstruction
+from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.reconstruction.system import Model
 from sldvexp.volume.samples import SampleRule
 
 Make = Callable[..., Any]

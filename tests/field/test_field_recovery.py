@@ -12,7 +12,7 @@ import sldvexp.field.equations.regions as field_parts
 from sldvexp.config.registry import get, names
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.solvers.base import Solver
-from sldvexp.reconstruction.base import Model, Weights
+from sldvexp.reconstruction.system import Model, Weights
 from sldvexp.volume.samples import SampleRule
 
 EXACT = 1e-9

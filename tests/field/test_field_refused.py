@@ -123,7 +123,7 @@ def test_the_session_itself_is_sound(make_views: Make, laser: TwoMirror) -> None
 def test_fewer_views_than_the_method_needs(
     make_views: Make, laser: TwoMirror, count: int, name: str, fields: dict[str, Any], message: str
 ) -> None:
-    from sldvexp.reconstruction.base import Model
+    from sldvexp.reconstruction.system import Model
 
     if "model" in fields:
         fields = fields | {"model": Model[fields["model"]]}

@@ -18,7 +18,8 @@ from sldvexp.field.result import FieldResult
 from sldvexp.field.to_dataset import field_to_dataset
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.reconstruction.base import Model, Reconstruction, Weights
+from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.reconstruction.system import Model, Weights
 from sldvexp.volume.base import SampleSettings
 from sldvexp.volume.points import PointSurface
 from sldvexp.volume.samples import SampleRule, shape_matrix, tensor_rule

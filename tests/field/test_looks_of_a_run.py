@@ -84,7 +84,7 @@ def test_agreement_is_the_same_part_by_part(
 ) -> None:
     examined: list[Any] = []
     for most in (field_looks.CACHE_SAMPLES, 0):
-        monkeypatch.setattr(field_looks, "CACHE_BYTES", most)
+        monkeypatch.setattr(field_looks, "CACHE_SAMPLES", most)
         run = Examined(
             session(views), np.random.default_rng(), Experiment(laser=laser, volume=VOLUME)
         )

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from sldvexp.errors import UserError
 from sldvexp.field.visibility.view import View
 from sldvexp.field.visibility.visibility import SampleVisibility, ViewSamples, VolumeVisibility
-from sldvexp.reconstruction.base import Model, Reconstruction, Weights
+from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.reconstruction.least_squares import rank_of
 from sldvexp.reconstruction.rows import RowSet
+from sldvexp.reconstruction.system import Model, Weights
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Fewest rows that make a sample worth keeping.
