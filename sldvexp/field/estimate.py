@@ -15,8 +15,7 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.field.bounds.element_error import element_error, mean_squares, told
-from sldvexp.field.bounds.intrinsic_effect import PoseErrors
-from sldvexp.field.bounds.pose_uncertainty import pose_covariance
+from sldvexp.field.bounds.pose_uncertainty import PoseErrors, pose_covariance
 from sldvexp.field.bounds.residuals_and_bounds import pose_effect, residuals_only, variance_factors
 from sldvexp.field.equations.assembly import normal_equations, pixel_data
 from sldvexp.field.equations.conditioning import condition_numbers

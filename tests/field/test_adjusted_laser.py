@@ -12,7 +12,7 @@ import xarray as xr
 
 from sldvexp.config.registry import get
 from sldvexp.errors import UserError
-from sldvexp.field.bounds.intrinsic_effect import PoseErrors
+from sldvexp.field.bounds.pose_uncertainty import PoseErrors
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.result import FieldResult
 from sldvexp.field.visibility.view import View, adjusted, views_of

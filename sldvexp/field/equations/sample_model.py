@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
+from sldvexp.field.visibility.projection import ViewSamples
 from sldvexp.field.visibility.view import View
-from sldvexp.field.visibility.visibility import SampleVisibility, ViewSamples, VolumeVisibility
+from sldvexp.field.visibility.visibility import SampleVisibility, VolumeVisibility
 from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.reconstruction.least_squares import rank_of
 from sldvexp.reconstruction.rows import RowSet

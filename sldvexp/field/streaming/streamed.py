@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from sldvexp import dataset
 from sldvexp.field.bounds.element_error import element_error, mean_squares, told
-from sldvexp.field.bounds.intrinsic_effect import PoseErrors
-from sldvexp.field.bounds.pose_uncertainty import ModeEffect, of_modes, pose_covariance
+from sldvexp.field.bounds.pose_uncertainty import ModeEffect, PoseErrors, of_modes, pose_covariance
 from sldvexp.field.bounds.residuals_and_bounds import FieldBounds, residuals_only
 from sldvexp.field.equations.assembly import Equations, real_columns, right_sides
 from sldvexp.field.equations.conditioning import condition_numbers

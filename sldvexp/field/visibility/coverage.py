@@ -9,8 +9,7 @@ from typing import Self
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.field.visibility.view import NOTABLE, View, why
-from sldvexp.field.visibility.visibility import (
+from sldvexp.field.visibility.projection import (
     BEHIND,
     FACING_AWAY,
     FLAGGED,
@@ -18,6 +17,7 @@ from sldvexp.field.visibility.visibility import (
     OUTSIDE,
     ViewSamples,
 )
+from sldvexp.field.visibility.view import NOTABLE, View, why
 from sldvexp.laser.two_mirror import MIRRORS
 from sldvexp.typing import Array
 
