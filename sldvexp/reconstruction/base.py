@@ -78,6 +78,22 @@ class Reconstruction(ReconstructionSettings):
         UserError
             If arrays do not fit one another, are not finite, direction cosines are not of unit
             length, or the rows cannot be formed from these views.
+
+        Examples
+        --------
+        Four views of a point that moves along z:
+
+        >>> import numpy as np
+        >>> from sldvexp.reconstruction import Absolute
+        >>> directions = np.array([[0.6, 0, 0.8], [-0.6, 0, 0.8], [0, 0.6, 0.8], [0, 0, 1]])
+        >>> velocity = directions @ [0, 0, 1e-3 + 2e-3j]
+        >>> result = Absolute().reconstruct(directions, velocity, std=[1e-6] * 4)
+        >>> result
+        PointVelocity: x, y, z at 1 point and 1 frequency, rows 1,2,3,4
+          rcond 0.071 or more, noise from given
+          largest bound 3.7e-06 m/s (95%)
+        >>> result.velocity.shape, result.to_dataset()["velocity"].dims
+        ((1, 3, 1), ('component',))
         """
         views = Views.checked(directions, velocity, std, view_names)
         rows = self.row_set(views.directions, views.names)
@@ -187,6 +203,16 @@ def best_rows(
     ------
     UserError
         If there are not enough independent rows, or too many sets to search.
+
+    Examples
+    --------
+    Of two views that nearly agree only one is of use:
+
+    >>> import numpy as np
+    >>> from sldvexp.reconstruction import best_rows, rows
+    >>> directions = np.array([[1, 0, 0], [0.995, 0.0999, 0], [0, 1, 0], [0, 0, 1]])[:, None]
+    >>> str(best_rows(rows.views("abcd"), directions, 3, intercept=False, tolerance=1e-4))
+    'a,c,d'
     """
     if np.linalg.matrix_rank(candidates.matrix) < size:
         raise UserError(

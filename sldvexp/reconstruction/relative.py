@@ -16,7 +16,15 @@ from sldvexp.reconstruction.system import Model
 @register("reconstruction", "relative")
 @dataclass
 class Relative(Reconstruction):
-    """Rows are differences of two views, as in ``2-1,3-1,4-1``; by default all minus the first."""
+    """Rows are differences of two views, as in ``2-1,3-1,4-1``; by default all minus the first.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.reconstruction import Relative
+    >>> str(Relative().row_set(np.eye(3)[:, None], ["left", "right", "top"]))
+    'right-left,top-left'
+    """
 
     def _check(self, checks: Checks) -> None:
         super()._check(checks)

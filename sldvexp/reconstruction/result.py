@@ -85,6 +85,19 @@ class PointVelocity:
     messages: tuple[str, ...]
     system: PointSystem
 
+    def __repr__(self) -> str:
+        """Say how many, how well conditioned, and how good."""
+        points, _, frequencies = self.velocity.shape
+        lines = [
+            f"PointVelocity: x, y, z at {points} point{'s' * (points > 1)} and {frequencies} "
+            f"frequenc{'y' if frequencies == 1 else 'ies'}, rows {self.rows}",
+            f"  rcond {np.min(self.rcond):.3g} or more, noise from {self.noise_from}",
+        ]
+        if np.isfinite(self.confidence).any():
+            level = self.system.settings.confidence
+            lines.append(f"  largest bound {np.nanmax(self.confidence):.3g} m/s ({level:.0%})")
+        return "\n".join([*lines, *(f"  {message}" for message in self.messages)])
+
     @property
     def rows(self) -> RowSet:
         """The rows A that were used, the same at all points."""
@@ -359,9 +372,11 @@ def reciprocal_condition(matrix: Array) -> Array:
     ----------
     matrix : ndarray, shape (..., n, n)
 
-    Returns
-    -------
-    ndarray, shape (...)
+    Examples
+    --------
+    >>> from sldvexp.reconstruction import reciprocal_condition
+    >>> round(float(reciprocal_condition([[2, 0], [0, 0.5]])), 3)
+    0.25
     """
     return 1 / np.linalg.cond(matrix, 1)
 
@@ -376,9 +391,11 @@ def hadamard_condition(matrix: Array) -> Array:
     ----------
     matrix : ndarray, shape (..., n, n)
 
-    Returns
-    -------
-    ndarray, shape (...)
+    Examples
+    --------
+    >>> from sldvexp.reconstruction import hadamard_condition
+    >>> round(float(hadamard_condition([[1, 0], [1, 1]])), 3)
+    0.707
     """
     length = np.prod(np.linalg.norm(matrix, axis=-1), axis=-1)
     return np.abs(np.linalg.det(matrix)) / np.where(length > 0, length, 1.0)

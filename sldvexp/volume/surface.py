@@ -81,6 +81,14 @@ def vertex_normals(surface: TriangulatedSurface) -> Array:
     ------
     UserError
         If the triangles around a node cancel one another.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.volume import TriangulatedSurface, vertex_normals
+    >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    >>> vertex_normals(TriangulatedSurface(corners, np.array([[0, 1, 2]])))[0].tolist()
+    [0.0, 0.0, 1.0]
     """
     area = area_vectors(surface)
     total = np.column_stack([_gathered(surface, area[:, axis]) for axis in range(3)])

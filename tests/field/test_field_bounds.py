@@ -12,7 +12,7 @@ import pytest
 import sldvexp.field.equations.regions as field_parts
 import sldvexp.field.equations.system as field_system
 from sldvexp.config.registry import get
-from sldvexp.field.estimate import estimate_field
+from sldvexp.field.estimate import solve_field
 from sldvexp.field.result import FieldResult
 from sldvexp.field.visibility.view import View
 from sldvexp.field.visibility.visibility import VolumeVisibility
@@ -39,7 +39,7 @@ def method_of(name: str, fields: dict[str, Any]) -> Reconstruction:
 
 
 def estimate(looks: VolumeVisibility, method: Reconstruction, **options: Any) -> FieldResult:
-    return estimate_field(looks, method, get("solver", "iterative")(), **options)
+    return solve_field(looks, method, get("solver", "iterative")(), **options)
 
 
 def smooth(views: list[View]) -> list[View]:

@@ -88,25 +88,26 @@ class PoseEffect:
         -------
         ndarray, shape (layer, patch_node, parameter, 6 views * mode)
         """
-        at, look, data = part.at, part.look, self.data
-        samples, parameters, views = at.estimator.shape
+        at, samples, data = part.at, part.samples, self.data
+        count, parameters, views = at.estimator.shape
         shape = (part.patch.layers, len(part.patch.nodes), parameters)
         v = part.velocities(data)
         u = part.field(self.theta) if at.inverse is None else at.estimator @ v
         balance = at.pointwise.weight @ (v - at.pointwise.design @ u)
         found = np.zeros((*shape, views, POSE * data[0].shape[1]))
-        for k, (view, seen) in enumerate(zip(part.looks.views, look.seen, strict=True)):
+        views_samples = zip(part.visibility.views, samples.by_view, strict=True)
+        for k, (view, of_view) in enumerate(views_samples):
             if not at.pointwise.weight[:, k].any():  # the rows leave this view out
                 continue
-            by_dac, turn = seen.pose_derivative(view, part.looks.laser, look.position)
+            by_dac, turn = of_view.pose_derivative(view, part.visibility.laser, samples.position)
             if part.model.local:
-                turn = look.frame @ turn
-            slope = np.stack([g @ data[k] for g in seen.gradient], axis=1)
+                turn = samples.frame @ turn
+            slope = np.stack([g @ data[k] for g in of_view.gradient], axis=1)
             change = np.swapaxes(by_dac, 1, 2) @ slope - np.swapaxes(turn, 1, 2) @ u[:, :3]
             side = at.estimator[:, :, k, None, None] * change[:, None]
             before = turn if at.inverse is None else at.inverse[:, :, :3] @ turn
             side[:, : before.shape[1]] += before[..., None] * balance[:, k, None, None]
-            found[:, :, :, k] = part.patch.to_nodes(side.reshape(samples, -1)).reshape(*shape, -1)
+            found[:, :, :, k] = part.patch.to_nodes(side.reshape(count, -1)).reshape(*shape, -1)
         return found.reshape(*shape, -1)
 
 

@@ -75,14 +75,14 @@ class Residuals:
         theta : ndarray, shape (layer, surface_node, parameter, column)
         data : list of ndarray, shape (pixel, column)
         """
-        used = part.look.valid & (part.at.pointwise.kept & part.owned)[:, None]
+        used = part.samples.valid & (part.at.pointwise.kept & part.owned)[:, None]
         has_row = ~np.any((part.model.rows.matrix != 0)[None] & ~used[:, None], axis=2)
         self.view_count += used.sum(axis=0)
         self.row_count += has_row.sum(axis=0)
         samples = len(used) // part.patch.sample_shape[0]
         for gap in range(part.patch.sample_shape[0]):
             here = slice(gap * samples, (gap + 1) * samples)
-            weights = [seen.weights[here] for seen in part.look.seen]
+            weights = [of_view.weights[here] for of_view in part.samples.by_view]
             for first in range(0, theta.shape[-1], COLUMNS_AT_ONCE):
                 some = slice(first, first + COLUMNS_AT_ONCE)
                 v = np.stack([w @ d[:, some] for w, d in zip(weights, data, strict=True)], axis=1)
@@ -177,12 +177,12 @@ def with_bounds(
     pose : PoseEffect, optional
         None if the poses have no covariance.
     """
-    looks, model = parts.looks, parts.model
+    visibility, model = parts.visibility, parts.model
     left = Residuals.empty(model, len(data), theta.shape[-1])
     factors, group = np.unique(factor, axis=0, return_inverse=True)
-    found = Bounds.empty(looks, model, group.ravel(), kept_columns(pose))
+    found = Bounds.empty(visibility, model, group.ravel(), kept_columns(pose))
     small = system.is_small
-    rings = rings_of(looks.rule)
+    rings = rings_of(visibility.rule)
     whole = (
         WholeInverse.from_system(system, model.parameters)
         if small
@@ -267,10 +267,10 @@ class Bounds:
 
     @classmethod
     def empty(
-        cls, looks: VolumeVisibility, model: FieldModel, group: IndexArray, columns: int
+        cls, visibility: VolumeVisibility, model: FieldModel, group: IndexArray, columns: int
     ) -> Bounds:
         """Zeros."""
-        shape = (looks.prisms.layers, looks.prisms.surface_nodes, model.parameters)
+        shape = (visibility.prisms.layers, visibility.prisms.surface_nodes, model.parameters)
         equations = model.parameters if model.contravariant else 1
         return cls(
             group,
@@ -310,7 +310,7 @@ class Bounds:
 
 def _of_samples(part: RegionSamples, k: int, variance: Array) -> Array:
     """Variances of a view's samples that the part owns, in every equation, summed."""
-    of_samples = (part.look.seen[k].weights.power(2) @ variance) * part.owned
+    of_samples = (part.samples.by_view[k].weights.power(2) @ variance) * part.owned
     if part.model.contravariant:
         found: Array = of_samples @ part.at.estimator[:, :, k] ** 2
         return found
@@ -325,8 +325,8 @@ def sample_variances(part: RegionSamples) -> tuple[Array, Array]:
     """
     at = part.at
     good = at.pointwise.kept & (at.pointwise.rank == part.model.parameters)
-    good &= np.all((at.std > 0) | ~part.look.valid, axis=1)
-    std, valid = at.std[good], part.look.valid[good]
+    good &= np.all((at.std > 0) | ~part.samples.valid, axis=1)
+    std, valid = at.std[good], part.samples.valid[good]
     estimator = at.estimator[good]
     if at.inverse is None:
         estimator = np.linalg.solve(at.pointwise.information[good], estimator)

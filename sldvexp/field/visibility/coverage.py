@@ -53,11 +53,11 @@ class Coverage:
     high: Array
 
     @classmethod
-    def from_view(cls, view: View, seen: ViewSamples) -> Self:
+    def from_view(cls, view: View, found: ViewSamples) -> Self:
         """That of one block."""
-        dac = seen.dac[np.isfinite(seen.dac).all(axis=1)]
+        dac = found.dac[np.isfinite(found.dac).all(axis=1)]
         low, high = (dac.min(axis=0), dac.max(axis=0)) if len(dac) else np.full((2, 2), np.nan)
-        return cls(view, len(seen.valid), int(seen.valid.sum()), dict(seen.lost), low, high)
+        return cls(view, len(found.valid), int(found.valid.sum()), dict(found.lost), low, high)
 
     def __add__(self, other: Coverage) -> Coverage:
         return Coverage(

@@ -20,6 +20,7 @@ from sldvexp.image.interpolation.base import Interpolator
 from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.typing import Array, BoolArray, IndexArray
+from sldvexp.volume.base import Volume
 from sldvexp.volume.prisms import Prisms
 from sldvexp.volume.samples import SampleRule, sample_frames, sample_positions
 
@@ -34,7 +35,7 @@ class SampleVisibility:
     Attributes
     ----------
     triangles : ndarray of int, shape (triangle,)
-    seen : tuple of ViewSamples
+    by_view : tuple of ViewSamples
         One a view; ``sample = (gap * triangles + triangle) * points + point``.
     position : ndarray, shape (sample, 3), m
     frame : ndarray, shape (sample, 3, 3)
@@ -42,24 +43,24 @@ class SampleVisibility:
     """
 
     triangles: IndexArray
-    seen: tuple[ViewSamples, ...]
+    by_view: tuple[ViewSamples, ...]
     position: Array
     frame: Array
 
     @property
     def valid(self) -> BoolArray:
         """Which view has a velocity of which sample, shape (sample, view)."""
-        return np.stack([s.valid for s in self.seen], axis=1)
+        return np.stack([s.valid for s in self.by_view], axis=1)
 
     @property
     def directions(self) -> Array:
         """Direction cosines in world axes, shape (sample, view, 3)."""
-        return np.stack([s.directions for s in self.seen], axis=1)
+        return np.stack([s.directions for s in self.by_view], axis=1)
 
 
 @dataclass(eq=False)
 class VolumeVisibility:
-    """Looks at a volume from all views.
+    """What all views see of a volume.
 
     Parameters
     ----------
@@ -75,9 +76,6 @@ class VolumeVisibility:
         Only the side that the normals point to is measured; otherwise both.
     clearance : float, m, optional
         With it, what the surface itself hides is left out; see `Occlusion`.
-
-    A look at the whole of a volume that is not large is remembered, so that several methods, and
-    fields without one view, do not look again.
     """
 
     views: Sequence[View]
@@ -92,13 +90,45 @@ class VolumeVisibility:
     _occlusions: list[Occlusion | None] = field(init=False, repr=False)
     _whole: SampleVisibility | None = field(init=False, repr=False, default=None)
 
+    @classmethod
+    def from_volume(
+        cls,
+        views: Sequence[View],
+        laser: TwoMirror,
+        volume: Volume,
+        prisms: Prisms | None = None,
+    ) -> Self:
+        """Find what views see of a configured volume.
+
+        Parameters
+        ----------
+        views : sequence of View
+        laser : TwoMirror
+        volume : Volume
+        prisms : Prisms, optional
+            Those of the volume, where they are made already.
+        """
+        prisms = volume.prisms() if prisms is None else prisms
+        sight, grazing = volume.sight, np.radians(volume.sight.grazing)
+        thickness = float(np.ptp(prisms.depth))
+        return cls(
+            views,
+            laser,
+            prisms,
+            volume.rule(),
+            sight.interpolation,
+            grazing,
+            one_sided=not sight.both_sides,
+            clearance=thickness / 2 / np.cos(grazing) if sight.occlusion else None,
+        )
+
     def __post_init__(self) -> None:
         require_usable(self.views)
         self._interpolators = [self.interpolation.prepare(v) for v in self.views]
         self._occlusions = [self._occlusion(v) for v in self.views]
 
     def __getstate__(self) -> dict[str, Any]:
-        """What another process needs; it remembers its own look."""
+        """Leave out what is remembered: another process remembers its own."""
         return {**self.__dict__, "_whole": None}
 
     @property
@@ -108,46 +138,48 @@ class VolumeVisibility:
 
     @property
     def triangles(self) -> IndexArray:
-        """All of them."""
+        """Indices of all triangles of the surface."""
         return np.arange(len(self.prisms.triangles))
 
     @property
     def fits_in_cache(self) -> bool:
-        """Whether a look at all of it is remembered."""
+        """Whether what is seen of all of it is remembered."""
         return self.prisms.gaps * len(self.prisms.triangles) * self.rule.points <= CACHE_SAMPLES
 
     def at(self, triangles: IndexArray) -> SampleVisibility:
-        """Look at the samples of some triangles' prisms, in all gaps."""
+        """Project the samples of some triangles' prisms, in all gaps."""
         if self._whole is not None and np.array_equal(triangles, self._whole.triangles):
             return self._whole
-        found = self._look(triangles)
+        found = self._project(triangles)
         if self.fits_in_cache and np.array_equal(triangles, self.triangles):
             self._whole = found
         return found
 
     def without(self, k: int) -> Self:
-        """The looks of all other views, with all that is prepared and remembered of them."""
+        """Leave one view out, keeping all that is prepared and remembered of the others."""
         others = [i for i in range(len(self.views)) if i != k]
         left = copy(self)
         left.views = [self.views[i] for i in others]
         left._interpolators = [self._interpolators[i] for i in others]
         left._occlusions = [self._occlusions[i] for i in others]
         if self._whole is not None:
-            left._whole = replace(self._whole, seen=tuple(self._whole.seen[i] for i in others))
+            left._whole = replace(
+                self._whole, by_view=tuple(self._whole.by_view[i] for i in others)
+            )
         return left
 
     def seen_by(self, views: Sequence[View]) -> Self:
-        """The looks of the same images from poses that are other ones."""
+        """Give the same images other poses."""
         moved = copy(self)
         moved.views, moved._whole = views, None
         moved._occlusions = [moved._occlusion(v) for v in views]
         return moved
 
-    def _look(self, triangles: IndexArray) -> SampleVisibility:
+    def _project(self, triangles: IndexArray) -> SampleVisibility:
         position = sample_positions(self.prisms, self.rule, triangles).reshape(-1, 3)
         frame = sample_frames(self.prisms, self.rule, triangles).reshape(-1, 3, 3)
 
-        def seen_by(k: int) -> ViewSamples:
+        def project(k: int) -> ViewSamples:
             return project_samples(
                 self.views[k],
                 self.laser,
@@ -158,8 +190,8 @@ class VolumeVisibility:
                 occlusion=self._occlusions[k],
             )
 
-        seen = tuple(side_by_side(seen_by, range(len(self.views))))
-        return SampleVisibility(triangles, seen, position, frame)
+        by_view = tuple(side_by_side(project, range(len(self.views))))
+        return SampleVisibility(triangles, by_view, position, frame)
 
     def _occlusion(self, view: View) -> Occlusion | None:
         if self.clearance is None:
