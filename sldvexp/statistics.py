@@ -1,12 +1,10 @@
 """Statistics that several rooms share: quantiles of bounds and tests of hypotheses.
 
-F-tests: does a model with more parameters explain the data significantly better?
-
-Half-width factors of two-sided confidence intervals (Eq 5.18).
-
-Chi-square: do the residuals agree with the noise that was stated?
-
-Welch's test: are two estimates with different uncertainties the same (Eqs 4.25 to 4.30)?
+All assume normal noise. Half-widths of two-sided confidence intervals are Student's t times the
+standard error (Eq 5.18). F-tests ask whether a model with more parameters explains the data
+significantly better, chi-square whether the residuals agree with the noise that was stated, and
+Welch's test whether two estimates with different uncertainties are the same (Eqs 4.25 to 4.30).
+Real and imaginary parts count as data of their own: complex data have twice the degrees of freedom.
 """
 
 from __future__ import annotations
@@ -56,6 +54,13 @@ def f_test(
         everything but the statistic is NaN and nothing is rejected.
     confidence : float
         1 - alpha, as 0.95.
+
+    Examples
+    --------
+    >>> from sldvexp.statistics import f_test
+    >>> test = f_test(4.0, 2, 10, confidence=0.95)
+    >>> round(float(test.critical), 3), round(float(test.p_value), 4), bool(test.reject)
+    (4.103, 0.0529, False)
     """
     f, p, q = np.broadcast_arrays(
         np.asarray(statistic, float),
@@ -94,6 +99,15 @@ def nested_f_test(
         Residual sums of squares of the model without and with the parameters.
     added_dof, residual_dof : array_like
         Real parameters that were added; real degrees of freedom that the full model leaves.
+
+    Examples
+    --------
+    An intercept of complex data from 6 views:
+
+    >>> from sldvexp.statistics import nested_f_test
+    >>> test = nested_f_test(5.0, 2.0, added_dof=2, residual_dof=4, confidence=0.95)
+    >>> float(test.statistic), bool(test.reject)
+    (3.0, False)
     """
     partial, full = np.asarray(sse_partial, float), np.asarray(sse_full, float)
     statistic = (partial - full) / np.asarray(added_dof) / (full / np.asarray(residual_dof))
@@ -115,6 +129,13 @@ def student_factor(confidence: float, dof: ArrayLike) -> Array:
     -------
     ndarray, shape of `dof`
         NaN where there are no degrees of freedom: there is no bound to give.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.statistics import student_factor
+    >>> student_factor(0.95, [0, 1, 10, np.inf]).round(3).tolist()
+    [nan, 12.706, 2.228, 1.96]
     """
     # Many points share few values, and the quantile is slow.
     nu, where = np.unique(np.asarray(dof, float), return_inverse=True)
@@ -135,6 +156,12 @@ def chi_square_p_value(chi_square: ArrayLike, dof: ArrayLike) -> Array:
     chi_square : array_like
         Sum of squared residuals, each over its standard deviation.
     dof : array_like, broadcastable to `chi_square`
+
+    Examples
+    --------
+    >>> from sldvexp.statistics import chi_square_p_value
+    >>> chi_square_p_value([3.0, 30.0], 10).round(4).tolist()
+    [0.9814, 0.0009]
     """
     nu = np.asarray(dof, float)
     p_value = scipy.special.chdtrc(np.where(nu > 0, nu, 1.0), np.asarray(chi_square, float))
@@ -188,6 +215,13 @@ def welch(
         Degrees of freedom of the standard errors; infinite if they are known.
     confidence : float
         1 - alpha; the dissertation's Table 4.2 uses 0.99.
+
+    Examples
+    --------
+    >>> from sldvexp.statistics import welch
+    >>> test = welch(10.0, 0.1, 9, 10.5, 0.2, 4)
+    >>> round(float(test.statistic), 3), round(float(test.dof), 2), bool(test.reject)
+    (-2.236, 6.08, False)
     """
     variance1, variance2 = np.square(standard_error1), np.square(standard_error2)
     statistic = (np.asarray(mean1, float) - mean2) / np.sqrt(variance1 + variance2)

@@ -90,7 +90,7 @@ def _misfit(looks: VolumeVisibility, triangles: IndexArray) -> tuple[Array, Arra
     shape = (looks.prisms.gaps, len(triangles), looks.rule.points)
     valid: BoolArray = np.all(look.valid, axis=1).reshape(shape)
     everywhere = np.broadcast_to(np.all(valid, axis=(0, 2), keepdims=True), shape).ravel()
-    pairs = list(zip(look.seen, looks.views, strict=True))
+    pairs = list(zip(look.by_view, looks.views, strict=True))
     velocity = np.stack([seen.velocity(view) for seen, view in pairs], axis=1)
     std = np.stack([seen.std(view) for seen, view in pairs], axis=1)
     squares = np.zeros(len(everywhere))

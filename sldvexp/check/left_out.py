@@ -14,7 +14,7 @@ from sldvexp.check.agreement import field_looks, sampled_depth
 from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
-from sldvexp.field.estimate import estimate_field
+from sldvexp.field.estimate import solve_field
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, IndexArray
@@ -92,8 +92,8 @@ def _left_out(
     """Error at each depth, size and noise of one view."""
     e, view = run.experiment, looks.views[k]
     look = looks.at(looks.triangles)  # remembered for the others
-    field = estimate_field(looks.without(k), e.reconstruction, e.solver, bounds=False)
-    seen = look.seen[k]
+    field = solve_field(looks.without(k), e.reconstruction, e.solver, bounds=False)
+    seen = look.by_view[k]
     basis = shape_matrix(looks.prisms, looks.rule)
     nodal = field.velocity.reshape(len(field.velocity), -1)
     vector = np.asarray(basis @ nodal).reshape(basis.shape[0], 3, -1)

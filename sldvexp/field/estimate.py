@@ -1,22 +1,29 @@
 """The velocity field over a volume of prisms (Section 5.3), from views to values with bounds.
 
-The field of a run: from its poses and images to nodal velocities.
+The field is ``V(P) = sum_i V_i N_i(P)`` (Eq 5.21) with the prisms' linear basis functions N_i;
+every method is a least-squares fit of it to the velocities that the views have at the samples. The
+equations' matrix depends on the geometry alone, so that real and imaginary part at every frequency
+are right-hand sides of one matrix.
+
+There are three ways in, one upon the other: `estimate_field` from views made of arrays,
+`reconstruct` from the groups of a run, and `solve_field` from what the views see of the volume.
 """
 
 from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
-from sldvexp.field.bounds.element_error import element_error, mean_squares, told
-from sldvexp.field.bounds.intrinsic_effect import PoseErrors
-from sldvexp.field.bounds.pose_uncertainty import pose_covariance
+from sldvexp.field.bounds.element_error import mean_squares, told
+from sldvexp.field.bounds.pose_uncertainty import PoseErrors, pose_covariance
 from sldvexp.field.bounds.residuals_and_bounds import pose_effect, residuals_only, variance_factors
 from sldvexp.field.equations.assembly import normal_equations, pixel_data
 from sldvexp.field.equations.conditioning import condition_numbers
@@ -27,7 +34,7 @@ from sldvexp.field.equations.undetermined import factorise, find_undetermined
 from sldvexp.field.fit import FieldEstimate, FieldFit
 from sldvexp.field.result import FieldResult
 from sldvexp.field.solvers.base import Solver
-from sldvexp.field.to_dataset import field_to_dataset
+from sldvexp.field.solvers.iterative import Iterative
 from sldvexp.field.visibility.view import View, views_of
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.laser.two_mirror import TwoMirror
@@ -41,7 +48,121 @@ NO_COVARIANCE = "the poses have no covariance: bounds are those of the velocitie
 
 
 def estimate_field(
-    looks: VolumeVisibility,
+    views: Sequence[View],
+    laser: TwoMirror,
+    volume: Volume,
+    method: Reconstruction,
+    solver: Solver | None = None,
+    *,
+    frequency: ArrayLike | None = None,
+    covariance: Array | None = None,
+) -> FieldResult:
+    """Estimate the velocity field around a surface from views of it, without any run.
+
+    A run does the same with its poses and images: from the same arrays come the same bits.
+
+    Parameters
+    ----------
+    views : sequence of View
+        Poses and velocity images; `View.from_arrays` makes them.
+    laser : TwoMirror
+        Which all views were taken with.
+    volume : Volume
+        The surface, the layers around it, their samples and how views see them.
+    method : Reconstruction
+        absolute, relative, combined or contravariant; its rows, model, weights and confidence.
+    solver : Solver, optional
+        `Iterative` without it.
+    frequency : array_like, shape (frequency,), Hz, optional
+        Of the views' images; needed for the dataset of more than one.
+    covariance : ndarray, shape (6 views, 6 views), optional
+        Of all poses together; without it that of each view, by itself.
+
+    Raises
+    ------
+    UserError
+        See `solve_field`; or if the volume is unsound.
+
+    Examples
+    --------
+    A plate that moves as a whole, seen from three places that all face it along -z:
+
+    >>> import numpy as np
+    >>> from sldvexp import field, reconstruction, volume
+    >>> from sldvexp.laser.model import direction_cosines
+    >>> from sldvexp.laser.two_mirror import TwoMirror
+    >>> rng, laser, rotation = np.random.default_rng(1), TwoMirror(), np.diag([1.0, -1.0, -1.0])
+    >>> step = np.radians(np.linspace(-24, 24, 25))
+    >>> angle = np.stack(np.meshgrid(step, step), axis=-1).reshape(-1, 2)
+    >>> seen = direction_cosines(angle) @ rotation @ [0, 1e-3, 2e-3 + 1e-3j]
+    >>> views = []
+    >>> for name, x, y in ("left", -0.4, -0.3), ("right", 0.4, -0.3), ("top", 0.0, 0.4):
+    ...     image, origin = seen + rng.normal(scale=1e-6, size=len(seen)), [x, y, 1.5]
+    ...     view = field.View.from_arrays(
+    ...         name, rotation, origin, image, 1e-6, angle=angle, laser=laser
+    ...     )
+    ...     views.append(view)
+    >>> plate = volume.Grid(size=[0.2, 0.2], shape=[3, 3], layers=2)
+    >>> result = field.estimate_field(views, laser, plate, reconstruction.Absolute())
+    >>> np.abs(1e3 * result.velocity[0, :, 0]).round(2).tolist()
+    [0.0, 1.0, 2.24]
+    >>> result.to_dataset()["velocity"].dims
+    ('node', 'component')
+    """
+    visibility = VolumeVisibility.from_volume(views, laser, volume)
+    return _in_volume(
+        visibility, volume, method, solver or Iterative(), frequency, covariance=covariance
+    )
+
+
+def reconstruct(
+    tree: Mapping[str, xr.Dataset],
+    visibility: VolumeVisibility,
+    volume: Volume,
+    method: Reconstruction,
+    solver: Solver,
+) -> xr.Dataset:
+    """Make the group ``field`` of a run by one method.
+
+    Parameters
+    ----------
+    tree : mapping of str to xarray.Dataset
+        With the groups ``pose`` and ``image/<view>``.
+    visibility : VolumeVisibility
+        What these views see of the volume; see `volume_visibility`.
+    volume : Volume
+    method : Reconstruction
+    solver : Solver
+    """
+    image = tree[f"image/{visibility.names[0]}"]
+    frequency = image["frequency"].values if "frequency" in image.coords else None
+    errors = PoseErrors.from_dataset(tree["pose"], visibility.names)
+    return _in_volume(visibility, volume, method, solver, frequency, errors=errors).to_dataset()
+
+
+def _in_volume(
+    visibility: VolumeVisibility,
+    volume: Volume,
+    method: Reconstruction,
+    solver: Solver,
+    frequency: ArrayLike | None,
+    **poses: Any,
+) -> FieldResult:
+    """Solve in the volume's coordinates, and say if its elements are too coarse."""
+    local = volume.coordinates is Coordinates.local
+    result = solve_field(visibility, method, solver, local=local, **poses)
+    coarse: list[str] = []
+    if result.confidence is not None:
+        coarse = told(mean_squares(result.element_error, result.confidence))
+    return replace(
+        result,
+        frequency=None if frequency is None else np.asarray(frequency, float),
+        messages=(*result.messages, *coarse),
+    )
+
+
+def solve_field(
+    visibility: VolumeVisibility,
     method: Reconstruction,
     solver: Solver,
     *,
@@ -50,14 +171,11 @@ def estimate_field(
     covariance: Array | None = None,
     errors: PoseErrors | None = None,
 ) -> FieldResult:
-    """Reconstruct the velocity field (Section 5.3.6).
-
-    The field is ``V(P) = sum_i V_i N_i(P)`` (Eq 5.21); every method is a least-squares fit of it to
-    the velocities that the views have at the samples.
+    """Solve for the velocity field, given what views see of a volume (Section 5.3.6).
 
     Parameters
     ----------
-    looks : VolumeVisibility
+    visibility : VolumeVisibility
         The volume, its samples and the views.
     method : Reconstruction
         absolute, relative, combined or contravariant; its rows, model, weights and confidence.
@@ -72,42 +190,38 @@ def estimate_field(
     errors : PoseErrors, optional
         Instead of `covariance`, where intrinsics may have been adjusted with the poses.
 
-    Returns
-    -------
-    FieldResult
-
     Raises
     ------
     UserError
         If there are too few views or rows for the method, a view sees nothing, or nothing is
         determined anywhere.
     """
-    check_views(looks)
-    poses = pose_covariance(looks.views, covariance if errors is None else errors.covariance)
-    fit = FieldFit.from_images(looks, method, solver, local, pixel_data(looks.views))
+    check_views(visibility)
+    poses = pose_covariance(visibility.views, covariance if errors is None else errors.covariance)
+    fit = FieldFit.from_images(visibility, method, solver, local, pixel_data(visibility.views))
     model, messages = fit.parts.model, fit.messages
     if not bounds:
-        second = residuals_only(fit.parts, fit.theta, fit.data)
-        return FieldEstimate.from_fit(fit, second, solver).result(messages)
-    factor = variance_factors(looks.views, model.pixel_std)
+        left = residuals_only(fit.parts, fit.theta, fit.data)
+        return FieldEstimate.from_fit(fit, left, solver).result(messages)
+    factor = variance_factors(visibility.views, model.pixel_std)
     effect = pose_effect(model, fit.theta, fit.data, factor, poses)
-    second = fit.with_bounds(factor, effect)
-    if errors is not None and len(errors.pose) and second.pose is not None:
-        added = errors.variance(looks.views, solved_with(looks, model, solver))
-        second = replace(second, pose=second.pose + added)
+    found = fit.with_bounds(factor, effect)
+    if errors is not None and len(errors.pose) and found.pose is not None:
+        added = errors.variance(visibility.views, solved_with(visibility, model, solver))
+        found = replace(found, pose=found.pose + added)
     if poses is None:
         messages.append(NO_COVARIANCE)
     condition = condition_numbers(fit.equations.system, fit.solve)
-    return FieldEstimate.from_fit(fit, second, solver).result(messages, condition)
+    return FieldEstimate.from_fit(fit, found, solver).result(messages, condition)
 
 
 def solved_with(
-    looks: VolumeVisibility, model: FieldModel, solver: Solver
+    visibility: VolumeVisibility, model: FieldModel, solver: Solver
 ) -> Callable[[list[View]], Array]:
     """From views to the solution, (layer, surface_node, parameter, column); all else the same."""
 
     def solved(views: list[View]) -> Array:
-        parts = RegionIterator(looks.seen_by(views), model)
+        parts = RegionIterator(visibility.seen_by(views), model)
         equations = normal_equations(parts, pixel_data(views))
         equations, solve = factorise(solver, equations, find_undetermined(equations))
         return solution(equations.right, equations.system, solve)
@@ -115,12 +229,12 @@ def solved_with(
     return solved
 
 
-def check_views(looks: VolumeVisibility) -> None:
+def check_views(visibility: VolumeVisibility) -> None:
     """Complain if there are no views, or two of them are the same."""
-    if not looks.views:
+    if not visibility.views:
         raise UserError("field: there are no views")
-    for i, a in enumerate(looks.views):
-        for b in looks.views[:i]:
+    for i, a in enumerate(visibility.views):
+        for b in visibility.views[:i]:
             if np.array_equal(a.origin, b.origin) and np.array_equal(a.rotation, b.rotation):
                 raise UserError(
                     f"views {b.name} and {a.name} have the same pose: they see the same component "
@@ -138,14 +252,14 @@ def _same_image(a: View, b: View) -> bool:
     return np.array_equal(a.dac, b.dac) and np.array_equal(a.velocity, b.velocity, equal_nan=True)
 
 
-#: Images of more bytes are not kept for another look at them.
+#: Images of more bytes are not kept, nor what is seen in them.
 CACHE_BYTES = 2**26
 
 
 def volume_visibility(
     tree: Mapping[str, xr.Dataset], laser: TwoMirror, volume: Volume
 ) -> VolumeVisibility:
-    """What the views of a run see of a volume.
+    """Find what the views of a run see of a volume, or recall it.
 
     Parameters
     ----------
@@ -162,7 +276,7 @@ def volume_visibility(
     prisms = volume.prisms()
     needed = {k: g for k, g in tree.items() if k == "pose" or k.startswith("image/")}
     if sum(group.nbytes for group in needed.values()) > CACHE_BYTES:
-        return _looks(needed, laser, volume, prisms)
+        return VolumeVisibility.from_volume(views_of(needed, laser), laser, volume, prisms)
     digest = hashlib.sha256(repr((laser, volume)).encode())
     for array in (prisms.position, prisms.triangles, prisms.depth):
         digest.update(array.tobytes())
@@ -173,7 +287,7 @@ def volume_visibility(
 
 @dataclass(frozen=True)
 class Content:
-    """What looks are made of, known by its digest."""
+    """Poses, images, laser and volume, known by their digest."""
 
     digest: bytes
     tree: Mapping[str, xr.Dataset] = field(compare=False)
@@ -183,44 +297,7 @@ class Content:
 
 
 @lru_cache(maxsize=2)
-def _remembered(of: Content) -> VolumeVisibility:
-    """Looks for the checks of a run, and for the next runs of a sweep over methods."""
-    return _looks(of.tree, of.laser, of.volume, of.prisms)
-
-
-def _looks(
-    tree: Mapping[str, xr.Dataset], laser: TwoMirror, volume: Volume, prisms: Prisms
-) -> VolumeVisibility:
-    sight = volume.sight
-    thickness = float(np.ptp(prisms.depth))
-    grazing = np.radians(sight.grazing)
-    return VolumeVisibility(
-        views_of(tree, laser),
-        laser,
-        prisms,
-        volume.rule(),
-        sight.interpolation,
-        grazing,
-        one_sided=not sight.both_sides,
-        clearance=thickness / 2 / np.cos(grazing) if sight.occlusion else None,
-    )
-
-
-def reconstruct(
-    tree: Mapping[str, xr.Dataset],
-    looks: VolumeVisibility,
-    volume: Volume,
-    method: Reconstruction,
-    solver: Solver,
-) -> xr.Dataset:
-    """The group ``field`` of a run by one method; see `sldvexp.field.estimate.estimate_field`."""
-    local = volume.coordinates is Coordinates.local
-    errors = PoseErrors.from_dataset(tree["pose"], looks.names)
-    result = estimate_field(looks, method, solver, local=local, errors=errors)
-    image = tree[f"image/{looks.names[0]}"]
-    frequency = image["frequency"].values if "frequency" in image.coords else None
-    error = element_error(looks.prisms, looks.rule, result.velocity)
-    if result.confidence is not None:
-        coarse = told(mean_squares(error, result.confidence))
-        result = replace(result, messages=(*result.messages, *coarse))
-    return field_to_dataset(result, looks.prisms, method, frequency, error)
+def _remembered(content: Content) -> VolumeVisibility:
+    """Keep what is seen for the checks of a run, and the next runs of a sweep over methods."""
+    views = views_of(content.tree, content.laser)
+    return VolumeVisibility.from_volume(views, content.laser, content.volume, content.prisms)

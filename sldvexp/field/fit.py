@@ -58,7 +58,7 @@ class FieldFit:
     @classmethod
     def from_images(
         cls,
-        looks: VolumeVisibility,
+        visibility: VolumeVisibility,
         method: Reconstruction,
         solver: Solver,
         local: bool,
@@ -71,7 +71,7 @@ class FieldFit:
         UserError
             See `sldvexp.field.estimate.estimate_field`.
         """
-        parts = RegionIterator(looks, FieldModel.from_method(method, looks, local))
+        parts = RegionIterator(visibility, FieldModel.from_method(method, visibility, local))
         equations = normal_equations(parts, data)
         found = find_undetermined(equations)
         if not found.observable.any():
@@ -99,7 +99,7 @@ class FieldFit:
 
 def _messages(parts: RegionIterator, equations: Equations, found: Observability) -> list[str]:
     axes = LOCAL if parts.model.local else WORLD
-    told = describe_undetermined(found, parts.looks.prisms.position, axes)
+    told = describe_undetermined(found, parts.visibility.prisms.position, axes)
     lost = flagged(equations.coverage)
     return [*told, lost] if told and lost else told
 
@@ -114,37 +114,36 @@ class FieldEstimate:
 
     Parameters
     ----------
-    looks : VolumeVisibility
+    visibility : VolumeVisibility
     model : FieldModel
     equations : Equations
     flags : Observability
     theta : ndarray, shape (layer, surface_node, parameter, column)
-    second : FieldBounds
+    bounds : FieldBounds
     solver : Solver
     """
 
-    looks: VolumeVisibility
+    visibility: VolumeVisibility
     model: FieldModel
     equations: Equations
     flags: Observability
     theta: Array
-    second: FieldBounds
+    bounds: FieldBounds
     solver: Solver
 
     @classmethod
-    def from_fit(cls, fit: FieldFit, second: FieldBounds, solver: Solver) -> FieldEstimate:
+    def from_fit(cls, fit: FieldFit, bounds: FieldBounds, solver: Solver) -> FieldEstimate:
         """That of a fit."""
         parts, equations = fit.parts, fit.equations
-        return cls(parts.looks, parts.model, equations, fit.flags, fit.theta, second, solver)
+        return cls(parts.visibility, parts.model, equations, fit.flags, fit.theta, bounds, solver)
 
     def result(
         self, messages: list[str], condition: tuple[float, float] = (np.nan, np.nan)
     ) -> FieldResult:
         """The result, without what is not determined."""
         nodal = self._by_node(self.theta).view(complex).copy()
-        known, seen = self.flags.determined[..., None], self.second
+        known, error = self.flags.determined[..., None], self.bounds.error
         blank(nodal, ~self.flags.determined)
-        error = seen.error
         if error > WORTH_TELLING:
             messages.append(
                 f"standard errors are approximations here: exact ones differ by up to {error:.0%}"
@@ -165,6 +164,8 @@ class FieldEstimate:
             bounds_error=error,
             coverage=self.equations.coverage,
             messages=tuple(messages),
+            visibility=self.visibility,
+            method=self.model.method,
             **self._bounds(known),
             **self._statistics(),
         )
@@ -176,31 +177,31 @@ class FieldEstimate:
     def _bounds(self, known: BoolArray) -> dict[str, Any]:
         """Standard errors; NaN where nothing is determined."""
         names = ("std_noise", "std_pose", "std_by_part", "confidence_by_part", "intercept_std")
-        if self.second.noise is None:
+        if self.bounds.noise is None:
             return dict.fromkeys(names)
-        noise = np.where(known, self._by_node(self.second.noise), np.nan)
+        noise = np.where(known, self._by_node(self.bounds.noise), np.nan)
         pose = np.zeros((2, *noise.shape))
-        if self.second.pose is not None:
-            columns = self._by_node(self.second.pose)
+        if self.bounds.pose is not None:
+            columns = self._by_node(self.bounds.pose)
             pose = np.where(known, np.stack([columns[..., ::2], columns[..., 1::2]]), np.nan)
         std = np.sqrt(noise + pose)
         factor = float(student_factor(self.model.method.confidence, np.inf))
         return {
             "std_noise": np.sqrt(noise[:, :3]),
-            "std_pose": None if self.second.pose is None else np.sqrt(pose[:, :, :3]),
+            "std_pose": None if self.bounds.pose is None else np.sqrt(pose[:, :, :3]),
             "std_by_part": std[:, :, :3],
             "confidence_by_part": factor * std[:, :, :3],
             "intercept_std": std[:, :, 3].max(axis=0) if self.model.intercept else None,
         }
 
     def _efficiency(self) -> Array | None:
-        if self.second.efficiency is None:
+        if self.bounds.efficiency is None:
             return None
-        return np.where(self.flags.observable, self._by_node(self.second.efficiency), np.nan)
+        return np.where(self.flags.observable, self._by_node(self.bounds.efficiency), np.nan)
 
     def _statistics(self) -> dict[str, Any]:
         """What Tables 5.7 and 5.8 state."""
-        left, equations, model = self.second.residuals, self.equations, self.model
+        left, equations, model = self.bounds.residuals, self.equations, self.model
         active = int(equations.system.active.sum())
         unknowns = active * model.block
         real_rows = 2 * (equations.samples if model.contravariant else equations.rows)
@@ -208,7 +209,7 @@ class FieldEstimate:
         freedom, sse = real_rows - 2 * unknowns, _by_frequency(left.squares)
         by_view, by_row = _by_frequency(left.by_view), _by_frequency(left.by_row)
         with np.errstate(divide="ignore", invalid="ignore"):
-            expected = self.second.expected
+            expected = self.bounds.expected
             return {
                 "unknowns": unknowns,
                 "samples": count,
@@ -234,7 +235,7 @@ class FieldEstimate:
         without = solution(right, partial, self.solver.prepare(partial))
         drop = np.einsum("lnpc,lnpc->c", self.theta, equations.right)
         drop -= np.einsum("lnpc,lnpc->c", without, right)
-        sse, fewer = _by_frequency(self.second.residuals.squares)[0], _by_frequency(drop)
+        sse, fewer = _by_frequency(self.bounds.residuals.squares)[0], _by_frequency(drop)
         added = 2 * int(equations.system.active.sum())
         freedom = 2 * equations.rows - 4 * added
         with np.errstate(divide="ignore", invalid="ignore"):  # velocities may all be zero

@@ -1,14 +1,27 @@
-"""What the reconstruction of a field gives."""
+"""Result of a field's reconstruction, and the group of a run's dataset that is made of it.
+
+Bounds are per real and imaginary part. Noise of the velocities is the same in both; an error of a
+pose moves all velocities together and shows in the part where the velocity is, so that bounds of
+the two parts differ, and the larger one holds for both.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from sldvexp import dataset
+from sldvexp.errors import UserError
+from sldvexp.field.bounds.element_error import element_error
 from sldvexp.field.visibility.coverage import Coverage
+from sldvexp.field.visibility.visibility import VolumeVisibility
+from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction.rows import RowSet
+from sldvexp.reconstruction.system import ReconstructionSettings
 from sldvexp.statistics import FTest
 from sldvexp.typing import Array, BoolArray, ComplexArray
 
@@ -70,6 +83,12 @@ class FieldResult:
     coverage : tuple of Coverage
         What each view sees.
     messages : tuple of str
+        What a user must know about flagged nodes and bounds, in sentences.
+    visibility : VolumeVisibility
+        The volume, its samples and the views.
+    method : ReconstructionSettings
+        Rows, model, weights and confidence that were asked for.
+    frequency : ndarray, shape (frequency,), Hz, optional
     """
 
     components: tuple[str, ...]
@@ -100,6 +119,26 @@ class FieldResult:
     bounds_error: float
     coverage: tuple[Coverage, ...]
     messages: tuple[str, ...]
+    visibility: VolumeVisibility
+    method: ReconstructionSettings
+    frequency: Array | None = None
+
+    def __repr__(self) -> str:
+        """Say how many, how well the samples fit, and how good it is."""
+        nodes, _, frequencies = self.velocity.shape
+        lines = [
+            f"FieldResult: velocity ({', '.join(self.components)}) at {nodes} nodes and "
+            f"{frequencies} frequenc{'y' if frequencies == 1 else 'ies'}, rows {self.rows}",
+            f"  {self.samples} samples of {len(self.coverage)} views, residual "
+            f"{self._pooled['residual_std']:.3g} m/s (r.m.s.)",
+        ]
+        if self.efficiency is not None and self.observable.any():
+            low = np.nanmin(self.efficiency)
+            lines.append(f"  efficiency {low:.3g} or more of what these views allow")
+        if self.confidence is not None and np.isfinite(self.confidence).any():
+            level = self.method.confidence
+            lines.append(f"  largest bound {np.nanmax(self.confidence):.3g} m/s ({level:.0%})")
+        return "\n".join(lines)
 
     @property
     def std(self) -> Array | None:
@@ -110,3 +149,119 @@ class FieldResult:
     def confidence(self) -> Array | None:
         """Half-width that holds for both parts, shape (node, component, frequency)."""
         return None if self.confidence_by_part is None else self.confidence_by_part.max(axis=0)
+
+    @cached_property
+    def element_error(self) -> ComplexArray:
+        """Estimated error of linear elements, shape (node, component, frequency), m/s.
+
+        See `sldvexp.field.bounds.element_error.element_error`.
+        """
+        return element_error(self.visibility.prisms, self.visibility.rule, self.velocity)
+
+    @property
+    def _pooled(self) -> dict[str, float]:
+        return pooled(self.sse, self.samples)
+
+    def to_dataset(self) -> xr.Dataset:
+        """Make the group ``field`` of a run.
+
+        Without `frequency` there is no such dimension. Attributes hold the counts of Table 5.7,
+        pooled residuals, and what was used.
+
+        Raises
+        ------
+        UserError
+            If there are several frequencies and it is not known which.
+        """
+        if self.frequency is None and self.velocity.shape[-1] != 1:
+            raise UserError(
+                f"the field has {self.velocity.shape[-1]} frequencies, but it is not said which; "
+                "give frequency, in Hz"
+            )
+        coords: dict[str, Any] = {
+            "component": list(self.components),
+            "view": [c.view.name for c in self.coverage],
+            "row": list(self.rows.labels),
+            "equation": list(self.components[: len(self.sse)])
+            if len(self.sse) > 1
+            else ["all components"],
+            "part": list(PARTS),
+            "reason": list(self.coverage[0].lost),
+        }
+        if len(self.sse) == 4:
+            coords["equation"] = [*self.components, "intercept"]
+        if self.frequency is not None:
+            coords["frequency"] = np.asarray(self.frequency, float)
+        group = dataset.group("field", coords, **_variables(self))
+        group.attrs |= _attributes(self)
+        return group
+
+
+def _variables(result: FieldResult) -> dict[str, ArrayLike | None]:
+    """Arrays of the group, without a frequency dimension if there is none."""
+
+    def last(array: np.ndarray | None) -> np.ndarray | None:
+        return array if array is None or result.frequency is not None else array[..., 0]
+
+    pose, prisms = result.std_pose, result.visibility.prisms
+    test = result.intercept_test
+    flagged = len(result.flagged_node) > 0
+    return {
+        "velocity": last(result.velocity),
+        "velocity_std": last(result.std),
+        "confidence": last(result.confidence),
+        "velocity_std_noise": last(result.std_noise),
+        "velocity_std_pose": None if pose is None else last(pose.max(axis=0)),
+        "velocity_std_by_part": last(result.std_by_part),
+        "confidence_by_part": last(result.confidence_by_part),
+        "element_error": last(result.element_error),
+        "intercept": last(result.intercept),
+        "intercept_std": last(result.intercept_std),
+        "position": prisms.position,
+        "element": prisms.element.astype(np.int32),
+        "observable": result.observable,
+        "flagged_node": result.flagged_node if flagged else None,
+        "flagged_rank": result.flagged_rank if flagged else None,
+        "flagged_direction": result.flagged_direction if flagged else None,
+        "efficiency": result.efficiency,
+        "sse": last(result.sse),
+        "residual_std": last(result.residual_std),
+        "s": last(result.s),
+        "chi2_ratio": last(result.chi2_ratio),
+        "residual_std_by_view": last(result.residual_std_by_view),
+        "residual_std_by_row": last(result.residual_std_by_row),
+        "f_statistic": None if test is None else last(test.statistic),
+        "f_p_value": None if test is None else last(test.p_value),
+        "samples_seen": [c.seen for c in result.coverage],
+        "samples_lost": [list(c.lost.values()) for c in result.coverage],
+    }
+
+
+def pooled(sse: np.ndarray, samples: int) -> dict[str, float]:
+    """Sum of squares and residuals of all equations and frequencies together."""
+    return {"sse": float(sse.sum()), "residual_std": float(np.sqrt(sse.mean() / samples))}
+
+
+def _attributes(result: FieldResult) -> dict[str, Any]:
+    """Headline numbers, pooled over equations and frequencies, and what stands behind them."""
+    equations, method = len(result.sse), result.method
+    found: dict[str, Any] = {
+        "dof": result.unknowns,
+        "samples": result.samples,
+        **result._pooled,
+        "cond": result.cond,
+        "rcond": result.rcond,
+        "bounds_error": result.bounds_error,
+        "equations": equations,
+        "components_determined": int(result.observable.sum()),
+        "rows": str(result.rows),
+        "model": method.model.name,
+        "weights": method.weights.name,
+        "coordinate_system": "world" if result.components[0] == "x" else "local",
+        "confidence_level": method.confidence,
+        "coverage": "\n".join(c.summary() for c in result.coverage),
+        "notes": "\n".join(result.messages),
+    }
+    if (test := result.intercept_test) is not None and test.statistic.size == 1:
+        found["f_statistic"] = float(test.statistic.item())
+    return found

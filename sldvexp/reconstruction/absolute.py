@@ -14,7 +14,16 @@ from sldvexp.reconstruction.rows import RowChoice
 @register("reconstruction", "absolute")
 @dataclass
 class Absolute(Reconstruction):
-    """Rows are single views, as in ``1,2,3``; by default all of them."""
+    """Rows are single views, as in ``1,2,3``; by default all of them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.reconstruction import Absolute
+    >>> result = Absolute().reconstruct(np.eye(3), [1e-3, 0, 2e-3])
+    >>> result.velocity[0, :, 0].tolist()
+    [0.001, 0.0, 0.002]
+    """
 
     def row_choice(self, view_names: Sequence[str]) -> RowChoice:
         """Every view by itself."""

@@ -1,15 +1,15 @@
-"""What all reconstruction methods share: their fields, and the way from views to a velocity.
+"""Base of all reconstruction methods: the way from views to a velocity, and the choice of rows.
 
-From a method's `rows` field to the row matrix of a data set's views.
-
-The best conditioned set of rows: ``rows: best``.
+A method's `rows` becomes the row matrix A of a data set's views. ``best`` searches all sets of as
+many candidates as there are unknowns for the largest reciprocal condition number in the 1-norm,
+which bounds how much relative errors of velocities and cosines can grow. The search is exact: every
+set is looked at, and only the points at which it is judged are thinned out if there are many.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
 from itertools import combinations, islice
 from math import comb
 from typing import ClassVar
@@ -17,80 +17,27 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sldvexp.errors import Checks, UserError
+from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction.least_squares import design, rank_of
 from sldvexp.reconstruction.result import PointVelocity
 from sldvexp.reconstruction.rows import RowChoice, RowSet, check, parse
+from sldvexp.reconstruction.solve import solve
+from sldvexp.reconstruction.system import Model, ReconstructionSettings
 from sldvexp.reconstruction.views import Views
 from sldvexp.typing import Array
 
 
-class Model(Enum):
-    """Partial: ``v = D V`` (Eq 5.4). Full: ``v = D V + beta0`` with an intercept (Eq 5.12)."""
-
-    partial = "partial"
-    full = "full"
-
-
-class Weights(Enum):
-    """Equal: ordinary least squares of the rows. Noise: weighted by the rows' covariance."""
-
-    equal = "equal"
-    noise = "noise"
-
-
 @dataclass
-class Reconstruction:
+class Reconstruction(ReconstructionSettings):
     """Velocity vector from line-of-sight velocities, ``A v = A D V`` with a method's rows A.
 
-    Parameters
-    ----------
-    rows : str
-        ``1,2,3``, ``2-1,3-1``, ``1-5,2,4`` by number or by the views' names; ``best`` searches the
-        set with the largest reciprocal condition number; ``all``, where the method has it.
-    model : Model
-        With or without an intercept.
-    weights : Weights
-        `noise` is generalised least squares: rows that share a view are correlated, and views
-        with a smaller std count more. `equal` is the dissertation's. Bounds are honest in both.
-    confidence : float
-        Two-sided level of the bounds.
-    rank_tolerance : float
-        Relative singular value below which a direction counts as not determined. The default is
-        the angle of one DAC step in rad: no view is known to point elsewhere than another by less.
+    A strategy implements the one hook `row_choice`: the rows that it may use.
     """
-
-    rows: str = "all"
-    model: Model = Model.partial
-    weights: Weights = Weights.noise
-    confidence: float = 0.95
-    rank_tolerance: float = 1e-4
 
     #: Whether a field takes the velocity at each sample from its own rows alone, or fits all rows
     #: of all samples together.
     sample_by_sample: ClassVar[bool] = False
-
-    def __post_init__(self) -> None:
-        checks = Checks()
-        self._check(checks)
-        checks.done()
-
-    def _check(self, checks: Checks) -> None:
-        """Collect what is wrong with the fields; strategies add to it."""
-        checks.require(
-            bool(self.rows.strip()), "rows", "must name rows as in 1-5,2,4, or be best or all"
-        )
-        checks.require(
-            0 < self.confidence < 1,
-            "confidence",
-            f"must lie between 0 and 1 as in 0.95, not {self.confidence}",
-        )
-        checks.require(
-            1e-12 <= self.rank_tolerance < 1,
-            "rank_tolerance",
-            f"must lie between 1e-12 (round-off) and 1, not {self.rank_tolerance}",
-        )
 
     def row_choice(self, view_names: Sequence[str]) -> RowChoice:
         """Rows that this method may use: the hook that makes a strategy."""
@@ -131,18 +78,47 @@ class Reconstruction:
         UserError
             If arrays do not fit one another, are not finite, direction cosines are not of unit
             length, or the rows cannot be formed from these views.
-        """
-        from sldvexp.reconstruction.solve import solve
 
+        Examples
+        --------
+        Four views of a point that moves along z:
+
+        >>> import numpy as np
+        >>> from sldvexp.reconstruction import Absolute
+        >>> directions = np.array([[0.6, 0, 0.8], [-0.6, 0, 0.8], [0, 0.6, 0.8], [0, 0, 1]])
+        >>> velocity = directions @ [0, 0, 1e-3 + 2e-3j]
+        >>> result = Absolute().reconstruct(directions, velocity, std=[1e-6] * 4)
+        >>> result
+        PointVelocity: x, y, z at 1 point and 1 frequency, rows 1,2,3,4
+          rcond 0.071 or more, noise from given
+          largest bound 3.7e-06 m/s (95%)
+        >>> result.velocity.shape, result.to_dataset()["velocity"].dims
+        ((1, 3, 1), ('component',))
+        """
         views = Views.checked(directions, velocity, std, view_names)
         rows = self.row_set(views.directions, views.names)
         return solve(views, rows, self)
 
     def group(self, line_of_sight: xr.Dataset) -> xr.Dataset:
-        """The group ``point`` of a run, from its group ``line_of_sight``; see `reconstruct`."""
-        from sldvexp.reconstruction.to_dataset import points_to_dataset
+        """Make the group ``point`` of a run from its group ``line_of_sight``.
 
-        return points_to_dataset(self, line_of_sight)
+        Parameters
+        ----------
+        line_of_sight : xarray.Dataset
+            ``direction_cosines``, ``velocity`` and perhaps ``velocity_std``; point and frequency
+            dimensions are optional and stay as they are.
+        """
+        velocity, std = line_of_sight["velocity"], line_of_sight.get("velocity_std")
+        result = self.reconstruct(
+            line_of_sight["direction_cosines"].transpose("view", ..., "axis").values,
+            velocity.values,
+            None if std is None else std.values,
+            [str(v) for v in line_of_sight["view"].values],
+        )
+        point, frequency = (
+            velocity[d].values if d in velocity.dims else None for d in ("point", "frequency")
+        )
+        return result.to_dataset(point, frequency)
 
 
 def select_rows(method: Reconstruction, directions: ArrayLike, view_names: Sequence[str]) -> RowSet:
@@ -227,6 +203,16 @@ def best_rows(
     ------
     UserError
         If there are not enough independent rows, or too many sets to search.
+
+    Examples
+    --------
+    Of two views that nearly agree only one is of use:
+
+    >>> import numpy as np
+    >>> from sldvexp.reconstruction import best_rows, rows
+    >>> directions = np.array([[1, 0, 0], [0.995, 0.0999, 0], [0, 1, 0], [0, 0, 1]])[:, None]
+    >>> str(best_rows(rows.views("abcd"), directions, 3, intercept=False, tolerance=1e-4))
+    'a,c,d'
     """
     if np.linalg.matrix_rank(candidates.matrix) < size:
         raise UserError(

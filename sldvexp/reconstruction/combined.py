@@ -15,7 +15,15 @@ from sldvexp.reconstruction.rows import RowChoice
 @register("reconstruction", "combined")
 @dataclass
 class Combined(Reconstruction):
-    """Rows are any mixture, as in ``1-5,2,4``; by default the best conditioned set."""
+    """Rows are any mixture, as in ``1-5,2,4``; by default the best conditioned set.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.reconstruction import Combined
+    >>> str(Combined(rows="2-1,3").row_set(np.eye(3)[:, None], ["left", "right", "top"]))
+    'right-left,top'
+    """
 
     rows: str = "best"
 

@@ -8,8 +8,9 @@ from typing import ClassVar
 
 from sldvexp.config.registry import register
 from sldvexp.reconstruction import rows
-from sldvexp.reconstruction.base import Model, Reconstruction
+from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.reconstruction.rows import RowChoice
+from sldvexp.reconstruction.system import Model
 
 
 @register("reconstruction", "contravariant")
@@ -22,6 +23,14 @@ class Contravariant(Reconstruction):
     field makes use of. By default the best conditioned three rows, four for an intercept. With
     ``all`` it is the least squares of all views, whose solution at a point is the same as that of
     `absolute`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.reconstruction import Contravariant
+    >>> result = Contravariant("1,2,3").reconstruct(np.eye(3), [1e-3, 0, 2e-3])
+    >>> result.basis[0].round(3).tolist()
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     """
 
     rows: str = "best"

@@ -8,14 +8,23 @@ from dataclasses import dataclass
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.reconstruction import rows
-from sldvexp.reconstruction.base import Model, Reconstruction
+from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.reconstruction.rows import RowChoice
+from sldvexp.reconstruction.system import Model
 
 
 @register("reconstruction", "relative")
 @dataclass
 class Relative(Reconstruction):
-    """Rows are differences of two views, as in ``2-1,3-1,4-1``; by default all minus the first."""
+    """Rows are differences of two views, as in ``2-1,3-1,4-1``; by default all minus the first.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.reconstruction import Relative
+    >>> str(Relative().row_set(np.eye(3)[:, None], ["left", "right", "top"]))
+    'right-left,top-left'
+    """
 
     def _check(self, checks: Checks) -> None:
         super()._check(checks)

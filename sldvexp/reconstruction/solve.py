@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.reconstruction.base import Model, Reconstruction, Weights
 from sldvexp.reconstruction.least_squares import PointFit
 from sldvexp.reconstruction.observability import (
     blank,
@@ -20,7 +19,14 @@ from sldvexp.reconstruction.observability import (
 )
 from sldvexp.reconstruction.result import PointVelocity
 from sldvexp.reconstruction.rows import RowSet
-from sldvexp.reconstruction.system import GIVEN, NOWHERE, ROWS, VIEWS, PointSystem
+from sldvexp.reconstruction.system import (
+    GIVEN,
+    NOWHERE,
+    ROWS,
+    VIEWS,
+    PointSystem,
+    ReconstructionSettings,
+)
 from sldvexp.reconstruction.views import Views
 from sldvexp.statistics import student_factor
 from sldvexp.typing import Array, BoolArray
@@ -66,7 +72,7 @@ class _Results:
         )
 
 
-def solve(views: Views, rows: RowSet, method: Reconstruction) -> PointVelocity:
+def solve(views: Views, rows: RowSet, settings: ReconstructionSettings) -> PointVelocity:
     """Reconstruct the velocity at every point and frequency.
 
     Matrices are computed once a point, unless std that change with frequency make them differ;
@@ -76,21 +82,10 @@ def solve(views: Views, rows: RowSet, method: Reconstruction) -> PointVelocity:
     ----------
     views : Views
     rows : RowSet
-    method : Reconstruction
-        Its fields say which model is fitted and how.
-
-    Returns
-    -------
-    PointVelocity
+    settings : ReconstructionSettings
+        Which model is fitted, and how.
     """
-    system = PointSystem(
-        views,
-        rows,
-        intercept=method.model is Model.full,
-        generalised=method.weights is Weights.noise,
-        tolerance=method.rank_tolerance,
-        confidence=method.confidence,
-    )
+    system = PointSystem(views, rows, settings)
     points, frequencies = views.velocity.shape[1:]
     each = frequencies if views.std_by_frequency else 1  # systems at a point
     results = _Results.empty(
@@ -122,7 +117,7 @@ def _solve_block(system: PointSystem, points: slice, span: slice, results: _Resu
     results.dof[span], results.rank[span] = dof, fit.rank
     results.expected_squares[span] = components * fit.redundancy
     results.factor[span] = student_factor(
-        system.confidence, np.full(len(dof), np.inf) if known else dof
+        system.settings.confidence, np.full(len(dof), np.inf) if known else dof
     )
     _apply(fit, system.views, points, span, results)
     if fit.null is None:

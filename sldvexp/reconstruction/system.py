@@ -1,14 +1,86 @@
-"""One reconstruction set up: views, rows and model, and the estimator of any of its points."""
+"""One reconstruction set up: settings, views and rows, and the estimator of any of its points.
+
+A method's rows A are applied to both sides of ``v = D V``, so that ``A v = A X theta`` is solved
+with ``X = D`` or, with an intercept, ``X = [D 1]``. Where the rows are no more than the unknowns
+they fit exactly and leave no residual; then the size of the noise is taken from the least squares
+of all views, whose model is the same.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import Enum
 
 import numpy as np
 
+from sldvexp.errors import Checks
 from sldvexp.reconstruction.least_squares import PointFit, point_fit
 from sldvexp.reconstruction.rows import RowSet
 from sldvexp.reconstruction.views import Points, Views
+
+
+class Model(Enum):
+    """Partial: ``v = D V`` (Eq 5.4). Full: ``v = D V + beta0`` with an intercept (Eq 5.12)."""
+
+    partial = "partial"
+    full = "full"
+
+
+class Weights(Enum):
+    """Equal: ordinary least squares of the rows. Noise: weighted by the rows' covariance."""
+
+    equal = "equal"
+    noise = "noise"
+
+
+@dataclass
+class ReconstructionSettings:
+    """Velocity vector from line-of-sight velocities, ``A v = A D V`` with a method's rows A.
+
+    Parameters
+    ----------
+    rows : str
+        ``1,2,3``, ``2-1,3-1``, ``1-5,2,4`` by number or by the views' names; ``best`` searches the
+        set with the largest reciprocal condition number; ``all``, where the method has it.
+    model : Model
+        With or without an intercept.
+    weights : Weights
+        `noise` is generalised least squares: rows that share a view are correlated, and views
+        with a smaller std count more. `equal` is the dissertation's. Bounds are honest in both.
+    confidence : float
+        Two-sided level of the bounds.
+    rank_tolerance : float
+        Relative singular value below which a direction counts as not determined. The default is
+        the angle of one DAC step in rad: no view is known to point elsewhere than another by less.
+    """
+
+    rows: str = "all"
+    model: Model = Model.partial
+    weights: Weights = Weights.noise
+    confidence: float = 0.95
+    rank_tolerance: float = 1e-4
+
+    def __post_init__(self) -> None:
+        checks = Checks()
+        self._check(checks)
+        checks.done()
+
+    def _check(self, checks: Checks) -> None:
+        """Collect what is wrong with the fields; strategies add to it."""
+        checks.require(
+            bool(self.rows.strip()), "rows", "must name rows as in 1-5,2,4, or be best or all"
+        )
+        checks.require(
+            0 < self.confidence < 1,
+            "confidence",
+            f"must lie between 0 and 1 as in 0.95, not {self.confidence}",
+        )
+        checks.require(
+            1e-12 <= self.rank_tolerance < 1,
+            "rank_tolerance",
+            f"must lie between 1e-12 (round-off) and 1, not {self.rank_tolerance}",
+        )
+
 
 #: Where the size of the noise comes from.
 GIVEN, ROWS, VIEWS, NOWHERE = "given", "rows", "views", "none"
@@ -22,18 +94,23 @@ class PointSystem:
     ----------
     views : Views
     rows : RowSet
-    intercept : bool
-    generalised : bool
-    tolerance : float
-    confidence : float
+    settings : ReconstructionSettings
+        Which model is fitted, and how; `rows` are its rows for these views.
     """
 
     views: Views
     rows: RowSet
-    intercept: bool
-    generalised: bool
-    tolerance: float
-    confidence: float
+    settings: ReconstructionSettings
+
+    @property
+    def intercept(self) -> bool:
+        """Whether there is a fourth unknown, the intercept."""
+        return self.settings.model is Model.full
+
+    @property
+    def generalised(self) -> bool:
+        """Whether rows are weighted by the inverse of their covariance."""
+        return self.settings.weights is Weights.noise
 
     @property
     def parameters(self) -> int:
@@ -70,5 +147,5 @@ class PointSystem:
             std=std,
             intercept=self.intercept if intercept is None else intercept,
             generalised=generalised,
-            tolerance=self.tolerance,
+            tolerance=self.settings.rank_tolerance,
         )

@@ -1,4 +1,10 @@
-"""What every volume has in common: layers along the normals, samples, a place in the world."""
+"""Base of all volumes: layers along a surface's normals, samples, and a place in the world.
+
+The real surface is not known to better than its mesh, and what lies around it costs little more to
+solve for: so the given surface is moved along its normals to several depths, and the velocity is
+expanded in linear functions on the prisms in between (Section 5.3.1). A strategy gives the surface
+in its own axes; everything else is the same for all.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +16,22 @@ from typing import Any
 
 import numpy as np
 
+from sldvexp import dataset
 from sldvexp.errors import Checks
 from sldvexp.geometry.rotation import rotation_from_euler
 from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
 from sldvexp.units import LengthUnit
-from sldvexp.volume.checks import check_prisms, check_surface
 from sldvexp.volume.prisms import Prisms, extruded
 from sldvexp.volume.samples import SampleRule, tensor_rule
-from sldvexp.volume.surface import TriangulatedSurface, node_frames, vertex_normals
-from sldvexp.volume.to_dataset import volume_to_dataset
+from sldvexp.volume.surface import (
+    TriangulatedSurface,
+    check_prisms,
+    check_surface,
+    node_frames,
+    vertex_normals,
+)
 
 #: How many symmetric points inside the triangle there can be; see `sldvexp.volume.samples`.
 TRIANGLE_COUNTS = (1, 3, 6, 7, 12)
@@ -237,3 +248,67 @@ def _wrong_parameters(point: Any) -> str:
     if min(xi) < 0 or abs(zeta) > 1:
         return "lies outside of the prism: xi must be from 0 to 1 and zeta from -1 to 1"
     return ""
+
+
+#: UGRID's numbers of the shapes that a volume can have.
+SHAPES = ("tetrahedron", "pyramid", "wedge", "hexahedron")
+
+LOCAL_AXES = ("t1", "t2", "n")
+
+
+def volume_to_dataset(prisms: Prisms, rule: SampleRule) -> xr.Dataset:
+    """The group ``volume``: nodes, prisms, frames, and the samples' parameters.
+
+    Parameters
+    ----------
+    prisms : Prisms
+    rule : SampleRule
+
+    Returns
+    -------
+    xarray.Dataset
+        A fully three-dimensional mesh topology of UGRID 1.0, indices from 0; attributes say how
+        many nodes, prisms and samples there are.
+    """
+    element = prisms.element.astype(np.int32)
+    x, y, z = prisms.position.T
+    group = dataset.group(
+        "volume",
+        {"parameter": ["xi1", "xi2", "xi3", "zeta"], "local_axis": list(LOCAL_AXES)},
+        mesh=np.int32(0),
+        position=prisms.position,
+        node_x=x,
+        node_y=y,
+        node_z=z,
+        node_layer=prisms.layer.astype(np.int32),
+        element=element,
+        element_shape=np.full(len(element), SHAPES.index("wedge"), np.int8),
+        depth=prisms.depth,
+        frame=prisms.frame,
+        sample_parameter=rule.parameter,
+    )
+    group["mesh"].attrs |= {
+        "cf_role": "mesh_topology",
+        "topology_dimension": 3,
+        "node_coordinates": "node_x node_y node_z",
+        "volume_node_connectivity": "element",
+        "volume_dimension": "element",
+        "volume_shape_type": "element_shape",
+    }
+    group["element"].attrs |= {"cf_role": "volume_node_connectivity", "start_index": 0}
+    group["element_shape"].attrs |= {
+        "cf_role": "volume_shape_type",
+        "flag_values": np.arange(len(SHAPES), dtype=np.int8),
+        "flag_meanings": " ".join(SHAPES),
+    }
+    for name in ("position", "node_layer"):
+        group[name].attrs |= {"mesh": "mesh", "location": "node"}
+    group.attrs |= {
+        "Conventions": "CF-1.11 UGRID-1.0",
+        "nodes": prisms.nodes,
+        "surface_nodes": prisms.surface_nodes,
+        "triangles": len(prisms.triangles),
+        "elements": len(element),
+        "samples": len(element) * rule.points,
+    }
+    return group

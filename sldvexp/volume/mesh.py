@@ -1,4 +1,9 @@
-"""`volume=mesh`: the triangles and quadrilaterals of a mesh file."""
+"""`volume=mesh`: a triangulated surface from a mesh file of another program.
+
+Universal files are read here, all other formats by meshio. A volume needs triangles: quadrilaterals
+are cut along their shorter diagonal, which gives the better shaped pair, and nodes that belong to
+other cells only (lines along edges, insides of higher elements) are left out.
+"""
 
 from __future__ import annotations
 

@@ -84,6 +84,15 @@ def extruded(surface: Array, triangles: IntArray, frame: Array, depth: Array) ->
     frame : ndarray, shape (surface_node, 3, 3)
     depth : ndarray, shape (layer,), m
         Ascending.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.volume import extruded
+    >>> surface, triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]])
+    >>> prisms = extruded(surface, triangle, np.array(3 * [np.eye(3)]), np.array([0, 2.0]))
+    >>> prisms.nodes, prisms.element.tolist(), prisms.position[3].tolist()
+    (6, [[0, 1, 2, 3, 4, 5]], [0.0, 0.0, 2.0])
     """
     position = surface + depth[:, None, None] * frame[:, 2]
     return Prisms(position.reshape(-1, 3), triangles, depth, frame)

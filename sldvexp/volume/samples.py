@@ -82,6 +82,13 @@ def sample_positions(
     Returns
     -------
     ndarray, shape (gap, triangle, point, 3), m
+
+    Examples
+    --------
+    >>> from sldvexp.volume import Grid, sample_positions
+    >>> plate = Grid(size=[0.3, 0.3], shape=[2, 2], layers=2)
+    >>> sample_positions(plate.prisms(), plate.rule()).shape
+    (1, 2, 6, 3)
     """
     layers = prisms.position.reshape(prisms.layers, prisms.surface_nodes, 3)
     corner = layers[:, prisms.triangles[triangles]]
@@ -124,6 +131,14 @@ def shape_matrix(prisms: Prisms, rule: SampleRule) -> scipy.sparse.csr_array:
     -------
     scipy.sparse.csr_array, shape (sample, node)
         ``sample = (gap * triangles + triangle) * points + point``.
+
+    Examples
+    --------
+    >>> from sldvexp.volume import Grid, shape_matrix
+    >>> plate = Grid(size=[0.3, 0.3], shape=[2, 2], layers=2)
+    >>> basis = shape_matrix(plate.prisms(), plate.rule())
+    >>> basis.shape, basis.sum(axis=1).round(9).max().item()
+    ((12, 8), 1.0)
     """
     element, shape = prisms.element, rule.shape()
     samples = len(element) * rule.points
@@ -181,6 +196,12 @@ def tensor_rule(triangle: int, line: int) -> SampleRule:
         One of `TRIANGLE_POINTS`.
     line : int
         Through the thickness of each prism, 1 or more.
+
+    Examples
+    --------
+    >>> from sldvexp.volume import tensor_rule
+    >>> tensor_rule(triangle=1, line=2).parameter.round(3).tolist()
+    [[0.333, 0.333, 0.333, -0.577], [0.333, 0.333, 0.333, 0.577]]
     """
     return SampleRule.tensor(triangle_points(triangle), np.polynomial.legendre.leggauss(line)[0])
 

@@ -1,4 +1,10 @@
-"""A triangulated surface: what a volume is extruded from, and the frames of its nodes."""
+"""A triangulated surface: the frames of its nodes, and what makes it useless.
+
+The normal of a node is the mean of its triangles' normals weighted with their areas, and the first
+tangent is the projection of one direction that serves the whole surface. Prisms along the normals
+fold where the surface is bent more sharply than they are high. Every defect is found before
+anything is measured and told in one sentence that names the node.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.errors import UserError
+from sldvexp.lazy import scipy
 from sldvexp.typing import Array, IntArray
 from sldvexp.volume.samples import orthonormal
 
@@ -74,6 +81,14 @@ def vertex_normals(surface: TriangulatedSurface) -> Array:
     ------
     UserError
         If the triangles around a node cancel one another.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.volume import TriangulatedSurface, vertex_normals
+    >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    >>> vertex_normals(TriangulatedSurface(corners, np.array([[0, 1, 2]])))[0].tolist()
+    [0.0, 0.0, 1.0]
     """
     area = area_vectors(surface)
     total = np.column_stack([_gathered(surface, area[:, axis]) for axis in range(3)])
@@ -143,3 +158,198 @@ def _across(normal: Array) -> str:
     axis = np.zeros(3)
     axis[np.argmin(np.abs(normal))] = 1.0
     return ", ".join(f"{v:g}" for v in axis)
+
+
+#: Nodes nearer to one another than this fraction of the surface's extent stand in one place.
+TOGETHER = 1e-7
+
+#: A triangle whose height is below this fraction of its longest side has no area.
+FLAT = 1e-6
+
+#: A prism whose height across its base shrinks below this fraction of that at depth 0 has folded.
+FOLDED = 1e-6
+
+
+def check_surface(surface: TriangulatedSurface) -> None:
+    """Complain about a surface that no volume can be made of.
+
+    Raises
+    ------
+    UserError
+        If it has no triangles, or nodes twice or nowhere, or nodes in no triangle, or triangles
+        without area, or edges that more than two triangles share or pass in the same direction,
+        or parts that do not touch.
+    """
+    if not len(surface.triangles):
+        raise surface.wrong("the surface has no triangles")
+    _check_numbers(surface)
+    _check_apart(surface)
+    _check_used(surface)
+    _check_area(surface)
+    _check_edges(surface)
+    _check_connected(surface)
+
+
+def _check_numbers(surface: TriangulatedSurface) -> None:
+    """Every node stands somewhere, and every corner is a node."""
+    if (bad := np.flatnonzero(~np.isfinite(surface.position).all(axis=1))).size:
+        raise surface.wrong(f"{surface.named(bad[0])} has a coordinate that is not a number")
+    nodes = len(surface.position)
+    outside = (surface.triangles < 0) | (surface.triangles >= nodes)
+    if (rows := np.argwhere(outside)).size:
+        triangle, corner = rows[0]
+        raise surface.wrong(
+            f"the triangle {triangle} names node {surface.triangles[triangle, corner]}, but "
+            f"there are {nodes} nodes, counted from 0"
+        )
+
+
+def _check_apart(surface: TriangulatedSurface) -> None:
+    """No two nodes in one place."""
+    position = surface.position
+    extent = float(np.linalg.norm(np.ptp(position, axis=0)))
+    pairs = scipy.spatial.KDTree(position).query_pairs(TOGETHER * extent, output_type="ndarray")
+    if len(pairs):
+        first, second = sorted(map(int, min(pairs.tolist())))
+        raise surface.wrong(
+            f"{surface.named(first, second)} stand in one place, {surface.at(first)}; every node "
+            "must stand there once"
+        )
+
+
+def _check_used(surface: TriangulatedSurface) -> None:
+    """Every node is a corner of a triangle."""
+    used = np.bincount(surface.triangles.ravel(), minlength=len(surface.position))
+    if (idle := np.flatnonzero(used == 0)).size:
+        raise surface.wrong(
+            f"{surface.named(idle[0])} at {surface.at(idle[0])} belongs to no triangle"
+            f"{_in_all(len(idle), 'node')}; leave it out or connect it"
+        )
+
+
+def _check_area(surface: TriangulatedSurface) -> None:
+    """No triangle is a line."""
+    corner = surface.position[surface.triangles]
+    side = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=-1).max(axis=1)
+    flat = np.linalg.norm(area_vectors(surface), axis=1) <= FLAT * side**2
+    if (bad := np.flatnonzero(flat)).size:
+        corners = surface.triangles[bad[0]]
+        raise surface.wrong(
+            f"the triangle of {surface.named(*corners)} at {surface.at(corners[0])} has no "
+            f"area{_in_all(len(bad), 'triangle')}, so that its prisms have no volume"
+        )
+
+
+def _check_edges(surface: TriangulatedSurface) -> None:
+    """Each edge has one triangle, or two that pass it in opposite directions."""
+    start = surface.triangles.ravel()
+    end = np.roll(surface.triangles, -1, axis=1).ravel()
+    nodes = len(surface.position)
+    undirected = np.minimum(start, end) * nodes + np.maximum(start, end)
+    edge, count = np.unique(undirected, return_counts=True)
+    if (bad := np.flatnonzero(count > 2)).size:
+        ends = divmod(int(edge[bad[0]]), nodes)
+        raise surface.wrong(
+            f"{count[bad[0]]} triangles meet at the edge between {surface.named(*ends)} at "
+            f"{surface.at(ends[0])}{_in_all(len(bad), 'edge')}; a surface has two at most"
+        )
+    edge, count = np.unique(start * nodes + end, return_counts=True)
+    if (bad := np.flatnonzero(count > 1)).size:
+        ends = divmod(int(edge[bad[0]]), nodes)
+        raise surface.wrong(
+            "the two triangles at the edge between "
+            f"{surface.named(*ends)} at {surface.at(ends[0])} face opposite ways"
+            f"{_in_all(len(bad), 'edge')}, so that the prisms of one are inverted; order the "
+            "corners of all triangles alike"
+        )
+
+
+def _check_connected(surface: TriangulatedSurface) -> None:
+    """All nodes hang together."""
+    nodes = len(surface.position)
+    start, end = surface.triangles.ravel(), np.roll(surface.triangles, 1, axis=1).ravel()
+    graph = scipy.sparse.coo_array(
+        (np.ones(len(start), np.int8), (start, end)), shape=(nodes, nodes)
+    )
+    parts, part = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    if parts > 1:
+        other = int(np.flatnonzero(part != part[0])[0])
+        raise surface.wrong(
+            f"the surface has {parts} parts that do not touch: {surface.named(0)} at "
+            f"{surface.at(0)} is of one, {surface.named(other)} at {surface.at(other)} of "
+            "another; make a volume of each"
+        )
+
+
+def check_prisms(surface: TriangulatedSurface, normal: Array, depth: Array) -> None:
+    """Complain about prisms that are inverted or have no volume somewhere.
+
+    A prism's Jacobian at its corner c is ``J(d) = n_c . (u + d p) x (v + d q)`` at the depth d,
+    with two sides u, v of its triangle and the differences p, q of the normals along them; in
+    between it is interpolated, so that the prism is sound if all three stay positive.
+
+    Parameters
+    ----------
+    surface : TriangulatedSurface
+    normal : ndarray, shape (node, 3)
+        Of length one.
+    depth : ndarray, shape (layer,), m
+        Ascending.
+
+    Raises
+    ------
+    UserError
+        If a normal points away from one of its triangles, or normals meet between depth 0 and
+        the farthest layers.
+    """
+    j0, j1, j2 = _jacobian(surface, normal)
+    area = np.linalg.norm(area_vectors(surface), axis=1)
+    if (bad := np.argwhere(j0 <= FOLDED * area[:, None])).size:
+        triangle, corner = bad[0]
+        nodes = surface.triangles[triangle]
+        raise surface.wrong(
+            f"the prisms on the triangle of {surface.named(*nodes)} are inverted: the normal of "
+            f"{surface.named(nodes[corner])} at {surface.at(nodes[corner])} points to its other "
+            "side; the surface must turn by less than 90 degrees from one triangle to the next"
+        )
+    low, high = min(depth[0], 0.0), max(depth[-1], 0.0)
+    turning = np.clip(-j1 / np.where(j2 == 0, np.inf, 2 * j2), low, high)
+    least = np.min([j0 + d * (j1 + d * j2) for d in (low, high, turning)], axis=0)
+    folded = (least <= FOLDED * j0).any(axis=1)
+    if folded.any():
+        where = _first_fold(j0[folded], j1[folded], j2[folded], low, high)
+        nodes = surface.triangles[np.flatnonzero(folded)[where[0]]]
+        raise surface.wrong(
+            f"the prisms on the triangle of {surface.named(*nodes)} at {surface.at(nodes[0])} "
+            f"have no volume at a depth of {where[1]:.4g} m and are inverted beyond, because the "
+            f"normals meet there{_in_all(int(folded.sum()), 'triangle')}; the layers, from "
+            f"{depth[0]:.4g} to {depth[-1]:.4g} m, must stay on this side of it"
+        )
+
+
+def _jacobian(surface: TriangulatedSurface, normal: Array) -> tuple[Array, Array, Array]:
+    """Coefficients of 1, d and d^2 of J at every corner, each of shape (triangle, 3)."""
+    place, turn = surface.position[surface.triangles], normal[surface.triangles]
+    u, v = place[:, 1] - place[:, 0], place[:, 2] - place[:, 0]
+    p, q = turn[:, 1] - turn[:, 0], turn[:, 2] - turn[:, 0]
+    areas = (np.cross(u, v), np.cross(u, q) + np.cross(p, v), np.cross(p, q))
+    j0, j1, j2 = (np.einsum("tci,ti->tc", turn, area) for area in areas)
+    return j0, j1, j2
+
+
+def _first_fold(j0: Array, j1: Array, j2: Array, low: float, high: float) -> tuple[int, float]:
+    """Which of folded triangles folds first when the depth grows from 0, and at which depth."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # The stable form of the roots; j0 > 0, so that neither divisor is zero at a root.
+        half = -(j1 + np.copysign(np.sqrt(np.maximum(j1**2 - 4 * j0 * j2, 0.0)), j1)) / 2
+        roots = np.stack([half / j2, j0 / half])
+    # A depth that is FOLDED from a double root lies beside it by the root of FOLDED.
+    valid = (roots >= 1.01 * low) & (roots <= 1.01 * high)
+    distance = np.where(valid, np.abs(roots), np.inf)
+    root, triangle, corner = np.unravel_index(np.argmin(distance), distance.shape)
+    return int(triangle), float(roots[root, triangle, corner])
+
+
+def _in_all(count: int, what: str) -> str:
+    """How many such places there are if not only the one that a message names."""
+    return f" ({count} {what}s in all)" if count > 1 else ""

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sldvexp.field.estimate import estimate_field
+from sldvexp.field.estimate import solve_field
 from sldvexp.field.result import FieldResult
 from sldvexp.field.solvers.iterative import Iterative
 from sldvexp.field.streaming.compression import FEW
@@ -46,7 +46,7 @@ def only(looks: VolumeVisibility, frequency: int | slice) -> VolumeVisibility:
 
 
 def field(looks: VolumeVisibility, method: Reconstruction) -> FieldResult:
-    return estimate_field(looks, method, Iterative())
+    return solve_field(looks, method, Iterative())
 
 
 def columns(

@@ -17,7 +17,7 @@ import pytest
 from scipy.sparse import csr_array, kron, vstack
 from scipy.sparse.linalg import spsolve
 
-from sldvexp.field.estimate import estimate_field
+from sldvexp.field.estimate import solve_field
 from sldvexp.field.result import FieldResult
 from sldvexp.field.solvers.iterative import Iterative
 from sldvexp.field.visibility.visibility import VolumeVisibility
@@ -47,7 +47,7 @@ def twenty_lines(looks: VolumeVisibility) -> np.ndarray:
     look = looks.at(np.arange(len(prisms.triangles)))
     basis = shape_matrix(prisms, looks.rule)
     rows, right = [], []
-    for view, seen in zip(looks.views, look.seen, strict=True):
+    for view, seen in zip(looks.views, look.by_view, strict=True):
         directions = seen.directions * seen.valid[:, None]
         samples = np.arange(len(directions))
         entries = (directions.ravel(), (samples.repeat(3), np.arange(directions.size)))
@@ -58,7 +58,7 @@ def twenty_lines(looks: VolumeVisibility) -> np.ndarray:
 
 
 def field(looks: VolumeVisibility, method: Reconstruction, *, bounds: bool) -> FieldResult:
-    return estimate_field(looks, method, Iterative(), bounds=bounds)
+    return solve_field(looks, method, Iterative(), bounds=bounds)
 
 
 def seconds(work: Callable[[], object]) -> float:

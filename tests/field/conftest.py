@@ -115,7 +115,7 @@ class EverySample(VolumeVisibility):
         sample = (prism.reshape(-1, 1) * points + np.arange(points)).ravel()
         total = prisms.gaps * count * points
         each = []
-        for k, s in enumerate(look.seen):
+        for k, s in enumerate(look.by_view):
             valid = np.ones(len(sample), bool) if self.seen is None else self.seen[sample, k]
             indptr = np.concatenate([[0], np.cumsum(valid)])
             weights = csr_array(
@@ -123,7 +123,7 @@ class EverySample(VolumeVisibility):
             )
             none = csr_array((len(sample), total))
             each.append(replace(s, valid=valid, weights=weights, gradient=(none, none)))
-        return replace(look, seen=tuple(each))
+        return replace(look, by_view=tuple(each))
 
 
 def every_sample(

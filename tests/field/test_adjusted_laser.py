@@ -12,8 +12,8 @@ import xarray as xr
 
 from sldvexp.config.registry import get
 from sldvexp.errors import UserError
-from sldvexp.field.bounds.intrinsic_effect import PoseErrors
-from sldvexp.field.estimate import estimate_field
+from sldvexp.field.bounds.pose_uncertainty import PoseErrors
+from sldvexp.field.estimate import solve_field
 from sldvexp.field.result import FieldResult
 from sldvexp.field.visibility.view import View, adjusted, views_of
 from sldvexp.field.visibility.visibility import VolumeVisibility
@@ -33,7 +33,7 @@ def estimate(
     looks: VolumeVisibility, errors: PoseErrors | None = None, **options: Any
 ) -> FieldResult:
     method, solver = get("reconstruction", "absolute")(), get("solver", "direct")()
-    return estimate_field(looks, method, solver, errors=errors, **options)
+    return solve_field(looks, method, solver, errors=errors, **options)
 
 
 def test_adjusted_laser_has_the_true_angles(laser: TwoMirror) -> None:

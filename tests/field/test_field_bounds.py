@@ -12,13 +12,14 @@ import pytest
 import sldvexp.field.equations.regions as field_parts
 import sldvexp.field.equations.system as field_system
 from sldvexp.config.registry import get
-from sldvexp.field.estimate import estimate_field
+from sldvexp.field.estimate import solve_field
 from sldvexp.field.result import FieldResult
 from sldvexp.field.visibility.view import View
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.reconstruction.base import Model, Reconstruction
+from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.reconstruction.system import Model
 from sldvexp.volume.samples import SampleRule
 
 Make = Callable[..., Any]
@@ -38,7 +39,7 @@ def method_of(name: str, fields: dict[str, Any]) -> Reconstruction:
 
 
 def estimate(looks: VolumeVisibility, method: Reconstruction, **options: Any) -> FieldResult:
-    return estimate_field(looks, method, get("solver", "iterative")(), **options)
+    return solve_field(looks, method, get("solver", "iterative")(), **options)
 
 
 def smooth(views: list[View]) -> list[View]:

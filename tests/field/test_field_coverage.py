@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from sldvexp.config.registry import get
-from sldvexp.field.estimate import estimate_field
+from sldvexp.field.estimate import solve_field
 from sldvexp.field.visibility.view import View
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.geometry.rotation import KnownPose, rotation_from_vector
@@ -127,7 +127,7 @@ def session(seed: int, quality: tuple[float, float]) -> Coverage:
         )
     looks = VolumeVisibility(views, LASER, prisms, VOLUME.rule(), Interpolation.cubic)
     method, solver = get("reconstruction", "absolute")(), get("solver", "iterative")()
-    result = estimate_field(looks, method, solver)
+    result = solve_field(looks, method, solver)
     nodes = len(prisms.position.reshape(-1, 3)) // VOLUME.layers
     surface = slice(nodes, 2 * nodes)
     truth = lab.plate.velocity(prisms.position.reshape(-1, 3)[surface], FREQUENCY)

@@ -10,9 +10,9 @@ import pytest
 
 import sldvexp.field.equations.regions as field_parts
 from sldvexp.config.registry import get, names
-from sldvexp.field.estimate import estimate_field
+from sldvexp.field.estimate import solve_field
 from sldvexp.field.solvers.base import Solver
-from sldvexp.reconstruction.base import Model, Weights
+from sldvexp.reconstruction.system import Model, Weights
 from sldvexp.volume.samples import SampleRule
 
 EXACT = 1e-9
@@ -67,7 +67,7 @@ def test_a_field_of_the_element_space(
     nodal = nodal_values(prisms.nodes, model)
     looks = make_every_sample(prisms, six_points, count, nodal, local=local)
     method = get("reconstruction", name)(rows=rows, model=model)
-    result = estimate_field(looks, method, iterative(), local=local, bounds=False)
+    result = solve_field(looks, method, iterative(), local=local, bounds=False)
     scale = np.abs(nodal).max()
     np.testing.assert_allclose(result.velocity, nodal[:, :3], atol=EXACT * scale)
     assert result.components == (("t1", "t2", "n") if local else ("x", "y", "z"))
@@ -92,7 +92,7 @@ def test_every_solver(
     for seen in (None, np.random.default_rng(2).random((samples, 6)) < 0.9):
         looks = make_every_sample(prisms, points, 6, nodal, seen=seen)
         method = get("reconstruction", name)(rows=rows, model=model)
-        result = estimate_field(looks, method, get("solver", solver)(), bounds=False)
+        result = solve_field(looks, method, get("solver", solver)(), bounds=False)
         known = result.observable
         assert known.mean() > 0.95
         error = np.abs(result.velocity - nodal[:, :3])[known]
@@ -117,7 +117,7 @@ def test_uneven_coverage(
     nodal = nodal_values(prisms.nodes, Model.partial)
     looks = make_every_sample(prisms, six_points, 5, nodal, seen=seen)
     method = get("reconstruction", name)(rows="all", weights=weights)
-    result = estimate_field(looks, method, iterative(), bounds=False)
+    result = solve_field(looks, method, iterative(), bounds=False)
     np.testing.assert_allclose(result.velocity, nodal, atol=EXACT * np.abs(nodal).max())
     assert list(result.coverage[1].lost)  # counted by the reason
     assert result.samples > kept * samples
@@ -133,11 +133,11 @@ def test_parts_of_a_volume_give_the_same(
     looks = make_every_sample(prisms, six_points, 5, nodal, noise=noise)
     for name in ("absolute", "contravariant"):
         method = get("reconstruction", name)()
-        whole = estimate_field(looks, method, iterative(), bounds=False)
+        whole = solve_field(looks, method, iterative(), bounds=False)
         with monkeypatch.context() as patch:
             patch.setattr(field_parts, "SAMPLES_IN_ALL", 0)
             patch.setattr(field_parts, "SAMPLES_AT_ONCE", 500)
-            parts = estimate_field(looks, method, iterative(), bounds=False)
+            parts = solve_field(looks, method, iterative(), bounds=False)
         np.testing.assert_allclose(parts.velocity, whole.velocity, atol=1e-11)
         np.testing.assert_allclose(parts.sse, whole.sse)
         np.testing.assert_allclose(parts.residual_std_by_view, whole.residual_std_by_view)
@@ -164,7 +164,7 @@ def test_least_squares_of_all_rows(
     looks = make_every_sample(prisms, six_points, 5, nodal, noise=noise)
     rows = {"absolute": "all", "relative": "all", "combined": "1-5,2,4,3"}[name]
     method = get("reconstruction", name)(rows=rows, weights=weights, model=model)
-    result = estimate_field(looks, method, iterative(), bounds=False)
+    result = solve_field(looks, method, iterative(), bounds=False)
 
     directions = looks.at(np.arange(8)).directions
     design = np.concatenate([directions, np.ones((samples, 5, 1))], axis=2)[..., :p]

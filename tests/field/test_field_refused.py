@@ -14,7 +14,7 @@ import xarray as xr
 from sldvexp import dataset
 from sldvexp.config.registry import get
 from sldvexp.errors import UserError
-from sldvexp.field.estimate import estimate_field, reconstruct, volume_visibility
+from sldvexp.field.estimate import reconstruct, solve_field, volume_visibility
 from sldvexp.field.visibility.view import View
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.laser.two_mirror import TwoMirror
@@ -123,7 +123,7 @@ def test_the_session_itself_is_sound(make_views: Make, laser: TwoMirror) -> None
 def test_fewer_views_than_the_method_needs(
     make_views: Make, laser: TwoMirror, count: int, name: str, fields: dict[str, Any], message: str
 ) -> None:
-    from sldvexp.reconstruction.base import Model
+    from sldvexp.reconstruction.system import Model
 
     if "model" in fields:
         fields = fields | {"model": Model[fields["model"]]}
@@ -398,7 +398,7 @@ def test_cholesky_is_direct(
     pytest.importorskip("cholespy")
     looks = small(make_plate, make_views, laser, six_points)
     found = [
-        estimate_field(looks, method_of(name), get("solver", solver)())
+        solve_field(looks, method_of(name), get("solver", solver)())
         for solver in ("direct", "cholesky")
     ]
     for what in ("velocity", "std", "confidence"):
@@ -428,7 +428,7 @@ def test_looks_without_a_view_are_those_of_the_others(
         looks.at(triangles)
         found, expected = looks.without(1).at(triangles), others.at(triangles)
         np.testing.assert_array_equal(found.directions, expected.directions)
-        for a, b in zip(found.seen, expected.seen, strict=True):
+        for a, b in zip(found.by_view, expected.by_view, strict=True):
             assert abs(a.weights - b.weights).max() == 0
 
 

@@ -13,12 +13,12 @@ import xarray as xr
 from sldvexp import dataset
 from sldvexp.config.registry import get
 from sldvexp.errors import UserError
-from sldvexp.field.estimate import estimate_field
+from sldvexp.field.estimate import solve_field
 from sldvexp.field.result import FieldResult
-from sldvexp.field.to_dataset import field_to_dataset
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.reconstruction.base import Model, Reconstruction, Weights
+from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.reconstruction.system import Model, Weights
 from sldvexp.volume.base import SampleSettings
 from sldvexp.volume.points import PointSurface
 from sldvexp.volume.samples import SampleRule, shape_matrix, tensor_rule
@@ -32,7 +32,7 @@ def method_of(name: str, **fields: Any) -> Reconstruction:
 
 
 def estimate(looks: VolumeVisibility, method: Reconstruction, **options: Any) -> FieldResult:
-    return estimate_field(looks, method, get("solver", "iterative")(), **options)
+    return solve_field(looks, method, get("solver", "iterative")(), **options)
 
 
 def mode(position: np.ndarray) -> np.ndarray:
@@ -198,7 +198,7 @@ def test_group(
     ):
         method = method_of(name, **fields)
         result = estimate(looks, method, local=True)
-        group = field_to_dataset(result, prisms, method, frequencies)
+        group = replace(result, frequency=frequencies).to_dataset()
         dims = ("node", "component") + (("frequency",) if frequencies else ())
         for variable in ("velocity", "velocity_std", "confidence", "velocity_std_noise"):
             assert group[variable].dims == dims

@@ -11,16 +11,16 @@ import pytest
 
 from sldvexp.errors import UserError
 from sldvexp.field.visibility.coverage import Coverage, require_coverage
-from sldvexp.field.visibility.occlusion import Occlusion
-from sldvexp.field.visibility.view import View
-from sldvexp.field.visibility.visibility import (
+from sldvexp.field.visibility.projection import (
     BEHIND,
     FACING_AWAY,
     FLAGGED,
     OFF_BOARD,
     OUTSIDE,
+    Occlusion,
     project_samples,
 )
+from sldvexp.field.visibility.view import View
 from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.laser.model import rays
@@ -245,7 +245,7 @@ def test_occlusion_against_every_triangle(
     share = rng.dirichlet(np.ones(3), 400)
     p = np.einsum("sc,sci->si", share, nodes[rng.choice(triangles, 400)])
     p += rng.uniform(-0.002, 0.002, (400, 1)) * UP
-    monkeypatch.setattr("sldvexp.field.visibility.occlusion.BLOCK", 150)
+    monkeypatch.setattr("sldvexp.field.visibility.projection.BLOCK", 150)
     occlusion = Occlusion.prepare(at, LASER, nodes, triangles, clearance=0.01)
     hidden = hidden_by_any(at, p, nodes, triangles, 0.01)
     np.testing.assert_array_equal(occlusion.hides(p), hidden)

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from sldvexp.config.registry import get, names
 from sldvexp.geometry.rotation import rotation_from_vector
-from sldvexp.reconstruction.base import Model, Reconstruction, Weights
+from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.reconstruction.system import Model, Weights
 
 METHODS = names("reconstruction")
 SEEDS = st.integers(0, 2**32 - 1)

@@ -8,7 +8,7 @@ import pytest
 from sldvexp.errors import UserError
 from sldvexp.reconstruction import solve
 from sldvexp.reconstruction.absolute import Absolute
-from sldvexp.reconstruction.base import Model
+from sldvexp.reconstruction.system import Model
 
 
 def scene(points: int = 40, frequencies: int = 3) -> tuple[np.ndarray, np.ndarray]:

@@ -7,10 +7,10 @@ import pytest
 
 from sldvexp.errors import UserError
 from sldvexp.reconstruction.absolute import Absolute
-from sldvexp.reconstruction.base import Model
 from sldvexp.reconstruction.combined import Combined
 from sldvexp.reconstruction.contravariant import Contravariant
 from sldvexp.reconstruction.relative import Relative
+from sldvexp.reconstruction.system import Model
 
 V = np.array([1.0 + 2j, -3.0, 5.0j])
 

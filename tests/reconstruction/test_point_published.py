@@ -7,11 +7,12 @@ import pytest
 
 from sldvexp.check.printed import linpack_rcond, printed_f, printed_half_width, sample_std
 from sldvexp.reconstruction.absolute import Absolute
-from sldvexp.reconstruction.base import Model, Reconstruction, Weights
+from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.reconstruction.combined import Combined
 from sldvexp.reconstruction.contravariant import Contravariant
 from sldvexp.reconstruction.relative import Relative
 from sldvexp.reconstruction.result import PointVelocity
+from sldvexp.reconstruction.system import Model, Weights
 from sldvexp.statistics import nested_f_test
 
 SIMULATED = np.array(  # Table 5.1

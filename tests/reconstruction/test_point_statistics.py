@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from sldvexp.reconstruction.absolute import Absolute
-from sldvexp.reconstruction.base import Model, Reconstruction, Weights
+from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.reconstruction.combined import Combined
 from sldvexp.reconstruction.relative import Relative
+from sldvexp.reconstruction.system import Model, Weights
 
 TRIALS = 4000
 SIGMA = 0.03

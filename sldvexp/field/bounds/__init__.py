@@ -1,1 +1,1 @@
-"""Variances of a field's nodes, and what the poses add to them."""
+"""Bounds of nodal values: noise, poses, and elements that cannot follow the field."""

@@ -1,6 +1,11 @@
-"""Second way through the samples, with the solution: residuals and bounds.
+"""Residuals and bounds: the second way through the samples, with the solution.
 
-What the field leaves of the measured velocities.
+Samples' velocities are interpolated from the same pixels, so that their errors are correlated.
+With ``b = sum_k R_k v_k`` the noise of the pixels, independent of one another, gives the nodal
+covariance ``sum_k K_k S_k K_k^T``, ``K_k = M^-1 R_k`` and S_k the pixels' variances. To it comes
+the effect of the poses, see `sldvexp.field.bounds.pose_uncertainty`. All of M^-1 is known of a
+small field; of a large one its rows are cut off after a few rings of neighbours, and the bounds of
+a few nodes are computed exactly as well, to know how far the others may be off.
 """
 
 from __future__ import annotations
@@ -11,16 +16,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.field.bounds.inverse import NearInverse, NearRows, WholeInverse
-from sldvexp.field.bounds.node_variance import Bounds, Verification
-from sldvexp.field.bounds.pose_uncertainty import PoseEffect, kept_columns
+from sldvexp.field.bounds.inverse import InverseRows, NearInverse, NearRows, WholeInverse
+from sldvexp.field.bounds.pose_uncertainty import PoseEffect, column_variances, kept_columns
 from sldvexp.field.bounds.sparse_inverse_rows import rings_of
 from sldvexp.field.equations.regions import RegionIterator, RegionSamples
 from sldvexp.field.equations.sample_model import FieldModel
 from sldvexp.field.equations.system import NormalEquations, Solve
 from sldvexp.field.streaming.compression import FrequencyModes
 from sldvexp.field.visibility.view import View
-from sldvexp.typing import Array, BoolArray
+from sldvexp.field.visibility.visibility import VolumeVisibility
+from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Columns that are worked on together.
 COLUMNS_AT_ONCE = 16
@@ -70,14 +75,14 @@ class Residuals:
         theta : ndarray, shape (layer, surface_node, parameter, column)
         data : list of ndarray, shape (pixel, column)
         """
-        used = part.look.valid & (part.at.pointwise.kept & part.owned)[:, None]
+        used = part.samples.valid & (part.at.pointwise.kept & part.owned)[:, None]
         has_row = ~np.any((part.model.rows.matrix != 0)[None] & ~used[:, None], axis=2)
         self.view_count += used.sum(axis=0)
         self.row_count += has_row.sum(axis=0)
         samples = len(used) // part.patch.sample_shape[0]
         for gap in range(part.patch.sample_shape[0]):
             here = slice(gap * samples, (gap + 1) * samples)
-            weights = [seen.weights[here] for seen in part.look.seen]
+            weights = [of_view.weights[here] for of_view in part.samples.by_view]
             for first in range(0, theta.shape[-1], COLUMNS_AT_ONCE):
                 some = slice(first, first + COLUMNS_AT_ONCE)
                 v = np.stack([w @ d[:, some] for w, d in zip(weights, data, strict=True)], axis=1)
@@ -172,12 +177,12 @@ def with_bounds(
     pose : PoseEffect, optional
         None if the poses have no covariance.
     """
-    looks, model = parts.looks, parts.model
+    visibility, model = parts.visibility, parts.model
     left = Residuals.empty(model, len(data), theta.shape[-1])
     factors, group = np.unique(factor, axis=0, return_inverse=True)
-    found = Bounds.empty(looks, model, group.ravel(), kept_columns(pose))
+    found = Bounds.empty(visibility, model, group.ravel(), kept_columns(pose))
     small = system.is_small
-    rings = rings_of(looks.rule)
+    rings = rings_of(visibility.rule)
     whole = (
         WholeInverse.from_system(system, model.parameters)
         if small
@@ -234,3 +239,174 @@ def pose_effect(
     total = np.array([np.sum(std**2) for std in model.pixel_std])
     modes = FrequencyModes.from_data(data, np.repeat(total @ factor, 2))
     return PoseEffect.from_modes(covariance, modes, theta, data)
+
+
+@dataclass(eq=False)
+class Bounds:
+    """Variances of nodal values, filled part by part.
+
+    Attributes
+    ----------
+    group : ndarray of int, shape (view,)
+        Views whose noise changes alike with the frequency.
+    noise : ndarray, shape (layer, surface_node, parameter, group)
+        From the noise of the pixels of each group of views.
+    pose : ndarray, shape (layer, surface_node, parameter, column)
+        From the poses.
+    expected : ndarray, shape (equation, group)
+        Sum of squared residuals of one real part that the noise lets expect.
+    pointwise : ndarray, shape (2, layer, surface_node, 3)
+        Variances at the samples around a node, summed: the least possible, and the method's.
+    """
+
+    group: IndexArray
+    noise: Array
+    pose: Array
+    expected: Array
+    pointwise: Array
+
+    @classmethod
+    def empty(
+        cls, visibility: VolumeVisibility, model: FieldModel, group: IndexArray, columns: int
+    ) -> Bounds:
+        """Zeros."""
+        shape = (visibility.prisms.layers, visibility.prisms.surface_nodes, model.parameters)
+        equations = model.parameters if model.contravariant else 1
+        return cls(
+            group,
+            np.zeros((*shape, group.max() + 1)),
+            np.zeros((*shape, columns)),
+            np.zeros((equations, group.max() + 1)),
+            np.zeros((2, *shape[:2], 3)),
+        )
+
+    @property
+    def efficiency(self) -> Array:
+        """Gauss-Markov bound over variance, shape (layer, surface_node, component)."""
+        least, own = self.pointwise
+        return np.divide(least, own, out=np.full_like(own, np.nan), where=own > 0)
+
+    def add_noise(self, part: RegionSamples, rows: InverseRows) -> None:
+        """Noise of the part's own nodes, and of the residuals of the samples it owns."""
+        own = part.region.own
+        variances = [std**2 for std in part.model.pixel_std]
+        for group in range(self.noise.shape[3]):
+            views = [k for k, of in enumerate(self.group) if of == group]
+            nodal, fitted = rows.variances(
+                [part.influences[k] for k in views], [variances[k] for k in views]
+            )
+            self.noise[..., group][:, own] = nodal
+            self.expected[:, group] -= fitted if part.model.contravariant else fitted.sum()
+            for k in views:
+                self.expected[:, group] += _of_samples(part, k, variances[k])
+
+    def add_efficiency(self, part: RegionSamples) -> None:
+        """Variances of the samples around the part's own nodes."""
+        sums = part.patch.to_nodes(np.concatenate(sample_variances(part), axis=1))
+        here = np.searchsorted(part.patch.nodes, part.region.own)
+        self.pointwise[0][:, part.region.own] = sums[:, here, :3]
+        self.pointwise[1][:, part.region.own] = sums[:, here, 3:]
+
+
+def _of_samples(part: RegionSamples, k: int, variance: Array) -> Array:
+    """Variances of a view's samples that the part owns, in every equation, summed."""
+    of_samples = (part.samples.by_view[k].weights.power(2) @ variance) * part.owned
+    if part.model.contravariant:
+        found: Array = of_samples @ part.at.estimator[:, :, k] ** 2
+        return found
+    return np.array([of_samples @ part.at.pointwise.weight[:, k, k]])
+
+
+def sample_variances(part: RegionSamples) -> tuple[Array, Array]:
+    """Variances of the components at each sample by itself, both (sample, 3).
+
+    The least that is possible with all views that see it (Gauss and Markov, no intercept), and that
+    of the method's rows; 0 where these do not determine the velocity, or there is no noise.
+    """
+    at = part.at
+    good = at.pointwise.kept & (at.pointwise.rank == part.model.parameters)
+    good &= np.all((at.std > 0) | ~part.samples.valid, axis=1)
+    std, valid = at.std[good], part.samples.valid[good]
+    estimator = at.estimator[good]
+    if at.inverse is None:
+        estimator = np.linalg.solve(at.pointwise.information[good], estimator)
+    weight = valid / np.where(valid, std, 1.0) ** 2
+    x = at.pointwise.design[good, :, :3]
+    least, own = np.zeros((2, len(good), 3))
+    inverse = np.linalg.inv(np.swapaxes(x, 1, 2) @ (x * weight[..., None]))
+    least[good] = np.diagonal(inverse, axis1=1, axis2=2)
+    own[good] = np.einsum("spk,sk->sp", estimator[:, :3] ** 2, std**2)
+    return least, own
+
+
+#: Surface nodes of a part that are verified, each in one layer.
+NODES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """What is verified.
+
+    Parameters
+    ----------
+    part : RegionSamples
+    pose : PoseEffect, optional
+    right : ndarray, optional
+        Its right-hand sides.
+    noise : ndarray, shape (layer, surface_node, parameter)
+        Variances from the noise.
+    kept : ndarray, shape (layer, surface_node, parameter, ...)
+        Those from the poses, as `pose` gives them.
+    determined : ndarray of bool, shape (layer, surface_node, parameter)
+    """
+
+    part: RegionSamples
+    pose: PoseEffect | None
+    right: Array | None
+    noise: Array
+    kept: Array
+    determined: BoolArray
+
+    def largest_error(self, rows: NearRows, system: NormalEquations, solve: Solve) -> float:
+        """Largest relative error of the standard errors of some of the part's nodes."""
+        layer, own = self._chosen(rows)
+        node, block = self.part.region.own[own], system.block
+        unit = np.zeros((system.layers, system.graph.nodes, block, len(node), block))
+        for i, (x, n) in enumerate(zip(layer, node, strict=True)):
+            unit[x, n, :, i] = np.eye(block)
+        columns = solve(unit.reshape(*unit.shape[:3], -1)).reshape(unit.shape)
+        inverse = columns[:, self.part.patch.nodes]
+        if block == 1:
+            inverse = inverse * np.eye(self.noise.shape[2])[:, None]
+        worst = 0.0
+        for i, (x, n) in enumerate(zip(layer, node, strict=True)):
+            exact = self._variance(inverse[:, :, :, i])
+            known = self.determined[x, n] & np.all(exact > 0, axis=1)
+            near = self.noise[x, n, known, None] + self._of_pose(self.kept[x, n, known])
+            ratio = np.sqrt(near / exact[known])
+            worst = max(worst, float(np.abs(ratio - 1).max(initial=0.0)))
+        return worst
+
+    def _variance(self, inverse: Array) -> Array:
+        """Of a node, from its row of the inverse (layer, patch_node, parameter, parameter)."""
+        row = inverse.reshape(-1, inverse.shape[-1]).T
+        total = np.zeros((len(row), 1))
+        for r, std in zip(self.part.influences, self.part.model.pixel_std, strict=True):
+            total += ((r.T @ row.T) ** 2).T @ std[:, None] ** 2
+        if self.pose is None or self.right is None:
+            return total
+        return total + self._of_pose(self.pose.variance(row @ self.right.reshape(len(row.T), -1)))
+
+    def _of_pose(self, kept: Array) -> Array:
+        """Variances of the data's columns, shape (..., column)."""
+        return kept if self.pose is None else column_variances(self.pose, kept)
+
+    def _chosen(self, rows: NearRows) -> tuple[IndexArray, IndexArray]:
+        """Some nodes spread over the part, and one with the oddest information."""
+        determined = self.determined[:, self.part.region.own]
+        layers, count = determined.shape[:2]
+        own = np.linspace(0, count - 1, min(NODES, count)).round().astype(np.intp)
+        layer = np.arange(len(own)) * (layers - 1) // max(1, len(own) - 1)
+        far = np.abs(rows.turn - np.eye(rows.turn.shape[-1])).max(axis=(2, 3))
+        x, n = np.unravel_index(np.argmax(far * determined.all(axis=2)), far.shape)
+        return np.append(layer, x), np.append(own, n)

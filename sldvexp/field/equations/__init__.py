@@ -1,1 +1,1 @@
-"""A field's normal equations: regions, elements, assembly, what is undetermined."""
+"""Normal equations of a field: regions of samples, elements, assembly, undetermined nodes."""

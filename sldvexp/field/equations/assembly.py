@@ -61,9 +61,9 @@ def normal_equations(parts: RegionIterator, data: list[Array]) -> Equations:
     UserError
         If a view sees nothing.
     """
-    looks, model = parts.looks, parts.model
-    prisms = looks.prisms
-    assembly = Assembly(parts.graph, looks.rule, prisms.layers, model.block)
+    visibility, model = parts.visibility, parts.model
+    prisms = visibility.prisms
+    assembly = Assembly(parts.graph, visibility.rule, prisms.layers, model.block)
     shape = (prisms.layers, prisms.surface_nodes, model.parameters)
     right, ranked, whole = np.zeros((*shape, data[0].shape[1])), np.zeros(shape), np.zeros(shape)
     rows = samples = 0
@@ -73,10 +73,13 @@ def normal_equations(parts: RegionIterator, data: list[Array]) -> Equations:
         assembly.add(part.patch, at.information)
         right[:, nodes] += _right_side(part, data)
         ranked[:, nodes] += part.patch.to_nodes(_ranked(at, model.parameters))
-        whole[:, nodes] += part.patch.to_nodes(np.ones((len(part.look.position), 1)))
+        whole[:, nodes] += part.patch.to_nodes(np.ones((len(part.samples.position), 1)))
         rows += int(at.pointwise.rows.sum())
         samples += int(at.pointwise.kept.sum())
-        each = [Coverage.from_view(v, s) for v, s in zip(looks.views, part.look.seen, strict=True)]
+        each = [
+            Coverage.from_view(v, s)
+            for v, s in zip(visibility.views, part.samples.by_view, strict=True)
+        ]
         coverage = [a + b for a, b in zip(coverage, each, strict=True)] if coverage else each
     require_coverage(coverage)
     ranked /= whole
@@ -86,7 +89,7 @@ def normal_equations(parts: RegionIterator, data: list[Array]) -> Equations:
 
 def right_sides(parts: RegionIterator, data: list[Array]) -> Array:
     """Right-hand sides b alone, as `Equations.right`, of further columns."""
-    prisms = parts.looks.prisms
+    prisms = parts.visibility.prisms
     shape = (prisms.layers, prisms.surface_nodes, parts.model.parameters, data[0].shape[1])
     right = np.zeros(shape)
     for part in parts.disjoint():

@@ -107,35 +107,35 @@ class RegionSamples:
 
     Attributes
     ----------
-    looks : VolumeVisibility
+    visibility : VolumeVisibility
     model : FieldModel
     region : Region
     patch : Patch
         The region's triangles.
-    look : SampleVisibility
+    samples : SampleVisibility
     at : SampleContributions
     """
 
-    looks: VolumeVisibility
+    visibility: VolumeVisibility
     model: FieldModel
     region: Region
     patch: Patch
-    look: SampleVisibility
+    samples: SampleVisibility
     at: SampleContributions
 
     @classmethod
     def from_region(
-        cls, looks: VolumeVisibility, model: FieldModel, region: Region
+        cls, visibility: VolumeVisibility, model: FieldModel, region: Region
     ) -> RegionSamples:
         """Look at the samples of a region."""
-        patch = Patch.over(looks.prisms, looks.rule, region.triangles)
-        look = looks.at(region.triangles)
-        return cls(looks, model, region, patch, look, model.at(look))
+        patch = Patch.over(visibility.prisms, visibility.rule, region.triangles)
+        samples = visibility.at(region.triangles)
+        return cls(visibility, model, region, patch, samples, model.at(samples))
 
     @cached_property
     def owned(self) -> BoolArray:
         """Samples that belong to this region and no other, shape (sample,)."""
-        first = self.looks.prisms.triangles[self.region.triangles, 0]
+        first = self.visibility.prisms.triangles[self.region.triangles, 0]
         mine = np.isin(first, self.region.own)
         return np.broadcast_to(mine[None, :, None], self.patch.sample_shape).ravel()
 
@@ -143,13 +143,13 @@ class RegionSamples:
     def influences(self) -> list[scipy.sparse.bsr_array]:
         """The matrices R of every view's pixels, ``b = sum_k R_k v_k``."""
         return [
-            influence(self.patch, self.at.estimator[:, :, k], seen.weights)
-            for k, seen in enumerate(self.look.seen)
+            influence(self.patch, self.at.estimator[:, :, k], of_view.weights)
+            for k, of_view in enumerate(self.samples.by_view)
         ]
 
     def velocities(self, data: list[Array]) -> Array:
         """Interpolated from the pixels' columns, shape (sample, view, column)."""
-        each = zip(self.look.seen, data, strict=True)
+        each = zip(self.samples.by_view, data, strict=True)
         return np.stack([s.weights @ d for s, d in each], axis=1)
 
     def field(self, theta: Array, gap: int | None = None) -> Array:
@@ -172,26 +172,26 @@ class RegionIterator:
 
     Parameters
     ----------
-    looks : VolumeVisibility
+    visibility : VolumeVisibility
     model : FieldModel
     """
 
-    looks: VolumeVisibility
+    visibility: VolumeVisibility
     model: FieldModel
 
     def __getstate__(self) -> dict[str, Any]:
-        """Another process looks at the samples itself: that is faster than to send them."""
-        return {"looks": self.looks, "model": self.model}
+        """Leave out the samples: another process finds them faster than they are sent."""
+        return {"visibility": self.visibility, "model": self.model}
 
     @cached_property
     def graph(self) -> Graph:
         """Which surface nodes share a triangle."""
-        return Graph.from_prisms(self.looks.prisms)
+        return Graph.from_prisms(self.visibility.prisms)
 
     @cached_property
     def surface(self) -> SurfaceRegions:
         """The surface to walk over."""
-        return SurfaceRegions.from_prisms(self.looks.prisms, self.graph)
+        return SurfaceRegions.from_prisms(self.visibility.prisms, self.graph)
 
     def disjoint(self) -> Iterator[RegionSamples]:
         """Go through all samples once."""
@@ -199,7 +199,7 @@ class RegionIterator:
             yield self._whole
             return
         for own in self.surface.parts(self._largest):
-            yield RegionSamples.from_region(self.looks, self.model, self.surface.of_own(own))
+            yield RegionSamples.from_region(self.visibility, self.model, self.surface.of_own(own))
 
     def overlapping(self, rings: int, whole: bool) -> Iterator[RegionSamples]:
         """Go through regions with all samples that bear on their own nodes.
@@ -215,21 +215,23 @@ class RegionIterator:
             yield self._whole
             return
         for own in self.surface.parts(self._largest):
-            yield RegionSamples.from_region(self.looks, self.model, self.surface.around(own, rings))
+            yield RegionSamples.from_region(
+                self.visibility, self.model, self.surface.around(own, rings)
+            )
 
     @cached_property
     def _whole(self) -> RegionSamples:
-        everything = self.surface.around(np.arange(self.looks.prisms.surface_nodes), 0)
-        return RegionSamples.from_region(self.looks, self.model, everything)
+        everything = self.surface.around(np.arange(self.visibility.prisms.surface_nodes), 0)
+        return RegionSamples.from_region(self.visibility, self.model, everything)
 
     @property
     def _column(self) -> int:
         """Samples over a triangle."""
-        return self.looks.prisms.gaps * self.looks.rule.points
+        return self.visibility.prisms.gaps * self.visibility.rule.points
 
     @property
     def _fits(self) -> bool:
-        return self._column * len(self.looks.prisms.triangles) <= SAMPLES_IN_ALL
+        return self._column * len(self.visibility.prisms.triangles) <= SAMPLES_IN_ALL
 
     @property
     def _largest(self) -> int:

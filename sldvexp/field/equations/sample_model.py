@@ -16,11 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
+from sldvexp.field.visibility.projection import ViewSamples
 from sldvexp.field.visibility.view import View
-from sldvexp.field.visibility.visibility import SampleVisibility, ViewSamples, VolumeVisibility
-from sldvexp.reconstruction.base import Model, Reconstruction, Weights
+from sldvexp.field.visibility.visibility import SampleVisibility, VolumeVisibility
+from sldvexp.reconstruction.base import Reconstruction
 from sldvexp.reconstruction.least_squares import rank_of
 from sldvexp.reconstruction.rows import RowSet
+from sldvexp.reconstruction.system import Model, Weights
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Fewest rows that make a sample worth keeping.
@@ -210,17 +212,17 @@ class FieldModel:
 
     @classmethod
     def from_method(
-        cls, method: Reconstruction, looks: VolumeVisibility, local: bool
+        cls, method: Reconstruction, visibility: VolumeVisibility, local: bool
     ) -> FieldModel:
         """Choose the rows; one set serves the whole field."""
-        some = _spread(len(looks.prisms.triangles))
-        look = looks.at(some)
-        by_all = look.valid.all(axis=1)
-        points = look.directions[by_all if by_all.any() else slice(None)]
-        rows = method.row_set(np.swapaxes(points, 0, 1), looks.names)
-        model = cls(method, rows, local, tuple(_pixel_std(v) for v in looks.views))
+        some = _spread(len(visibility.prisms.triangles))
+        samples = visibility.at(some)
+        by_all = samples.valid.all(axis=1)
+        points = samples.directions[by_all if by_all.any() else slice(None)]
+        rows = method.row_set(np.swapaxes(points, 0, 1), visibility.names)
+        model = cls(method, rows, local, tuple(_pixel_std(v) for v in visibility.views))
         model._check_rows()
-        model._check_std(looks.views)
+        model._check_std(visibility.views)
         return model
 
     @property
@@ -267,18 +269,18 @@ class FieldModel:
             complete=self.contravariant,
         )
 
-    def directions(self, look: SampleVisibility) -> Array:
+    def directions(self, samples: SampleVisibility) -> Array:
         """Direction cosines in the components' axes, shape (sample, view, 3)."""
-        world = look.directions
-        return world @ np.swapaxes(look.frame, 1, 2) if self.local else world
+        world = samples.directions
+        return world @ np.swapaxes(samples.frame, 1, 2) if self.local else world
 
-    def at(self, look: SampleVisibility) -> SampleContributions:
-        """Contributions of the samples of a look."""
+    def at(self, samples: SampleVisibility) -> SampleContributions:
+        """Set up what samples contribute."""
         std = np.stack(
-            [_mean_std(*each) for each in zip(look.seen, self.pixel_std, strict=True)], 1
+            [_mean_std(*each) for each in zip(samples.by_view, self.pixel_std, strict=True)], 1
         )
         relative = std / np.sqrt(self.variance) if self.generalised else std
-        pointwise = self.row_model.at(self.directions(look), look.valid, relative)
+        pointwise = self.row_model.at(self.directions(samples), samples.valid, relative)
         if not self.contravariant:
             return SampleContributions(
                 pointwise, pointwise.information, pointwise.estimator, None, std
@@ -318,9 +320,9 @@ def _pixel_std(view: View) -> Array:
     return np.where(view.usable, np.sqrt(np.where(view.usable, square, 0.0)), 0.0)
 
 
-def _mean_std(seen: ViewSamples, pixel_std: Array) -> Array:
+def _mean_std(samples: ViewSamples, pixel_std: Array) -> Array:
     """Root of the mean variance of the pixels around each sample; 0 where there are none."""
-    size = abs(seen.weights)
+    size = abs(samples.weights)
     total = size.sum(axis=1)
     mean = np.divide(size @ pixel_std**2, total, out=np.zeros(len(total)), where=total > 0)
     return np.sqrt(mean)

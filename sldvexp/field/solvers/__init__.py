@@ -1,1 +1,1 @@
-"""Ways to solve a field's normal equations."""
+"""Solvers of a field's normal equations, one strategy a file."""

@@ -1,1 +1,1 @@
-"""Ways to go through more velocities than fit into memory."""
+"""Fields of more frequencies than fit into memory, solved block by block."""

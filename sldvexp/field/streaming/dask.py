@@ -5,6 +5,7 @@ Tasks for Dask's scheduler, whichever there is: threads of this process, or a cl
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -111,8 +112,6 @@ class Dask:
 
 def _give_memory_back() -> None:
     """Let glibc return every large array at once, as Dask's own worker processes do."""
-    import ctypes
-
     with suppress(AttributeError, OSError):  # another C library
         ctypes.CDLL(None).mallopt(MMAP_THRESHOLD, LARGE)
 

@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp import dataset
-from sldvexp.field.bounds.element_error import element_error, mean_squares, told
-from sldvexp.field.bounds.intrinsic_effect import PoseErrors
-from sldvexp.field.bounds.pose_uncertainty import ModeEffect, of_modes, pose_covariance
+from sldvexp.field.bounds.element_error import mean_squares, told
+from sldvexp.field.bounds.pose_uncertainty import ModeEffect, PoseErrors, of_modes, pose_covariance
 from sldvexp.field.bounds.residuals_and_bounds import FieldBounds, residuals_only
 from sldvexp.field.equations.assembly import Equations, real_columns, right_sides
 from sldvexp.field.equations.conditioning import condition_numbers
@@ -27,10 +26,10 @@ from sldvexp.field.equations.system import Solve, solution
 from sldvexp.field.equations.undetermined import Observability
 from sldvexp.field.estimate import NO_COVARIANCE, check_views, solved_with
 from sldvexp.field.fit import FieldEstimate, FieldFit
+from sldvexp.field.result import pooled
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.streaming.compression import Compressed, slices
 from sldvexp.field.streaming.dask import Work
-from sldvexp.field.to_dataset import field_to_dataset, pooled
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction.base import Reconstruction
@@ -49,7 +48,7 @@ class Ready:
     parts : RegionIterator
     equations : Equations
     flags : Observability
-    second : FieldBounds
+    bounds : FieldBounds
         Variances from the noise of each view, and the covariance of the modes from the poses.
     compressed : Compressed
         Without images.
@@ -62,7 +61,7 @@ class Ready:
     parts: RegionIterator
     equations: Equations
     flags: Observability
-    second: FieldBounds
+    bounds: FieldBounds
     compressed: Compressed
     condition: tuple[float, float]
     messages: tuple[str, ...]
@@ -71,34 +70,34 @@ class Ready:
     def from_compressed(
         cls,
         compressed: Compressed,
-        looks: VolumeVisibility,
+        visibility: VolumeVisibility,
         method: Reconstruction,
         solver: Solver,
         local: bool,
         errors: PoseErrors | None,
     ) -> Ready:
         """Fit the field to the modes, which gives all that the frequencies have in common."""
-        check_views(looks)
-        poses = pose_covariance(looks.views, None if errors is None else errors.covariance)
-        data = [np.where(v.usable[:, None], v.velocity.real, 0.0) for v in looks.views]
-        fit = FieldFit.from_images(looks, method, solver, local, data)
+        check_views(visibility)
+        poses = pose_covariance(visibility.views, None if errors is None else errors.covariance)
+        data = [np.where(v.usable[:, None], v.velocity.real, 0.0) for v in visibility.views]
+        fit = FieldFit.from_images(visibility, method, solver, local, data)
         messages, modes = fit.messages, compressed.modes
         effect = None if poses is None else ModeEffect(poses, modes, fit.theta, data)
         if effect is None:
             messages.append(NO_COVARIANCE)
-        second = fit.with_bounds(np.eye(len(looks.views)), effect)
-        if errors is not None and second.pose is not None:
-            solved = solved_with(looks, fit.parts.model, solver)
-            for more, less in errors.moved(looks.views):
+        bounds = fit.with_bounds(np.eye(len(visibility.views)), effect)
+        if errors is not None and bounds.pose is not None:
+            solved = solved_with(visibility, fit.parts.model, solver)
+            for more, less in errors.moved(visibility.views):
                 change = (solved(more) - solved(less))[..., ::2] / 2  # modes have no imaginary part
-                second.pose[...] += _products(change)
+                bounds.pose[...] += _products(change)
         return cls(
             method,
             solver,
             fit.parts,
             fit.equations,
             fit.flags,
-            second,
+            bounds,
             replace(compressed, images={}),
             condition_numbers(fit.equations.system, fit.solve),
             tuple(messages),
@@ -123,34 +122,34 @@ class Ready:
         *velocity : ndarray of complex, shape (pixel, frequency), m/s
             Each view's, at these frequencies.
         """
-        looks, model = self.parts.looks, self.parts.model
-        views = zip(velocity, looks.views, strict=True)
+        visibility, model = self.parts.visibility, self.parts.model
+        views = zip(velocity, visibility.views, strict=True)
         data = [real_columns(each, view.usable) for each, view in views]
         right = right_sides(self.parts, data)
         theta = solution(right, self.equations.system, self.solve)
         equations = replace(self.equations, right=right)
-        second = replace(
-            self._second(some), residuals=residuals_only(self.parts, theta, data).residuals
+        bounds = replace(
+            self._bounds_of(some), residuals=residuals_only(self.parts, theta, data).residuals
         )
-        outcome = FieldEstimate(looks, model, equations, self.flags, theta, second, self.solver)
+        outcome = FieldEstimate(
+            visibility, model, equations, self.flags, theta, bounds, self.solver
+        )
         result = outcome.result(list(self.messages), self.condition)
-        error = element_error(looks.prisms, looks.rule, result.velocity)
-        frequency = self.compressed.frequency[some]
-        group = field_to_dataset(result, looks.prisms, self.method, frequency, error)
+        result = replace(result, frequency=self.compressed.frequency[some])
         assert result.confidence is not None
-        return group, mean_squares(error, result.confidence)
+        return result.to_dataset(), mean_squares(result.element_error, result.confidence)
 
-    def _second(self, some: slice) -> FieldBounds:
+    def _bounds_of(self, some: slice) -> FieldBounds:
         """Bounds of some frequencies."""
-        second, factor = self.second, self.compressed.factor[:, some]
+        bounds, factor = self.bounds, self.compressed.factor[:, some]
         modes = self.compressed.modes.of_part(slice(2 * some.start, 2 * some.stop))
-        assert second.noise is not None
-        assert second.expected is not None
+        assert bounds.noise is not None
+        assert bounds.expected is not None
         return replace(
-            second,
-            noise=second.noise @ factor,
-            expected=second.expected @ factor,
-            pose=None if second.pose is None else of_modes(modes, second.pose),
+            bounds,
+            noise=bounds.noise @ factor,
+            expected=bounds.expected @ factor,
+            pose=None if bounds.pose is None else of_modes(modes, bounds.pose),
         )
 
 
@@ -163,7 +162,7 @@ def _products(change: Array) -> Array:
 def stream_field(
     tree: Mapping[str, xr.Dataset],
     compressed: Compressed,
-    looks: VolumeVisibility,
+    visibility: VolumeVisibility,
     volume: Volume,
     method: Reconstruction,
     solver: Solver,
@@ -178,7 +177,7 @@ def stream_field(
         With the groups ``pose`` and ``image/<view>``, whose velocities are Dask arrays.
     compressed : Compressed
         Of these images.
-    looks : VolumeVisibility
+    visibility : VolumeVisibility
         At its images.
     volume : Volume
     method : Reconstruction
@@ -192,11 +191,11 @@ def stream_field(
     xarray.Dataset
         Variables over the frequency are Dask arrays.
     """
-    errors = PoseErrors.from_dataset(tree["pose"], looks.names)
+    errors = PoseErrors.from_dataset(tree["pose"], visibility.names)
     local = volume.coordinates is Coordinates.local
-    ready = Ready.from_compressed(compressed, looks, method, solver, local, errors)
+    ready = Ready.from_compressed(compressed, visibility, method, solver, local, errors)
     shared = work.share(ready)
-    images = [tree[f"image/{name}"]["velocity"] for name in looks.names]
+    images = [tree[f"image/{name}"]["velocity"] for name in visibility.names]
     blocks = slices(images[0], "frequency")
     tasks = ((shared, some, *(image.data[:, some] for image in images)) for some in blocks)
     squares, paths = [], []

@@ -1,1 +1,1 @@
-"""What each view sees of the volume's samples."""
+"""Visibility of a volume's samples: poses and images, projection, occlusion, coverage."""

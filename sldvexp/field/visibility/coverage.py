@@ -9,8 +9,7 @@ from typing import Self
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.field.visibility.view import NOTABLE, View, why
-from sldvexp.field.visibility.visibility import (
+from sldvexp.field.visibility.projection import (
     BEHIND,
     FACING_AWAY,
     FLAGGED,
@@ -18,6 +17,7 @@ from sldvexp.field.visibility.visibility import (
     OUTSIDE,
     ViewSamples,
 )
+from sldvexp.field.visibility.view import NOTABLE, View, why
 from sldvexp.laser.two_mirror import MIRRORS
 from sldvexp.typing import Array
 
@@ -53,11 +53,11 @@ class Coverage:
     high: Array
 
     @classmethod
-    def from_view(cls, view: View, seen: ViewSamples) -> Self:
+    def from_view(cls, view: View, found: ViewSamples) -> Self:
         """That of one block."""
-        dac = seen.dac[np.isfinite(seen.dac).all(axis=1)]
+        dac = found.dac[np.isfinite(found.dac).all(axis=1)]
         low, high = (dac.min(axis=0), dac.max(axis=0)) if len(dac) else np.full((2, 2), np.nan)
-        return cls(view, len(seen.valid), int(seen.valid.sum()), dict(seen.lost), low, high)
+        return cls(view, len(found.valid), int(found.valid.sum()), dict(found.lost), low, high)
 
     def __add__(self, other: Coverage) -> Coverage:
         return Coverage(

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.errors import ConfigError, UserError, nearest
 from sldvexp.laser.two_mirror import MIRRORS, Mirror, TwoMirror
@@ -78,6 +78,92 @@ class View:
         self._check_pose()
         self._check_shapes()
         self._check_pixels()
+
+    @classmethod
+    def from_arrays(
+        cls,
+        name: str,
+        rotation: ArrayLike,
+        origin: ArrayLike,
+        velocity: ArrayLike,
+        std: ArrayLike,
+        *,
+        dac: ArrayLike | None = None,
+        angle: ArrayLike | None = None,
+        laser: TwoMirror | None = None,
+        covariance: ArrayLike | None = None,
+        flags: ArrayLike | None = None,
+        shape: tuple[int, int] | None = None,
+    ) -> View:
+        """Make a view from what is at hand.
+
+        Parameters
+        ----------
+        name, rotation, origin, covariance, shape
+            As of the class.
+        velocity : array_like of complex, shape (pixel[, frequency]), m/s
+            Positive towards the instrument.
+        std : array_like, shape (), (pixel,) or (pixel, frequency), m/s
+            Its standard error, of real and imaginary part each.
+        dac : array_like, shape (pixel, 2), steps
+            (up_down, left_right) of each pixel.
+        angle : array_like, shape (pixel, 2), rad
+            Mirror angles instead, which `laser` converts.
+        laser : TwoMirror, optional
+            Needed for angles only.
+        flags : array_like, shape (pixel,), optional
+            Not zero where a pixel is not to be trusted. Without them that is so where the velocity
+            is not finite.
+
+        Raises
+        ------
+        UserError
+            As of the class; or if there are neither DAC steps nor angles with a laser.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from sldvexp.field import View
+        >>> from sldvexp.laser.two_mirror import TwoMirror
+        >>> angle = np.radians([[0, 0], [0, 5], [5, 0]])
+        >>> velocity = [1e-3j, 2e-3, np.nan]
+        >>> view = View.from_arrays(
+        ...     "front", np.eye(3), [0, 0, -1.5], velocity, 1e-6, angle=angle, laser=TwoMirror()
+        ... )
+        >>> view
+        View front: from (0, 0, -1.5) m, 3 pixels (2 usable), 1 frequency
+        """
+        if dac is None:
+            if angle is None or laser is None:
+                raise UserError(
+                    f"view {name}: where its pixels are is not known; give dac, or angle and laser"
+                )
+            dac = laser.dac_from_angle(angle)
+        values = np.asarray(velocity, complex)
+        values = values.reshape(len(values), -1)
+        if flags is None:
+            flags = np.where(np.isfinite(values).all(axis=1), 0, int(Flag.non_finite))
+        noise = np.asarray(std, float)
+        return cls(
+            name,
+            np.asarray(rotation, float),
+            np.asarray(origin, float),
+            None if covariance is None else np.asarray(covariance, float),
+            np.asarray(dac, float),
+            values,
+            noise if noise.ndim else np.full(len(values), noise),
+            np.asarray(flags),
+            shape,
+        )
+
+    def __repr__(self) -> str:
+        """Say where it stood, and how large its image is."""
+        pixels, frequencies = self.velocity.shape
+        place = ", ".join(f"{x:.4g}" for x in self.origin)
+        return (
+            f"View {self.name}: from ({place}) m, {pixels} pixels ({self.usable.sum()} usable), "
+            f"{frequencies} frequenc{'y' if frequencies == 1 else 'ies'}"
+        )
 
     @property
     def usable(self) -> BoolArray:

@@ -1,0 +1,9 @@
+from .bounds.pose_uncertainty import PoseErrors as PoseErrors
+from .estimate import estimate_field as estimate_field
+from .result import FieldResult as FieldResult
+from .solvers.base import Solver as Solver
+from .solvers.direct import Direct as Direct
+from .solvers.iterative import Iterative as Iterative
+from .visibility.view import View as View
+from .visibility.visibility import SampleVisibility as SampleVisibility
+from .visibility.visibility import VolumeVisibility as VolumeVisibility

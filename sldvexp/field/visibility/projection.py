@@ -1,0 +1,385 @@
+"""Projection of points in space into a view: where in its image, from where, with which weights.
+
+The two-mirror model gives the mirror angles that hit a point and, through the board's calibration,
+its image point in DAC steps. The image's interpolation there is a row of weights of pixels, so that
+everything that follows is linear in the measured velocities. Weights come with their derivatives by
+the image point, and the image point with its derivatives by the pose: together they say what an
+error of the pose does to the velocity.
+
+Occlusion: a beam is one place of the image, so that a triangle can stop only the beams inside its
+own image. Both are sorted into the bins of a grid over the image's plane, and a beam meets the
+triangles of its bin. On that plane ``(tan(up_down), tan(left_right) / cos(up_down))`` images of
+straight lines are straight but for the mirror offset.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import polynomial
+
+from sldvexp.errors import UserError
+from sldvexp.field.visibility.view import View
+from sldvexp.geometry.bins import Bins
+from sldvexp.geometry.rotation import skew
+from sldvexp.image.interpolation.base import Interpolator
+from sldvexp.image.interpolation.methods import Interpolation
+from sldvexp.laser.model import direction_cosines, project, project_jacobian
+from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
+
+#: Steepest accepted angle between the surface's normal and the direction to the instrument, rad.
+GRAZING = np.radians(75.0)
+
+BEHIND = "behind the instrument"
+OFF_BOARD = "off the board"
+FACING_AWAY = "occluded or facing away"
+OUTSIDE = "outside the image"
+FLAGGED = "flagged"
+
+
+@dataclass(frozen=True, eq=False)
+class ViewSamples:
+    """What one view sees of the sample points.
+
+    Parameters
+    ----------
+    valid : ndarray of bool, shape (sample,)
+        Where the view has a velocity.
+    directions : ndarray, shape (sample, 3)
+        Unit vectors from the surface to the instrument, ``v = V . D``, in world axes.
+    weights : csr_array, shape (sample, pixel)
+        Of the pixels' velocities; rows are empty where not `valid`.
+    gradient : pair of csr_array, shape (sample, pixel), 1/step
+        Derivatives of `weights` by the up_down and by the left_right step.
+    dac : ndarray, shape (sample, 2), steps
+        Where the samples are in the image, not rounded; NaN behind the instrument and off the
+        board.
+    lost : dict of str to int
+        How many samples have no velocity, by the reason.
+    """
+
+    valid: BoolArray
+    directions: Array
+    weights: scipy.sparse.csr_array
+    gradient: tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]
+    dac: Array
+    lost: dict[str, int]
+
+    def velocity(self, view: View) -> ComplexArray:
+        """Interpolated velocities, shape (sample, frequency), m/s; 0 where not `valid`."""
+        return np.asarray(self.weights @ view.velocity)
+
+    def std(self, view: View) -> Array:
+        """Standard errors of `velocity`, shape (sample,), m/s; 0 where not `valid`.
+
+        ``sqrt(sum w^2 std^2)``, the errors of different pixels being independent; the root mean
+        square over the frequencies where the pixels' errors change with them.
+        """
+        square = np.square(view.std).reshape(len(view.std), -1).mean(axis=1)
+        return np.sqrt(self.weights.power(2) @ square)
+
+    def pose_derivative(self, view: View, laser: TwoMirror, points: Array) -> tuple[Array, Array]:
+        """How the samples' image points and directions change with the pose.
+
+        Parameters
+        ----------
+        view : View
+        laser : TwoMirror
+        points : ndarray, shape (sample, 3), m
+            Those that were looked at.
+
+        Returns
+        -------
+        dac : ndarray, shape (sample, 2, 6), steps/rad and steps/m
+        directions : ndarray, shape (sample, 3, 6), 1/rad and 1/m
+            By the rotation vector w of ``R -> exp([w]) R`` and by the origin, the order of
+            `View.covariance`; 0 where `dac` is NaN.
+        """
+        return pose_derivative(view, laser, points, self.dac)
+
+
+def project_samples(
+    view: View,
+    laser: TwoMirror,
+    points: Array,
+    normals: Array | None,
+    method: Interpolation | Interpolator,
+    *,
+    grazing: float = GRAZING,
+    occlusion: Occlusion | None = None,
+) -> ViewSamples:
+    """Find sample points in a view's image (Section 5.3.5). Any number at once, or block by block.
+
+    Parameters
+    ----------
+    view : View
+    laser : TwoMirror
+    points : ndarray, shape (sample, 3), m
+        In the world.
+    normals : ndarray, shape (sample, 3), optional
+        Unit normals of the surface on the side that is measured; without them every point is
+        taken to face the instrument.
+    method : Interpolation or Interpolator
+        ``method.prepare(view)`` makes the latter once for all blocks.
+    grazing : float, rad
+        Points seen under a larger angle from their normal are left out.
+    occlusion : Occlusion, optional
+        What stands in the way.
+
+    Raises
+    ------
+    UserError
+        If the image cannot be interpolated; see `Interpolation.prepare`.
+    """
+    interpolator = method.prepare(view) if isinstance(method, Interpolation) else method
+    found = sight(view, laser, points)
+    before = ~(found.behind | found.off_board)
+    away = np.zeros(len(points), bool)
+    if normals is not None:
+        away = before & (np.einsum("si,si->s", normals, found.directions) < np.cos(grazing))
+    if occlusion is not None:
+        candidates = np.flatnonzero(before & ~away)
+        away[candidates] = occlusion.hides(points[candidates])
+    kept = np.flatnonzero(before & ~away)
+    weights = interpolator.at(found.dac[kept])
+    valid = np.zeros(len(points), bool)
+    valid[kept] = ~(weights.outside | weights.flagged)
+    reasons = {
+        BEHIND: found.behind,
+        OFF_BOARD: found.off_board,
+        FACING_AWAY: away,
+        OUTSIDE: weights.outside,
+        FLAGGED: weights.flagged,
+    }
+    value, up_down, left_right = (
+        _spread(w, kept, len(points)) for w in (weights.value, *weights.gradient)
+    )
+    lost = {reason: int(np.count_nonzero(where)) for reason, where in reasons.items()}
+    return ViewSamples(valid, found.directions, value, (up_down, left_right), found.dac, lost)
+
+
+def _spread(
+    weights: scipy.sparse.csr_array, rows: IndexArray, count: int
+) -> scipy.sparse.csr_array:
+    """The rows of a matrix as these rows of one with `count` rows, the others empty."""
+    length = np.zeros(count + 1, weights.indptr.dtype)
+    length[rows + 1] = np.diff(weights.indptr)
+    start = np.cumsum(length, dtype=weights.indptr.dtype)
+    # Of its own: some of scipy's methods sort a matrix in place, which others would share.
+    indices = weights.indices.copy()
+    return scipy.sparse.csr_array((weights.data, indices, start), shape=(count, weights.shape[1]))
+
+
+class ProjectedPoints(NamedTuple):
+    """Where points are in a view.
+
+    Parameters
+    ----------
+    dac : ndarray, shape (point, 2), steps
+        Not rounded; NaN where one of the two below holds.
+    behind, off_board : ndarray of bool, shape (point,)
+    directions : ndarray, shape (point, 3)
+        Unit vectors from the point to the instrument, in world axes.
+    """
+
+    dac: Array
+    behind: BoolArray
+    off_board: BoolArray
+    directions: Array
+
+
+def sight(view: View, laser: TwoMirror, points: Array) -> ProjectedPoints:
+    """Image points of points in space (Section 5.3.5) and direction cosines from their angles.
+
+    Parameters
+    ----------
+    view : View
+    laser : TwoMirror
+        As configured; see `View.laser`.
+    points : ndarray, shape (point, 3), m
+        In the world.
+    """
+    laser = view.laser(laser)
+    in_laser = to_laser(view, points)
+    angles = project(in_laser, laser.mirror_offset)
+    low, high = reach(laser)
+    behind = in_laser[:, 2] <= 0
+    off_board = ~behind & ((angles < low) | (angles > high)).any(axis=1)
+    dac = laser.dac_from_angle(np.clip(angles, low, high))
+    dac[behind | off_board] = np.nan
+    return ProjectedPoints(dac, behind, off_board, direction_cosines(angles) @ view.rotation)
+
+
+def to_laser(view: View, points: Array) -> Array:
+    """Points in the view's laser frame, ``R (P - origin)``, shape (point, 3), m."""
+    return points @ view.rotation.T - view.rotation @ view.origin
+
+
+def reach(laser: TwoMirror) -> tuple[Array, Array]:
+    """Smallest and largest angle of each mirror, shape (mirror,), rad."""
+    ends = laser.angle_from_dac(np.array([[step, step] for step in laser.board.value]))
+    return ends.min(axis=0), ends.max(axis=0)
+
+
+def pose_derivative(view: View, laser: TwoMirror, points: Array, dac: Array) -> tuple[Array, Array]:
+    """How image points and directions change with the pose; see `Seen.pose_derivative`.
+
+    A small rotation w and a displacement t of the origin move a point in the laser frame by
+    ``w x P - R t``. With the beam's direction d in the laser frame, ``D = -R' d`` changes by
+    ``R' (w x d) - R' dd/dP (w x P - R t)``.
+    """
+    laser = view.laser(laser)
+    known = np.asarray(np.isfinite(dac).all(axis=1))[:, None, None]
+    steps = np.where(known[:, 0], dac, 0.0)
+    in_laser = to_laser(view, points)
+    by_point, _ = project_jacobian(in_laser, laser.mirror_offset)
+    turned = -np.broadcast_to(view.rotation, (len(points), 3, 3))
+    moved = np.concatenate([-skew(in_laser), turned], axis=2)
+    angle_by_pose = by_point @ moved
+    direction, by_angle = beam(project(in_laser, laser.mirror_offset))
+    spun = np.concatenate([skew(direction), np.zeros_like(turned)], axis=2)
+    dac_by_pose = angle_by_pose / angle_slope(laser, steps)[:, :, None]
+    by_pose = -view.rotation.T @ (spun + by_angle @ angle_by_pose)
+    return np.where(known, dac_by_pose, 0.0), np.where(known, by_pose, 0.0)
+
+
+def beam(angles: Array) -> tuple[Array, Array]:
+    """Beam directions in the laser frame and their derivatives by the angles.
+
+    Parameters
+    ----------
+    angles : ndarray, shape (point, 2), rad
+
+    Returns
+    -------
+    direction : ndarray, shape (point, 3)
+        ``(sin lr, cos lr sin ud, cos lr cos ud)``, the unit vector of `sldvexp.laser.model.rays`.
+    by_angle : ndarray, shape (point, 3, 2), 1/rad
+    """
+    sine_ud, sine_lr = np.moveaxis(np.sin(angles), -1, 0)
+    cosine_ud, cosine_lr = np.moveaxis(np.cos(angles), -1, 0)
+    zero = np.zeros_like(sine_ud)
+    direction = np.stack([sine_lr, cosine_lr * sine_ud, cosine_lr * cosine_ud], axis=-1)
+    by_ud = np.stack([zero, cosine_lr * cosine_ud, -cosine_lr * sine_ud], axis=-1)
+    by_lr = np.stack([cosine_lr, -sine_lr * sine_ud, -sine_lr * cosine_ud], axis=-1)
+    return direction, np.stack([by_ud, by_lr], axis=-1)
+
+
+def angle_slope(laser: TwoMirror, dac: Array) -> Array:
+    """Change of the angle with the DAC step, shape (..., 2), rad/step."""
+    largest = laser.board.value[1]
+    slopes = [polynomial.polyder(getattr(laser, m).coefficients) for m in MIRRORS]
+    each = [polynomial.polyval(dac[..., i] / largest, s) for i, s in enumerate(slopes)]
+    return np.stack(each, axis=-1) / largest
+
+
+#: Of its size: how far the image of a triangle may bulge out of the box of its corners.
+BULGE = 0.02
+#: How many beams meet their triangles at once.
+BLOCK = 65536
+
+
+@dataclass(frozen=True, eq=False)
+class Occlusion:
+    """A surface as one view sees it.
+
+    Parameters
+    ----------
+    view : View
+    mirror_offset : float, m
+    corner : ndarray, shape (triangle, 3, 3), m
+        In the laser frame, (corner, axis).
+    clearance : float, m
+        A point is hidden by what stands in front of it by more than this along the beam. For
+        points at most h from the surface: h over the cosine of the steepest accepted angle.
+    bins : Bins
+        Of the triangles, on the image's plane.
+    """
+
+    view: View
+    mirror_offset: float
+    corner: Array
+    clearance: float
+    bins: Bins
+
+    @classmethod
+    def prepare(
+        cls, view: View, laser: TwoMirror, nodes: Array, triangles: IndexArray, clearance: float
+    ) -> Occlusion:
+        """Sort the triangles of a surface into bins.
+
+        Parameters
+        ----------
+        view : View
+        laser : TwoMirror
+        nodes : ndarray, shape (node, 3), m
+        triangles : ndarray of int, shape (triangle, 3)
+        clearance : float, m
+
+        Raises
+        ------
+        UserError
+            If no triangle stands in front of the instrument.
+        """
+        corner = to_laser(view, nodes)[triangles]
+        corner = corner[(corner[..., 2] > 0).all(axis=1)]
+        if not len(corner):
+            raise UserError(f"view {view.name}: the whole surface is behind the instrument")
+        plane = _plane(project(corner, laser.mirror_offset))
+        bulge = BULGE * np.ptp(plane, axis=1)
+        bins = Bins.from_boxes(plane.min(axis=1) - bulge, plane.max(axis=1) + bulge)
+        return cls(view, laser.mirror_offset, corner, clearance, bins)
+
+    def hides(self, points: Array) -> BoolArray:
+        """Which points stand behind the surface, shape (point,).
+
+        Parameters
+        ----------
+        points : ndarray, shape (point, 3), m
+            In the world, in front of the instrument.
+        """
+        hidden = np.zeros(len(points), bool)
+        for k in range(0, len(points), BLOCK):
+            hidden[k : k + BLOCK] = self._hides(to_laser(self.view, points[k : k + BLOCK]))
+        return hidden
+
+    def _hides(self, end: Array) -> BoolArray:
+        angles = project(end, self.mirror_offset)
+        beam, triangle = self.bins.pairs(_plane(angles))
+        begin = np.zeros_like(end)
+        begin[:, 0] = self.mirror_offset * np.tan(angles[:, 1])
+        way = end - begin
+        # Beyond this part of the way the beam is at the point's own piece of the surface.
+        part = 1.0 - self.clearance / np.linalg.norm(way, axis=1)
+        met = _meets(begin[beam], way[beam], part[beam], self.corner, triangle)
+        return np.bincount(beam[met], minlength=len(end)) > 0
+
+
+def _meets(begin: Array, way: Array, part: Array, corner: Array, triangle: IndexArray) -> BoolArray:
+    """Whether each beam ``begin + s way``, 0 < s < part, meets its triangle."""
+    a, b, c = np.moveaxis(corner, 1, 0)
+    normal = np.cross(b - a, c - a)
+    height = np.einsum("ti,ti->t", normal, a)[triangle]
+    n = normal[triangle]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = (height - np.einsum("pi,pi->p", n, begin)) / np.einsum("pi,pi->p", n, way)
+    ahead = np.flatnonzero((s > 0) & (s < part))
+    hit = begin[ahead] + s[ahead, None] * way[ahead]
+    inside = np.ones(len(ahead), bool)
+    t, n = triangle[ahead], n[ahead]
+    for p, q in ((a, b), (b, c), (c, a)):
+        edge = (q - p)[t]
+        inside &= np.einsum("pi,pi->p", np.cross(edge, hit - p[t]), n) >= 0
+    met = np.zeros(len(s), bool)
+    met[ahead[inside]] = True
+    return met
+
+
+def _plane(angles: Array) -> Array:
+    """Places on the image's plane, shape (..., 2)."""
+    up_down, left_right = np.moveaxis(angles, -1, 0)
+    return np.stack([np.tan(up_down), np.tan(left_right) / np.cos(up_down)], axis=-1)

@@ -1,0 +1,14 @@
+from .absolute import Absolute as Absolute
+from .base import Reconstruction as Reconstruction
+from .base import best_rows as best_rows
+from .combined import Combined as Combined
+from .contravariant import Contravariant as Contravariant
+from .relative import Relative as Relative
+from .result import PointVelocity as PointVelocity
+from .result import hadamard_condition as hadamard_condition
+from .result import reciprocal_condition as reciprocal_condition
+from .rows import RowChoice as RowChoice
+from .rows import RowSet as RowSet
+from .system import Model as Model
+from .system import ReconstructionSettings as ReconstructionSettings
+from .system import Weights as Weights

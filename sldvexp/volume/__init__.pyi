@@ -1,0 +1,16 @@
+from .base import Coordinates as Coordinates
+from .base import SampleSettings as SampleSettings
+from .base import VisibilitySettings as VisibilitySettings
+from .base import Volume as Volume
+from .grid import Diagonals as Diagonals
+from .grid import Grid as Grid
+from .mesh import MeshFile as MeshFile
+from .points import PointSurface as PointSurface
+from .prisms import Prisms as Prisms
+from .prisms import extruded as extruded
+from .samples import SampleRule as SampleRule
+from .samples import sample_positions as sample_positions
+from .samples import shape_matrix as shape_matrix
+from .samples import tensor_rule as tensor_rule
+from .surface import TriangulatedSurface as TriangulatedSurface
+from .surface import vertex_normals as vertex_normals
