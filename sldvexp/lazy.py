@@ -11,6 +11,7 @@ always, and its part `metadata` takes 0.01 s.
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING
 
 import lazy_loader
@@ -29,7 +30,8 @@ if TYPE_CHECKING:  # so that type checkers see the libraries' own types
 else:
     jinja2 = lazy_loader.load("jinja2")
     markupsafe = lazy_loader.load("markupsafe")
-    metadata = lazy_loader.load("importlib.metadata", suppress_warning=True)
+    # As an import of it would do: others write importlib.metadata.
+    metadata = importlib.metadata = lazy_loader.load("importlib.metadata", suppress_warning=True)
     netCDF4 = lazy_loader.load("netCDF4")
     pandas = lazy_loader.load("pandas")
     plotly = lazy_loader.load("plotly")

@@ -1,4 +1,4 @@
-"""Contract of the exports: a new format is a file here and its line in the registry."""
+"""Contract of the exports: a new one is a file here and a line in `sldvexp.config.experiment`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Contract of the importers: plugins of the group `instrument` that read files of other programs.
 
-A new importer is a file here and its line in `sldvexp.config.registry`: a dataclass that is one of
-the two below, with its settings as fields. A run asks it for nothing but these methods.
+A new importer is a file here and its line in `sldvexp.config.experiment`: a dataclass that is one
+of the two below, with its settings as fields. A run asks it for nothing but these methods.
 """
 
 from __future__ import annotations

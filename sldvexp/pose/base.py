@@ -97,7 +97,7 @@ class PoseMethod(ABC):
 
     A method is a plugin: its fields are its configuration, checked in ``__post_init__``, and
     `estimate` does the work. It needs nothing but its own file and a line in
-    `sldvexp.config.registry`; `tests/pose/test_contract.py` tries every registered one.
+    `sldvexp.config.experiment`; `tests/pose/test_contract.py` tries every registered one.
     """
 
     @abstractmethod

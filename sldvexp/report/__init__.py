@@ -2,7 +2,7 @@
 
 `closing_table` is what a run prints, of the tables and lines that `tables` makes; `html` makes one
 page that any browser opens offline. A `Report` is a plugin: another kind is a module that registers
-one, and its line in `sldvexp.config.registry.BUILT_IN`. Units in headings are those that
+one, and its line in `sldvexp.config.experiment`. Units in headings are those that
 `sldvexp.dataset.VARIABLES` shows.
 """
 
