@@ -209,7 +209,7 @@ ADDITIONS = {
         },
         "sldvexp.run('experiment=point', 'report=none', 'material=rubber');"
         "main('list', 'material'); main('material=rubber', 'material.poisson=0.7')",
-        "rubber .*must lie between -1 and 0.5",
+        "material=rubber.*must lie between -1 and 0.5",
     ),
     "a pose method": Addition(
         {EXPERIMENT: line_of("pose", "above", "sldvexp.pose.above"), "sldvexp/pose/above.py": POSE},
