@@ -117,7 +117,7 @@ def nested_f_test(
 
 
 def student_factor(confidence: float, dof: ArrayLike) -> Array:
-    """Factor t of the interval ``estimate +- t standard_error``.
+    """Compute the factor t of the interval ``estimate +- t standard_error``.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def student_factor(confidence: float, dof: ArrayLike) -> Array:
 
 
 def chi_square_p_value(chi_square: ArrayLike, dof: ArrayLike) -> Array:
-    """Probability of a larger chi-square if the stated noise is right; NaN without freedom.
+    """Compute how probable a larger chi-square is for the stated noise; NaN without freedom.
 
     Parameters
     ----------

@@ -218,7 +218,7 @@ def solve_field(
 def solved_with(
     visibility: VolumeVisibility, model: FieldModel, solver: Solver
 ) -> Callable[[list[View]], Array]:
-    """From views to the solution, (layer, surface_node, parameter, column); all else the same."""
+    """Make the map from views to the solution, (layer, surface_node, parameter, column)."""
 
     def solved(views: list[View]) -> Array:
         parts = RegionIterator(visibility.seen_by(views), model)
@@ -248,7 +248,7 @@ def check_views(visibility: VolumeVisibility) -> None:
 
 
 def _same_image(a: View, b: View) -> bool:
-    """Whether one image is a copy of the other: noise is never the same twice."""
+    """Compare images: one is a copy of the other, as noise never is."""
     return np.array_equal(a.dac, b.dac) and np.array_equal(a.velocity, b.velocity, equal_nan=True)
 
 

@@ -198,7 +198,7 @@ class FieldResult:
 
 
 def _variables(result: FieldResult) -> dict[str, ArrayLike | None]:
-    """Arrays of the group, without a frequency dimension if there is none."""
+    """Collect arrays of the group, without a frequency dimension if there is none."""
 
     def last(array: np.ndarray | None) -> np.ndarray | None:
         return array if array is None or result.frequency is not None else array[..., 0]
@@ -243,7 +243,7 @@ def pooled(sse: np.ndarray, samples: int) -> dict[str, float]:
 
 
 def _attributes(result: FieldResult) -> dict[str, Any]:
-    """Headline numbers, pooled over equations and frequencies, and what stands behind them."""
+    """Collect headline numbers, pooled over equations and frequencies, and their settings."""
     equations, method = len(result.sse), result.method
     found: dict[str, Any] = {
         "dof": result.unknowns,

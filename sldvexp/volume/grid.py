@@ -70,7 +70,7 @@ class Grid(Volume):
             )
 
     def surface(self) -> TriangulatedSurface:
-        """The grid in its own axes."""
+        """Make the grid in its own axes."""
         unit = self.unit.value
         (nx, ny), (a, b) = self.shape, (unit * side for side in self.size)
         flat = grid(nx, ny, a, b, self.diagonals)
@@ -78,7 +78,7 @@ class Grid(Volume):
 
 
 def grid(nx: int, ny: int, a: float, b: float, diagonals: Diagonals) -> TriangulatedSurface:
-    """A flat grid about the origin, normals along z.
+    """Make a flat grid about the origin, normals along z.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def grid(nx: int, ny: int, a: float, b: float, diagonals: Diagonals) -> Triangul
 
 
 def cylinder(flat: TriangulatedSurface, radius: float) -> TriangulatedSurface:
-    """A flat surface bent about the line x = 0, z = -radius; x becomes the arc.
+    """Bend a flat surface about the line x = 0, z = -radius; x becomes the arc.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def cylinder(flat: TriangulatedSurface, radius: float) -> TriangulatedSurface:
 
 
 def _triangles(nx: int, ny: int, diagonals: Diagonals) -> IntArray:
-    """Two triangles for each cell, counter-clockwise seen from +z, shape (triangle, 3)."""
+    """Make two triangles of each cell, counter-clockwise seen from +z, shape (triangle, 3)."""
     i, j = np.meshgrid(np.arange(nx - 1), np.arange(ny - 1), indexing="ij")
     near = (i * ny + j).ravel()
     right, up, far = near + ny, near + 1, near + ny + 1

@@ -47,11 +47,11 @@ class MeshFile(Volume):
     flip: bool = False
 
     def inputs(self) -> list[str]:
-        """The mesh file."""
+        """Name the mesh file."""
         return [self.path]
 
     def surface(self) -> TriangulatedSurface:
-        """The mesh in its own axes."""
+        """Read the mesh in its own axes."""
         return read_mesh(locate(self.path), self.unit.value, self.flip)
 
 
@@ -61,7 +61,7 @@ QUADRILATERALS = ("quad", "quad8", "quad9")
 
 
 def read_mesh(path: Path, unit: float, flip: bool) -> TriangulatedSurface:
-    """The triangles of a mesh file, quadrilaterals cut along their shorter diagonal.
+    """Read the triangles of a mesh file, quadrilaterals cut along their shorter diagonal.
 
     Cells of other dimensions, such as the lines along an edge, are left out, and with them nodes
     that no surface cell names at all if another cell does: they are of those cells.
@@ -98,7 +98,7 @@ def read_mesh(path: Path, unit: float, flip: bool) -> TriangulatedSurface:
 
 
 def _of_universal_file(path: Path, unit: float, flip: bool) -> TriangulatedSurface:
-    """The surface of a universal file, without nodes that no surface element names."""
+    """Read the surface of a universal file, without nodes that no surface element names."""
     position, corners, quadrilaterals, label = read_universal(path, unit)
     triangles = np.concatenate([corners, _halves(position, quadrilaterals)])
     if not len(triangles):
@@ -110,7 +110,7 @@ def _of_universal_file(path: Path, unit: float, flip: bool) -> TriangulatedSurfa
 
 
 def _read(path: Path) -> Any:
-    """The file as meshio sees it."""
+    """Read the file with meshio."""
     try:
         import meshio
     except ImportError:
@@ -129,7 +129,7 @@ def _read(path: Path) -> Any:
 
 
 def _halves(position: Array, quadrilateral: IntArray) -> IntArray:
-    """Two triangles for each quadrilateral, of the same side, shape (2 quadrilaterals, 3)."""
+    """Cut each quadrilateral into two triangles of its side, shape (2 quadrilaterals, 3)."""
     a, b, c, d = quadrilateral.T
     first = np.linalg.norm(position[a] - position[c], axis=1)
     second = np.linalg.norm(position[b] - position[d], axis=1)
@@ -142,7 +142,7 @@ def _halves(position: Array, quadrilateral: IntArray) -> IntArray:
 
 
 def _without_others(surface: TriangulatedSurface, mesh: Any) -> TriangulatedSurface:
-    """The surface without nodes that only other cells, or the insides of its edges, have."""
+    """Leave out nodes that only other cells, or the insides of the surface's edges, have."""
     nodes = len(surface.position)
     of_surface, of_cells = np.zeros(nodes, bool), np.zeros(nodes, bool)
     of_surface[surface.triangles.ravel()] = True

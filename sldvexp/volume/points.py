@@ -52,11 +52,11 @@ class PointSurface(Volume):
         checks.require(0 <= self.slivers <= 0.5, "slivers", message)
 
     def inputs(self) -> list[str]:
-        """The digitised points."""
+        """Name the file of the digitised points."""
         return [self.path]
 
     def surface(self) -> TriangulatedSurface:
-        """The triangulated points."""
+        """Triangulate the points."""
         position, line = read_points(path := locate(self.path))
         return triangulated(position, line, str(path), self.towards, self.slivers)
 
@@ -121,7 +121,7 @@ def triangulated(
 def kept(
     flat: Array, triangles: NDArray[np.int32], neighbours: NDArray[np.int32], slivers: float
 ) -> BoolArray:
-    """Which triangles stay when those are peeled off that a convex hull adds along a dented rim.
+    """Keep triangles but those that a convex hull adds along a dented rim.
 
     A triangle goes if its longest side is of the rim, the opposite corner is not, and its height
     is below `slivers` times that side, the flattest first. Its other two sides are then of the
@@ -162,7 +162,7 @@ def kept(
 
 
 def _double_area(flat: Array, triangles: IntArray | NDArray[np.int32]) -> Array:
-    """Twice the area of triangles in the plane, positive if counter-clockwise, (triangle,)."""
+    """Compute twice the area of triangles in the plane, positive if counter-clockwise."""
     a, b, c = np.moveaxis(flat[triangles], 1, 0)
     (u0, u1), (v0, v1) = (b - a).T, (c - a).T
     return u0 * v1 - u1 * v0

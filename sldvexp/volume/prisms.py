@@ -75,7 +75,7 @@ class Prisms:
 
 
 def extruded(surface: Array, triangles: IntArray, frame: Array, depth: Array) -> Prisms:
-    """Prisms between a surface's copies along its normals.
+    """Extrude a surface along its normals to prisms between its copies.
 
     Parameters
     ----------

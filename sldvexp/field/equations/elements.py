@@ -37,7 +37,7 @@ class Graph:
 
     @classmethod
     def from_prisms(cls, prisms: Prisms) -> Graph:
-        """The graph of a volume's surface."""
+        """Connect the surface nodes of a volume."""
         count = prisms.surface_nodes
         row = np.repeat(prisms.triangles, 3, axis=1).astype(np.intp)
         key = row * count + np.tile(prisms.triangles, (1, 3))
@@ -93,7 +93,7 @@ class Patch:
 
     @classmethod
     def over(cls, prisms: Prisms, rule: SampleRule, triangles: IndexArray) -> Patch:
-        """The patch over these triangles of a volume."""
+        """Take the patch over these triangles of a volume."""
         nodes, corner = np.unique(prisms.triangles[triangles], return_inverse=True)
         return cls(triangles, nodes, corner.reshape(-1, 3), prisms.layers, rule.shape())
 
@@ -108,14 +108,14 @@ class Patch:
         return self.layers - 1, len(self.triangles), len(self.shape)
 
     def at_samples(self, nodal: Array) -> Array:
-        """``B f``: values at samples of nodal values, (layer, patch_node, m) to (sample, m)."""
+        """Interpolate, ``B f``: nodal values (layer, patch_node, m) to samples (sample, m)."""
         corner = nodal[:, self.corner]
         values = self.shape[:, :3] @ corner[:-1]
         values += self.shape[:, 3:] @ corner[1:]
         return values.reshape(-1, nodal.shape[-1])
 
     def to_nodes(self, samples: Array) -> Array:
-        """``B^T f``: sums over samples, (sample, m) to (layer, patch_node, m)."""
+        """Sum over samples, ``B^T f``: from (sample, m) to (layer, patch_node, m)."""
         columns = samples.shape[-1]
         each = self.shape.T @ samples.reshape(*self.sample_shape, columns)
         triangles = len(self.triangles)
@@ -149,7 +149,7 @@ class Patch:
 def influence(
     patch: Patch, estimator: Array, weights: scipy.sparse.csr_array
 ) -> scipy.sparse.bsr_array:
-    """``R = sum_s B_s^T (x) T_s W_s`` of one view over a patch.
+    """Compute ``R = sum_s B_s^T (x) T_s W_s`` of one view over a patch.
 
     Parameters
     ----------

@@ -57,33 +57,33 @@ class SurfaceRegions:
 
     @classmethod
     def from_prisms(cls, prisms: Prisms, graph: Graph) -> SurfaceRegions:
-        """The surface of a volume."""
+        """Prepare to walk over the surface of a volume."""
         nodes, count = prisms.surface_nodes, len(prisms.triangles)
         corner = prisms.triangles.ravel(), np.repeat(np.arange(count), 3)
         touching = scipy.sparse.csr_array((np.ones(3 * count, bool), corner), shape=(nodes, count))
         return cls(prisms, graph.neighbours, touching)
 
     def around(self, own: IndexArray, rings: int) -> Region:
-        """The region of these nodes."""
+        """Find the region of these nodes."""
         support = own
         for _ in range(rings):
             support = np.unique(self.neighbours[support].indices)
         return Region(own, support, np.unique(self.touching[support].indices).astype(np.intp))
 
     def of_own(self, own: IndexArray) -> Region:
-        """The region of these nodes, with the triangles whose first corner is one of them."""
+        """Find the region of these nodes, with the triangles whose first corner is one of them."""
         first = np.isin(self.prisms.triangles[:, 0], own)
         return Region(own, own, np.flatnonzero(first))
 
     def parts(self, largest: int) -> Iterator[IndexArray]:
-        """All nodes, in compact parts of so many or fewer."""
+        """Go through all nodes, in compact parts of so many or fewer."""
         position = self.prisms.position.reshape(self.prisms.layers, -1, 3)[0]
         for nodes in _halved(np.arange(len(position)), position, largest):
             yield np.sort(nodes)
 
 
 def _halved(nodes: IndexArray, position: Array, largest: int) -> Iterator[IndexArray]:
-    """Parts of the nodes, cut across their longest extent until each is small enough."""
+    """Cut nodes across their longest extent until each part is small enough."""
     if len(nodes) <= largest:
         yield nodes
         return
@@ -148,12 +148,12 @@ class RegionSamples:
         ]
 
     def velocities(self, data: list[Array]) -> Array:
-        """Interpolated from the pixels' columns, shape (sample, view, column)."""
+        """Interpolate velocities from the pixels' columns, shape (sample, view, column)."""
         each = zip(self.samples.by_view, data, strict=True)
         return np.stack([s.weights @ d for s, d in each], axis=1)
 
     def field(self, theta: Array, gap: int | None = None) -> Array:
-        """Parameters at the samples, of one gap or all, (sample, parameter, column).
+        """Interpolate parameters at the samples, of one gap or all, (sample, parameter, column).
 
         Parameters
         ----------

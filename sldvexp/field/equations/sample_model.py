@@ -131,7 +131,7 @@ class RowModel:
         return SampleLeastSquares(design, weight, rank, rows)
 
     def _rows_of(self, seen: BoolArray) -> Array:
-        """Rows that need none of the views that do not see a sample."""
+        """Select rows that need none of the views that do not see a sample."""
         if not self.generalised:
             return self.rows[~np.any(self.rows[:, ~seen] != 0, axis=1)]
         if seen.all():
@@ -143,7 +143,7 @@ class RowModel:
         return left[np.abs(left).max(axis=1) > 1e-9]
 
     def _weights(self, basis: Array, left: Array, valid: BoolArray, std: Array) -> Array:
-        """``A^T A``, or ``A^T (A Sigma A^T)^-1 A`` with Sigma of the views.
+        """Compute ``A^T A``, or ``A^T (A Sigma A^T)^-1 A`` with Sigma of the views.
 
         With a basis C of what the rows do not see, the latter is
         ``S - S C (C^T S C)^-1 C^T S``, ``S = Sigma^-1``.
@@ -270,7 +270,7 @@ class FieldModel:
         )
 
     def directions(self, samples: SampleVisibility) -> Array:
-        """Direction cosines in the components' axes, shape (sample, view, 3)."""
+        """Turn direction cosines into the components' axes, shape (sample, view, 3)."""
         world = samples.directions
         return world @ np.swapaxes(samples.frame, 1, 2) if self.local else world
 
@@ -315,13 +315,13 @@ class FieldModel:
 
 
 def _pixel_std(view: View) -> Array:
-    """Root mean square over frequencies; 0 where a pixel is flagged."""
+    """Take root mean squares over frequencies; 0 where a pixel is flagged."""
     square = np.square(view.std).reshape(len(view.std), -1).mean(axis=1)
     return np.where(view.usable, np.sqrt(np.where(view.usable, square, 0.0)), 0.0)
 
 
 def _mean_std(samples: ViewSamples, pixel_std: Array) -> Array:
-    """Root of the mean variance of the pixels around each sample; 0 where there are none."""
+    """Average the variance of the pixels around each sample; 0 where there are none."""
     size = abs(samples.weights)
     total = size.sum(axis=1)
     mean = np.divide(size @ pixel_std**2, total, out=np.zeros(len(total)), where=total > 0)
@@ -329,6 +329,6 @@ def _mean_std(samples: ViewSamples, pixel_std: Array) -> Array:
 
 
 def _spread(count: int) -> IndexArray:
-    """Some triangles, evenly spread."""
+    """Choose some triangles, evenly spread."""
     number = min(count, TRIANGLES_FOR_ROWS)
     return np.unique(np.linspace(0, count - 1, number).round().astype(np.intp))

@@ -81,7 +81,7 @@ def find_undetermined(equations: Equations) -> Observability:
 def describe_undetermined(
     found: Observability, position: Array, components: tuple[str, ...]
 ) -> list[str]:
-    """Sentences about flagged nodes."""
+    """Describe flagged nodes in sentences."""
     blind = found.rank == 0
     sentences = []
     if blind.any():
@@ -114,7 +114,7 @@ def _at(nodes: NDArray[np.int_], position: Array) -> str:
 def factorise(
     solver: Solver, equations: Equations, found: Observability
 ) -> tuple[Equations, Solve]:
-    """The equations as they can be solved, and the solver's factors.
+    """Factorise the equations, made solvable if they are not, and return both.
 
     Directions that are not determined at their nodes are flagged; if they make the whole singular
     they are held at zero, so firmly that the rest can be given.
@@ -140,7 +140,7 @@ def factorise(
 
 
 def constrain_undetermined(system: NormalEquations, found: Observability) -> NormalEquations:
-    """The system with the flagged directions held, as firmly as nodes that have no samples.
+    """Hold the flagged directions as firmly as nodes that have no samples.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ class Cholesky(Solver):
         checks.done()
 
     def prepare(self, system: NormalEquations) -> Solve:
-        """Factors of the matrix."""
+        """Factorise the matrix."""
         import cholespy
 
         inverse = KroneckerInverse.from_system(system)  # which says what is singular

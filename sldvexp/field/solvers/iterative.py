@@ -48,7 +48,7 @@ class Iterative(Solver):
         checks.done()
 
     def prepare(self, system: NormalEquations) -> Solve:
-        """Factors of the preconditioner: a problem over the surface and one over the layers."""
+        """Factorise the preconditioner: a problem over the surface and one over the layers."""
         inverse = KroneckerInverse.from_system(system)
         if system.exact:
             return inverse.times
@@ -130,7 +130,7 @@ def _solve(
 
 
 def _dot(a: Array, b: Array) -> Array:
-    """Inner products column by column."""
+    """Multiply column by column and sum."""
     columns = a.shape[-1]
     return np.einsum("ij,ij->j", a.reshape(-1, columns), b.reshape(-1, columns))
 

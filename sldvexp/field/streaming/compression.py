@@ -45,7 +45,7 @@ class FrequencyModes:
 
     @classmethod
     def from_data(cls, data: list[Array], noise: Array) -> FrequencyModes:
-        """Those of the pixels of all views.
+        """Find the modes of the pixels of all views.
 
         Parameters
         ----------
@@ -57,7 +57,7 @@ class FrequencyModes:
 
     @classmethod
     def of_gram(cls, gram: Array, noise: Array) -> FrequencyModes:
-        """Those of data with these products of columns, shape (column, column)."""
+        """Find the modes of data with these products of columns, shape (column, column)."""
         columns = len(gram)
         if columns <= FEW:
             return cls(np.eye(columns))
@@ -72,15 +72,15 @@ class FrequencyModes:
         return cls(np.ascontiguousarray(vectors[:, :modes].T))
 
     def of_part(self, columns: slice) -> FrequencyModes:
-        """The same modes of some columns only."""
+        """Keep the same modes of some columns only."""
         return FrequencyModes(self.combination[:, columns])
 
     def of_columns(self, values: Array) -> Array:
-        """The modes' values of (..., column)."""
+        """Compute the modes' values of (..., column)."""
         return values @ self.combination.T
 
     def quadratic(self, gram: Array) -> Array:
-        """``c^T G c`` for every column c, from (..., mode, mode) to (..., column)."""
+        """Compute ``c^T G c`` for every column c, from (..., mode, mode) to (..., column)."""
         squares = np.einsum("ic,jc->ijc", self.combination, self.combination)
         modes, columns = self.combination.shape
         return gram.reshape(*gram.shape[:-2], -1) @ squares.reshape(modes**2, columns)
@@ -161,7 +161,7 @@ def compress(tree: Mapping[str, xr.Dataset], work: Work) -> Compressed:
 
 
 def slices(array: xr.DataArray, dim: str) -> Iterator[slice]:
-    """The chunks of an array along a dimension."""
+    """List the chunks of an array along a dimension."""
     start = 0
     for size in array.chunksizes[dim]:
         yield slice(start, start + size)
@@ -169,7 +169,7 @@ def slices(array: xr.DataArray, dim: str) -> Iterator[slice]:
 
 
 def _pieces(image: xr.Dataset) -> Iterator[slice]:
-    """Pixels that are looked at together: a chunk."""
+    """Go through pixels that are looked at together: a chunk."""
     return slices(image["velocity"], "pixel")
 
 
@@ -178,7 +178,7 @@ def _usable(image: xr.Dataset) -> BoolArray:
 
 
 def _sums(image: xr.Dataset, work: Work) -> _Sums:
-    """Those of an image, chunk by chunk of its pixels."""
+    """Add up an image's sums, chunk by chunk of its pixels."""
     velocity, std, usable = image["velocity"].data, image["velocity_std"].data, _usable(image)
     found: list[_Sums] = []
     for each in work.map(_sums_of, ((velocity[p], std[p], usable[p]) for p in _pieces(image))):
@@ -200,14 +200,14 @@ def _sums_of(velocity: NDArray[np.complexfloating], std: Array, usable: BoolArra
 
 
 def _factor(sums: _Sums, total: float, pixels: int, frequencies: int) -> Array:
-    """See `sldvexp.field.bounds.residuals_and_bounds.variance_factors`."""
+    """Compute what `sldvexp.field.bounds.residuals_and_bounds.variance_factors` does."""
     if len(sums.by_frequency) != frequencies or not total > 0:
         return np.ones(frequencies)
     return sums.by_frequency / total
 
 
 def _reduced(image: xr.Dataset, sums: _Sums, modes: FrequencyModes, work: Work) -> xr.Dataset:
-    """An image of the modes; NaN where a velocity is not known."""
+    """Reduce an image to the modes; NaN where a velocity is not known."""
     velocity, usable = image["velocity"].data, _usable(image) & sums.known
     shared = work.share(modes)
     tasks = ((shared, velocity[p], usable[p]) for p in _pieces(image))

@@ -71,7 +71,7 @@ class Dask:
 
     @contextmanager
     def at_work(self) -> Iterator[Work]:
-        """What does tasks, while it is open.
+        """Open what does tasks, and close it at the end.
 
         Raises
         ------
@@ -140,7 +140,7 @@ class Work:
     at_once: int
 
     def share(self, what: Any) -> Any:
-        """Something that many tasks need, to be given to `map` in its place.
+        """Share something that many tasks need, to be given to `map` in its place.
 
         A cluster has it once a worker, and makes it again if a worker dies.
         """
@@ -148,7 +148,7 @@ class Work:
         return shared
 
     def map(self, function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
-        """``function(*task)`` of every task, in their order; Dask arrays come as NumPy's."""
+        """Compute ``function(*task)`` of every task in order; Dask arrays come as NumPy's."""
         waiting = iter(tasks)
         while some := [dask.delayed(function)(*task) for task in islice(waiting, self.at_once)]:
             yield from dask.compute(*some)

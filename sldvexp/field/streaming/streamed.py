@@ -104,7 +104,7 @@ class Ready:
         )
 
     def __getstate__(self) -> dict[str, Any]:
-        """Factors are not sent but made again, which is little work."""
+        """Leave out factors, which are made again with little work."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @cached_property
@@ -113,7 +113,7 @@ class Ready:
         return self.solver.prepare(self.equations.system)
 
     def block(self, some: slice, *velocity: NDArray[Any]) -> tuple[xr.Dataset, Array]:
-        """The group ``field`` of some frequencies, and `mean_squares` of it.
+        """Make the group ``field`` of some frequencies, and `mean_squares` of it.
 
         Parameters
         ----------
@@ -140,7 +140,7 @@ class Ready:
         return result.to_dataset(), mean_squares(result.element_error, result.confidence)
 
     def _bounds_of(self, some: slice) -> FieldBounds:
-        """Bounds of some frequencies."""
+        """Select the bounds of some frequencies."""
         bounds, factor = self.bounds, self.compressed.factor[:, some]
         modes = self.compressed.modes.of_part(slice(2 * some.start, 2 * some.stop))
         assert bounds.noise is not None
@@ -154,7 +154,7 @@ class Ready:
 
 
 def _products(change: Array) -> Array:
-    """Of all pairs of modes, from (..., mode) to (..., mode * mode)."""
+    """Multiply all pairs of modes, from (..., mode) to (..., mode * mode)."""
     square = change[..., :, None] * change[..., None, :]
     return square.reshape(*change.shape[:-1], -1)
 
@@ -169,7 +169,7 @@ def stream_field(
     work: Work,
     folder: Path,
 ) -> xr.Dataset:
-    """The group ``field`` of a run by one method, as `sldvexp.field.estimate.reconstruct` makes it.
+    """Make the group ``field`` of a run by one method, as `field.estimate.reconstruct` does.
 
     Parameters
     ----------
@@ -215,12 +215,12 @@ def stream_field(
 
 
 def _labels(group: xr.Dataset) -> list[str]:
-    """Coordinates that are the same in all blocks."""
+    """List coordinates that are the same in all blocks."""
     return [str(name) for name in group.coords if name != "frequency"]
 
 
 def _joined(first: xr.Dataset, paths: Sequence[Path], moving: Sequence[Any]) -> xr.Dataset:
-    """All blocks one after the other, in the files where they are."""
+    """Join all blocks one after the other, in the files where they are."""
     lazily = xr.open_mfdataset(
         paths,
         engine="netcdf4",

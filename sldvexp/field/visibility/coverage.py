@@ -54,7 +54,7 @@ class Coverage:
 
     @classmethod
     def from_view(cls, view: View, found: ViewSamples) -> Self:
-        """That of one block."""
+        """Count what is seen and lost of one block."""
         dac = found.dac[np.isfinite(found.dac).all(axis=1)]
         low, high = (dac.min(axis=0), dac.max(axis=0)) if len(dac) else np.full((2, 2), np.nan)
         return cls(view, len(found.valid), int(found.valid.sum()), dict(found.lost), low, high)
@@ -70,13 +70,13 @@ class Coverage:
         )
 
     def summary(self) -> str:
-        """For example ``view 1: sees 800 of 1000 samples (outside the image 150, flagged 50)``."""
+        """Describe as ``view 1: sees 800 of 1000 samples (outside the image 150, flagged 50)``."""
         lost = [f"{why} {n}" for why, n in sorted(self.lost.items(), key=lambda x: -x[1]) if n]
         told = f"view {self.view.name}: sees {self.seen} of {self.samples} samples"
         return f"{told} ({', '.join(lost)})" if lost else told
 
     def where(self) -> str:
-        """Where the samples are in the image, against the image's own range."""
+        """Describe where the samples are in the image, against the image's own range."""
         if np.isnan(self.low).any():
             return "no sample has an image point"
         image = self.view.dac.min(axis=0), self.view.dac.max(axis=0)
@@ -85,7 +85,7 @@ class Coverage:
 
 
 def require_coverage(coverage: Sequence[Coverage]) -> None:
-    """Every view sees some of the volume.
+    """Refuse a volume of which a view sees nothing.
 
     Raises
     ------
@@ -119,6 +119,6 @@ def flagged(coverage: Sequence[Coverage]) -> str:
 
 
 def _ranges(low: Array, high: Array) -> str:
-    """Ranges of both mirrors' steps for a message."""
+    """Describe ranges of both mirrors' steps for a message."""
     each = zip(MIRRORS, low, high, strict=True)
     return " and ".join(f"{mirror} {a:.0f} to {b:.0f}" for mirror, a, b in each)

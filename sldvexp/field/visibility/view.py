@@ -171,7 +171,7 @@ class View:
         return np.asarray(self.flags == 0)
 
     def laser(self, configured: TwoMirror) -> TwoMirror:
-        """The laser that the view's pose belongs to."""
+        """Return the laser that the view's pose belongs to."""
         if self.intrinsics is None:
             return configured
         return adjusted(configured, self.intrinsics, f"view {self.name}")
@@ -229,7 +229,7 @@ class View:
 
 
 def views_of(tree: Mapping[str, xr.Dataset], laser: TwoMirror) -> list[View]:
-    """The views of a run, from its groups ``pose`` and ``image/<view>``.
+    """Collect the views of a run, from its groups ``pose`` and ``image/<view>``.
 
     Parameters
     ----------
@@ -269,7 +269,7 @@ def views_of(tree: Mapping[str, xr.Dataset], laser: TwoMirror) -> list[View]:
 
 
 def _view(name: str, pose: xr.Dataset, image: xr.Dataset, nominal: Array) -> View:
-    """One view from its pose and its image."""
+    """Make one view from its pose and its image."""
     covariance = pose["covariance"].sel(parameter=list(EXTRINSICS), parameter2=list(EXTRINSICS))
     velocity = image["velocity"].values.astype(complex)
     shape = image.attrs.get("shape")
@@ -288,7 +288,7 @@ def _view(name: str, pose: xr.Dataset, image: xr.Dataset, nominal: Array) -> Vie
 
 
 def _intrinsics(pose: xr.Dataset, nominal: Array) -> Array | None:
-    """Values of `INTRINSICS` if some were adjusted with a view's pose."""
+    """Read values of `INTRINSICS` if some were adjusted with a view's pose."""
     if "adjusted" not in pose.coords:
         return None
     found = nominal.copy()
@@ -319,7 +319,7 @@ def require_same(images: Mapping[str, xr.Dataset]) -> None:
 
 
 def _in_short(frequency: Array) -> str:
-    """Frequencies for a message."""
+    """Write frequencies for a message."""
     if not len(frequency):
         return "none stated"
     some = ", ".join(f"{f:.9g}" for f in frequency[:3])
@@ -327,7 +327,7 @@ def _in_short(frequency: Array) -> str:
 
 
 def adjusted(laser: TwoMirror, intrinsics: Array, where: str) -> TwoMirror:
-    """A laser whose true angles are ``gain recorded + zero``, and with another mirror offset.
+    """Adjust a laser: true angles are ``gain recorded + zero``, the mirror offset is another.
 
     Parameters
     ----------
@@ -378,7 +378,7 @@ REMEDIES = {
 
 
 def why(*views: View) -> str:
-    """How many pixels of some views are flagged, by which flags, and what to do.
+    """Describe how many pixels of some views are flagged, by which flags, and what to do.
 
     For example ``9 of 9 pixels are flagged (saturated 9): excite less, or ...``.
     """
@@ -390,7 +390,7 @@ def why(*views: View) -> str:
 
 
 def require_usable(views: Sequence[View]) -> None:
-    """Every image has pixels that are not flagged.
+    """Refuse images whose every pixel is flagged.
 
     Raises
     ------
