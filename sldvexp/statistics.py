@@ -100,7 +100,6 @@ def nested_f_test(
         Residual sums of squares of the model without and with the parameters.
     added_dof, residual_dof : array_like
         Real parameters that were added; real degrees of freedom that the full model leaves.
-    confidence : float
 
     Examples
     --------

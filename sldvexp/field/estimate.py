@@ -130,9 +130,6 @@ def reconstruct(
         With the groups ``pose`` and ``image/<view>``.
     visibility : VolumeVisibility
         What these views see of the volume; see `volume_visibility`.
-    volume : Volume
-    method : Reconstruction
-    solver : Solver
     """
     image = tree[f"image/{visibility.names[0]}"]
     frequency = image["frequency"].values if "frequency" in image.coords else None
@@ -179,7 +176,6 @@ def solve_field(
         The volume, its samples and the views.
     method : Reconstruction
         absolute, relative, combined or contravariant; its rows, model, weights and confidence.
-    solver : Solver
     local : bool
         Components along each node's tangents and normal instead of the world's axes. The basis
         functions interpolate the components, and the frame turns with the surface.
@@ -265,8 +261,6 @@ def volume_visibility(
     ----------
     tree : mapping of str to xarray.Dataset
         With the groups ``pose`` and ``image/<view>``.
-    laser : TwoMirror
-    volume : Volume
 
     Raises
     ------

@@ -39,12 +39,8 @@ class FieldFit:
 
     Attributes
     ----------
-    parts : RegionIterator
     data : list of ndarray, shape (pixel, column), m/s
         Of each view.
-    equations : Equations
-    flags : Observability
-    solve : callable
     theta : ndarray, shape (layer, surface_node, parameter, column)
     """
 
@@ -114,13 +110,7 @@ class FieldEstimate:
 
     Parameters
     ----------
-    visibility : VolumeVisibility
-    model : FieldModel
-    equations : Equations
-    flags : Observability
     theta : ndarray, shape (layer, surface_node, parameter, column)
-    bounds : FieldBounds
-    solver : Solver
     """
 
     visibility: VolumeVisibility

@@ -55,7 +55,6 @@ class FieldResult:
         How many directions are.
     flagged_direction : ndarray, shape (flagged, 3, 3)
         Orthonormal, in the components' axes; the first `rank` are determined.
-    rows : RowSet
     unknowns : int
         Of one equation: of all components together, or of one for the contravariant method.
     samples : int

@@ -69,10 +69,6 @@ class Reconstruction(ReconstructionSettings):
         view_names : sequence of str, optional
             Names of the views, "1", "2" and so on without them.
 
-        Returns
-        -------
-        PointVelocity
-
         Raises
         ------
         UserError
@@ -126,14 +122,8 @@ def select_rows(method: Reconstruction, directions: ArrayLike, view_names: Seque
 
     Parameters
     ----------
-    method : Reconstruction
     directions : array_like, shape (view, point, axis)
         Direction cosines; only ``best`` looks at them.
-    view_names : sequence of str
-
-    Returns
-    -------
-    RowSet
 
     Raises
     ------
@@ -185,7 +175,6 @@ def best_rows(
 
     Parameters
     ----------
-    candidates : RowSet
     directions : ndarray, shape (view, point, axis)
         Direction cosines.
     size : int
@@ -194,10 +183,6 @@ def best_rows(
         Whether the model has an intercept.
     tolerance : float
         Relative singular value below which a direction counts as not determined.
-
-    Returns
-    -------
-    RowSet
 
     Raises
     ------

@@ -92,10 +92,6 @@ def point_fit(
     tolerance : float
         Relative singular value of ``W X``, W an orthonormal basis of the rows, below which a
         direction counts as not determined. Weights have no say in this.
-
-    Returns
-    -------
-    PointFit
     """
     model = design(directions, intercept)
     basis = row_basis(rows)
@@ -160,7 +156,6 @@ def rank_of(matrices: Array, tolerance: float) -> IntArray:
     Parameters
     ----------
     matrices : ndarray, shape (point, row, parameter)
-    tolerance : float
 
     Returns
     -------
@@ -186,10 +181,6 @@ def factorise(matrices: Array, rank: IntArray) -> Factor:
     matrices : ndarray, shape (point, row, parameter)
     rank : ndarray of int, shape (point,)
         Singular values to keep.
-
-    Returns
-    -------
-    Factor
     """
     if np.all(rank == matrices.shape[-1]):
         return _by_householder(matrices)

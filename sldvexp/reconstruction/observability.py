@@ -76,16 +76,11 @@ def observed_subspace(
 
     Parameters
     ----------
-    system : PointSystem
     points : ndarray of int, shape (deficient,)
     noise : ndarray, shape (deficient, frequency)
         Size of the noise that `PointFit.cofactor` is in units of.
     factor : ndarray, shape (deficient,)
         Half-width of the confidence interval over the standard error.
-
-    Returns
-    -------
-    ObservedSubspace
     """
     views = system.views
     fit = system.fit(points)

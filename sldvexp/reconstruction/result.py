@@ -354,7 +354,6 @@ def solved_matrix(directions: Array, rows: Array, intercept: bool) -> Array:
     ----------
     directions : ndarray, shape (view, point, axis)
     rows : ndarray, shape (row, view)
-    intercept : bool
 
     Returns
     -------

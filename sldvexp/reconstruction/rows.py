@@ -98,11 +98,6 @@ def parse(text: str, names: Sequence[str]) -> RowSet:
     text : str
         Views, or differences of two views, separated by commas. A view is its name or its
         number, counted from 1; a name wins over a number.
-    names : sequence of str
-
-    Returns
-    -------
-    RowSet
 
     Raises
     ------
@@ -154,8 +149,6 @@ def check(rows: RowSet, choice: RowChoice, needed: int) -> None:
 
     Parameters
     ----------
-    rows : RowSet
-    choice : RowChoice
     needed : int
         Fewest rows that the model can be solved from.
 

@@ -80,8 +80,6 @@ def solve(views: Views, rows: RowSet, settings: ReconstructionSettings) -> Point
 
     Parameters
     ----------
-    views : Views
-    rows : RowSet
     settings : ReconstructionSettings
         Which model is fitted, and how.
     """

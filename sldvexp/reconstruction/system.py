@@ -92,8 +92,6 @@ class PointSystem:
 
     Attributes
     ----------
-    views : Views
-    rows : RowSet
     settings : ReconstructionSettings
         Which model is fitted, and how; `rows` are its rows for these views.
     """

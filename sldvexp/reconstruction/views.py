@@ -29,7 +29,6 @@ class Views:
     velocity : ndarray, shape (view, point, frequency), m/s
         Real or complex, single or double precision.
     std : ndarray, shape (view, 1 or point, 1 or frequency), optional, m/s
-    names : tuple of str
     """
 
     directions: Array

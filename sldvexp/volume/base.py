@@ -259,11 +259,6 @@ LOCAL_AXES = ("t1", "t2", "n")
 def volume_to_dataset(prisms: Prisms, rule: SampleRule) -> xr.Dataset:
     """Make the group ``volume``: nodes, prisms, frames, and the samples' parameters.
 
-    Parameters
-    ----------
-    prisms : Prisms
-    rule : SampleRule
-
     Returns
     -------
     xarray.Dataset

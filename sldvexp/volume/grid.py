@@ -86,7 +86,6 @@ def grid(nx: int, ny: int, a: float, b: float, diagonals: Diagonals) -> Triangul
         Nodes along x and y; node ``i * ny + j`` is the j-th along y of the i-th row along x.
     a, b : float, m
         Sides along x and y.
-    diagonals : Diagonals
     """
     x, y = np.meshgrid(
         np.linspace(-a / 2, a / 2, nx), np.linspace(-b / 2, b / 2, ny), indexing="ij"

@@ -68,7 +68,6 @@ def read_mesh(path: Path, unit: float, flip: bool) -> TriangulatedSurface:
 
     Parameters
     ----------
-    path : Path
     unit : float
         One unit of the file's coordinates in m.
     flip : bool

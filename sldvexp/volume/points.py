@@ -133,7 +133,6 @@ def kept(
     triangles : ndarray of int, shape (triangle, 3)
     neighbours : ndarray of int, shape (triangle, 3)
         The triangle beyond the side that lies opposite of each corner; -1 where there is none.
-    slivers : float
 
     Returns
     -------

@@ -74,8 +74,6 @@ def sample_positions(
 
     Parameters
     ----------
-    prisms : Prisms
-    rule : SampleRule
     triangles : slice
         Of the surface's triangles, to go through a large volume in parts.
 
@@ -103,8 +101,6 @@ def sample_frames(
 
     Parameters
     ----------
-    prisms : Prisms
-    rule : SampleRule
     triangles : slice
         As for `sample_positions`.
 
@@ -121,11 +117,6 @@ def sample_frames(
 
 def shape_matrix(prisms: Prisms, rule: SampleRule) -> scipy.sparse.csr_array:
     """Compute the matrix N of Eq 5.32: a sample's value from the nodal values.
-
-    Parameters
-    ----------
-    prisms : Prisms
-    rule : SampleRule
 
     Returns
     -------

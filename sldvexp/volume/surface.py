@@ -114,7 +114,6 @@ def node_frames(surface: TriangulatedSurface, normal: Array, tangent: Array) -> 
 
     Parameters
     ----------
-    surface : TriangulatedSurface
     normal : ndarray, shape (node, 3)
         Of length one.
     tangent : ndarray, shape (3,)
@@ -290,7 +289,6 @@ def check_prisms(surface: TriangulatedSurface, normal: Array, depth: Array) -> N
 
     Parameters
     ----------
-    surface : TriangulatedSurface
     normal : ndarray, shape (node, 3)
         Of length one.
     depth : ndarray, shape (layer,), m

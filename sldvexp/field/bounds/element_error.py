@@ -24,8 +24,6 @@ def element_error(prisms: Prisms, rule: SampleRule, velocity: ComplexArray) -> C
 
     Parameters
     ----------
-    prisms : Prisms
-    rule : SampleRule
     velocity : ndarray of complex, shape (node, component, frequency), m/s
 
     Returns

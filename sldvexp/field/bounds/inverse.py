@@ -61,7 +61,6 @@ class WholeInverse(InverseRows):
     Parameters
     ----------
     inverse : ndarray, shape (node * block, node * block)
-    layers, parameters : int
     """
 
     inverse: Array
@@ -111,7 +110,6 @@ class NearInverse:
 
     Parameters
     ----------
-    system : NormalEquations
     line : ndarray, shape (layer, layer)
         The inverse of the line's matrix.
     surface : bsr_array, shape (surface_node * block, surface_node * block)

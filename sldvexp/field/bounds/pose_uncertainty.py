@@ -37,7 +37,6 @@ class PoseEffect:
     Parameters
     ----------
     covariance : ndarray, shape (6 views, 6 views)
-    modes : FrequencyModes
     theta : ndarray, shape (layer, surface_node, parameter, mode)
         The solution of the modes.
     data : list of ndarray, shape (pixel, mode)
@@ -79,10 +78,6 @@ class PoseEffect:
         row of X by dx. With what the view's rows leave, r = v - X u, the sample adds
         ``dx (Q r)_k + T_k (dv - dx . u)``. For the contravariant method u is what the sample's own
         rows give, and their inverse stands before dx.
-
-        Parameters
-        ----------
-        part : RegionSamples
 
         Returns
         -------
@@ -228,7 +223,6 @@ class PoseErrors:
 
         Parameters
         ----------
-        views : sequence of View
         solved : callable
             From views to the solution.
         """

@@ -71,7 +71,6 @@ class Residuals:
 
         Parameters
         ----------
-        part : RegionSamples
         theta : ndarray, shape (layer, surface_node, parameter, column)
         data : list of ndarray, shape (pixel, column)
         """
@@ -123,7 +122,6 @@ class FieldBounds:
 
     Attributes
     ----------
-    residuals : Residuals
     noise : ndarray, shape (layer, surface_node, parameter, frequency), optional
         Variance from the pixels' noise, of a real part.
     pose : ndarray, shape (layer, surface_node, parameter, column), optional
@@ -166,9 +164,6 @@ def with_bounds(
 
     Parameters
     ----------
-    parts : RegionIterator
-    system : NormalEquations
-    solve : Solve
     theta : ndarray, shape (layer, surface_node, parameter, column)
     data : list of ndarray, shape (pixel, column)
     determined : ndarray of bool, shape (layer, surface_node, parameter)
@@ -349,8 +344,6 @@ class Verification:
 
     Parameters
     ----------
-    part : RegionSamples
-    pose : PoseEffect, optional
     right : ndarray, optional
         Its right-hand sides.
     noise : ndarray, shape (layer, surface_node, parameter)

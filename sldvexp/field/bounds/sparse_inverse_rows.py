@@ -41,10 +41,8 @@ def surface_rows(
 
     Parameters
     ----------
-    system : NormalEquations
     factor : SuperLU
         Of the surface's matrix.
-    rings : int
 
     Returns
     -------
@@ -110,11 +108,9 @@ def volume_rows(
 
     Parameters
     ----------
-    system : NormalEquations
     nodes : ndarray of int, shape (some,)
     place : ndarray of int, shape (surface_node,)
         Where columns of the result stand.
-    rings : int
 
     Returns
     -------
@@ -188,7 +184,6 @@ def within(neighbours: scipy.sparse.csr_array, rings: int) -> scipy.sparse.csr_a
     ----------
     neighbours : csr_array of bool, shape (node, node)
         With every node its own neighbour.
-    rings : int
     """
     reached, power = None, neighbours
     while rings:

@@ -25,7 +25,6 @@ class Equations:
 
     Attributes
     ----------
-    system : NormalEquations
     right : ndarray, shape (layer, surface_node, parameter, column)
         Real and imaginary part of b at each frequency, one after the other.
     ranked : ndarray, shape (layer, surface_node, parameter)
@@ -52,7 +51,6 @@ def normal_equations(parts: RegionIterator, data: list[Array]) -> Equations:
 
     Parameters
     ----------
-    parts : RegionIterator
     data : list of ndarray, shape (pixel, column), m/s
         Velocities of each view's pixels as real numbers.
 

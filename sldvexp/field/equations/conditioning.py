@@ -20,11 +20,6 @@ def condition_numbers(system: NormalEquations, solve: Solve) -> tuple[float, flo
 
     For large systems the latter's ``|M^-1|`` is Hager's estimate, a lower bound, mostly exact.
     Both numbers of a Kronecker product are the products of its factors'.
-
-    Parameters
-    ----------
-    system : NormalEquations
-    solve : Solve
     """
     shape = (system.layers, system.graph.nodes, system.block, -1)
     size = system.nodes * system.block

@@ -80,7 +80,6 @@ class Patch:
         Surface nodes of the patch, ascending.
     corner : ndarray of int, shape (triangle, 3)
         Corners of the triangles as places in `nodes`.
-    layers : int
     shape : ndarray, shape (point, 6)
         Basis functions of a prism (Eq 5.20) at its samples.
     """
@@ -153,7 +152,6 @@ def influence(
 
     Parameters
     ----------
-    patch : Patch
     estimator : ndarray, shape (sample, parameter)
         The view's column of T_s.
     weights : csr_array, shape (sample, pixel)

@@ -45,7 +45,6 @@ class SurfaceRegions:
 
     Parameters
     ----------
-    prisms : Prisms
     neighbours : csr_array of bool, shape (surface_node, surface_node)
         Nodes that share a triangle, a node with itself as well.
     touching : csr_array of bool, shape (surface_node, triangle)
@@ -107,13 +106,8 @@ class RegionSamples:
 
     Attributes
     ----------
-    visibility : VolumeVisibility
-    model : FieldModel
-    region : Region
     patch : Patch
         The region's triangles.
-    samples : SampleVisibility
-    at : SampleContributions
     """
 
     visibility: VolumeVisibility
@@ -158,7 +152,6 @@ class RegionSamples:
         Parameters
         ----------
         theta : ndarray, shape (layer, surface_node, parameter, column)
-        gap : int, optional
         """
         layers = slice(None) if gap is None else slice(gap, gap + 2)
         nodal = theta[layers, self.patch.nodes]
@@ -168,13 +161,7 @@ class RegionSamples:
 
 @dataclass(eq=False)
 class RegionIterator:
-    """A way through all samples; a volume of one part stays in memory.
-
-    Parameters
-    ----------
-    visibility : VolumeVisibility
-    model : FieldModel
-    """
+    """A way through all samples; a volume of one part stays in memory."""
 
     visibility: VolumeVisibility
     model: FieldModel

@@ -74,7 +74,6 @@ class RowModel:
     ----------
     rows : ndarray, shape (row, view)
         The matrix A.
-    intercept : bool
     generalised : bool
         Weighted by the inverse of the rows' covariance; otherwise all alike.
     tolerance : float
@@ -172,7 +171,6 @@ class SampleContributions:
 
     Attributes
     ----------
-    pointwise : SampleLeastSquares
     information : ndarray, shape (sample, block, block)
         N_s. The contravariant method's is 1 or 0: all components have the same equations.
     estimator : ndarray, shape (sample, parameter, view)
@@ -197,8 +195,6 @@ class FieldModel:
 
     Parameters
     ----------
-    method : Reconstruction
-    rows : RowSet
     local : bool
         Components along the surface's tangents and normal instead of the world's axes.
     pixel_std : tuple of ndarray, shape (pixel,), m/s

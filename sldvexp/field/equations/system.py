@@ -54,9 +54,6 @@ class Assembly:
 
     Parameters
     ----------
-    graph : Graph
-    rule : SampleRule
-    layers : int
     block : int
         Unknowns of a node that M couples.
     """
@@ -72,7 +69,6 @@ class Assembly:
 
         Parameters
         ----------
-        patch : Patch
         information : ndarray, shape (sample, block, block)
             The matrices N_s.
         """
@@ -143,7 +139,6 @@ class NormalEquations:
 
     Attributes
     ----------
-    graph : Graph
     pairs : ndarray, shape (gap, 3, entry, block, block)
         The surface matrices S of the pairs of layers, entries as in `graph`.
     line : ndarray, shape (layer, layer)

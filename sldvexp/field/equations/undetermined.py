@@ -146,7 +146,6 @@ def constrain_undetermined(system: NormalEquations, found: Observability) -> Nor
     ----------
     system : NormalEquations
         That couples the components.
-    found : Observability
     """
     count, last = system.graph.nodes, system.layers - 1
     size = np.trace(system.lumped[system.active], axis1=-2, axis2=-1).mean() / system.block

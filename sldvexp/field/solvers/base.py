@@ -16,10 +16,6 @@ class Solver(ABC):
     def prepare(self, system: NormalEquations) -> Solve:
         """Do all that does not depend on right-hand sides, which are many.
 
-        Parameters
-        ----------
-        system : NormalEquations
-
         Returns
         -------
         callable

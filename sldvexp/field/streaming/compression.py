@@ -95,7 +95,6 @@ class Compressed:
     images : dict of str to xarray.Dataset
         Groups ``image/<view>``: the modes' velocities, and pixels' standard errors, root mean
         square over the frequencies.
-    modes : FrequencyModes
     factor : ndarray, shape (view, frequency)
         Each frequency's variance over the mean of all.
     frequency : ndarray, shape (frequency,), Hz
@@ -136,7 +135,6 @@ def compress(tree: Mapping[str, xr.Dataset], work: Work) -> Compressed:
     ----------
     tree : mapping of str to xarray.Dataset
         With groups ``image/<view>`` whose velocities are Dask arrays, and ``pose``.
-    work : Work
 
     Raises
     ------

@@ -43,17 +43,10 @@ class Ready:
 
     Attributes
     ----------
-    method : Reconstruction
-    solver : Solver
-    parts : RegionIterator
-    equations : Equations
-    flags : Observability
     bounds : FieldBounds
         Variances from the noise of each view, and the covariance of the modes from the poses.
     compressed : Compressed
         Without images.
-    condition : pair of float
-    messages : tuple of str
     """
 
     method: Reconstruction
@@ -179,10 +172,6 @@ def stream_field(
         Of these images.
     visibility : VolumeVisibility
         At its images.
-    volume : Volume
-    method : Reconstruction
-    solver : Solver
-    work : Work
     folder : Path
         For the blocks, which the group is made of as long as it is used.
 

@@ -37,8 +37,6 @@ class Coverage:
 
     Parameters
     ----------
-    view : View
-    samples, seen : int
     lost : dict of str to int
         Samples without a velocity by the reason.
     low, high : ndarray, shape (2,), steps

@@ -87,8 +87,6 @@ class ViewSamples:
 
         Parameters
         ----------
-        view : View
-        laser : TwoMirror
         points : ndarray, shape (sample, 3), m
             Those that were looked at.
 
@@ -116,8 +114,6 @@ def project_samples(
 
     Parameters
     ----------
-    view : View
-    laser : TwoMirror
     points : ndarray, shape (sample, 3), m
         In the world.
     normals : ndarray, shape (sample, 3), optional
@@ -197,7 +193,6 @@ def sight(view: View, laser: TwoMirror, points: Array) -> ProjectedPoints:
 
     Parameters
     ----------
-    view : View
     laser : TwoMirror
         As configured; see `View.laser`.
     points : ndarray, shape (point, 3), m
@@ -289,7 +284,6 @@ class Occlusion:
 
     Parameters
     ----------
-    view : View
     mirror_offset : float, m
     corner : ndarray, shape (triangle, 3, 3), m
         In the laser frame, (corner, axis).
@@ -314,8 +308,6 @@ class Occlusion:
 
         Parameters
         ----------
-        view : View
-        laser : TwoMirror
         nodes : ndarray, shape (node, 3), m
         triangles : ndarray of int, shape (triangle, 3)
         clearance : float, m

@@ -36,7 +36,6 @@ class View:
 
     Parameters
     ----------
-    name : str
     rotation : ndarray, shape (3, 3)
         World to laser, ``P_laser = R (P_world - origin)``.
     origin : ndarray, shape (3,), m

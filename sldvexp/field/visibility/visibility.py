@@ -64,12 +64,8 @@ class VolumeVisibility:
 
     Parameters
     ----------
-    views : sequence of View
     laser : TwoMirror
         As configured; see `View.laser`.
-    prisms : Prisms
-    rule : SampleRule
-    interpolation : Interpolation
     grazing : float, rad
         Points seen under a larger angle from their normal are left out.
     one_sided : bool
@@ -102,9 +98,6 @@ class VolumeVisibility:
 
         Parameters
         ----------
-        views : sequence of View
-        laser : TwoMirror
-        volume : Volume
         prisms : Prisms, optional
             Those of the volume, where they are made already.
         """
