@@ -1,6 +1,8 @@
-"""A field that is solved, before its residuals and bounds are known.
+"""Fit of a field: solved first, then put into a result with residuals and bounds.
 
-All that is known of a field at the end, put into its result.
+`FieldFit` has the equations with their solution theta, `FieldEstimate` all that is known of the
+field at the end. The steps are apart since a stream of frequencies fits once and then makes many
+results.
 """
 
 from __future__ import annotations
@@ -35,7 +37,7 @@ from sldvexp.typing import Array, BoolArray
 
 @dataclass(frozen=True, eq=False)
 class FieldFit:
-    """The least-squares fit of a field to columns of velocities.
+    """Least-squares fit of a field to columns of velocities.
 
     Attributes
     ----------

@@ -1,8 +1,10 @@
 """Least squares at a stack of points: matrices that depend on the geometry, not on frequency.
 
-Stacks of small least-squares matrices: rank, pseudo-inverse, residual and null space.
-
-The model of the views and how its rows are weighted.
+Rows ``A v = A X theta`` are whitened, if they are to be weighted, by a matrix T that spans them and
+leaves independent noise; then ``theta = (T X)^+ T v`` and the residual is K v with K orthogonal to
+the columns of T X. Differences that share a view are correlated, so that T is not diagonal. The
+rank is that of an orthonormal basis of the rows, so that weights have no say in what is determined.
+Full rank goes by Householder's reflections, all points at once, and the rest by singular values.
 """
 
 from __future__ import annotations

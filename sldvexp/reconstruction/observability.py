@@ -1,4 +1,9 @@
-"""What a point's views do not determine, and what they still do."""
+"""Observability of a point: what its views do not determine, and what they still do.
+
+Directions of velocity that change no row span the null space. A component is determined if the null
+space does not lean towards it by more than `LEAN`; where some are not, the velocity along the
+orthogonal directions is given instead.
+"""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ class PointVelocity:
 
     @property
     def rows(self) -> RowSet:
-        """The rows A that were used, the same at all points."""
+        """Rows A that were used, the same at all points."""
         return self.system.rows
 
     @property
@@ -182,7 +182,7 @@ class PointVelocity:
 
     @cached_property
     def matrix(self) -> Array:
-        """The matrix that is solved, shape (point, parameter, parameter); see `solved_matrix`."""
+        """Matrix that is solved, shape (point, parameter, parameter); see `solved_matrix`."""
         directions = self.system.views.directions
         return solved_matrix(directions, self.rows.matrix, self.system.intercept)
 

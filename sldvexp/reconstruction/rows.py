@@ -52,7 +52,7 @@ class RowSet:
 
 @dataclass(frozen=True)
 class RowChoice:
-    """What a strategy may use.
+    """Rows that a strategy may use.
 
     Attributes
     ----------

@@ -1,4 +1,8 @@
-"""Apply the estimators to all points and frequencies, block by block."""
+"""Solution at all points and frequencies, block by block.
+
+Matrices are computed once a point and frequencies are right-hand sides, real and imaginary part two
+of them. Blocks are as large as fits into the cache, and several run side by side.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The measured side of a reconstruction: direction cosines and velocities of all views, checked."""
+"""Views of points: direction cosines and line-of-sight velocities, checked and in one layout."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ ROUNDING = 1e-9
 
 @dataclass
 class SampleSettings:
-    """Where velocities are sampled in every prism (Section 5.3.4).
+    """Places where velocities are sampled in every prism (Section 5.3.4).
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class Coordinates(Enum):
 
 @dataclass
 class VisibilitySettings:
-    """How the samples are found in the views' images (Section 5.3.5).
+    """Settings of how the samples are found in the views' images (Section 5.3.5).
 
     Parameters
     ----------

@@ -1,7 +1,4 @@
-"""`volume=grid`: a rectangular grid of nodes on a plane or on the panel of a cylinder.
-
-Rectangular grids of triangles, flat or bent to a cylinder.
-"""
+"""`volume=grid`: a rectangular grid of nodes on a plane or on the panel of a cylinder."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ from sldvexp.volume.surface import TriangulatedSurface
 
 
 class Diagonals(Enum):
-    """How each cell of the grid is cut in two triangles."""
+    """Ways to cut each cell of the grid in two triangles."""
 
     alternate = "alternate"
     forward = "forward"

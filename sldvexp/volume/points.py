@@ -1,6 +1,7 @@
 """`volume=points`: points that were digitised on the structure, connected to triangles.
 
-Points on a surface to triangles: Delaunay's, seen along the normal of the best-fit plane.
+Delaunay's triangulation, seen along the normal of the best-fit plane, fills the convex hull; flat
+triangles along a dented rim are peeled off again, since no surface is there.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Sample points in prisms (Section 5.3.4): where they lie and which nodes they mix.
 
-Symmetric points inside triangles, and points on the line, from which sample rules are made.
+A rule is the product of symmetric points of the triangle and Gauss points of the line, or a list of
+points. Products keep the equations a Kronecker product of surface and depth.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ WHOLE = slice(None)
 
 @dataclass(frozen=True, eq=False)
 class SampleRule:
-    """Where samples lie in every prism: the parameters xi1, xi2, xi3, zeta of Eq 5.19.
+    """Places of samples in every prism: the parameters xi1, xi2, xi3, zeta of Eq 5.19.
 
     Parameters
     ----------

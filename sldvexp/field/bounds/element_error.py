@@ -1,4 +1,4 @@
-"""How far a field is from the truth because its elements cannot follow it, estimated from itself.
+"""Error of a field because its elements cannot follow it, estimated from the field itself.
 
 A least-squares fit of linear elements to a smooth u gives ``u_h = u - h^2/12 u''`` at the nodes, in
 one dimension: its mass matrix M passes a wave with ``1 - (kh)^2/6``, the samples' right side with

@@ -1,6 +1,10 @@
-"""Rows of the inverse of a field's matrix, which bounds need: all of them, of a small system.
+"""Rows of the inverse of a field's matrix, which bounds need.
 
-Rows of the inverse of a large field's matrix, region by region, nearly exact.
+Of a small system all rows are computed. Of a large one they are those of the nearest Kronecker
+product, cut off after some rings of neighbours and turned by ``N^-1 N_mean`` to each node's own
+information N: exact where the information does not change with depth, and near it otherwise. Where
+it changes a lot, as where a view ends at another place in each layer, rows are of the inverse of
+the matrix around the node instead.
 """
 
 from __future__ import annotations
@@ -56,7 +60,7 @@ class InverseRows(ABC):
 
 @dataclass(frozen=True, eq=False)
 class WholeInverse(InverseRows):
-    """All rows, of a small system whose patch has all nodes.
+    """Rows of a small system, all of them, whose patch has all nodes.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ from sldvexp.typing import Array
 
 @dataclass(frozen=True, eq=False)
 class PoseEffect:
-    """What is needed for the derivatives by the poses.
+    """Effect of the poses: covariance and data for the derivatives by them.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ NO_ERROR = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class PoseErrors:
-    """What is known of the errors of poses, and of intrinsics adjusted with them.
+    """Errors of poses, and of intrinsics adjusted with them, as far as they are known.
 
     Attributes
     ----------

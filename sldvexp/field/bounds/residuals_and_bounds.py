@@ -118,7 +118,7 @@ VERIFIED_PARTS = 2
 
 @dataclass(frozen=True, eq=False)
 class FieldBounds:
-    """What the second way finds.
+    """Residuals and variances, as the second way through the samples finds them.
 
     Attributes
     ----------
@@ -340,7 +340,7 @@ NODES = 4
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """What is verified.
+    """Part of a field whose bounds are computed exactly as well.
 
     Parameters
     ----------

@@ -2,11 +2,9 @@
 
 The inverse of a mass matrix decays by a factor of about 0.27 from one ring of neighbours to the
 next, so that rows end after a few rings. What lies beyond is taken to have the values of the last
-ring: then rows are exact for a field that is the same everywhere.
-
-Colours for the nodes of a graph, so that nodes of one colour are far apart.
-
-Sparse matrices of small blocks: what scipy's lack.
+ring: then rows are exact for a field that is the same everywhere. Nodes get colours so that those
+of one colour are too far apart to meet, and all of a colour are solved as one right-hand side.
+Matrices are sparse, of small blocks; some operations on these that scipy lacks are at the end.
 """
 
 from __future__ import annotations

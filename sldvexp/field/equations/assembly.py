@@ -1,4 +1,9 @@
-"""First way through the samples: the field's normal equations, and who sees what."""
+"""Assembly of a field's normal equations: the first way through the samples.
+
+With the basis functions B_s at a sample, its information N_s and its estimator T_s, the equations
+are ``sum_s B_s^T B_s (x) N_s theta = sum_s B_s^T (x) T_s v_s``. The right side is linear in the
+pixels' velocities, so that real and imaginary part at each frequency are columns of one product.
+"""
 
 from __future__ import annotations
 

@@ -1,9 +1,10 @@
-"""Prisms between nodal values and samples: the basis functions, and which nodes share a prism.
+"""Prisms between nodal values and samples: basis functions, and nodes that share a prism.
 
-Arrays over nodes have the shape (layer, surface_node, ...), over samples (gap, triangle, point,
-...); both are plain reshapes of the dataset's order.
-
-From pixels to the right-hand sides of a field: sparse matrices, ``b = sum_k R_k v_k``.
+A nodal field becomes values at samples by ``B f`` and sums over samples become nodal by ``B^T f``,
+both without a matrix. Arrays over nodes have the shape (layer, surface_node, ...), over samples
+(gap, triangle, point, ...); both are plain reshapes of the dataset's order. From pixels to right-
+hand sides leads a sparse matrix a view, ``b = sum_k R_k v_k``, through which bounds know that
+samples share pixels.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from sldvexp.volume.samples import SampleRule
 
 @dataclass(frozen=True, eq=False)
 class Graph:
-    """Which surface nodes share a triangle: block rows and columns of matrices over the surface.
+    """Graph of surface nodes that share a triangle: blocks of matrices over the surface.
 
     Parameters
     ----------
@@ -52,12 +53,12 @@ class Graph:
 
     @cached_property
     def row(self) -> IndexArray:
-        """The row of each entry of `indices`."""
+        """Row of each entry of `indices`."""
         return np.repeat(np.arange(self.nodes), np.diff(self.indptr))
 
     @cached_property
     def neighbours(self) -> scipy.sparse.csr_array:
-        """Which nodes share a triangle, a node with itself as well, shape (node, node), bool."""
+        """Nodes that share a triangle, also with themselves, shape (node, node), bool."""
         ones = np.ones(len(self.indices), bool)
         return scipy.sparse.csr_array(
             (ones, self.indices, self.indptr), shape=(self.nodes, self.nodes)
@@ -65,13 +66,13 @@ class Graph:
 
     @cached_property
     def diagonal(self) -> IndexArray:
-        """Where the block of a node with itself is, shape (surface_node,)."""
+        """Places of the blocks of a node with itself, shape (surface_node,)."""
         return np.flatnonzero(self.indices == self.row)
 
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """The prisms over some triangles, with the nodes of these numbered anew.
+    """Prisms over some triangles, with the nodes of these numbered anew.
 
     Parameters
     ----------

@@ -1,6 +1,8 @@
-"""The samples of a volume, part by part: what views see of them, what the method makes of it.
+"""Regions of a volume's samples: what views see of them, and what the method makes of it.
 
-A surface in regions: nodes that belong to each, and the triangles around them.
+A surface is cut into regions of nodes, with the triangles around them, so that the samples of one
+at a time are in memory. A small volume is one region and is kept. Disjoint regions serve sums over
+samples; those that overlap have all samples that bear on their own nodes, as bounds need.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ class Region:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceRegions:
-    """What is needed to walk over a surface.
+    """Surface to walk over, region by region.
 
     Parameters
     ----------
@@ -135,7 +137,7 @@ class RegionSamples:
 
     @cached_property
     def influences(self) -> list[scipy.sparse.bsr_array]:
-        """The matrices R of every view's pixels, ``b = sum_k R_k v_k``."""
+        """Matrices R of every view's pixels, ``b = sum_k R_k v_k``."""
         return [
             influence(self.patch, self.at.estimator[:, :, k], of_view.weights)
             for k, of_view in enumerate(self.samples.by_view)
@@ -172,12 +174,12 @@ class RegionIterator:
 
     @cached_property
     def graph(self) -> Graph:
-        """Which surface nodes share a triangle."""
+        """Graph of surface nodes that share a triangle."""
         return Graph.from_prisms(self.visibility.prisms)
 
     @cached_property
     def surface(self) -> SurfaceRegions:
-        """The surface to walk over."""
+        """Surface to walk over."""
         return SurfaceRegions.from_prisms(self.visibility.prisms, self.graph)
 
     def disjoint(self) -> Iterator[RegionSamples]:

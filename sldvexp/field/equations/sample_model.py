@@ -1,10 +1,9 @@
-"""A reconstruction method over a field: what each sample contributes to the normal equations.
-
-The rows' least squares at every sample: what a method makes of the views that see it.
+"""Model of each sample: what a method makes of the views that see it.
 
 All methods model ``A v = A X theta`` with the rows A and ``X = [D]`` or ``[D 1]``. With the weights
-W of the rows, and ``Q = A^T W A`` of the views, the normal equations at a sample are
-``N theta = T v``, ``N = X^T Q X`` and ``T = X^T Q``.
+W of the rows, and ``Q = A^T W A`` of the views, the normal equations at a sample are ``N theta = T
+v``, ``N = X^T Q X`` and ``T = X^T Q``. The contravariant method solves each sample by itself, ``u =
+N^-1 T v``, and fits the field to these vectors; the others fit it to all rows together.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ FEWEST_ROWS = 2
 
 @dataclass(frozen=True, eq=False)
 class SampleLeastSquares:
-    """The model at samples.
+    """Least squares of the rows at samples.
 
     Attributes
     ----------
@@ -52,17 +51,17 @@ class SampleLeastSquares:
 
     @property
     def kept(self) -> BoolArray:
-        """Which samples have a part in the field, shape (sample,)."""
+        """Samples that have a part in the field, shape (sample,)."""
         return self.rows > 0
 
     @property
     def information(self) -> Array:
-        """The matrix N, shape (sample, parameter, parameter)."""
+        """Matrix N, shape (sample, parameter, parameter)."""
         return self.estimator @ self.design
 
     @property
     def estimator(self) -> Array:
-        """The matrix T, shape (sample, parameter, view)."""
+        """Matrix T, shape (sample, parameter, view)."""
         return np.swapaxes(self.design, 1, 2) @ self.weight
 
 
@@ -255,7 +254,7 @@ class FieldModel:
 
     @property
     def row_model(self) -> RowModel:
-        """The rows' least squares at a sample; weights say nothing where each is solved exactly."""
+        """Least squares of the rows at a sample; weights say nothing where each is solved exactly."""
         exact = self.contravariant and len(self.rows) == self.parameters
         return RowModel(
             self.rows.matrix,

@@ -133,7 +133,7 @@ def _entries(gaps: int) -> list[tuple[int, int, int, int]]:
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """The matrix M and its nearest Kronecker product.
+    """Matrix M and its nearest Kronecker product.
 
     Unknowns have the shape (layer, surface_node, block, column).
 
@@ -239,7 +239,7 @@ class NormalEquations:
 
     @cached_property
     def inverse(self) -> Array:
-        """Its inverse."""
+        """Inverse of `dense`."""
         factor, failed = scipy.linalg.lapack.dpotrf(self.dense, lower=True)
         if failed:
             return np.linalg.inv(self.dense).astype(float)

@@ -1,6 +1,8 @@
 """Nodes where the views do not determine everything, and what they still do.
 
-Systems that are singular because no view sees some direction at some nodes.
+A node is judged by its own samples, as many directions being determined as at some of them.
+Directions that no view sees may make the whole system singular; they are flagged and then held at
+zero, with an equation of their own, so firmly that everything else can be solved.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from sldvexp.typing import Array, BoolArray
 
 @dataclass(frozen=True, eq=False)
 class Observability:
-    """What is determined at each node.
+    """Directions and components that are determined at each node.
 
     Attributes
     ----------

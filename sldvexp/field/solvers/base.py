@@ -1,4 +1,4 @@
-"""What all solvers of a field's normal equations have in common."""
+"""Base of all solvers of a field's normal equations."""
 
 from __future__ import annotations
 

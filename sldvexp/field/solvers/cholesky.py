@@ -1,7 +1,4 @@
-"""`solver=cholesky`: sparse Cholesky factors, by the optional package cholespy.
-
-Right-hand sides for cholespy's factors.
-"""
+"""`solver=cholesky`: sparse Cholesky factors, by the optional package cholespy."""
 
 from __future__ import annotations
 

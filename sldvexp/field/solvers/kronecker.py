@@ -1,4 +1,9 @@
-"""The inverse of a Kronecker product of a line's matrix and a surface's."""
+"""Inverse of a Kronecker product of a line's matrix and a surface's.
+
+``(L (x) S)^-1 = L^-1 (x) S^-1``: a small dense matrix over the layers and sparse LU factors over
+one surface stand for the inverse over the volume. Pivots stay on the diagonal, which is safe for
+symmetric positive definite matrices and keeps their ordering.
+"""
 
 from __future__ import annotations
 

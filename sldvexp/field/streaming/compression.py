@@ -1,10 +1,8 @@
-"""Velocity images whose frequencies do not fit into memory, reduced to few combinations of them.
+"""Velocity images of many frequencies, reduced to few combinations of them.
 
-Where views look and what the noise and the poses do to a field depends on the frequencies only
-through the modes that carry all of the data and the pixels' mean variances: images of these stand
-for the whole.
-
-Few combinations of frequencies that carry all that is above the noise.
+What views see and what the noise and the poses do to a field depends on the frequencies only
+through the modes that carry all of the data above the noise, and through the pixels' mean
+variances: images of these stand for the whole, and fit into memory.
 """
 
 from __future__ import annotations
@@ -108,7 +106,7 @@ class Compressed:
 
 @dataclass(eq=False)
 class _Sums:
-    """What is known of a view's pixels once all their frequencies were seen.
+    """Sums over a view's pixels of what all their frequencies have.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
-"""`stream=dask`: a field's frequencies some at a time, by the optional package dask.
+"""`stream=dask`: some of a field's frequencies at a time, by the optional package dask.
 
-Tasks for Dask's scheduler, whichever there is: threads of this process, or a cluster.
+Tasks go to Dask's scheduler, whichever there is: threads of this process, processes, or a cluster.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ def _require(package: str) -> None:
 
 @dataclass(frozen=True)
 class Work:
-    """Does tasks, a few at a time, so that no more than these are in memory.
+    """Worker at tasks, a few at a time, so that no more than these are in memory.
 
     Parameters
     ----------

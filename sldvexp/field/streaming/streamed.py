@@ -1,6 +1,6 @@
-"""The field of a run whose frequencies do not fit into memory: solved block by block of them.
+"""Field of a run whose frequencies do not fit into memory: solved block by block of them.
 
-The equations' matrix, where views look and what noise and poses do to nodal values are the same for
+The equations' matrix, what views see and what noise and poses do to nodal values are the same for
 all frequencies and are found once; right-hand sides, solutions and residuals are each frequency's.
 """
 
@@ -102,7 +102,7 @@ class Ready:
 
     @cached_property
     def solve(self) -> Solve:
-        """The solver's factors."""
+        """Solver with its factors."""
         return self.solver.prepare(self.equations.system)
 
     def block(self, some: slice, *velocity: NDArray[Any]) -> tuple[xr.Dataset, Array]:

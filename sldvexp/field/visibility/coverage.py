@@ -1,4 +1,4 @@
-"""How much of the samples each view sees, and why not the rest."""
+"""Coverage of the samples: how many each view sees, and why not the rest."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ REMEDIES = {
 
 @dataclass(frozen=True, eq=False)
 class Coverage:
-    """What a view sees of all samples; add up those of blocks with ``+``.
+    """Samples that a view sees and loses; add up those of blocks with ``+``.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ FLAGGED = "flagged"
 
 @dataclass(frozen=True, eq=False)
 class ViewSamples:
-    """What one view sees of the sample points.
+    """Samples as one view sees them.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def _spread(
 
 
 class ProjectedPoints(NamedTuple):
-    """Where points are in a view.
+    """Points as they are in a view.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""One view: where the instrument stood and the velocity image that it took there.
+"""View: where the instrument stood, and the velocity image that it took there.
 
-The laser as the solution of a pose has adjusted it.
-
-Why pixels are flagged, and what may be done about it.
+Intrinsics that were adjusted with a view's pose belong to it: true angles are ``gain recorded +
+zero``, and its image points are those of a laser of its own. Pixels with a flag have no say in
+anything.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ VELOCITY_UNIT = "m/s"
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Where an instrument stood and its velocity image.
+    """Stand of the instrument and its velocity image.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ class View:
 
     @property
     def usable(self) -> BoolArray:
-        """Which pixels have no flag, shape (pixel,)."""
+        """Pixels that have no flag, shape (pixel,)."""
         return np.asarray(self.flags == 0)
 
     def laser(self, configured: TwoMirror) -> TwoMirror:

@@ -30,7 +30,7 @@ CACHE_SAMPLES = 200_000
 
 @dataclass(frozen=True, eq=False)
 class SampleVisibility:
-    """The samples in the prisms over some triangles, and what each view sees of them.
+    """Samples in the prisms over some triangles, and what each view sees of them.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class SampleVisibility:
 
     @property
     def valid(self) -> BoolArray:
-        """Which view has a velocity of which sample, shape (sample, view)."""
+        """Samples that a view has a velocity of, shape (sample, view)."""
         return np.stack([s.valid for s in self.by_view], axis=1)
 
     @property
@@ -60,7 +60,7 @@ class SampleVisibility:
 
 @dataclass(eq=False)
 class VolumeVisibility:
-    """What all views see of a volume.
+    """Samples of a volume as all views see them.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ class VolumeVisibility:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The views' names."""
+        """Names of the views."""
         return tuple(v.name for v in self.views)
 
     @property
