@@ -1,9 +1,9 @@
 """Base of all volumes: layers along a surface's normals, samples, and a place in the world.
 
-The real surface is not known to better than its mesh, and what lies around it costs little more to
-solve for: so the given surface is moved along its normals to several depths, and the velocity is
-expanded in linear functions on the prisms in between (Section 5.3.1). A strategy gives the surface
-in its own axes; everything else is the same for all.
+Where the vibrating surface is, is known from a mesh or a digitiser to a few millimetres only: so
+the given surface is moved along its normals to several depths, and the velocity is expanded in
+linear functions on the prisms in between (Section 5.3.1). A strategy gives the surface in its own
+axes; everything else is the same for all.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""A triangulated surface: the frames of its nodes, and what makes it useless.
+"""Triangulated surface: the frames of its nodes, and what makes it useless.
 
 The normal of a node is the mean of its triangles' normals weighted with their areas, and the first
 tangent is the projection of one direction that serves the whole surface. Prisms along the normals
-fold where the surface is bent more sharply than they are high. Every defect is found before
-anything is measured and told in one sentence that names the node.
+fold where the surface is bent more sharply than they are high. Every defect is told in one sentence
+that names the node.
 """
 
 from __future__ import annotations

@@ -254,7 +254,7 @@ class FieldModel:
 
     @property
     def row_model(self) -> RowModel:
-        """Least squares of the rows at a sample; weights say nothing where each is solved exactly."""
+        """Rows at a sample; weights say nothing where each is solved exactly."""
         exact = self.contravariant and len(self.rows) == self.parameters
         return RowModel(
             self.rows.matrix,
