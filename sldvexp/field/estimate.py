@@ -39,10 +39,9 @@ from sldvexp.field.visibility.view import View, views_of
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
-from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.reconstruction import Reconstruction
 from sldvexp.typing import Array
-from sldvexp.volume.base import Coordinates, Volume
-from sldvexp.volume.prisms import Prisms
+from sldvexp.volume import Coordinates, Prisms, Volume
 
 NO_COVARIANCE = "the poses have no covariance: bounds are those of the velocities' noise"
 

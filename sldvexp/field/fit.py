@@ -29,7 +29,7 @@ from sldvexp.field.result import LOCAL, WORLD, FieldResult
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.visibility.coverage import flagged
 from sldvexp.field.visibility.visibility import VolumeVisibility
-from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.reconstruction import Reconstruction
 from sldvexp.reconstruction.observability import blank
 from sldvexp.statistics import FTest, nested_f_test, student_factor
 from sldvexp.typing import Array, BoolArray

@@ -20,8 +20,7 @@ from sldvexp.field.bounds.element_error import element_error
 from sldvexp.field.visibility.coverage import Coverage
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.lazy import xarray as xr
-from sldvexp.reconstruction.rows import RowSet
-from sldvexp.reconstruction.system import ReconstructionSettings
+from sldvexp.reconstruction import ReconstructionSettings, RowSet
 from sldvexp.statistics import FTest
 from sldvexp.typing import Array, BoolArray, ComplexArray
 

@@ -2,9 +2,10 @@
 
 Rows ``A v = A X theta`` are whitened, if they are to be weighted, by a matrix T that spans them and
 leaves independent noise; then ``theta = (T X)^+ T v`` and the residual is K v with K orthogonal to
-the columns of T X. Differences that share a view are correlated, so that T is not diagonal. The rank is that of W X, W an orthonormal basis of
-the rows, so that weights have no say in what is determined.
-Full rank goes by Householder's reflections, all points at once, and the rest by singular values.
+the columns of T X. Differences that share a view are correlated, so that T is not diagonal. The
+rank is that of W X, W an orthonormal basis of the rows, so that weights have no say in what is
+determined. Full rank goes by Householder's reflections, all points at once, and the rest by
+singular values.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Sample points in prisms (Section 5.3.4): where they lie and which nodes they mix.
 
 A rule is the product of symmetric points of the triangle and Gauss points of the line, or a list of
-points. With products the
-equations may be a Kronecker product of surface and depth.
+points. With products the equations may be a Kronecker product of surface and depth.
 """
 
 from __future__ import annotations

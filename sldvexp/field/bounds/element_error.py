@@ -12,8 +12,7 @@ import numpy as np
 
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, ComplexArray
-from sldvexp.volume.prisms import Prisms
-from sldvexp.volume.samples import SampleRule
+from sldvexp.volume import Prisms, SampleRule
 
 #: Share of the bounds above which the error is told.
 WORTH_TELLING = 0.5

@@ -1,9 +1,9 @@
 """Rows of the inverse of a field's matrix, which bounds need.
 
 Of a small system all rows are computed. Of a large one they are those of the nearest Kronecker
-product, cut off after some rings of neighbours and turned by ``N^-1 N_mean`` to each node's own information N.
-Where that differs a lot from the product's, as where a view ends at another place in each layer, rows are of the inverse of
-the matrix around the node instead.
+product, cut off after some rings of neighbours and turned by ``N^-1 N_mean`` to each node's own
+information N. Where that differs a lot from the product's, as where a view ends at another place in
+each layer, rows are of the inverse of the matrix around the node instead.
 """
 
 from __future__ import annotations

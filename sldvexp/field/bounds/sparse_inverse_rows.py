@@ -15,7 +15,7 @@ from sldvexp.field.equations.system import HOLD, PAIRS, NormalEquations
 from sldvexp.field.solvers.kronecker import factorised, solved
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
-from sldvexp.volume.samples import SampleRule
+from sldvexp.volume import SampleRule
 
 #: Rings around a node that its row reaches: of samples that are a tensor product, and of others,
 #: whose matrices are worse conditioned and decay more slowly.

@@ -16,8 +16,7 @@ import numpy as np
 
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, IndexArray
-from sldvexp.volume.prisms import Prisms
-from sldvexp.volume.samples import SampleRule
+from sldvexp.volume import Prisms, SampleRule
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from sldvexp.field.equations.sample_model import FieldModel, SampleContributions
 from sldvexp.field.visibility.visibility import SampleVisibility, VolumeVisibility
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
-from sldvexp.volume.prisms import Prisms
+from sldvexp.volume import Prisms
 
 
 @dataclass(frozen=True, eq=False)

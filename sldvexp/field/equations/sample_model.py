@@ -18,10 +18,8 @@ from sldvexp.errors import UserError
 from sldvexp.field.visibility.projection import ViewSamples
 from sldvexp.field.visibility.view import View
 from sldvexp.field.visibility.visibility import SampleVisibility, VolumeVisibility
-from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.reconstruction import Model, Reconstruction, RowSet, Weights
 from sldvexp.reconstruction.least_squares import rank_of
-from sldvexp.reconstruction.rows import RowSet
-from sldvexp.reconstruction.system import Model, Weights
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Fewest rows that make a sample worth keeping.

@@ -18,7 +18,7 @@ import numpy as np
 from sldvexp.field.equations.elements import Graph, Patch
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray
-from sldvexp.volume.samples import SampleRule
+from sldvexp.volume import SampleRule
 
 #: From real right-hand sides (layer, surface_node, block, column) to the solutions.
 Solve = Callable[[Array], Array]

@@ -1,8 +1,8 @@
 """Nodes where the views do not determine everything, and what they still do.
 
 A node is judged by its own samples, as many directions being determined as at some of them.
-Directions that no view sees may make the whole system singular; they are
-flagged, and then held at zero by a term on the diagonal, so that all else can be solved.
+Directions that no view sees may make the whole system singular; they are flagged, and then held at
+zero by a term on the diagonal, so that all else can be solved.
 """
 
 from __future__ import annotations

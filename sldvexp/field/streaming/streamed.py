@@ -32,9 +32,9 @@ from sldvexp.field.streaming.compression import Compressed, slices
 from sldvexp.field.streaming.dask import Work
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.lazy import xarray as xr
-from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.reconstruction import Reconstruction
 from sldvexp.typing import Array
-from sldvexp.volume.base import Coordinates, Volume
+from sldvexp.volume import Coordinates, Volume
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,9 +20,8 @@ from sldvexp.image.interpolation.base import Interpolator
 from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.typing import Array, BoolArray, IndexArray
-from sldvexp.volume.base import Volume
-from sldvexp.volume.prisms import Prisms
-from sldvexp.volume.samples import SampleRule, sample_frames, sample_positions
+from sldvexp.volume import Prisms, SampleRule, Volume, sample_positions
+from sldvexp.volume.samples import sample_frames
 
 #: Samples of a volume up to which what the views see of them is remembered.
 CACHE_SAMPLES = 200_000
