@@ -67,7 +67,7 @@ class FieldFit:
         Raises
         ------
         UserError
-            See `sldvexp.field.estimate.estimate_field`.
+            See `sldvexp.field.estimate.solve_field`.
         """
         parts = RegionIterator(visibility, FieldModel.from_method(method, visibility, local))
         equations = normal_equations(parts, data)
