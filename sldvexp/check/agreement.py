@@ -8,8 +8,8 @@ import numpy as np
 
 from sldvexp.check.base import Examination
 from sldvexp.errors import UserError
+from sldvexp.field import VolumeVisibility
 from sldvexp.field.estimate import volume_visibility
-from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Depths that are tried for the smallest misfit; between them a parabola is used.

@@ -14,11 +14,11 @@ from sldvexp.check.agreement import field_looks, sampled_depth
 from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
+from sldvexp.field import VolumeVisibility
 from sldvexp.field.estimate import solve_field
-from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, IndexArray
-from sldvexp.volume.samples import shape_matrix
+from sldvexp.volume import shape_matrix
 
 
 @register("check", "left_out")

@@ -39,10 +39,9 @@ from sldvexp.field.visibility.view import View, views_of
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
-from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.reconstruction import Reconstruction
 from sldvexp.typing import Array
-from sldvexp.volume.base import Coordinates, Volume
-from sldvexp.volume.prisms import Prisms
+from sldvexp.volume import Coordinates, Prisms, Volume
 
 NO_COVARIANCE = "the poses have no covariance: bounds are those of the velocities' noise"
 
@@ -130,9 +129,6 @@ def reconstruct(
         With the groups ``pose`` and ``image/<view>``.
     visibility : VolumeVisibility
         What these views see of the volume; see `volume_visibility`.
-    volume : Volume
-    method : Reconstruction
-    solver : Solver
     """
     image = tree[f"image/{visibility.names[0]}"]
     frequency = image["frequency"].values if "frequency" in image.coords else None
@@ -179,7 +175,6 @@ def solve_field(
         The volume, its samples and the views.
     method : Reconstruction
         absolute, relative, combined or contravariant; its rows, model, weights and confidence.
-    solver : Solver
     local : bool
         Components along each node's tangents and normal instead of the world's axes. The basis
         functions interpolate the components, and the frame turns with the surface.
@@ -218,7 +213,7 @@ def solve_field(
 def solved_with(
     visibility: VolumeVisibility, model: FieldModel, solver: Solver
 ) -> Callable[[list[View]], Array]:
-    """From views to the solution, (layer, surface_node, parameter, column); all else the same."""
+    """Make the map from views to the solution, (layer, surface_node, parameter, column)."""
 
     def solved(views: list[View]) -> Array:
         parts = RegionIterator(visibility.seen_by(views), model)
@@ -248,7 +243,7 @@ def check_views(visibility: VolumeVisibility) -> None:
 
 
 def _same_image(a: View, b: View) -> bool:
-    """Whether one image is a copy of the other: noise is never the same twice."""
+    """Compare images: one is a copy of the other, as noise never is."""
     return np.array_equal(a.dac, b.dac) and np.array_equal(a.velocity, b.velocity, equal_nan=True)
 
 
@@ -265,8 +260,6 @@ def volume_visibility(
     ----------
     tree : mapping of str to xarray.Dataset
         With the groups ``pose`` and ``image/<view>``.
-    laser : TwoMirror
-    volume : Volume
 
     Raises
     ------

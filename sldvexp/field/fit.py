@@ -1,6 +1,8 @@
-"""A field that is solved, before its residuals and bounds are known.
+"""Fit of a field: solved first, then put into a result with residuals and bounds.
 
-All that is known of a field at the end, put into its result.
+`FieldFit` has the equations with their solution theta, `FieldEstimate` all that is known of the
+field at the end. The steps are apart since a stream of frequencies fits once and then makes many
+results.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from sldvexp.field.result import LOCAL, WORLD, FieldResult
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.visibility.coverage import flagged
 from sldvexp.field.visibility.visibility import VolumeVisibility
-from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.reconstruction import Reconstruction
 from sldvexp.reconstruction.observability import blank
 from sldvexp.statistics import FTest, nested_f_test, student_factor
 from sldvexp.typing import Array, BoolArray
@@ -35,16 +37,12 @@ from sldvexp.typing import Array, BoolArray
 
 @dataclass(frozen=True, eq=False)
 class FieldFit:
-    """The least-squares fit of a field to columns of velocities.
+    """Least-squares fit of a field to columns of velocities.
 
     Attributes
     ----------
-    parts : RegionIterator
     data : list of ndarray, shape (pixel, column), m/s
         Of each view.
-    equations : Equations
-    flags : Observability
-    solve : callable
     theta : ndarray, shape (layer, surface_node, parameter, column)
     """
 
@@ -69,7 +67,7 @@ class FieldFit:
         Raises
         ------
         UserError
-            See `sldvexp.field.estimate.estimate_field`.
+            See `sldvexp.field.estimate.solve_field`.
         """
         parts = RegionIterator(visibility, FieldModel.from_method(method, visibility, local))
         equations = normal_equations(parts, data)
@@ -89,7 +87,7 @@ class FieldFit:
         return _messages(self.parts, self.equations, self.flags)
 
     def with_bounds(self, factor: Array, pose: PoseEffect | None) -> FieldBounds:
-        """Residuals and bounds; see `sldvexp.field.bounds.residuals_and_bounds.with_bounds`."""
+        """Compute residuals and bounds; see `field.bounds.residuals_and_bounds.with_bounds`."""
         system = self.equations.system
         determined = self.flags.determined.reshape(*system.active.shape, -1)
         return with_bounds(
@@ -114,13 +112,7 @@ class FieldEstimate:
 
     Parameters
     ----------
-    visibility : VolumeVisibility
-    model : FieldModel
-    equations : Equations
-    flags : Observability
     theta : ndarray, shape (layer, surface_node, parameter, column)
-    bounds : FieldBounds
-    solver : Solver
     """
 
     visibility: VolumeVisibility
@@ -133,14 +125,14 @@ class FieldEstimate:
 
     @classmethod
     def from_fit(cls, fit: FieldFit, bounds: FieldBounds, solver: Solver) -> FieldEstimate:
-        """That of a fit."""
+        """Take over a fit."""
         parts, equations = fit.parts, fit.equations
         return cls(parts.visibility, parts.model, equations, fit.flags, fit.theta, bounds, solver)
 
     def result(
         self, messages: list[str], condition: tuple[float, float] = (np.nan, np.nan)
     ) -> FieldResult:
-        """The result, without what is not determined."""
+        """Make the result, without what is not determined."""
         nodal = self._by_node(self.theta).view(complex).copy()
         known, error = self.flags.determined[..., None], self.bounds.error
         blank(nodal, ~self.flags.determined)
@@ -171,11 +163,11 @@ class FieldEstimate:
         )
 
     def _by_node(self, values: Array) -> Array:
-        """(layer, surface_node, ...) to (node, ...)."""
+        """Turn (layer, surface_node, ...) into (node, ...)."""
         return np.ascontiguousarray(values.reshape(-1, *values.shape[2:]))
 
     def _bounds(self, known: BoolArray) -> dict[str, Any]:
-        """Standard errors; NaN where nothing is determined."""
+        """Compute standard errors; NaN where nothing is determined."""
         names = ("std_noise", "std_pose", "std_by_part", "confidence_by_part", "intercept_std")
         if self.bounds.noise is None:
             return dict.fromkeys(names)
@@ -200,7 +192,7 @@ class FieldEstimate:
         return np.where(self.flags.observable, self._by_node(self.bounds.efficiency), np.nan)
 
     def _statistics(self) -> dict[str, Any]:
-        """What Tables 5.7 and 5.8 state."""
+        """Compute what Tables 5.7 and 5.8 state."""
         left, equations, model = self.bounds.residuals, self.equations, self.model
         active = int(equations.system.active.sum())
         unknowns = active * model.block
@@ -222,7 +214,7 @@ class FieldEstimate:
             }
 
     def _intercept_test(self) -> FTest | None:
-        """F of the full against the partial model (Eq 5.17); None if there is no such comparison.
+        """Test the full against the partial model (Eq 5.17); None if there is no such test.
 
         ``SSE_partial - SSE_full = theta_full . b - theta_partial . b``: a least-squares fit takes
         ``theta . b`` off the sum of squares of the data.
@@ -243,5 +235,5 @@ class FieldEstimate:
 
 
 def _by_frequency(squares: Array) -> Array:
-    """Squares of real and imaginary parts added up, (..., column) to (..., frequency)."""
+    """Add up squares of real and imaginary parts, (..., column) to (..., frequency)."""
     return squares[..., ::2] + squares[..., 1::2]

@@ -20,8 +20,7 @@ from sldvexp.field.bounds.element_error import element_error
 from sldvexp.field.visibility.coverage import Coverage
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.lazy import xarray as xr
-from sldvexp.reconstruction.rows import RowSet
-from sldvexp.reconstruction.system import ReconstructionSettings
+from sldvexp.reconstruction import ReconstructionSettings, RowSet
 from sldvexp.statistics import FTest
 from sldvexp.typing import Array, BoolArray, ComplexArray
 
@@ -55,7 +54,6 @@ class FieldResult:
         How many directions are.
     flagged_direction : ndarray, shape (flagged, 3, 3)
         Orthonormal, in the components' axes; the first `rank` are determined.
-    rows : RowSet
     unknowns : int
         Of one equation: of all components together, or of one for the contravariant method.
     samples : int
@@ -198,7 +196,7 @@ class FieldResult:
 
 
 def _variables(result: FieldResult) -> dict[str, ArrayLike | None]:
-    """Arrays of the group, without a frequency dimension if there is none."""
+    """Collect arrays of the group, without a frequency dimension if there is none."""
 
     def last(array: np.ndarray | None) -> np.ndarray | None:
         return array if array is None or result.frequency is not None else array[..., 0]
@@ -243,7 +241,7 @@ def pooled(sse: np.ndarray, samples: int) -> dict[str, float]:
 
 
 def _attributes(result: FieldResult) -> dict[str, Any]:
-    """Headline numbers, pooled over equations and frequencies, and what stands behind them."""
+    """Collect headline numbers, pooled over equations and frequencies, and their settings."""
     equations, method = len(result.sse), result.method
     found: dict[str, Any] = {
         "dof": result.unknowns,

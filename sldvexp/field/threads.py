@@ -14,6 +14,6 @@ MOST_THREADS = 4
 
 
 def side_by_side(work: Callable[[T], R], items: Iterable[T]) -> list[R]:
-    """``[work(item) for item in items]``, several at once."""
+    """Compute ``[work(item) for item in items]``, several at once."""
     with ThreadPoolExecutor(min(MOST_THREADS, os.cpu_count() or 1)) as pool:
         return list(pool.map(work, items))

@@ -19,7 +19,7 @@ from sldvexp.check.expectations import evaluate
 from sldvexp.config.experiment import Experiment
 from sldvexp.errors import UserError
 from sldvexp.instrument.protocol import ScanningPlugin
-from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.reconstruction import Reconstruction
 from sldvexp.session.camera import NobodyThereError, Operator
 from sldvexp.session.interruption import has_lines, how_to_go_on, stopping_once
 

@@ -26,6 +26,6 @@ class Absolute(Reconstruction):
     """
 
     def row_choice(self, view_names: Sequence[str]) -> RowChoice:
-        """Every view by itself."""
+        """Take every view by itself."""
         views = rows.views(view_names)
         return rows.RowChoice(candidates=views, every=views)

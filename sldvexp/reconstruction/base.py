@@ -40,11 +40,11 @@ class Reconstruction(ReconstructionSettings):
     sample_by_sample: ClassVar[bool] = False
 
     def row_choice(self, view_names: Sequence[str]) -> RowChoice:
-        """Rows that this method may use: the hook that makes a strategy."""
+        """Offer the rows that this method may use: the hook that makes a strategy."""
         raise NotImplementedError
 
     def row_set(self, directions: ArrayLike, view_names: Sequence[str]) -> RowSet:
-        """The rows A that this method applies to these views; see `rows.select`."""
+        """Select the rows A that this method applies to these views; see `select_rows`."""
         return select_rows(self, directions, view_names)
 
     def reconstruct(
@@ -54,7 +54,7 @@ class Reconstruction(ReconstructionSettings):
         std: ArrayLike | None = None,
         view_names: Sequence[str] | None = None,
     ) -> PointVelocity:
-        """Velocity vectors with bounds at any number of points and frequencies (Section 5.2).
+        """Reconstruct velocity vectors with bounds at points and frequencies (Section 5.2).
 
         Parameters
         ----------
@@ -68,10 +68,6 @@ class Reconstruction(ReconstructionSettings):
             is estimated from the residuals.
         view_names : sequence of str, optional
             Names of the views, "1", "2" and so on without them.
-
-        Returns
-        -------
-        PointVelocity
 
         Raises
         ------
@@ -122,18 +118,12 @@ class Reconstruction(ReconstructionSettings):
 
 
 def select_rows(method: Reconstruction, directions: ArrayLike, view_names: Sequence[str]) -> RowSet:
-    """The rows that `method` applies to these views, the same for all points.
+    """Select the rows that `method` applies to these views, the same for all points.
 
     Parameters
     ----------
-    method : Reconstruction
     directions : array_like, shape (view, point, axis)
         Direction cosines; only ``best`` looks at them.
-    view_names : sequence of str
-
-    Returns
-    -------
-    RowSet
 
     Raises
     ------
@@ -177,7 +167,7 @@ DIGITS = 10
 def best_rows(
     candidates: RowSet, directions: Array, size: int, intercept: bool, tolerance: float
 ) -> RowSet:
-    """The set of `size` rows with the largest reciprocal condition number.
+    """Search the set of `size` rows with the largest reciprocal condition number.
 
     One set serves all points of a data set, so that its results are comparable from point to
     point: the one whose median over points evenly spread over the data set is largest. Views that
@@ -185,7 +175,6 @@ def best_rows(
 
     Parameters
     ----------
-    candidates : RowSet
     directions : ndarray, shape (view, point, axis)
         Direction cosines.
     size : int
@@ -194,10 +183,6 @@ def best_rows(
         Whether the model has an intercept.
     tolerance : float
         Relative singular value below which a direction counts as not determined.
-
-    Returns
-    -------
-    RowSet
 
     Raises
     ------
@@ -239,7 +224,7 @@ def best_rows(
 
 
 def _scores(matrices: Array, rank: int) -> Array:
-    """Reciprocal condition of square matrices, in as many dimensions as they can span."""
+    """Compute reciprocal conditions of square matrices, in as many dimensions as they can span."""
     if rank == matrices.shape[-1]:
         return 1 / np.linalg.cond(matrices, 1)
     sigma = np.linalg.svd(matrices, compute_uv=False)
@@ -247,7 +232,7 @@ def _scores(matrices: Array, rank: int) -> Array:
 
 
 def _spread(count: int, at_most: int) -> NDArray[np.int_]:
-    """Indices of at most so many points, evenly spread, the middle one if there is only one."""
+    """Spread at most so many indices of points evenly, the middle one if there is only one."""
     if count <= at_most:
         return np.arange(count)
     edges = np.linspace(0, count, at_most + 1)

@@ -34,5 +34,5 @@ class Combined(Reconstruction):
         )
 
     def row_choice(self, view_names: Sequence[str]) -> RowChoice:
-        """Every view and every difference of two views."""
+        """Take every view and every difference of two views."""
         return rows.RowChoice(candidates=rows.views(view_names) + rows.differences(view_names))

@@ -38,7 +38,7 @@ class Contravariant(Reconstruction):
     sample_by_sample: ClassVar[bool] = True
 
     def row_choice(self, view_names: Sequence[str]) -> RowChoice:
-        """As many views and differences of two views as there are unknowns, or every view."""
+        """Take as many views and differences of two as there are unknowns, or every view."""
         views = rows.views(view_names)
         candidates = views + rows.differences(view_names)
         if self.rows.strip() == "all":

@@ -1,8 +1,11 @@
 """Least squares at a stack of points: matrices that depend on the geometry, not on frequency.
 
-Stacks of small least-squares matrices: rank, pseudo-inverse, residual and null space.
-
-The model of the views and how its rows are weighted.
+Rows ``A v = A X theta`` are whitened, if they are to be weighted, by a matrix T that spans them and
+leaves independent noise; then ``theta = (T X)^+ T v`` and the residual is K v with K orthogonal to
+the columns of T X. Differences that share a view are correlated, so that T is not diagonal. The
+rank is that of W X, W an orthonormal basis of the rows, so that weights have no say in what is
+determined. Full rank goes by Householder's reflections, all points at once, and the rest by
+singular values.
 """
 
 from __future__ import annotations
@@ -92,10 +95,6 @@ def point_fit(
     tolerance : float
         Relative singular value of ``W X``, W an orthonormal basis of the rows, below which a
         direction counts as not determined. Weights have no say in this.
-
-    Returns
-    -------
-    PointFit
     """
     model = design(directions, intercept)
     basis = row_basis(rows)
@@ -111,7 +110,7 @@ def point_fit(
 
 
 def _times(a: Array, b: Array) -> Array:
-    """``a b``, one of them a stack; the identity, which most methods use, costs nothing."""
+    """Multiply ``a b``, one a stack; the identity, which most methods use, costs nothing."""
     for matrix, other in ((a, b), (b, a)):
         if matrix.ndim == 2 and np.array_equal(matrix, np.eye(len(matrix))):
             return other
@@ -119,7 +118,7 @@ def _times(a: Array, b: Array) -> Array:
 
 
 def _satterthwaite(noise: Array) -> tuple[Array, Array]:
-    """Mean of ``|noise e|^2``, e white of unit variance, and the dof of the nearest chi-square.
+    """Average ``|noise e|^2``, e white of unit variance, with the dof of the nearest chi-square.
 
     With C = noise noise^T: ``tr C`` and ``(tr C)^2 / tr C^2``, exact if C's eigenvalues agree.
     """
@@ -155,12 +154,11 @@ class Factor:
 
 
 def rank_of(matrices: Array, tolerance: float) -> IntArray:
-    """Number of singular values above `tolerance` times the largest.
+    """Count singular values above `tolerance` times the largest.
 
     Parameters
     ----------
     matrices : ndarray, shape (point, row, parameter)
-    tolerance : float
 
     Returns
     -------
@@ -179,17 +177,13 @@ def rank_of(matrices: Array, tolerance: float) -> IntArray:
 
 
 def factorise(matrices: Array, rank: IntArray) -> Factor:
-    """Pseudo-inverse and bases of the residual and the null space of each matrix.
+    """Compute pseudo-inverse and bases of the residual and null space of each matrix.
 
     Parameters
     ----------
     matrices : ndarray, shape (point, row, parameter)
     rank : ndarray of int, shape (point,)
         Singular values to keep.
-
-    Returns
-    -------
-    Factor
     """
     if np.all(rank == matrices.shape[-1]):
         return _by_householder(matrices)
@@ -197,7 +191,7 @@ def factorise(matrices: Array, rank: IntArray) -> Factor:
 
 
 def _by_singular_values(matrices: Array, rank: IntArray) -> Factor:
-    """``G = U S V^T``: the pseudo-inverse ``V S^+ U^T``, the rest of U^T, the rest of V^T."""
+    """Factorise ``G = U S V^T``: pseudo-inverse ``V S^+ U^T``, the rest of U^T, the rest of V^T."""
     rows, parameters = matrices.shape[-2:]
     u, sigma, vt = np.linalg.svd(matrices)
     ut = np.swapaxes(u, -1, -2)
@@ -213,7 +207,7 @@ def _by_singular_values(matrices: Array, rank: IntArray) -> Factor:
 
 
 def _by_householder(matrices: Array) -> Factor:
-    """``G = Q R`` with all of Q, ``G^+ = R^-1 Q1^T``; each step runs over all points at once."""
+    """Factorise ``G = Q R``, all of Q, ``G^+ = R^-1 Q1^T``; a step runs over all points."""
     r = np.moveaxis(matrices, 0, -1).copy()  # (row, parameter, point)
     rows, parameters, points = r.shape
     qt = np.zeros((rows, rows, points))
@@ -232,7 +226,7 @@ def _by_householder(matrices: Array) -> Factor:
 
 
 def design(directions: Array, intercept: bool) -> Array:
-    """Matrix of the model ``v = D V`` (Eq 5.4) or ``v = D V + beta0`` (Eq 5.12).
+    """Set up the matrix of the model ``v = D V`` (Eq 5.4) or ``v = D V + beta0`` (Eq 5.12).
 
     Parameters
     ----------
@@ -252,7 +246,7 @@ def design(directions: Array, intercept: bool) -> Array:
 
 
 def row_basis(rows: Array, std: Array | None = None) -> Array:
-    """Orthonormal rows W that span the row matrix A, or A times the views' std.
+    """Find orthonormal rows W that span the row matrix A, or A times the views' std.
 
     Parameters
     ----------
@@ -272,7 +266,7 @@ def row_basis(rows: Array, std: Array | None = None) -> Array:
 
 
 def whitening(rows: Array, std: Array | None = None) -> Array:
-    """Matrix T that spans the rows A and leaves independent noise of unit variance.
+    """Find the matrix T that spans the rows A and leaves independent noise of unit variance.
 
     ``T = W S^-1`` with ``S = diag(std)`` and W an orthonormal basis of the rows of ``A S``. Least
     squares of ``T v = T X theta`` is generalised least squares of ``A v = A X theta`` with the

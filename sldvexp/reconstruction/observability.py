@@ -1,4 +1,9 @@
-"""What a point's views do not determine, and what they still do."""
+"""Observability of a point: what its views do not determine, and what they still do.
+
+Directions of velocity that change no row span the null space. A component is determined if the null
+space does not lean towards it by more than `LEAN`; where some are not, the velocity along the
+orthogonal directions is given instead.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +51,7 @@ class ObservedSubspace:
 
 
 def undetermined(null: Array) -> Array:
-    """Projector onto the velocities that change no row, shape (point, axis, axis).
+    """Project onto the velocities that change no row, shape (point, axis, axis).
 
     Parameters
     ----------
@@ -60,32 +65,27 @@ def undetermined(null: Array) -> Array:
 
 
 def determined_intercept(null: Array) -> BoolArray:
-    """Whether the full model's intercept is determined, shape (point,)."""
+    """Test whether the full model's intercept is determined, shape (point,)."""
     return np.linalg.norm(null[..., 3], axis=-1) <= LEAN
 
 
 def determined_components(null: Array) -> BoolArray:
-    """Which of x, y and z are determined, shape (point, component)."""
+    """Test which of x, y and z are determined, shape (point, component)."""
     return np.sqrt(np.diagonal(undetermined(null), axis1=-2, axis2=-1)) <= LEAN
 
 
 def observed_subspace(
     system: PointSystem, points: NDArray[np.int_], noise: Array, factor: Array
 ) -> ObservedSubspace:
-    """Velocities along the determined directions of some points.
+    """Compute velocities along the determined directions of some points.
 
     Parameters
     ----------
-    system : PointSystem
     points : ndarray of int, shape (deficient,)
     noise : ndarray, shape (deficient, frequency)
         Size of the noise that `PointFit.cofactor` is in units of.
     factor : ndarray, shape (deficient,)
         Half-width of the confidence interval over the standard error.
-
-    Returns
-    -------
-    ObservedSubspace
     """
     views = system.views
     fit = system.fit(points)
@@ -113,7 +113,7 @@ def observed_subspace(
 
 
 def _basis(projector: Array) -> Array:
-    """Orthonormal rows that span a projector's range, filled with zeros; axes where they fit.
+    """Find orthonormal rows that span a projector's range, filled with zeros; axes where they fit.
 
     Gram-Schmidt on its columns, the longest one left first.
     """
@@ -132,13 +132,13 @@ def _basis(projector: Array) -> Array:
 
 
 def _last(basis: Array) -> Array:
-    """The same rows, those of zeros first."""
+    """Order the rows so that those of zeros stand first."""
     order = np.argsort(np.any(basis != 0, axis=-1), axis=-1, kind="stable")
     return np.take_along_axis(basis, order[..., None], axis=-2)
 
 
 def describe(subspace: ObservedSubspace, system: PointSystem) -> str:
-    """One sentence that names the undetermined directions, or those of the first such point."""
+    """Name the undetermined directions in one sentence, or those of the first such point."""
     rows = system.rows
     every_view = np.linalg.matrix_rank(rows.matrix) == len(system.views.names)
     subject = "the views" if every_view else f"the rows {rows}"
@@ -155,7 +155,7 @@ def describe(subspace: ObservedSubspace, system: PointSystem) -> str:
 
 
 def _named(direction: Array) -> str:
-    """A unit vector in numbers and, along an axis, with its name."""
+    """Write a unit vector in numbers and, along an axis, with its name."""
     numbers = ", ".join(f"{x + 0.0:.2f}" for x in np.round(direction, 2))
     along = [name for name, x in zip(AXES, direction, strict=True) if abs(x) > 1 - LEAN]
     return f"({numbers})" + (f" ({along[0]})" if along else "")

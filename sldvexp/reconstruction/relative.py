@@ -35,7 +35,7 @@ class Relative(Reconstruction):
         )
 
     def row_choice(self, view_names: Sequence[str]) -> RowChoice:
-        """Every difference of two views; ``all`` subtracts the first view from the others."""
+        """Take every difference of two views; ``all`` subtracts the first view from the others."""
         return rows.RowChoice(
             candidates=rows.differences(view_names), every=rows.differences_from_first(view_names)
         )

@@ -100,7 +100,7 @@ class PointVelocity:
 
     @property
     def rows(self) -> RowSet:
-        """The rows A that were used, the same at all points."""
+        """Rows A that were used, the same at all points."""
         return self.system.rows
 
     @property
@@ -123,7 +123,7 @@ class PointVelocity:
         return self._per_expectation(self.sse, slice(None))
 
     def noise(self, points: Points = slice(None)) -> Array:
-        """Size of the noise that bounds are in units of, shape (point, frequency).
+        """Compute the size of the noise that bounds are in units of, shape (point, frequency).
 
         `s`, or 1 if the std are given.
         """
@@ -156,7 +156,7 @@ class PointVelocity:
         return np.where(both[..., None], cofactor * self.noise()[:, None, None] ** 2, np.nan)
 
     def residuals(self) -> NDArray[np.inexact]:
-        """``A v - A X theta``, shape (row, point, frequency), m/s; computed anew at each call."""
+        """Compute ``A v - A X theta``, shape (row, point, frequency), m/s; anew at each call."""
         views, rows = self.system.views, self.system.rows.matrix
         fit = self.system.fit(slice(None))
         model = design(views.geometry(slice(None))[0], self.system.intercept)
@@ -182,7 +182,7 @@ class PointVelocity:
 
     @cached_property
     def matrix(self) -> Array:
-        """The matrix that is solved, shape (point, parameter, parameter); see `solved_matrix`."""
+        """Matrix that is solved, shape (point, parameter, parameter); see `solved_matrix`."""
         directions = self.system.views.directions
         return solved_matrix(directions, self.rows.matrix, self.system.intercept)
 
@@ -259,14 +259,14 @@ class PointVelocity:
 
 
 def _variables(result: PointVelocity, coords: dict[str, Any]) -> dict[str, ArrayLike | None]:
-    """Arrays of the group, without the dimensions that the data does not have."""
+    """Collect arrays of the group, without the dimensions that the data does not have."""
 
     def by_point(array: np.ndarray) -> np.ndarray:
-        """(point, ...) as it is, or of the one point."""
+        """Keep (point, ...) as it is, or take that of the one point."""
         return array if "point" in coords else array[0]
 
     def fields(array: np.ndarray | None) -> np.ndarray | None:
-        """(point, ..., frequency) without what is not there."""
+        """Leave out of (point, ..., frequency) what is not there."""
         if array is None:
             return None
         array = by_point(array)
@@ -312,7 +312,7 @@ def _variables(result: PointVelocity, coords: dict[str, Any]) -> dict[str, Array
 
 
 def _attributes(result: PointVelocity) -> dict[str, Any]:
-    """Headline numbers and what stands behind them."""
+    """Collect headline numbers and what stands behind them."""
     settings = result.system.settings
     found: dict[str, Any] = {
         "rcond": float(np.min(result.rcond)),
@@ -338,14 +338,14 @@ def _attributes(result: PointVelocity) -> dict[str, Any]:
 
 
 def _worst(choose: Callable[[np.ndarray], Any], *arrays: np.ndarray) -> float:
-    """Extreme of the numbers that there are; NaN if there are none."""
+    """Choose the extreme of the numbers that there are; NaN if there are none."""
     values = np.concatenate([np.ravel(a) for a in arrays])
     known = values[np.isfinite(values)]
     return float(choose(known)) if known.size else np.nan
 
 
 def solved_matrix(directions: Array, rows: Array, intercept: bool) -> Array:
-    """The matrix whose conditioning Tables 5.2 to 5.6 state, at each point.
+    """Compute the matrix whose conditioning Tables 5.2 to 5.6 state, at each point.
 
     ``A X`` if the rows are as many as the unknowns, otherwise ``(A X)^T (A X)``, the matrix of
     the normal equations. X has the intercept's column in the full model.
@@ -354,7 +354,6 @@ def solved_matrix(directions: Array, rows: Array, intercept: bool) -> Array:
     ----------
     directions : ndarray, shape (view, point, axis)
     rows : ndarray, shape (row, view)
-    intercept : bool
 
     Returns
     -------
@@ -366,7 +365,7 @@ def solved_matrix(directions: Array, rows: Array, intercept: bool) -> Array:
 
 
 def reciprocal_condition(matrix: Array) -> Array:
-    """``1 / (|M| |M^-1|)`` in the 1-norm, exactly; 1 is ideal, 0 singular.
+    """Compute ``1 / (|M| |M^-1|)`` in the 1-norm, exactly; 1 is ideal, 0 singular.
 
     Parameters
     ----------
@@ -382,7 +381,7 @@ def reciprocal_condition(matrix: Array) -> Array:
 
 
 def hadamard_condition(matrix: Array) -> Array:
-    """Hadamard condition number ``|det M| / product of the rows' Euclidean lengths``.
+    """Compute the Hadamard condition number ``|det M| / product of the rows' Euclidean lengths``.
 
     It is 1 for orthogonal rows and 0 for dependent ones, by Hadamard's inequality. Kreis, cited in
     Section 5.2.1, asks for more than 0.1.
@@ -402,7 +401,7 @@ def hadamard_condition(matrix: Array) -> Array:
 
 
 def contravariant_basis(rows: Array) -> Array:
-    """Base vectors g^j with ``g_i . g^j = delta_ij`` (Eqs 5.13 and 5.16).
+    """Compute base vectors g^j with ``g_i . g^j = delta_ij`` (Eqs 5.13 and 5.16).
 
     ``g^1 = g_2 x g_3 / (g_1 . (g_2 x g_3))`` and in turn: the rows of the inverse transposed.
 

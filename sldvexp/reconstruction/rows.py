@@ -41,7 +41,7 @@ class RowSet:
         return RowSet(np.vstack([self.matrix, other.matrix]), self.labels + other.labels)
 
     def take(self, indices: Sequence[int] | NDArray[np.int_]) -> RowSet:
-        """The rows with these indices, in their order."""
+        """Take the rows with these indices, in their order."""
         return RowSet(self.matrix[list(indices)], tuple(self.labels[i] for i in indices))
 
     @property
@@ -52,7 +52,7 @@ class RowSet:
 
 @dataclass(frozen=True)
 class RowChoice:
-    """What a strategy may use.
+    """Rows that a strategy may use.
 
     Attributes
     ----------
@@ -70,17 +70,17 @@ class RowChoice:
 
 
 def views(names: Sequence[str]) -> RowSet:
-    """Each view by itself (Eq 5.3)."""
+    """Take each view by itself (Eq 5.3)."""
     return RowSet(np.eye(len(names)), tuple(names))
 
 
 def differences(names: Sequence[str]) -> RowSet:
-    """Every pairwise difference, the later view minus the earlier."""
+    """Take every pairwise difference, the later view minus the earlier."""
     return _differences(names, list(combinations(range(len(names)), 2)))
 
 
 def differences_from_first(names: Sequence[str]) -> RowSet:
-    """All other views minus the first (Eq 5.8)."""
+    """Subtract the first view from all others (Eq 5.8)."""
     return _differences(names, [(0, k) for k in range(1, len(names))])
 
 
@@ -91,18 +91,13 @@ def _differences(names: Sequence[str], pairs: Sequence[tuple[int, int]]) -> RowS
 
 
 def parse(text: str, names: Sequence[str]) -> RowSet:
-    """Rows written as in the dissertation: ``1-5,2,4``, or with names: ``top-left,right``.
+    """Parse rows written as in the dissertation, ``1-5,2,4``, or with names, ``top-left,right``.
 
     Parameters
     ----------
     text : str
         Views, or differences of two views, separated by commas. A view is its name or its
         number, counted from 1; a name wins over a number.
-    names : sequence of str
-
-    Returns
-    -------
-    RowSet
 
     Raises
     ------
@@ -124,7 +119,7 @@ def parse(text: str, names: Sequence[str]) -> RowSet:
 
 
 def _parse_row(token: str, names: Sequence[str]) -> tuple[int, int | None]:
-    """Indices of the view and of the view that is subtracted from it, if any."""
+    """Find the view and the view that is subtracted from it, if any."""
     single = _view_index(token, names)
     if single is not None:
         return single, None
@@ -154,8 +149,6 @@ def check(rows: RowSet, choice: RowChoice, needed: int) -> None:
 
     Parameters
     ----------
-    rows : RowSet
-    choice : RowChoice
     needed : int
         Fewest rows that the model can be solved from.
 

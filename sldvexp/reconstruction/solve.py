@@ -1,4 +1,8 @@
-"""Apply the estimators to all points and frequencies, block by block."""
+"""Solution at all points and frequencies, block by block.
+
+Matrices are computed once a point and frequencies are right-hand sides, real and imaginary part two
+of them. Blocks are as large as fits into the cache, and several run side by side.
+"""
 
 from __future__ import annotations
 
@@ -80,8 +84,6 @@ def solve(views: Views, rows: RowSet, settings: ReconstructionSettings) -> Point
 
     Parameters
     ----------
-    views : Views
-    rows : RowSet
     settings : ReconstructionSettings
         Which model is fitted, and how.
     """
@@ -132,7 +134,7 @@ def _solve_block(system: PointSystem, points: slice, span: slice, results: _Resu
 
 
 def _apply(fit: PointFit, views: Views, points: slice, span: slice, results: _Results) -> None:
-    """``theta = H v`` and ``s = |K v| / sqrt(redundancy)``, a few points at a time."""
+    """Compute ``theta = H v`` and ``s = |K v| / sqrt(redundancy)``, a few points at a time."""
     data = views.samples(points)
     real = results.std.dtype
     matrix = np.concatenate([fit.solution, fit.residual], axis=1).astype(real)
@@ -161,7 +163,7 @@ def _apply(fit: PointFit, views: Views, points: slice, span: slice, results: _Re
 
 
 def _sum_of_squares(left: Array, components: int, out: Array) -> Array:
-    """``|left|^2`` over rows, and over the real numbers of a sample, shape (system, frequency)."""
+    """Sum ``|left|^2`` over rows and the real numbers of a sample, shape (system, frequency)."""
     squares = np.einsum("prf,prf->pf", left, left)
     if components == 1:
         out[...] = squares
@@ -170,7 +172,7 @@ def _sum_of_squares(left: Array, components: int, out: Array) -> Array:
 
 
 def _as_real(data: NDArray[np.inexact]) -> NDArray[np.floating]:
-    """Complex numbers as pairs of real ones along the last dimension."""
+    """View complex numbers as pairs of real ones along the last dimension."""
     return data.view(data.real.dtype)
 
 

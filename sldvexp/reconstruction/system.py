@@ -92,8 +92,6 @@ class PointSystem:
 
     Attributes
     ----------
-    views : Views
-    rows : RowSet
     settings : ReconstructionSettings
         Which model is fitted, and how; `rows` are its rows for these views.
     """
@@ -123,7 +121,7 @@ class PointSystem:
         return int(np.linalg.matrix_rank(self.rows.matrix)) > self.parameters
 
     def fit(self, points: Points) -> PointFit:
-        """The method's estimator, with the residual that tells the size of the noise."""
+        """Set up the method's estimator, with the residual that tells the size of the noise."""
         fit = self._fit(points, self.rows.matrix, self.generalised)
         if not self.residual_of_rows:
             noise = self.best_fit(points, self.intercept)
@@ -134,7 +132,7 @@ class PointSystem:
         return replace(fit, residual=noise.residual, redundancy=noise.redundancy, dof=noise.dof)
 
     def best_fit(self, points: Points, intercept: bool) -> PointFit:
-        """The Gauss-Markov estimator of all views, of the smallest variance."""
+        """Set up the Gauss-Markov estimator of all views, of the smallest variance."""
         return self._fit(points, np.eye(len(self.views.names)), True, intercept)
 
     def _fit(

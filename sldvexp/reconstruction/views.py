@@ -1,4 +1,4 @@
-"""The measured side of a reconstruction: direction cosines and velocities of all views, checked."""
+"""Views of points: direction cosines and line-of-sight velocities, checked and in one layout."""
 
 from __future__ import annotations
 
@@ -29,7 +29,6 @@ class Views:
     velocity : ndarray, shape (view, point, frequency), m/s
         Real or complex, single or double precision.
     std : ndarray, shape (view, 1 or point, 1 or frequency), optional, m/s
-    names : tuple of str
     """
 
     directions: Array
@@ -77,7 +76,7 @@ class Views:
         return 2 if np.iscomplexobj(self.velocity) else 1
 
     def geometry(self, points: Points) -> tuple[Array, Array | None]:
-        """Direction cosines and std of some points, as many as there are different matrices.
+        """Collect cosines and std of some points, as many as there are different matrices.
 
         Returns
         -------
@@ -96,14 +95,14 @@ class Views:
         return np.repeat(directions, frequencies, axis=1), std
 
     def samples(self, points: Points) -> NDArray[np.inexact]:
-        """Velocities of `geometry`, shape (view, system, frequency), the last contiguous."""
+        """Collect velocities for `geometry`, (view, system, frequency), the last contiguous."""
         data = self.velocity[:, points]
         if self.std_by_frequency:
             data = data.reshape(len(data), -1, 1)
         return data if data.strides[-1] == data.itemsize else np.ascontiguousarray(data)
 
     def fold(self, array: NDArray[Any]) -> NDArray[Any]:
-        """From (system, ..., frequency or 1) to (point, ..., frequency or 1)."""
+        """Fold (system, ..., frequency or 1) to (point, ..., frequency or 1)."""
         if not self.std_by_frequency:
             return array
         by_point = array.reshape(-1, self.velocity.shape[2], *array.shape[1:-1])
@@ -122,7 +121,7 @@ class Views:
 
 
 def _inexact(velocity: ArrayLike) -> NDArray[np.inexact]:
-    """Velocities as float32, float64 or their complex kin, whichever they are nearest to."""
+    """Turn velocities into float32, float64 or their complex kin, whichever they are nearest to."""
     data = np.asarray(velocity)
     if data.dtype.char in "fdFD":
         return data
@@ -156,7 +155,7 @@ def _check_unit(cosines: Array, names: tuple[str, ...]) -> None:
 def _std(
     std: ArrayLike | None, shape: tuple[int, ...], one_point: bool, names: tuple[str, ...]
 ) -> Array | None:
-    """The std as (view, 1 or point, 1 or frequency)."""
+    """Bring std into the shape (view, 1 or point, 1 or frequency)."""
     if std is None:
         return None
     noise = np.asarray(std, float)

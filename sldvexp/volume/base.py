@@ -1,9 +1,9 @@
 """Base of all volumes: layers along a surface's normals, samples, and a place in the world.
 
-The real surface is not known to better than its mesh, and what lies around it costs little more to
-solve for: so the given surface is moved along its normals to several depths, and the velocity is
-expanded in linear functions on the prisms in between (Section 5.3.1). A strategy gives the surface
-in its own axes; everything else is the same for all.
+Where the vibrating surface is, is known from a mesh or a digitiser to a few millimetres only: so
+the given surface is moved along its normals to several depths, and the velocity is expanded in
+linear functions on the prisms in between (Section 5.3.1). A strategy gives the surface in its own
+axes; everything else is the same for all.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ ROUNDING = 1e-9
 
 @dataclass
 class SampleSettings:
-    """Where velocities are sampled in every prism (Section 5.3.4).
+    """Places where velocities are sampled in every prism (Section 5.3.4).
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class SampleSettings:
             checks.require(not wrong, f"{name}.parameters[{i}]", wrong)
 
     def rule(self) -> SampleRule:
-        """The samples' parameters."""
+        """Choose the samples' parameters."""
         if self.parameters:
             return SampleRule(np.array(self.parameters, float))
         return tensor_rule(self.triangle, self.line)
@@ -88,7 +88,7 @@ class Coordinates(Enum):
 
 @dataclass
 class VisibilitySettings:
-    """How the samples are found in the views' images (Section 5.3.5).
+    """Settings of how the samples are found in the views' images (Section 5.3.5).
 
     Parameters
     ----------
@@ -174,14 +174,14 @@ class Volume(ABC):
 
     @abstractmethod
     def surface(self) -> TriangulatedSurface:
-        """The given surface in its own axes, m."""
+        """Make the given surface in its own axes, m."""
 
     def inputs(self) -> list[str]:
-        """Files that the volume is made from, as the configuration names them."""
+        """List files that the volume is made from, as the configuration names them."""
         return []
 
     def prisms(self) -> Prisms:
-        """The volume in the world.
+        """Make the volume in the world.
 
         Raises
         ------
@@ -198,18 +198,18 @@ class Volume(ABC):
         return extruded(position, own.triangles, frame @ to_world, self.depths())
 
     def rule(self) -> SampleRule:
-        """Where the samples lie in every prism."""
+        """Choose where the samples lie in every prism."""
         return self.samples.rule()
 
     def depths(self) -> Array:
-        """Depth of every layer, ascending, m."""
+        """Compute the depth of every layer, ascending, m."""
         if self.depth:
             return self.unit.value * np.array(self.depth, float)
         half = self.thickness / 2
         return self.unit.value * np.linspace(self.offset - half, self.offset + half, self.layers)
 
     def group(self) -> xr.Dataset:
-        """The volume as the group ``volume`` of a run."""
+        """Make the group ``volume`` of a run."""
         return volume_to_dataset(self.prisms(), self.rule())
 
     def _check_depth(self, checks: Checks) -> None:
@@ -233,7 +233,7 @@ def vector(checks: Checks, name: str, values: list[float], count: int = 3) -> No
 
 
 def _wrong_parameters(point: Any) -> str:
-    """What is wrong with xi1, xi2, xi3, zeta; empty if nothing is."""
+    """Say what is wrong with xi1, xi2, xi3, zeta; empty if nothing is."""
     numbers = isinstance(point, list) and all(
         isinstance(v, int | float) and math.isfinite(v) for v in point
     )
@@ -257,12 +257,7 @@ LOCAL_AXES = ("t1", "t2", "n")
 
 
 def volume_to_dataset(prisms: Prisms, rule: SampleRule) -> xr.Dataset:
-    """The group ``volume``: nodes, prisms, frames, and the samples' parameters.
-
-    Parameters
-    ----------
-    prisms : Prisms
-    rule : SampleRule
+    """Make the group ``volume``: nodes, prisms, frames, and the samples' parameters.
 
     Returns
     -------

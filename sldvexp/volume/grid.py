@@ -1,7 +1,4 @@
-"""`volume=grid`: a rectangular grid of nodes on a plane or on the panel of a cylinder.
-
-Rectangular grids of triangles, flat or bent to a cylinder.
-"""
+"""`volume=grid`: a rectangular grid of nodes on a plane or on the panel of a cylinder."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ from sldvexp.volume.surface import TriangulatedSurface
 
 
 class Diagonals(Enum):
-    """How each cell of the grid is cut in two triangles."""
+    """Ways to cut each cell of the grid in two triangles."""
 
     alternate = "alternate"
     forward = "forward"
@@ -70,7 +67,7 @@ class Grid(Volume):
             )
 
     def surface(self) -> TriangulatedSurface:
-        """The grid in its own axes."""
+        """Make the grid in its own axes."""
         unit = self.unit.value
         (nx, ny), (a, b) = self.shape, (unit * side for side in self.size)
         flat = grid(nx, ny, a, b, self.diagonals)
@@ -78,7 +75,7 @@ class Grid(Volume):
 
 
 def grid(nx: int, ny: int, a: float, b: float, diagonals: Diagonals) -> TriangulatedSurface:
-    """A flat grid about the origin, normals along z.
+    """Make a flat grid about the origin, normals along z.
 
     Parameters
     ----------
@@ -86,7 +83,6 @@ def grid(nx: int, ny: int, a: float, b: float, diagonals: Diagonals) -> Triangul
         Nodes along x and y; node ``i * ny + j`` is the j-th along y of the i-th row along x.
     a, b : float, m
         Sides along x and y.
-    diagonals : Diagonals
     """
     x, y = np.meshgrid(
         np.linspace(-a / 2, a / 2, nx), np.linspace(-b / 2, b / 2, ny), indexing="ij"
@@ -97,7 +93,7 @@ def grid(nx: int, ny: int, a: float, b: float, diagonals: Diagonals) -> Triangul
 
 
 def cylinder(flat: TriangulatedSurface, radius: float) -> TriangulatedSurface:
-    """A flat surface bent about the line x = 0, z = -radius; x becomes the arc.
+    """Bend a flat surface about the line x = 0, z = -radius; x becomes the arc.
 
     Parameters
     ----------
@@ -115,7 +111,7 @@ def cylinder(flat: TriangulatedSurface, radius: float) -> TriangulatedSurface:
 
 
 def _triangles(nx: int, ny: int, diagonals: Diagonals) -> IntArray:
-    """Two triangles for each cell, counter-clockwise seen from +z, shape (triangle, 3)."""
+    """Make two triangles of each cell, counter-clockwise seen from +z, shape (triangle, 3)."""
     i, j = np.meshgrid(np.arange(nx - 1), np.arange(ny - 1), indexing="ij")
     near = (i * ny + j).ravel()
     right, up, far = near + ny, near + 1, near + ny + 1

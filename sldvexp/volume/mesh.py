@@ -39,11 +39,11 @@ class MeshFile(Volume):
     flip: bool = False
 
     def inputs(self) -> list[str]:
-        """The mesh file."""
+        """Name the mesh file."""
         return [self.path]
 
     def surface(self) -> TriangulatedSurface:
-        """The mesh in its own axes."""
+        """Read the mesh in its own axes."""
         path = locate(self.path)
         position, triangles, number = read_mesh(path, self.unit.value, self.flip)
         return TriangulatedSurface(position, triangles, None, str(path), number)

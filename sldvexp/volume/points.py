@@ -1,6 +1,7 @@
 """`volume=points`: points that were digitised on the structure, connected to triangles.
 
-Points on a surface to triangles: Delaunay's, seen along the normal of the best-fit plane.
+Delaunay's triangulation, seen along the normal of the best-fit plane, fills the convex hull; flat
+triangles along a dented rim are peeled off again, since no surface is there.
 """
 
 from __future__ import annotations
@@ -52,11 +53,11 @@ class PointSurface(Volume):
         checks.require(0 <= self.slivers <= 0.5, "slivers", message)
 
     def inputs(self) -> list[str]:
-        """The digitised points."""
+        """Name the file of the digitised points."""
         return [self.path]
 
     def surface(self) -> TriangulatedSurface:
-        """The triangulated points."""
+        """Triangulate the points."""
         position, line = read_points(path := locate(self.path))
         return triangulated(position, line, str(path), self.towards, self.slivers)
 
@@ -121,7 +122,7 @@ def triangulated(
 def kept(
     flat: Array, triangles: NDArray[np.int32], neighbours: NDArray[np.int32], slivers: float
 ) -> BoolArray:
-    """Which triangles stay when those are peeled off that a convex hull adds along a dented rim.
+    """Keep triangles but those that a convex hull adds along a dented rim.
 
     A triangle goes if its longest side is of the rim, the opposite corner is not, and its height
     is below `slivers` times that side, the flattest first. Its other two sides are then of the
@@ -133,7 +134,6 @@ def kept(
     triangles : ndarray of int, shape (triangle, 3)
     neighbours : ndarray of int, shape (triangle, 3)
         The triangle beyond the side that lies opposite of each corner; -1 where there is none.
-    slivers : float
 
     Returns
     -------
@@ -162,7 +162,7 @@ def kept(
 
 
 def _double_area(flat: Array, triangles: IntArray | NDArray[np.int32]) -> Array:
-    """Twice the area of triangles in the plane, positive if counter-clockwise, (triangle,)."""
+    """Compute twice the area of triangles in the plane, positive if counter-clockwise."""
     a, b, c = np.moveaxis(flat[triangles], 1, 0)
     (u0, u1), (v0, v1) = (b - a).T, (c - a).T
     return u0 * v1 - u1 * v0

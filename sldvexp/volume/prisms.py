@@ -35,12 +35,12 @@ class Prisms:
 
     @property
     def layers(self) -> int:
-        """How many surfaces there are."""
+        """Number of surfaces."""
         return len(self.depth)
 
     @property
     def gaps(self) -> int:
-        """How many layers of prisms there are."""
+        """Number of layers of prisms."""
         return self.layers - 1
 
     @property
@@ -55,7 +55,7 @@ class Prisms:
 
     @property
     def layer(self) -> IntArray:
-        """Which layer each node belongs to, from 0, shape (node,)."""
+        """Layer that each node belongs to, from 0, shape (node,)."""
         return np.repeat(np.arange(self.layers), self.surface_nodes)
 
     @property
@@ -70,12 +70,12 @@ class Prisms:
 
     @property
     def node_frame(self) -> Array:
-        """The frame of every node, shape (node, 3, 3): that of its surface node, in each layer."""
+        """Frame of every node, shape (node, 3, 3): that of its surface node, in each layer."""
         return np.tile(self.frame, (self.layers, 1, 1))
 
 
 def extruded(surface: Array, triangles: IntArray, frame: Array, depth: Array) -> Prisms:
-    """Prisms between a surface's copies along its normals.
+    """Extrude a surface along its normals to prisms between its copies.
 
     Parameters
     ----------

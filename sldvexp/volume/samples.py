@@ -1,6 +1,7 @@
 """Sample points in prisms (Section 5.3.4): where they lie and which nodes they mix.
 
-Symmetric points inside triangles, and points on the line, from which sample rules are made.
+A rule is the product of symmetric points of the triangle and Gauss points of the line, or a list of
+points. With products the equations may be a Kronecker product of surface and depth.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ WHOLE = slice(None)
 
 @dataclass(frozen=True, eq=False)
 class SampleRule:
-    """Where samples lie in every prism: the parameters xi1, xi2, xi3, zeta of Eq 5.19.
+    """Places of samples in every prism: the parameters xi1, xi2, xi3, zeta of Eq 5.19.
 
     Parameters
     ----------
@@ -38,7 +39,7 @@ class SampleRule:
 
     @classmethod
     def tensor(cls, triangle: Array, line: Array) -> SampleRule:
-        """All pairs of triangle points (q, 3) and zetas (r,)."""
+        """Combine all pairs of triangle points (q, 3) and zetas (r,)."""
         xi = np.tile(triangle, (len(line), 1))
         zeta = np.repeat(line, len(triangle))
         return cls(np.column_stack([xi, zeta]), triangle, line)
@@ -49,12 +50,12 @@ class SampleRule:
         return len(self.parameter)
 
     def shape(self) -> Array:
-        """Basis functions N1 to N6 of a prism (Eq 5.20), shape (point, 6)."""
+        """Evaluate the basis functions N1 to N6 of a prism (Eq 5.20), shape (point, 6)."""
         xi, half = self.parameter[:, :3], _line_shape(self.parameter[:, 3])
         return np.concatenate([xi * half[:, :1], xi * half[:, 1:]], axis=1)
 
     def triangle_shape(self) -> Array:
-        """Basis functions of the surface triangle, of a tensor product, shape (triangle_point, 3).
+        """Evaluate the basis functions of a tensor product's triangle, shape (triangle_point, 3).
 
         With `line_shape`, ``shape[(r, q), (h, c)] = line_shape[r, h] triangle_shape[q, c]``.
         """
@@ -62,7 +63,7 @@ class SampleRule:
         return self.triangle
 
     def line_shape(self) -> Array:
-        """Basis functions through the thickness, of a tensor product, shape (line_point, 2)."""
+        """Evaluate a tensor product's basis functions through the thickness, (line_point, 2)."""
         assert self.line is not None, "the rule is no tensor product"
         return _line_shape(self.line)
 
@@ -70,12 +71,10 @@ class SampleRule:
 def sample_positions(
     prisms: Prisms, rule: SampleRule, triangles: slice | NDArray[np.integer] = WHOLE
 ) -> Array:
-    """Sample points in the world, ``P = sum_i N_i P_i`` (Section 5.3.4).
+    """Compute sample points in the world, ``P = sum_i N_i P_i`` (Section 5.3.4).
 
     Parameters
     ----------
-    prisms : Prisms
-    rule : SampleRule
     triangles : slice
         Of the surface's triangles, to go through a large volume in parts.
 
@@ -99,12 +98,10 @@ def sample_positions(
 def sample_frames(
     prisms: Prisms, rule: SampleRule, triangles: slice | NDArray[np.integer] = WHOLE
 ) -> Array:
-    """Tangents and normal at the samples, interpolated from the nodes' and made orthonormal again.
+    """Interpolate tangents and normal of the nodes at the samples, and make them orthonormal again.
 
     Parameters
     ----------
-    prisms : Prisms
-    rule : SampleRule
     triangles : slice
         As for `sample_positions`.
 
@@ -120,12 +117,7 @@ def sample_frames(
 
 
 def shape_matrix(prisms: Prisms, rule: SampleRule) -> scipy.sparse.csr_array:
-    """The matrix N of Eq 5.32: a sample's value from the nodal values.
-
-    Parameters
-    ----------
-    prisms : Prisms
-    rule : SampleRule
+    """Compute the matrix N of Eq 5.32: a sample's value from the nodal values.
 
     Returns
     -------
@@ -152,7 +144,7 @@ def shape_matrix(prisms: Prisms, rule: SampleRule) -> scipy.sparse.csr_array:
 
 
 def orthonormal(t1: Array, n: Array) -> Array:
-    """Right-handed unit rows t1, t2, n with n along the given one, shape (..., 3, 3).
+    """Make right-handed unit rows t1, t2, n with n along the given one, shape (..., 3, 3).
 
     Parameters
     ----------
@@ -166,7 +158,7 @@ def orthonormal(t1: Array, n: Array) -> Array:
 
 
 def _line_shape(zeta: Array) -> Array:
-    """Linear basis functions on the line from -1 to 1, shape (..., 2)."""
+    """Evaluate the linear basis functions on the line from -1 to 1, shape (..., 2)."""
     return np.stack([(1.0 - zeta) / 2.0, (1.0 + zeta) / 2.0], axis=-1)
 
 
@@ -188,7 +180,7 @@ TRIANGLE_POINTS: dict[int, tuple[tuple[float, float], ...]] = {
 
 
 def tensor_rule(triangle: int, line: int) -> SampleRule:
-    """Gauss points of the triangle times Gauss points of the line.
+    """Multiply Gauss points of the triangle and Gauss points of the line.
 
     Parameters
     ----------
@@ -207,7 +199,7 @@ def tensor_rule(triangle: int, line: int) -> SampleRule:
 
 
 def triangle_points(count: int) -> Array:
-    """Barycentric coordinates of symmetric points inside a triangle, shape (count, 3)."""
+    """List barycentric coordinates of symmetric points inside a triangle, shape (count, 3)."""
     places: list[tuple[float, ...]] = []
     for a, b in TRIANGLE_POINTS[count]:
         places += _orbit(a, b, 1.0 - a - b)
@@ -215,7 +207,7 @@ def triangle_points(count: int) -> Array:
 
 
 def _orbit(a: float, b: float, c: float) -> list[tuple[float, ...]]:
-    """The different permutations of barycentric coordinates with a = b, or with none alike."""
+    """List the different permutations of barycentric coordinates with a = b, or with none alike."""
     turned: list[tuple[float, ...]] = [(a, b, c), (c, a, b), (b, c, a)]
     if math.isclose(a, b):
         return turned[:1] if math.isclose(a, c) else turned

@@ -1,9 +1,9 @@
-"""A triangulated surface: the frames of its nodes, and what makes it useless.
+"""Triangulated surface: the frames of its nodes, and what makes it useless.
 
 The normal of a node is the mean of its triangles' normals weighted with their areas, and the first
 tangent is the projection of one direction that serves the whole surface. Prisms along the normals
-fold where the surface is bent more sharply than they are high. Every defect is found before
-anything is measured and told in one sentence that names the node.
+fold where the surface is bent more sharply than they are high. Every defect is told in one sentence
+that names the node.
 """
 
 from __future__ import annotations
@@ -48,30 +48,30 @@ class TriangulatedSurface:
     kind: tuple[str, str] = ("node", "nodes")
 
     def wrong(self, message: str) -> UserError:
-        """The error of a surface that cannot be used."""
+        """Make the error of a surface that cannot be used."""
         return UserError(f"{self.source}: {message}" if self.source else message)
 
     def named(self, *nodes: int) -> str:
-        """Nodes for messages: ``the nodes 3 and 7``."""
+        """Name nodes for messages: ``the nodes 3 and 7``."""
         numbers = [str(n if self.number is None else self.number[n]) for n in nodes]
         if len(numbers) == 1:
             return f"the {self.kind[0]} {numbers[0]}"
         return f"the {self.kind[1]} {', '.join(numbers[:-1])} and {numbers[-1]}"
 
     def at(self, node: int) -> str:
-        """Where a node stands, for messages."""
+        """Describe where a node stands, for messages."""
         x, y, z = self.position[node]
         return f"({x:.6g}, {y:.6g}, {z:.6g}) m"
 
 
 def area_vectors(surface: TriangulatedSurface) -> Array:
-    """Twice the area of each triangle along its normal, shape (triangle, 3), m^2."""
+    """Compute twice the area of each triangle along its normal, shape (triangle, 3), m^2."""
     a, b, c = np.moveaxis(surface.position[surface.triangles], 1, 0)
     return np.cross(b - a, c - a)
 
 
 def vertex_normals(surface: TriangulatedSurface) -> Array:
-    """Unit normals of the nodes: the mean of their triangles' normals, weighted with the area.
+    """Average unit normals of the triangles at each node, weighted with their areas.
 
     Returns
     -------
@@ -110,11 +110,10 @@ def _gathered(surface: TriangulatedSurface, value: Array) -> Array:
 
 
 def node_frames(surface: TriangulatedSurface, normal: Array, tangent: Array) -> Array:
-    """Tangents and normal of every node: t1 is the projection of one direction.
+    """Make tangents and normal of every node: t1 is the projection of one direction.
 
     Parameters
     ----------
-    surface : TriangulatedSurface
     normal : ndarray, shape (node, 3)
         Of length one.
     tangent : ndarray, shape (3,)
@@ -154,7 +153,7 @@ def node_frames(surface: TriangulatedSurface, normal: Array, tangent: Array) -> 
 
 
 def _across(normal: Array) -> str:
-    """The coordinate axis farthest from a normal, for messages."""
+    """Find the coordinate axis farthest from a normal, for messages."""
     axis = np.zeros(3)
     axis[np.argmin(np.abs(normal))] = 1.0
     return ", ".join(f"{v:g}" for v in axis)
@@ -191,7 +190,7 @@ def check_surface(surface: TriangulatedSurface) -> None:
 
 
 def _check_numbers(surface: TriangulatedSurface) -> None:
-    """Every node stands somewhere, and every corner is a node."""
+    """Refuse nodes that stand nowhere, and corners that are no node."""
     if (bad := np.flatnonzero(~np.isfinite(surface.position).all(axis=1))).size:
         raise surface.wrong(f"{surface.named(bad[0])} has a coordinate that is not a number")
     nodes = len(surface.position)
@@ -205,7 +204,7 @@ def _check_numbers(surface: TriangulatedSurface) -> None:
 
 
 def _check_apart(surface: TriangulatedSurface) -> None:
-    """No two nodes in one place."""
+    """Refuse two nodes in one place."""
     position = surface.position
     extent = float(np.linalg.norm(np.ptp(position, axis=0)))
     pairs = scipy.spatial.KDTree(position).query_pairs(TOGETHER * extent, output_type="ndarray")
@@ -218,7 +217,7 @@ def _check_apart(surface: TriangulatedSurface) -> None:
 
 
 def _check_used(surface: TriangulatedSurface) -> None:
-    """Every node is a corner of a triangle."""
+    """Refuse nodes that are the corner of no triangle."""
     used = np.bincount(surface.triangles.ravel(), minlength=len(surface.position))
     if (idle := np.flatnonzero(used == 0)).size:
         raise surface.wrong(
@@ -228,7 +227,7 @@ def _check_used(surface: TriangulatedSurface) -> None:
 
 
 def _check_area(surface: TriangulatedSurface) -> None:
-    """No triangle is a line."""
+    """Refuse triangles that are lines."""
     corner = surface.position[surface.triangles]
     side = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=-1).max(axis=1)
     flat = np.linalg.norm(area_vectors(surface), axis=1) <= FLAT * side**2
@@ -241,7 +240,7 @@ def _check_area(surface: TriangulatedSurface) -> None:
 
 
 def _check_edges(surface: TriangulatedSurface) -> None:
-    """Each edge has one triangle, or two that pass it in opposite directions."""
+    """Refuse edges but of one triangle, or of two that pass them in opposite directions."""
     start = surface.triangles.ravel()
     end = np.roll(surface.triangles, -1, axis=1).ravel()
     nodes = len(surface.position)
@@ -265,7 +264,7 @@ def _check_edges(surface: TriangulatedSurface) -> None:
 
 
 def _check_connected(surface: TriangulatedSurface) -> None:
-    """All nodes hang together."""
+    """Refuse nodes that do not hang together."""
     nodes = len(surface.position)
     start, end = surface.triangles.ravel(), np.roll(surface.triangles, 1, axis=1).ravel()
     graph = scipy.sparse.coo_array(
@@ -290,7 +289,6 @@ def check_prisms(surface: TriangulatedSurface, normal: Array, depth: Array) -> N
 
     Parameters
     ----------
-    surface : TriangulatedSurface
     normal : ndarray, shape (node, 3)
         Of length one.
     depth : ndarray, shape (layer,), m
@@ -328,7 +326,7 @@ def check_prisms(surface: TriangulatedSurface, normal: Array, depth: Array) -> N
 
 
 def _jacobian(surface: TriangulatedSurface, normal: Array) -> tuple[Array, Array, Array]:
-    """Coefficients of 1, d and d^2 of J at every corner, each of shape (triangle, 3)."""
+    """Compute coefficients of 1, d and d^2 of J at every corner, each of shape (triangle, 3)."""
     place, turn = surface.position[surface.triangles], normal[surface.triangles]
     u, v = place[:, 1] - place[:, 0], place[:, 2] - place[:, 0]
     p, q = turn[:, 1] - turn[:, 0], turn[:, 2] - turn[:, 0]
@@ -338,7 +336,7 @@ def _jacobian(surface: TriangulatedSurface, normal: Array) -> tuple[Array, Array
 
 
 def _first_fold(j0: Array, j1: Array, j2: Array, low: float, high: float) -> tuple[int, float]:
-    """Which of folded triangles folds first when the depth grows from 0, and at which depth."""
+    """Find which of folded triangles folds first when the depth grows from 0, and where."""
     with np.errstate(divide="ignore", invalid="ignore"):
         # The stable form of the roots; j0 > 0, so that neither divisor is zero at a root.
         half = -(j1 + np.copysign(np.sqrt(np.maximum(j1**2 - 4 * j0 * j2, 0.0)), j1)) / 2
@@ -351,5 +349,5 @@ def _first_fold(j0: Array, j1: Array, j2: Array, low: float, high: float) -> tup
 
 
 def _in_all(count: int, what: str) -> str:
-    """How many such places there are if not only the one that a message names."""
+    """Count such places if there are more than the one that a message names."""
     return f" ({count} {what}s in all)" if count > 1 else ""

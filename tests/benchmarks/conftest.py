@@ -7,11 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from sldvexp.field.visibility.view import View
-from sldvexp.field.visibility.visibility import VolumeVisibility
+from sldvexp.field import View, VolumeVisibility
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
-from sldvexp.volume.grid import Grid
+from sldvexp.volume import Grid
 
 LASER = TwoMirror(mirror_offset=0.045, up_down=Mirror(25), left_right=Mirror(25))
 STANDS = [[0.0, -0.5, 1.6], [0.6, 0.5, 1.5], [0.3, 0.3, 1.6], [-0.5, 0.4, 1.5], [0.6, -0.2, 1.5]]

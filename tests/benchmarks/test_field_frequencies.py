@@ -15,14 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sldvexp.field import FieldResult, Iterative, VolumeVisibility
 from sldvexp.field.estimate import solve_field
-from sldvexp.field.result import FieldResult
-from sldvexp.field.solvers.iterative import Iterative
 from sldvexp.field.streaming.compression import FEW
-from sldvexp.field.visibility.visibility import VolumeVisibility
-from sldvexp.reconstruction.absolute import Absolute
-from sldvexp.reconstruction.base import Reconstruction
-from sldvexp.reconstruction.contravariant import Contravariant
+from sldvexp.reconstruction import Absolute, Contravariant, Reconstruction
 
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 SHAPE, PIXELS, FREQUENCIES = ((48, 48), 60, 256) if FULL_SIZE else ((4, 4), 12, 12)

@@ -20,7 +20,7 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from sldvexp.reconstruction.absolute import Absolute
+from sldvexp.reconstruction import Absolute
 
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 POINTS, FREQUENCIES = (4000, 256) if FULL_SIZE else (200, 8)

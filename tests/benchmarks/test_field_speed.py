@@ -17,14 +17,10 @@ import pytest
 from scipy.sparse import csr_array, kron, vstack
 from scipy.sparse.linalg import spsolve
 
+from sldvexp.field import FieldResult, Iterative, VolumeVisibility
 from sldvexp.field.estimate import solve_field
-from sldvexp.field.result import FieldResult
-from sldvexp.field.solvers.iterative import Iterative
-from sldvexp.field.visibility.visibility import VolumeVisibility
-from sldvexp.reconstruction.absolute import Absolute
-from sldvexp.reconstruction.base import Reconstruction
-from sldvexp.reconstruction.contravariant import Contravariant
-from sldvexp.volume.samples import shape_matrix
+from sldvexp.reconstruction import Absolute, Contravariant, Reconstruction
+from sldvexp.volume import shape_matrix
 
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 SHAPE = (48, 48) if FULL_SIZE else (9, 8)

@@ -13,9 +13,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pytest
 
-from sldvexp.reconstruction.absolute import Absolute
-from sldvexp.reconstruction.combined import Combined
-from sldvexp.reconstruction.relative import Relative
+from sldvexp.reconstruction import Absolute, Combined, Relative
 
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 VIEWS, POINTS, FREQUENCIES = (5, 100_000, 64) if FULL_SIZE else (5, 300, 4)

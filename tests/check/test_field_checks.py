@@ -15,16 +15,16 @@ from sldvexp.check.left_out import LeftOut
 from sldvexp.check.love import Love
 from sldvexp.check.truth import Columns, Truth
 from sldvexp.errors import UserError
-from sldvexp.field.solvers.iterative import Iterative
+from sldvexp.field import Iterative
 from sldvexp.geometry.rotation import KnownPose, rotation_from_euler
 from sldvexp.laser.model import direction_cosines, project
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.given import Given
-from sldvexp.reconstruction.absolute import Absolute
+from sldvexp.reconstruction import Absolute
 from sldvexp.virtual_lab.modes import Mode
 from sldvexp.virtual_lab.plate import Plate
 from sldvexp.virtual_lab.plate_scene import PlateScene, truth_to_dataset
-from sldvexp.volume.grid import Grid
+from sldvexp.volume import Grid
 
 EULER, FREQUENCY = [0.3, 0.5, -0.2], [200.0, 230.0]
 #: Through the plate's surface, which is between two of its layers.

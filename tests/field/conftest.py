@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from sldvexp.field.visibility.view import View
-from sldvexp.field.visibility.visibility import SampleVisibility, VolumeVisibility
+from sldvexp.field import SampleVisibility, View, VolumeVisibility
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
-from sldvexp.volume.prisms import Prisms, extruded
-from sldvexp.volume.samples import SampleRule, tensor_rule
+from sldvexp.volume import Prisms, SampleRule, extruded, tensor_rule
 
 LASER = TwoMirror(mirror_offset=0.045, up_down=Mirror(25), left_right=Mirror(25))
 #: Where the instrument stands, m; the volume is around the origin.
@@ -144,7 +142,7 @@ def every_sample(
         Components in the world or along the frames, and perhaps an intercept.
     noise : ndarray, shape (view, sample, frequency), optional
     """
-    from sldvexp.volume.samples import shape_matrix
+    from sldvexp.volume import shape_matrix
 
     views = views_around(count)
     everywhere = VolumeVisibility(views, LASER, prisms, rule).at(np.arange(len(prisms.triangles)))

@@ -12,18 +12,16 @@ import xarray as xr
 
 from sldvexp.config.registry import get
 from sldvexp.errors import UserError
-from sldvexp.field.bounds.pose_uncertainty import PoseErrors
+from sldvexp.field import FieldResult, PoseErrors, View, VolumeVisibility
 from sldvexp.field.estimate import solve_field
-from sldvexp.field.result import FieldResult
-from sldvexp.field.visibility.view import View, adjusted, views_of
-from sldvexp.field.visibility.visibility import VolumeVisibility
+from sldvexp.field.visibility.view import adjusted, views_of
 from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.laser.model import project, rays
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
 from sldvexp.pose.base import JointCovariance, pose_to_dataset
 from sldvexp.pose.intrinsics import places, true_angles
 from sldvexp.pose.multi_view import PointObservations, solve_points_together
-from sldvexp.volume.samples import SampleRule
+from sldvexp.volume import SampleRule
 
 Make = Callable[..., Any]
 OFFSET = "mirror_offset"

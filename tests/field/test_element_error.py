@@ -7,8 +7,7 @@ import pytest
 from scipy.sparse.linalg import spsolve
 
 from sldvexp.field.bounds.element_error import element_error, mean_squares, told
-from sldvexp.volume.grid import Grid
-from sldvexp.volume.samples import sample_positions, shape_matrix
+from sldvexp.volume import Grid, sample_positions, shape_matrix
 
 
 def fitted(shape, wave):

@@ -12,15 +12,12 @@ import pytest
 import sldvexp.field.equations.regions as field_parts
 import sldvexp.field.equations.system as field_system
 from sldvexp.config.registry import get
+from sldvexp.field import FieldResult, View, VolumeVisibility
 from sldvexp.field.estimate import solve_field
-from sldvexp.field.result import FieldResult
-from sldvexp.field.visibility.view import View
-from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.reconstruction.base import Reconstruction
-from sldvexp.reconstruction.system import Model
-from sldvexp.volume.samples import SampleRule
+from sldvexp.reconstruction import Model, Reconstruction
+from sldvexp.volume import SampleRule
 
 Make = Callable[..., Any]
 METHODS = [

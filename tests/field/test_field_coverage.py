@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 
 from sldvexp.config.registry import get
+from sldvexp.field import View, VolumeVisibility
 from sldvexp.field.estimate import solve_field
-from sldvexp.field.visibility.view import View
-from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.geometry.rotation import KnownPose, rotation_from_vector
 from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.instrument.protocol import Acquisition
@@ -25,7 +24,7 @@ from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.modes import EdgeSupport, Mode
 from sldvexp.virtual_lab.plate import Plate
 from sldvexp.virtual_lab.plate_scene import PlateScene
-from sldvexp.volume.grid import Grid
+from sldvexp.volume import Grid
 
 LASER = TwoMirror(mirror_offset=0.0)
 VIEWS = {

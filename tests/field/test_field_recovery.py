@@ -10,10 +10,10 @@ import pytest
 
 import sldvexp.field.equations.regions as field_parts
 from sldvexp.config.registry import get, names
+from sldvexp.field import Solver
 from sldvexp.field.estimate import solve_field
-from sldvexp.field.solvers.base import Solver
-from sldvexp.reconstruction.system import Model, Weights
-from sldvexp.volume.samples import SampleRule
+from sldvexp.reconstruction import Model, Weights
+from sldvexp.volume import SampleRule
 
 EXACT = 1e-9
 Make = Callable[..., Any]
@@ -153,7 +153,7 @@ def test_least_squares_of_all_rows(
     name: str, weights: Weights, model: Model,
 ) -> None:  # fmt: skip
     """The field is the least-squares solution of one large matrix (Eqs 5.25 and 5.27)."""
-    from sldvexp.volume.samples import shape_matrix
+    from sldvexp.volume import shape_matrix
 
     if name == "relative" and model is Model.full:
         pytest.skip("an intercept cancels in differences")

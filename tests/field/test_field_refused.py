@@ -14,16 +14,13 @@ import xarray as xr
 from sldvexp import dataset
 from sldvexp.config.registry import get
 from sldvexp.errors import UserError
+from sldvexp.field import View, VolumeVisibility
 from sldvexp.field.estimate import reconstruct, solve_field, volume_visibility
-from sldvexp.field.visibility.view import View
-from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.base import pose_to_dataset
-from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.reconstruction import Reconstruction
 from sldvexp.signal.pixel_quality import Flag
-from sldvexp.volume.base import SampleSettings, VisibilitySettings
-from sldvexp.volume.grid import Grid
-from sldvexp.volume.samples import SampleRule
+from sldvexp.volume import Grid, SampleRule, SampleSettings, VisibilitySettings
 
 Make = Callable[..., Any]
 Tree = dict[str, xr.Dataset]
@@ -123,7 +120,7 @@ def test_the_session_itself_is_sound(make_views: Make, laser: TwoMirror) -> None
 def test_fewer_views_than_the_method_needs(
     make_views: Make, laser: TwoMirror, count: int, name: str, fields: dict[str, Any], message: str
 ) -> None:
-    from sldvexp.reconstruction.system import Model
+    from sldvexp.reconstruction import Model
 
     if "model" in fields:
         fields = fields | {"model": Model[fields["model"]]}

@@ -13,15 +13,11 @@ import xarray as xr
 from sldvexp import dataset
 from sldvexp.config.registry import get
 from sldvexp.errors import UserError
+from sldvexp.field import FieldResult, VolumeVisibility
 from sldvexp.field.estimate import solve_field
-from sldvexp.field.result import FieldResult
-from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.reconstruction.base import Reconstruction
-from sldvexp.reconstruction.system import Model, Weights
-from sldvexp.volume.base import SampleSettings
-from sldvexp.volume.points import PointSurface
-from sldvexp.volume.samples import SampleRule, shape_matrix, tensor_rule
+from sldvexp.reconstruction import Model, Reconstruction, Weights
+from sldvexp.volume import PointSurface, SampleRule, SampleSettings, shape_matrix, tensor_rule
 
 Make = Callable[..., Any]
 

@@ -19,8 +19,7 @@ from sldvexp.field.equations.sample_model import RowModel
 from sldvexp.field.equations.system import Assembly, NormalEquations, line_matrix
 from sldvexp.field.solvers.kronecker import KroneckerInverse
 from sldvexp.reconstruction.rows import differences_from_first, parse, views
-from sldvexp.volume.prisms import Prisms
-from sldvexp.volume.samples import SampleRule, shape_matrix, tensor_rule
+from sldvexp.volume import Prisms, SampleRule, shape_matrix, tensor_rule
 
 Make = Callable[..., Any]
 NAMES = ["1", "2", "3", "4", "5"]

@@ -16,11 +16,11 @@ from sldvexp import dataset
 from sldvexp.check import Examination
 from sldvexp.check.agreement import agreement
 from sldvexp.config.experiment import Experiment
+from sldvexp.field import View
 from sldvexp.field.estimate import volume_visibility
-from sldvexp.field.visibility.view import View
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.base import pose_to_dataset
-from sldvexp.volume.grid import Grid
+from sldvexp.volume import Grid
 
 Make = Callable[..., list[View]]
 VOLUME = Grid(size=[0.3, 0.3], shape=[4, 4], layers=3, thickness=0.02)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
+from sldvexp.field import View
 from sldvexp.field.visibility.coverage import Coverage, require_coverage
 from sldvexp.field.visibility.projection import (
     BEHIND,
@@ -20,7 +21,6 @@ from sldvexp.field.visibility.projection import (
     Occlusion,
     project_samples,
 )
-from sldvexp.field.visibility.view import View
 from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.laser.model import rays

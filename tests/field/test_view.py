@@ -11,7 +11,8 @@ import xarray as xr
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.field.visibility.view import View, views_of
+from sldvexp.field import View
+from sldvexp.field.visibility.view import views_of
 from sldvexp.geometry.rotation import rotation_from_vector
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.base import pose_to_dataset

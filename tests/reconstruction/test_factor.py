@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from sldvexp.reconstruction import hadamard_condition, reciprocal_condition
 from sldvexp.reconstruction.least_squares import factorise, rank_of
-from sldvexp.reconstruction.result import hadamard_condition, reciprocal_condition
 
 
 def stack(rows: int, parameters: int, rank: int, count: int = 20) -> np.ndarray:

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from sldvexp.config.registry import get, names
 from sldvexp.geometry.rotation import rotation_from_vector
-from sldvexp.reconstruction.base import Reconstruction
-from sldvexp.reconstruction.system import Model, Weights
+from sldvexp.reconstruction import Model, Reconstruction, Weights
 
 METHODS = names("reconstruction")
 SEEDS = st.integers(0, 2**32 - 1)

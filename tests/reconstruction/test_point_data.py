@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.reconstruction import solve
-from sldvexp.reconstruction.absolute import Absolute
-from sldvexp.reconstruction.system import Model
+from sldvexp.reconstruction import Absolute, Model, solve
 
 
 def scene(points: int = 40, frequencies: int = 3) -> tuple[np.ndarray, np.ndarray]:

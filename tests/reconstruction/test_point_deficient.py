@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.reconstruction.absolute import Absolute
-from sldvexp.reconstruction.combined import Combined
-from sldvexp.reconstruction.contravariant import Contravariant
-from sldvexp.reconstruction.relative import Relative
-from sldvexp.reconstruction.system import Model
+from sldvexp.reconstruction import Absolute, Combined, Contravariant, Model, Relative
 
 V = np.array([1.0 + 2j, -3.0, 5.0j])
 

@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 
 from sldvexp.check.printed import linpack_rcond, printed_f, printed_half_width, sample_std
-from sldvexp.reconstruction.absolute import Absolute
-from sldvexp.reconstruction.base import Reconstruction
-from sldvexp.reconstruction.combined import Combined
-from sldvexp.reconstruction.contravariant import Contravariant
-from sldvexp.reconstruction.relative import Relative
-from sldvexp.reconstruction.result import PointVelocity
-from sldvexp.reconstruction.system import Model, Weights
+from sldvexp.reconstruction import (
+    Absolute,
+    Combined,
+    Contravariant,
+    Model,
+    PointVelocity,
+    Reconstruction,
+    Relative,
+    Weights,
+)
 from sldvexp.statistics import nested_f_test
 
 SIMULATED = np.array(  # Table 5.1

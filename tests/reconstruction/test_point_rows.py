@@ -8,11 +8,7 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.reconstruction import base
-from sldvexp.reconstruction.absolute import Absolute
-from sldvexp.reconstruction.base import best_rows
-from sldvexp.reconstruction.combined import Combined
-from sldvexp.reconstruction.relative import Relative
+from sldvexp.reconstruction import Absolute, Combined, Relative, base, best_rows
 from sldvexp.reconstruction.rows import differences, parse, views
 
 NAMES = ("left", "right", "front-left", "top", "2")

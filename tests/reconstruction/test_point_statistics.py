@@ -5,11 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sldvexp.reconstruction.absolute import Absolute
-from sldvexp.reconstruction.base import Reconstruction
-from sldvexp.reconstruction.combined import Combined
-from sldvexp.reconstruction.relative import Relative
-from sldvexp.reconstruction.system import Model, Weights
+from sldvexp.reconstruction import Absolute, Combined, Model, Reconstruction, Relative, Weights
 
 TRIALS = 4000
 SIGMA = 0.03

@@ -7,11 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sldvexp.reconstruction.absolute import Absolute
-from sldvexp.reconstruction.combined import Combined
-from sldvexp.reconstruction.relative import Relative
+from sldvexp.reconstruction import Absolute, Combined, Model, Relative, Weights
 from sldvexp.reconstruction.rows import parse
-from sldvexp.reconstruction.system import Model, Weights
 
 SEEDS = st.integers(0, 2**32 - 1)
 FEW = settings(max_examples=25, deadline=None, derandomize=True)

@@ -13,7 +13,7 @@ import xarray as xr
 
 from sldvexp import dataset
 from sldvexp.report.html import figures, sweep_page
-from sldvexp.volume.grid import Grid
+from sldvexp.volume import Grid
 
 COMPONENTS = {"world": ["x", "y", "z"], "local": ["t1", "t2", "n"]}
 #: What a stranger's file may have where a name is expected.

@@ -8,16 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sldvexp.geometry.rotation import rotation_from_euler
-from sldvexp.volume.base import SampleSettings
-from sldvexp.volume.grid import Diagonals, Grid
-from sldvexp.volume.prisms import Prisms, extruded
-from sldvexp.volume.samples import (
+from sldvexp.volume import (
+    Diagonals,
+    Grid,
+    Prisms,
     SampleRule,
-    sample_frames,
+    SampleSettings,
+    extruded,
     sample_positions,
     shape_matrix,
-    triangle_points,
 )
+from sldvexp.volume.samples import sample_frames, triangle_points
 
 few = settings(max_examples=25, deadline=None, derandomize=True)
 length = st.floats(0.05, 2.0)

@@ -8,8 +8,9 @@ from math import factorial
 import numpy as np
 import pytest
 
-from sldvexp.volume.base import TRIANGLE_COUNTS, SampleSettings
-from sldvexp.volume.samples import TRIANGLE_POINTS, tensor_rule, triangle_points
+from sldvexp.volume import SampleSettings, tensor_rule
+from sldvexp.volume.base import TRIANGLE_COUNTS
+from sldvexp.volume.samples import TRIANGLE_POINTS, triangle_points
 
 
 def test_the_counts_that_a_configuration_may_choose():

@@ -17,11 +17,15 @@ from sldvexp import dataset
 from sldvexp.config import hydra_plugin
 from sldvexp.errors import UserError
 from sldvexp.units import LengthUnit
-from sldvexp.volume.base import SampleSettings
-from sldvexp.volume.grid import Diagonals, Grid
-from sldvexp.volume.mesh import MeshFile
-from sldvexp.volume.points import PointSurface
-from sldvexp.volume.samples import sample_positions, shape_matrix
+from sldvexp.volume import (
+    Diagonals,
+    Grid,
+    MeshFile,
+    PointSurface,
+    SampleSettings,
+    sample_positions,
+    shape_matrix,
+)
 
 CONF = Path(__file__).parents[2] / "conf"
 PLATE = "conf://data/plate_volume.csv"
@@ -205,7 +209,7 @@ def test_normals_of_a_symmetric_ball_are_radial(tmp_path):
     position, triangles = ball(0)
     meshio.write(path := tmp_path / "ball.vtk", meshio.Mesh(position, [("triangle", triangles)]))
     surface = MeshFile(path=str(path)).surface()
-    from sldvexp.volume.surface import vertex_normals
+    from sldvexp.volume import vertex_normals
 
     np.testing.assert_allclose(vertex_normals(surface), position, atol=1e-12)
 

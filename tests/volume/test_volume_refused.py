@@ -7,13 +7,17 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.volume.base import SampleSettings
-from sldvexp.volume.grid import Grid
-from sldvexp.volume.mesh import MeshFile
-from sldvexp.volume.points import PointSurface
-from sldvexp.volume.prisms import extruded
-from sldvexp.volume.samples import SampleRule
-from sldvexp.volume.surface import TriangulatedSurface, check_prisms, check_surface, vertex_normals
+from sldvexp.volume import (
+    Grid,
+    MeshFile,
+    PointSurface,
+    SampleRule,
+    SampleSettings,
+    TriangulatedSurface,
+    extruded,
+    vertex_normals,
+)
+from sldvexp.volume.surface import check_prisms, check_surface
 
 NAN = float("nan")
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])

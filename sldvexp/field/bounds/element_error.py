@@ -1,4 +1,4 @@
-"""How far a field is from the truth because its elements cannot follow it, estimated from itself.
+"""Error of a field because its elements cannot follow it, estimated from the field itself.
 
 A least-squares fit of linear elements to a smooth u gives ``u_h = u - h^2/12 u''`` at the nodes, in
 one dimension: its mass matrix M passes a wave with ``1 - (kh)^2/6``, the samples' right side with
@@ -12,20 +12,17 @@ import numpy as np
 
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, ComplexArray
-from sldvexp.volume.prisms import Prisms
-from sldvexp.volume.samples import SampleRule
+from sldvexp.volume import Prisms, SampleRule
 
 #: Share of the bounds above which the error is told.
 WORTH_TELLING = 0.5
 
 
 def element_error(prisms: Prisms, rule: SampleRule, velocity: ComplexArray) -> ComplexArray:
-    """Estimated error of nodal values along the surface, ``(u_h - L^-1 M u_h) / 2``.
+    """Estimate the error of nodal values along the surface, ``(u_h - L^-1 M u_h) / 2``.
 
     Parameters
     ----------
-    prisms : Prisms
-    rule : SampleRule
     velocity : ndarray of complex, shape (node, component, frequency), m/s
 
     Returns
@@ -44,7 +41,7 @@ def element_error(prisms: Prisms, rule: SampleRule, velocity: ComplexArray) -> C
 
 
 def _surface_mass(prisms: Prisms, rule: SampleRule) -> scipy.sparse.csr_array:
-    """``L^-1 M`` of the surface's triangles, shape (surface_node, surface_node)."""
+    """Compute ``L^-1 M`` of the surface's triangles, shape (surface_node, surface_node)."""
     shape = rule.parameter[:, :3]
     local = shape.T @ shape
     corners = prisms.triangles
@@ -55,7 +52,7 @@ def _surface_mass(prisms: Prisms, rule: SampleRule) -> scipy.sparse.csr_array:
 
 
 def _from_inside(prisms: Prisms, mass: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
-    """Keeps the values of inner nodes; a rim node gets the mean of the inner ones beside it."""
+    """Keep the values of inner nodes; give a rim node the mean of the inner ones beside it."""
     edges = np.sort(prisms.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     unique, count = np.unique(edges, axis=0, return_counts=True)
     rim = np.zeros(prisms.surface_nodes, bool)
@@ -68,7 +65,7 @@ def _from_inside(prisms: Prisms, mass: scipy.sparse.csr_array) -> scipy.sparse.c
 
 
 def _rows_to_one(matrix: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
-    """Rows divided by their sums; empty ones stay empty."""
+    """Divide rows by their sums; empty ones stay empty."""
     sums = np.asarray(matrix.sum(axis=1)).ravel()
     return scipy.sparse.csr_array(
         scipy.sparse.diags_array(1 / np.where(sums == 0, 1.0, sums)) @ matrix
@@ -76,7 +73,7 @@ def _rows_to_one(matrix: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
 
 
 def mean_squares(error: ComplexArray, confidence: Array) -> Array:
-    """Of the elements' error and of the bounds, shape (2, component), m2/s2.
+    """Average squares of the elements' error and of the bounds, shape (2, component), m2/s2.
 
     Parameters
     ----------
@@ -87,14 +84,14 @@ def mean_squares(error: ComplexArray, confidence: Array) -> Array:
 
 
 def _mean_square(values: Array) -> Array:
-    """Of what is determined, shape (component,); NaN where nothing is."""
+    """Average squares of what is determined, shape (component,); NaN where nothing is."""
     count = np.isfinite(values).sum(axis=(0, 2))
     total = np.nansum(values**2, axis=(0, 2))
     return np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
 
 
 def told(squares: Array) -> list[str]:
-    """A sentence if the elements' error, see `mean_squares`, is not small against the bounds."""
+    """Say so if the elements' error, see `mean_squares`, is not small against the bounds."""
     size, bound = np.sqrt(squares)
     worst = int(np.nanargmax(size / bound))
     if not size[worst] > WORTH_TELLING * bound[worst]:

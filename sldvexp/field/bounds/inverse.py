@@ -1,6 +1,9 @@
-"""Rows of the inverse of a field's matrix, which bounds need: all of them, of a small system.
+"""Rows of the inverse of a field's matrix, which bounds need.
 
-Rows of the inverse of a large field's matrix, region by region, nearly exact.
+Of a small system all rows are computed. Of a large one they are those of the nearest Kronecker
+product, cut off after some rings of neighbours and turned by ``N^-1 N_mean`` to each node's own
+information N. Where that differs a lot from the product's, as where a view ends at another place in
+each layer, rows are of the inverse of the matrix around the node instead.
 """
 
 from __future__ import annotations
@@ -31,13 +34,13 @@ class InverseRows(ABC):
 
     @abstractmethod
     def times(self, x: Array) -> Array:
-        """``M^-1 x``, from (layer, patch_node, parameter, column) to (layer, own, ...)."""
+        """Multiply ``M^-1 x``, from (layer, patch_node, parameter, column) to (layer, own, ...)."""
 
     @abstractmethod
     def variances(
         self, influences: Sequence[scipy.sparse.bsr_array], variances: Sequence[Array]
     ) -> tuple[Array, Array]:
-        """Diagonals of ``sum_k K_k S_k K_k^T`` and ``sum_k K_k S_k R_k^T``, with ``K = M^-1 R``.
+        """Compute diagonals of ``sum_k K_k S_k K_k^T`` and ``sum_k K_k S_k R_k^T``, ``K = M^-1 R``.
 
         Parameters
         ----------
@@ -56,12 +59,11 @@ class InverseRows(ABC):
 
 @dataclass(frozen=True, eq=False)
 class WholeInverse(InverseRows):
-    """All rows, of a small system whose patch has all nodes.
+    """Rows of a small system, all of them, whose patch has all nodes.
 
     Parameters
     ----------
     inverse : ndarray, shape (node * block, node * block)
-    layers, parameters : int
     """
 
     inverse: Array
@@ -70,21 +72,21 @@ class WholeInverse(InverseRows):
 
     @classmethod
     def from_system(cls, system: NormalEquations, parameters: int) -> WholeInverse:
-        """That of a system."""
+        """Invert a small system."""
         return cls(system.inverse, system.layers, parameters)
 
     def of_part(self, part: RegionSamples) -> WholeInverse:
-        """The same: a small field is one part."""
+        """Return the same for every part: a small field is one part."""
         return self
 
     def times(self, x: Array) -> Array:
-        """See `InverseRows`."""
+        """Multiply as `InverseRows` says."""
         return (self.inverse @ x.reshape(len(self.inverse), -1)).reshape(x.shape)
 
     def variances(
         self, influences: Sequence[scipy.sparse.bsr_array], variances: Sequence[Array]
     ) -> tuple[Array, Array]:
-        """See `InverseRows`."""
+        """Compute diagonals as `InverseRows` says."""
         rows, p = scipy.sparse.hstack(influences, format="csr"), self.parameters
         rows = rows * np.sqrt(np.concatenate(variances))
         apart = p if len(self.inverse) < rows.shape[0] else 1  # components that do not couple
@@ -111,7 +113,6 @@ class NearInverse:
 
     Parameters
     ----------
-    system : NormalEquations
     line : ndarray, shape (layer, layer)
         The inverse of the line's matrix.
     surface : bsr_array, shape (surface_node * block, surface_node * block)
@@ -132,7 +133,7 @@ class NearInverse:
 
     @classmethod
     def from_system(cls, system: NormalEquations, rings: int) -> NearInverse:
-        """That of a system."""
+        """Prepare the rows of a system's inverse."""
         product = KroneckerInverse.from_system(system)
         mean = system.line.sum(axis=1)[:, None, None, None] * system.surface_sums
         turn = np.linalg.pinv(system.lumped, rcond=1e-10, hermitian=True) @ mean
@@ -142,7 +143,7 @@ class NearInverse:
         return cls(system, product.line, rows, turn, odd, rings)
 
     def of_part(self, part: RegionSamples) -> NearRows:
-        """Those of a part's own nodes."""
+        """Select the rows of a part's own nodes."""
         p, nodes, own = part.model.parameters, part.patch.nodes, part.region.own
         place = np.full(self.system.graph.nodes, -1)
         place[nodes] = np.arange(len(nodes))
@@ -189,7 +190,7 @@ class NearRows(InverseRows):
     volume: scipy.sparse.bsr_array
 
     def times(self, x: Array) -> Array:
-        """See `InverseRows`."""
+        """Multiply as `InverseRows` says."""
         layers, _, parameters, columns = x.shape
         along = np.tensordot(self.line, x, axes=1).reshape(layers, -1, columns)
         rows = np.stack([self.surface @ layer for layer in along])
@@ -201,13 +202,13 @@ class NearRows(InverseRows):
     def variances(
         self, influences: Sequence[scipy.sparse.bsr_array], variances: Sequence[Array]
     ) -> tuple[Array, Array]:
-        """See `InverseRows`."""
+        """Compute diagonals as `InverseRows` says."""
         pairs = list(zip(influences, variances, strict=True))
         nodal, fitted = zip(*side_by_side(lambda pair: self._of_view(*pair), pairs), strict=True)
         return np.sum(nodal, axis=0), np.sum(fitted, axis=0)
 
     def _of_view(self, influence: scipy.sparse.bsr_array, variance: Array) -> tuple[Array, Array]:
-        """Both diagonals of one view."""
+        """Compute both diagonals of one view."""
         layers, p = len(self.line), influence.blocksize[0]
         nodes = influence.shape[0] // p // layers
         along = kronecker_identity(self.line, nodes, p) @ influence
@@ -224,7 +225,7 @@ class NearRows(InverseRows):
 
 
 def _of_parameters(matrix: scipy.sparse.bsr_array, parameters: int) -> scipy.sparse.bsr_array:
-    """Scalar rows as rows of every parameter."""
+    """Turn scalar rows into rows of every parameter."""
     if matrix.blocksize[0] > 1:
         return matrix
     shape = matrix.shape[0] * parameters, matrix.shape[1] * parameters

@@ -32,12 +32,11 @@ from sldvexp.typing import Array
 
 @dataclass(frozen=True, eq=False)
 class PoseEffect:
-    """What is needed for the derivatives by the poses.
+    """Effect of the poses: covariance and data for the derivatives by them.
 
     Parameters
     ----------
     covariance : ndarray, shape (6 views, 6 views)
-    modes : FrequencyModes
     theta : ndarray, shape (layer, surface_node, parameter, mode)
         The solution of the modes.
     data : list of ndarray, shape (pixel, mode)
@@ -53,12 +52,12 @@ class PoseEffect:
     def from_modes(
         cls, covariance: Array, modes: FrequencyModes, theta: Array, data: list[Array]
     ) -> PoseEffect:
-        """That on all columns of the solution and the data."""
+        """Reduce all columns of the solution and of the data to modes."""
         of_modes = [modes.of_columns(d) for d in data]
         return cls(covariance, modes, modes.of_columns(theta), of_modes)
 
     def variance(self, derivatives: Array) -> Array:
-        """Variance ``J C J^T`` of every column.
+        """Compute the variance ``J C J^T`` of every column.
 
         Parameters
         ----------
@@ -73,16 +72,12 @@ class PoseEffect:
         return np.maximum(self.modes.quadratic(gram), 0.0)
 
     def right_sides(self, part: RegionSamples) -> Array:
-        """Right-hand sides of the derivatives by all poses, ``M dtheta = ...``.
+        """Set up right-hand sides of the derivatives by all poses, ``M dtheta = ...``.
 
         A change of view k's pose changes its velocity at a sample: ``dv = grad v . d dac`` and its
         row of X by dx. With what the view's rows leave, r = v - X u, the sample adds
         ``dx (Q r)_k + T_k (dv - dx . u)``. For the contravariant method u is what the sample's own
         rows give, and their inverse stands before dx.
-
-        Parameters
-        ----------
-        part : RegionSamples
 
         Returns
         -------
@@ -112,7 +107,7 @@ class PoseEffect:
 
 
 def pose_covariance(views: Sequence[View], joint: Array | None) -> Array | None:
-    """Covariance of all poses, (6 views, 6 views); None if that of a view is not known.
+    """Join the covariances of all poses, (6 views, 6 views); None if that of a view is not known.
 
     Raises
     ------
@@ -142,14 +137,14 @@ class ModeEffect(PoseEffect):
     """
 
     def variance(self, derivatives: Array) -> Array:
-        """Covariances, shape (..., mode * mode); see `PoseEffect.variance`."""
+        """Compute covariances, shape (..., mode * mode); see `PoseEffect.variance`."""
         j = derivatives.reshape(*derivatives.shape[:-1], len(self.covariance), -1)
         gram = np.swapaxes(j, -1, -2) @ (self.covariance @ j)
         return gram.reshape(*gram.shape[:-2], -1)
 
 
 def kept_columns(pose: PoseEffect | None) -> int:
-    """How many numbers `PoseEffect.variance` gives of a nodal value; 1 without an effect."""
+    """Count the numbers that `PoseEffect.variance` gives of a nodal value; 1 without an effect."""
     if pose is None:
         return 1
     modes, columns = pose.modes.combination.shape
@@ -157,12 +152,12 @@ def kept_columns(pose: PoseEffect | None) -> int:
 
 
 def column_variances(pose: PoseEffect, kept: Array) -> Array:
-    """Variances of the data's columns, from what `PoseEffect.variance` gave."""
+    """Compute variances of the data's columns, from what `PoseEffect.variance` gave."""
     return of_modes(pose.modes, kept) if isinstance(pose, ModeEffect) else kept
 
 
 def of_modes(modes: FrequencyModes, covariance: Array) -> Array:
-    """Variances of the modes' columns, from (..., mode * mode) to (..., column)."""
+    """Compute variances of the modes' columns, from (..., mode * mode) to (..., column)."""
     count = len(modes.combination)
     gram = covariance.reshape(*covariance.shape[:-1], count, count)
     return np.maximum(modes.quadratic(gram), 0.0)
@@ -175,7 +170,7 @@ NO_ERROR = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class PoseErrors:
-    """What is known of the errors of poses, and of intrinsics adjusted with them.
+    """Errors of poses, and of intrinsics adjusted with them, as far as they are known.
 
     Attributes
     ----------
@@ -194,7 +189,7 @@ class PoseErrors:
 
     @classmethod
     def from_dataset(cls, pose: xr.Dataset, views: Sequence[str]) -> PoseErrors | None:
-        """Those of some views of the group ``pose``; None if one has no covariance."""
+        """Read the errors of some views from the group ``pose``; None if one has no covariance."""
         adjusted = [str(a) for a in pose["adjusted"].values] if "adjusted" in pose.coords else []
         whole = _covariance(pose, views, adjusted)
         if not np.isfinite(whole).all():
@@ -218,17 +213,16 @@ class PoseErrors:
         )
 
     def moved(self, views: Sequence[View]) -> Iterator[tuple[list[View], list[View]]]:
-        """The views with each independent error added and subtracted."""
+        """Move the views by each independent error, added and subtracted."""
         for pose, intrinsic in zip(self.pose, self.intrinsic, strict=True):
             each = list(zip(views, pose, intrinsic, strict=True))
             yield [_moved(v, p, e) for v, p, e in each], [_moved(v, -p, -e) for v, p, e in each]
 
     def variance(self, views: Sequence[View], solved: Callable[[list[View]], Array]) -> Array:
-        """Variance of the solution, from how it changes between plus and minus one deviation.
+        """Compute the solution's variance from its change between plus and minus one deviation.
 
         Parameters
         ----------
-        views : sequence of View
         solved : callable
             From views to the solution.
         """
@@ -237,7 +231,7 @@ class PoseErrors:
 
 
 def _moved(view: View, pose: Array, intrinsic: Array) -> View:
-    """A view whose pose and intrinsics are other ones by this much."""
+    """Change a view's pose and intrinsics by this much."""
     assert view.intrinsics is not None
     return replace(
         view,
@@ -248,7 +242,7 @@ def _moved(view: View, pose: Array, intrinsic: Array) -> View:
 
 
 def _covariance(pose: xr.Dataset, views: Sequence[str], adjusted: Sequence[str]) -> Array:
-    """Covariance of some views' poses and intrinsics, shape (view, 6 + adjusted, ...twice).
+    """Collect the covariance of views' poses and intrinsics, shape (view, 6 + adjusted, ...twice).
 
     A shared intrinsic has the same error in all views.
     """

@@ -56,7 +56,7 @@ class Residuals:
 
     @classmethod
     def empty(cls, model: FieldModel, views: int, columns: int) -> Residuals:
-        """Zeros."""
+        """Begin with zeros."""
         rows, equations = len(model.rows), model.parameters if model.contravariant else 1
         return cls(
             np.zeros((equations, columns)),
@@ -71,7 +71,6 @@ class Residuals:
 
         Parameters
         ----------
-        part : RegionSamples
         theta : ndarray, shape (layer, surface_node, parameter, column)
         data : list of ndarray, shape (pixel, column)
         """
@@ -119,11 +118,10 @@ VERIFIED_PARTS = 2
 
 @dataclass(frozen=True, eq=False)
 class FieldBounds:
-    """What the second way finds.
+    """Residuals and variances, as the second way through the samples finds them.
 
     Attributes
     ----------
-    residuals : Residuals
     noise : ndarray, shape (layer, surface_node, parameter, frequency), optional
         Variance from the pixels' noise, of a real part.
     pose : ndarray, shape (layer, surface_node, parameter, column), optional
@@ -166,9 +164,6 @@ def with_bounds(
 
     Parameters
     ----------
-    parts : RegionIterator
-    system : NormalEquations
-    solve : Solve
     theta : ndarray, shape (layer, surface_node, parameter, column)
     data : list of ndarray, shape (pixel, column)
     determined : ndarray of bool, shape (layer, surface_node, parameter)
@@ -209,7 +204,7 @@ def with_bounds(
 
 
 def variance_factors(views: Sequence[View], pixel_std: tuple[Array, ...]) -> Array:
-    """Each frequency's variance over the mean of all, shape (view, frequency).
+    """Divide each frequency's variance by the mean of all, shape (view, frequency).
 
     White noise has the same variance at all frequencies, or differs by a factor that all pixels of
     a view have in common; this factor is taken from the pixels' mean.
@@ -233,7 +228,7 @@ def pose_effect(
     factor: Array,
     covariance: Array | None,
 ) -> PoseEffect | None:
-    """What the poses' covariance does to the velocities; None if it is not known."""
+    """Prepare what the poses' covariance does to the velocities; None if it is not known."""
     if covariance is None:
         return None
     total = np.array([np.sum(std**2) for std in model.pixel_std])
@@ -269,7 +264,7 @@ class Bounds:
     def empty(
         cls, visibility: VolumeVisibility, model: FieldModel, group: IndexArray, columns: int
     ) -> Bounds:
-        """Zeros."""
+        """Begin with zeros."""
         shape = (visibility.prisms.layers, visibility.prisms.surface_nodes, model.parameters)
         equations = model.parameters if model.contravariant else 1
         return cls(
@@ -287,7 +282,7 @@ class Bounds:
         return np.divide(least, own, out=np.full_like(own, np.nan), where=own > 0)
 
     def add_noise(self, part: RegionSamples, rows: InverseRows) -> None:
-        """Noise of the part's own nodes, and of the residuals of the samples it owns."""
+        """Add the noise of the part's own nodes, and of the residuals of the samples it owns."""
         own = part.region.own
         variances = [std**2 for std in part.model.pixel_std]
         for group in range(self.noise.shape[3]):
@@ -301,7 +296,7 @@ class Bounds:
                 self.expected[:, group] += _of_samples(part, k, variances[k])
 
     def add_efficiency(self, part: RegionSamples) -> None:
-        """Variances of the samples around the part's own nodes."""
+        """Add the variances of the samples around the part's own nodes."""
         sums = part.patch.to_nodes(np.concatenate(sample_variances(part), axis=1))
         here = np.searchsorted(part.patch.nodes, part.region.own)
         self.pointwise[0][:, part.region.own] = sums[:, here, :3]
@@ -309,7 +304,7 @@ class Bounds:
 
 
 def _of_samples(part: RegionSamples, k: int, variance: Array) -> Array:
-    """Variances of a view's samples that the part owns, in every equation, summed."""
+    """Sum the variances of a view's samples that the part owns, in every equation."""
     of_samples = (part.samples.by_view[k].weights.power(2) @ variance) * part.owned
     if part.model.contravariant:
         found: Array = of_samples @ part.at.estimator[:, :, k] ** 2
@@ -318,7 +313,7 @@ def _of_samples(part: RegionSamples, k: int, variance: Array) -> Array:
 
 
 def sample_variances(part: RegionSamples) -> tuple[Array, Array]:
-    """Variances of the components at each sample by itself, both (sample, 3).
+    """Compute variances of the components at each sample by itself, both (sample, 3).
 
     The least that is possible with all views that see it (Gauss and Markov, no intercept), and that
     of the method's rows; 0 where these do not determine the velocity, or there is no noise.
@@ -345,12 +340,10 @@ NODES = 4
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """What is verified.
+    """Part of a field whose bounds are computed exactly as well.
 
     Parameters
     ----------
-    part : RegionSamples
-    pose : PoseEffect, optional
     right : ndarray, optional
         Its right-hand sides.
     noise : ndarray, shape (layer, surface_node, parameter)
@@ -368,7 +361,7 @@ class Verification:
     determined: BoolArray
 
     def largest_error(self, rows: NearRows, system: NormalEquations, solve: Solve) -> float:
-        """Largest relative error of the standard errors of some of the part's nodes."""
+        """Find the largest relative error of the standard errors of some of the part's nodes."""
         layer, own = self._chosen(rows)
         node, block = self.part.region.own[own], system.block
         unit = np.zeros((system.layers, system.graph.nodes, block, len(node), block))
@@ -388,7 +381,7 @@ class Verification:
         return worst
 
     def _variance(self, inverse: Array) -> Array:
-        """Of a node, from its row of the inverse (layer, patch_node, parameter, parameter)."""
+        """Compute a node's variance from its row (layer, patch_node, parameter, parameter)."""
         row = inverse.reshape(-1, inverse.shape[-1]).T
         total = np.zeros((len(row), 1))
         for r, std in zip(self.part.influences, self.part.model.pixel_std, strict=True):
@@ -398,11 +391,11 @@ class Verification:
         return total + self._of_pose(self.pose.variance(row @ self.right.reshape(len(row.T), -1)))
 
     def _of_pose(self, kept: Array) -> Array:
-        """Variances of the data's columns, shape (..., column)."""
+        """Compute variances of the data's columns, shape (..., column)."""
         return kept if self.pose is None else column_variances(self.pose, kept)
 
     def _chosen(self, rows: NearRows) -> tuple[IndexArray, IndexArray]:
-        """Some nodes spread over the part, and one with the oddest information."""
+        """Choose some nodes spread over the part, and one with the oddest information."""
         determined = self.determined[:, self.part.region.own]
         layers, count = determined.shape[:2]
         own = np.linspace(0, count - 1, min(NODES, count)).round().astype(np.intp)

@@ -2,11 +2,9 @@
 
 The inverse of a mass matrix decays by a factor of about 0.27 from one ring of neighbours to the
 next, so that rows end after a few rings. What lies beyond is taken to have the values of the last
-ring: then rows are exact for a field that is the same everywhere.
-
-Colours for the nodes of a graph, so that nodes of one colour are far apart.
-
-Sparse matrices of small blocks: what scipy's lack.
+ring: then rows are exact for a field that is the same everywhere. Nodes get colours so that those
+of one colour are too far apart to meet, and all of a colour are solved as one right-hand side.
+Matrices are sparse, of small blocks; some operations on these that scipy lacks are at the end.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ from sldvexp.field.equations.system import HOLD, PAIRS, NormalEquations
 from sldvexp.field.solvers.kronecker import factorised, solved
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
-from sldvexp.volume.samples import SampleRule
+from sldvexp.volume import SampleRule
 
 #: Rings around a node that its row reaches: of samples that are a tensor product, and of others,
 #: whose matrices are worse conditioned and decay more slowly.
@@ -27,24 +25,22 @@ COLOURS_AT_ONCE = 32
 
 
 def rings_of(rule: SampleRule) -> int:
-    """How far rows reach."""
+    """Say how far rows reach."""
     return MORE_RINGS if rule.triangle is None else RINGS
 
 
 def surface_rows(
     system: NormalEquations, factor: scipy.sparse.linalg.SuperLU, rings: int
 ) -> scipy.sparse.bsr_array:
-    """Rows of the inverse of the surface's matrix.
+    """Compute rows of the inverse of the surface's matrix.
 
     Columns of nodes that are more than twice as far apart as rows reach do not meet, so that all
     nodes of one colour are solved as one right-hand side.
 
     Parameters
     ----------
-    system : NormalEquations
     factor : SuperLU
         Of the surface's matrix.
-    rings : int
 
     Returns
     -------
@@ -73,7 +69,7 @@ def surface_rows(
 def _last_ring(
     reach: scipy.sparse.csr_array, inner: scipy.sparse.csr_array, row: IndexArray
 ) -> BoolArray:
-    """Which entries of `reach` are not of `inner`; of a small surface all are, then all count."""
+    """Mark entries of `reach` that are not of `inner`; all, if there are no others."""
     nodes = reach.shape[0]
     key = row * nodes + reach.indices
     inner_row = np.repeat(np.arange(nodes), np.diff(inner.indptr))
@@ -104,17 +100,15 @@ def _close(data: Array, row: IndexArray, column: IndexArray, last: BoolArray, su
 def volume_rows(
     system: NormalEquations, nodes: IndexArray, place: IndexArray, rings: int
 ) -> scipy.sparse.bsr_array:
-    """Rows of the inverse of the whole matrix, of some nodes in all layers.
+    """Compute rows of the inverse of the whole matrix, of some nodes in all layers.
 
     Each is that of the matrix of what is near.
 
     Parameters
     ----------
-    system : NormalEquations
     nodes : ndarray of int, shape (some,)
     place : ndarray of int, shape (surface_node,)
         Where columns of the result stand.
-    rings : int
 
     Returns
     -------
@@ -148,7 +142,7 @@ def volume_rows(
 
 
 def _factorised(matrix: Array) -> scipy.sparse.linalg.SuperLU:
-    """Factors of what is near; what nothing determines there is held, as in the whole matrix."""
+    """Factorise what is near; what nothing determines there is held, as in the whole matrix."""
     try:
         return factorised(scipy.sparse.csc_array(matrix))
     except RuntimeError:
@@ -158,7 +152,7 @@ def _factorised(matrix: Array) -> scipy.sparse.linalg.SuperLU:
 
 
 def _blocks_of(system: NormalEquations, near: IndexArray) -> Array:
-    """Blocks of some nodes, shape (gap, 3, near, near, block, block)."""
+    """Take the blocks of some nodes, shape (gap, 3, near, near, block, block)."""
     graph = system.graph
     key = near[:, None] * graph.nodes + near
     keys = graph.row * graph.nodes + graph.indices
@@ -170,7 +164,7 @@ def _blocks_of(system: NormalEquations, near: IndexArray) -> Array:
 def _assembled(
     data: list[Array], indices: list[IndexArray], layers: int, shape: tuple[int, int], block: int
 ) -> scipy.sparse.bsr_array:
-    """Rows node by node, put layer by layer."""
+    """Order rows that are given node by node layer by layer."""
     length = np.array([len(i) for i in indices], int)
     indptr = np.concatenate([[0], np.cumsum(np.tile(length, layers))])
     by_layer = [rows[layer] for layer in range(layers) for rows in data]
@@ -182,13 +176,12 @@ def _assembled(
 
 
 def within(neighbours: scipy.sparse.csr_array, rings: int) -> scipy.sparse.csr_array:
-    """Nodes within so many rings of each, itself among them, sorted.
+    """Find the nodes within so many rings of each, itself among them, sorted.
 
     Parameters
     ----------
     neighbours : csr_array of bool, shape (node, node)
         With every node its own neighbour.
-    rings : int
     """
     reached, power = None, neighbours
     while rings:
@@ -202,7 +195,7 @@ def within(neighbours: scipy.sparse.csr_array, rings: int) -> scipy.sparse.csr_a
 
 
 def colours(near: scipy.sparse.csr_array) -> IndexArray:
-    """A colour for every node that no node near it has, few of them in all.
+    """Colour every node as no node near it is, with few colours in all.
 
     Parameters
     ----------
@@ -219,7 +212,7 @@ def colours(near: scipy.sparse.csr_array) -> IndexArray:
 
 
 def block_rows(matrix: scipy.sparse.bsr_array, rows: IndexArray) -> scipy.sparse.bsr_array:
-    """Some block rows of a matrix."""
+    """Take some block rows of a matrix."""
     length = np.diff(matrix.indptr)[rows]
     start = np.concatenate([[0], np.cumsum(length)])
     entry = np.arange(start[-1]) + np.repeat(matrix.indptr[rows] - start[:-1], length)
@@ -228,7 +221,7 @@ def block_rows(matrix: scipy.sparse.bsr_array, rows: IndexArray) -> scipy.sparse
 
 
 def diagonal_blocks(matrix: scipy.sparse.bsr_array, weight: Array) -> Array:
-    """Blocks on the diagonal of ``A W A^T``, shape (row, p, p), of a matrix of (p, 1) blocks.
+    """Compute the blocks on the diagonal of ``A W A^T``, shape (row, p, p), A of (p, 1) blocks.
 
     Parameters
     ----------
@@ -250,7 +243,7 @@ def diagonal_blocks(matrix: scipy.sparse.bsr_array, weight: Array) -> Array:
 
 
 def kronecker_identity(line: Array, nodes: int, block: int) -> scipy.sparse.bsr_array:
-    """``line (x) I``, shape (layer * node * block,) * 2, in blocks of that size."""
+    """Make ``line (x) I``, shape (layer * node * block,) * 2, in blocks of that size."""
     layers = len(line)
     data = np.broadcast_to(line[:, None, :], (layers, nodes, layers)).reshape(-1, 1, 1)
     columns = np.arange(nodes)[:, None] + nodes * np.arange(layers)

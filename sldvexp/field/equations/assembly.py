@@ -1,4 +1,9 @@
-"""First way through the samples: the field's normal equations, and who sees what."""
+"""Assembly of a field's normal equations: the first way through the samples.
+
+With the basis functions B_s at a sample, its information N_s and its estimator T_s, the equations
+are ``sum_s B_s^T B_s (x) N_s theta = sum_s B_s^T (x) T_s v_s``. The right side is linear in the
+pixels' velocities, so that real and imaginary part at each frequency are columns of one product.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +30,6 @@ class Equations:
 
     Attributes
     ----------
-    system : NormalEquations
     right : ndarray, shape (layer, surface_node, parameter, column)
         Real and imaginary part of b at each frequency, one after the other.
     ranked : ndarray, shape (layer, surface_node, parameter)
@@ -52,7 +56,6 @@ def normal_equations(parts: RegionIterator, data: list[Array]) -> Equations:
 
     Parameters
     ----------
-    parts : RegionIterator
     data : list of ndarray, shape (pixel, column), m/s
         Velocities of each view's pixels as real numbers.
 
@@ -88,7 +91,7 @@ def normal_equations(parts: RegionIterator, data: list[Array]) -> Equations:
 
 
 def right_sides(parts: RegionIterator, data: list[Array]) -> Array:
-    """Right-hand sides b alone, as `Equations.right`, of further columns."""
+    """Set up right-hand sides b alone, as `Equations.right`, of further columns."""
     prisms = parts.visibility.prisms
     shape = (prisms.layers, prisms.surface_nodes, parts.model.parameters, data[0].shape[1])
     right = np.zeros(shape)
@@ -98,23 +101,23 @@ def right_sides(parts: RegionIterator, data: list[Array]) -> Array:
 
 
 def _right_side(part: RegionSamples, data: list[Array]) -> Array:
-    """``sum_s B_s^T (x) T_s v_s``, shape (layer, patch_node, parameter, column)."""
+    """Sum ``B_s^T (x) T_s v_s`` over samples, shape (layer, patch_node, parameter, column)."""
     total = sum(r @ velocity for r, velocity in zip(part.influences, data, strict=True))
     return np.reshape(total, (part.patch.layers, len(part.patch.nodes), -1, data[0].shape[1]))
 
 
 def pixel_data(views: Sequence[View]) -> list[Array]:
-    """Velocities of each view as real numbers, shape (pixel, column); 0 where flagged."""
+    """Turn velocities of each view into real numbers, shape (pixel, column); 0 where flagged."""
     return [real_columns(v.velocity, v.usable) for v in views]
 
 
 def real_columns(velocity: NDArray[np.complexfloating], usable: BoolArray) -> Array:
-    """Complex (pixel, frequency) as real (pixel, column); 0 where not usable."""
+    """Turn complex (pixel, frequency) into real (pixel, column); 0 where not usable."""
     columns = np.where(usable[:, None], velocity, 0.0).astype(complex, order="C", copy=False)
     return columns.view(float)
 
 
 def _ranked(at: SampleContributions, parameters: int) -> Array:
-    """1 where a kept sample determines 1, 2 and so on parameters, shape (sample, parameter)."""
+    """Put 1 where a kept sample determines 1, 2 and so on parameters, shape (sample, parameter)."""
     rank = np.where(at.pointwise.kept, at.pointwise.rank, 0)
     return (rank[:, None] > np.arange(parameters)).astype(float)

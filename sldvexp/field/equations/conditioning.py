@@ -1,4 +1,9 @@
-"""Condition numbers of a field's normal equations, as Table 5.7 states them."""
+"""Condition numbers of a field's normal equations, as Table 5.7 states them.
+
+Extreme eigenvalues are Lanczos', of the matrix and of its inverse, and the 1-norm of an inverse is
+Hager's estimate: neither needs the inverse itself, only its products with vectors. A Kronecker
+product has the products of its factors' numbers.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +21,10 @@ STEPS = 6
 
 
 def condition_numbers(system: NormalEquations, solve: Solve) -> tuple[float, float]:
-    """Largest over smallest eigenvalue of M, and ``1 / (|M| |M^-1|)`` in the 1-norm.
+    """Compute largest over smallest eigenvalue of M, and ``1 / (|M| |M^-1|)`` in the 1-norm.
 
     For large systems the latter's ``|M^-1|`` is Hager's estimate, a lower bound, mostly exact.
     Both numbers of a Kronecker product are the products of its factors'.
-
-    Parameters
-    ----------
-    system : NormalEquations
-    solve : Solve
     """
     shape = (system.layers, system.graph.nodes, system.block, -1)
     size = system.nodes * system.block
@@ -66,7 +66,7 @@ def _largest_eigenvalue(times: Solve, size: int) -> float:
 
 
 def _one_norm(times: Solve, size: int) -> float:
-    """Hager's estimate of the largest column sum of a symmetric matrix."""
+    """Estimate the largest column sum of a symmetric matrix as Hager does."""
     x, norm = np.full(size, 1 / size), 0.0
     for _ in range(STEPS):
         y = times(x)

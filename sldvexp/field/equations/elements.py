@@ -1,9 +1,10 @@
-"""Prisms between nodal values and samples: the basis functions, and which nodes share a prism.
+"""Prisms between nodal values and samples: basis functions, and nodes that share a prism.
 
-Arrays over nodes have the shape (layer, surface_node, ...), over samples (gap, triangle, point,
-...); both are plain reshapes of the dataset's order.
-
-From pixels to the right-hand sides of a field: sparse matrices, ``b = sum_k R_k v_k``.
+A nodal field becomes values at samples by ``B f`` and sums over samples become nodal by ``B^T f``,
+both without a matrix. Arrays over nodes have the shape (layer, surface_node, ...), over samples
+(gap, triangle, point, ...); both are plain reshapes of the dataset's order. From pixels to right-
+hand sides leads a sparse matrix a view, ``b = sum_k R_k v_k``, through which bounds know that
+samples share pixels.
 """
 
 from __future__ import annotations
@@ -15,13 +16,12 @@ import numpy as np
 
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, IndexArray
-from sldvexp.volume.prisms import Prisms
-from sldvexp.volume.samples import SampleRule
+from sldvexp.volume import Prisms, SampleRule
 
 
 @dataclass(frozen=True, eq=False)
 class Graph:
-    """Which surface nodes share a triangle: block rows and columns of matrices over the surface.
+    """Graph of surface nodes that share a triangle: blocks of matrices over the surface.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class Graph:
 
     @classmethod
     def from_prisms(cls, prisms: Prisms) -> Graph:
-        """The graph of a volume's surface."""
+        """Connect the surface nodes of a volume."""
         count = prisms.surface_nodes
         row = np.repeat(prisms.triangles, 3, axis=1).astype(np.intp)
         key = row * count + np.tile(prisms.triangles, (1, 3))
@@ -52,12 +52,12 @@ class Graph:
 
     @cached_property
     def row(self) -> IndexArray:
-        """The row of each entry of `indices`."""
+        """Row of each entry of `indices`."""
         return np.repeat(np.arange(self.nodes), np.diff(self.indptr))
 
     @cached_property
     def neighbours(self) -> scipy.sparse.csr_array:
-        """Which nodes share a triangle, a node with itself as well, shape (node, node), bool."""
+        """Nodes that share a triangle, also with themselves, shape (node, node), bool."""
         ones = np.ones(len(self.indices), bool)
         return scipy.sparse.csr_array(
             (ones, self.indices, self.indptr), shape=(self.nodes, self.nodes)
@@ -65,13 +65,13 @@ class Graph:
 
     @cached_property
     def diagonal(self) -> IndexArray:
-        """Where the block of a node with itself is, shape (surface_node,)."""
+        """Places of the blocks of a node with itself, shape (surface_node,)."""
         return np.flatnonzero(self.indices == self.row)
 
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """The prisms over some triangles, with the nodes of these numbered anew.
+    """Prisms over some triangles, with the nodes of these numbered anew.
 
     Parameters
     ----------
@@ -80,7 +80,6 @@ class Patch:
         Surface nodes of the patch, ascending.
     corner : ndarray of int, shape (triangle, 3)
         Corners of the triangles as places in `nodes`.
-    layers : int
     shape : ndarray, shape (point, 6)
         Basis functions of a prism (Eq 5.20) at its samples.
     """
@@ -93,7 +92,7 @@ class Patch:
 
     @classmethod
     def over(cls, prisms: Prisms, rule: SampleRule, triangles: IndexArray) -> Patch:
-        """The patch over these triangles of a volume."""
+        """Take the patch over these triangles of a volume."""
         nodes, corner = np.unique(prisms.triangles[triangles], return_inverse=True)
         return cls(triangles, nodes, corner.reshape(-1, 3), prisms.layers, rule.shape())
 
@@ -108,14 +107,14 @@ class Patch:
         return self.layers - 1, len(self.triangles), len(self.shape)
 
     def at_samples(self, nodal: Array) -> Array:
-        """``B f``: values at samples of nodal values, (layer, patch_node, m) to (sample, m)."""
+        """Interpolate, ``B f``: nodal values (layer, patch_node, m) to samples (sample, m)."""
         corner = nodal[:, self.corner]
         values = self.shape[:, :3] @ corner[:-1]
         values += self.shape[:, 3:] @ corner[1:]
         return values.reshape(-1, nodal.shape[-1])
 
     def to_nodes(self, samples: Array) -> Array:
-        """``B^T f``: sums over samples, (sample, m) to (layer, patch_node, m)."""
+        """Sum over samples, ``B^T f``: from (sample, m) to (layer, patch_node, m)."""
         columns = samples.shape[-1]
         each = self.shape.T @ samples.reshape(*self.sample_shape, columns)
         triangles = len(self.triangles)
@@ -149,11 +148,10 @@ class Patch:
 def influence(
     patch: Patch, estimator: Array, weights: scipy.sparse.csr_array
 ) -> scipy.sparse.bsr_array:
-    """``R = sum_s B_s^T (x) T_s W_s`` of one view over a patch.
+    """Compute ``R = sum_s B_s^T (x) T_s W_s`` of one view over a patch.
 
     Parameters
     ----------
-    patch : Patch
     estimator : ndarray, shape (sample, parameter)
         The view's column of T_s.
     weights : csr_array, shape (sample, pixel)

@@ -1,6 +1,8 @@
-"""The samples of a volume, part by part: what views see of them, what the method makes of it.
+"""Regions of a volume's samples: what views see of them, and what the method makes of it.
 
-A surface in regions: nodes that belong to each, and the triangles around them.
+A surface is cut into regions of nodes, with the triangles around them, so that the samples of one
+at a time are in memory. A small volume is one region and is kept. Disjoint regions serve sums over
+samples; those that overlap have all samples that bear on their own nodes, as bounds need.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from sldvexp.field.equations.sample_model import FieldModel, SampleContributions
 from sldvexp.field.visibility.visibility import SampleVisibility, VolumeVisibility
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
-from sldvexp.volume.prisms import Prisms
+from sldvexp.volume import Prisms
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +43,10 @@ class Region:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceRegions:
-    """What is needed to walk over a surface.
+    """Surface to walk over, region by region.
 
     Parameters
     ----------
-    prisms : Prisms
     neighbours : csr_array of bool, shape (surface_node, surface_node)
         Nodes that share a triangle, a node with itself as well.
     touching : csr_array of bool, shape (surface_node, triangle)
@@ -57,33 +58,33 @@ class SurfaceRegions:
 
     @classmethod
     def from_prisms(cls, prisms: Prisms, graph: Graph) -> SurfaceRegions:
-        """The surface of a volume."""
+        """Prepare to walk over the surface of a volume."""
         nodes, count = prisms.surface_nodes, len(prisms.triangles)
         corner = prisms.triangles.ravel(), np.repeat(np.arange(count), 3)
         touching = scipy.sparse.csr_array((np.ones(3 * count, bool), corner), shape=(nodes, count))
         return cls(prisms, graph.neighbours, touching)
 
     def around(self, own: IndexArray, rings: int) -> Region:
-        """The region of these nodes."""
+        """Find the region of these nodes."""
         support = own
         for _ in range(rings):
             support = np.unique(self.neighbours[support].indices)
         return Region(own, support, np.unique(self.touching[support].indices).astype(np.intp))
 
     def of_own(self, own: IndexArray) -> Region:
-        """The region of these nodes, with the triangles whose first corner is one of them."""
+        """Find the region of these nodes, with the triangles whose first corner is one of them."""
         first = np.isin(self.prisms.triangles[:, 0], own)
         return Region(own, own, np.flatnonzero(first))
 
     def parts(self, largest: int) -> Iterator[IndexArray]:
-        """All nodes, in compact parts of so many or fewer."""
+        """Go through all nodes, in compact parts of so many or fewer."""
         position = self.prisms.position.reshape(self.prisms.layers, -1, 3)[0]
         for nodes in _halved(np.arange(len(position)), position, largest):
             yield np.sort(nodes)
 
 
 def _halved(nodes: IndexArray, position: Array, largest: int) -> Iterator[IndexArray]:
-    """Parts of the nodes, cut across their longest extent until each is small enough."""
+    """Cut nodes across their longest extent until each part is small enough."""
     if len(nodes) <= largest:
         yield nodes
         return
@@ -107,13 +108,8 @@ class RegionSamples:
 
     Attributes
     ----------
-    visibility : VolumeVisibility
-    model : FieldModel
-    region : Region
     patch : Patch
         The region's triangles.
-    samples : SampleVisibility
-    at : SampleContributions
     """
 
     visibility: VolumeVisibility
@@ -141,24 +137,23 @@ class RegionSamples:
 
     @cached_property
     def influences(self) -> list[scipy.sparse.bsr_array]:
-        """The matrices R of every view's pixels, ``b = sum_k R_k v_k``."""
+        """Matrices R of every view's pixels, ``b = sum_k R_k v_k``."""
         return [
             influence(self.patch, self.at.estimator[:, :, k], of_view.weights)
             for k, of_view in enumerate(self.samples.by_view)
         ]
 
     def velocities(self, data: list[Array]) -> Array:
-        """Interpolated from the pixels' columns, shape (sample, view, column)."""
+        """Interpolate velocities from the pixels' columns, shape (sample, view, column)."""
         each = zip(self.samples.by_view, data, strict=True)
         return np.stack([s.weights @ d for s, d in each], axis=1)
 
     def field(self, theta: Array, gap: int | None = None) -> Array:
-        """Parameters at the samples, of one gap or all, (sample, parameter, column).
+        """Interpolate parameters at the samples, of one gap or all, (sample, parameter, column).
 
         Parameters
         ----------
         theta : ndarray, shape (layer, surface_node, parameter, column)
-        gap : int, optional
         """
         layers = slice(None) if gap is None else slice(gap, gap + 2)
         nodal = theta[layers, self.patch.nodes]
@@ -168,13 +163,7 @@ class RegionSamples:
 
 @dataclass(eq=False)
 class RegionIterator:
-    """A way through all samples; a volume of one part stays in memory.
-
-    Parameters
-    ----------
-    visibility : VolumeVisibility
-    model : FieldModel
-    """
+    """A way through all samples; a volume of one part stays in memory."""
 
     visibility: VolumeVisibility
     model: FieldModel
@@ -185,12 +174,12 @@ class RegionIterator:
 
     @cached_property
     def graph(self) -> Graph:
-        """Which surface nodes share a triangle."""
+        """Graph of surface nodes that share a triangle."""
         return Graph.from_prisms(self.visibility.prisms)
 
     @cached_property
     def surface(self) -> SurfaceRegions:
-        """The surface to walk over."""
+        """Surface to walk over."""
         return SurfaceRegions.from_prisms(self.visibility.prisms, self.graph)
 
     def disjoint(self) -> Iterator[RegionSamples]:

@@ -1,10 +1,9 @@
-"""A reconstruction method over a field: what each sample contributes to the normal equations.
-
-The rows' least squares at every sample: what a method makes of the views that see it.
+"""Model of each sample: what a method makes of the views that see it.
 
 All methods model ``A v = A X theta`` with the rows A and ``X = [D]`` or ``[D 1]``. With the weights
-W of the rows, and ``Q = A^T W A`` of the views, the normal equations at a sample are
-``N theta = T v``, ``N = X^T Q X`` and ``T = X^T Q``.
+W of the rows, and ``Q = A^T W A`` of the views, the normal equations at a sample are ``N theta = T
+v``, ``N = X^T Q X`` and ``T = X^T Q``. The contravariant method solves each sample by itself, ``u =
+N^-1 T v``, and fits the field to these vectors; the others fit it to all rows together.
 """
 
 from __future__ import annotations
@@ -19,10 +18,8 @@ from sldvexp.errors import UserError
 from sldvexp.field.visibility.projection import ViewSamples
 from sldvexp.field.visibility.view import View
 from sldvexp.field.visibility.visibility import SampleVisibility, VolumeVisibility
-from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.reconstruction import Model, Reconstruction, RowSet, Weights
 from sldvexp.reconstruction.least_squares import rank_of
-from sldvexp.reconstruction.rows import RowSet
-from sldvexp.reconstruction.system import Model, Weights
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Fewest rows that make a sample worth keeping.
@@ -31,7 +28,7 @@ FEWEST_ROWS = 2
 
 @dataclass(frozen=True, eq=False)
 class SampleLeastSquares:
-    """The model at samples.
+    """Least squares of the rows at samples.
 
     Attributes
     ----------
@@ -52,17 +49,17 @@ class SampleLeastSquares:
 
     @property
     def kept(self) -> BoolArray:
-        """Which samples have a part in the field, shape (sample,)."""
+        """Samples that have a part in the field, shape (sample,)."""
         return self.rows > 0
 
     @property
     def information(self) -> Array:
-        """The matrix N, shape (sample, parameter, parameter)."""
+        """Matrix N, shape (sample, parameter, parameter)."""
         return self.estimator @ self.design
 
     @property
     def estimator(self) -> Array:
-        """The matrix T, shape (sample, parameter, view)."""
+        """Matrix T, shape (sample, parameter, view)."""
         return np.swapaxes(self.design, 1, 2) @ self.weight
 
 
@@ -74,7 +71,6 @@ class RowModel:
     ----------
     rows : ndarray, shape (row, view)
         The matrix A.
-    intercept : bool
     generalised : bool
         Weighted by the inverse of the rows' covariance; otherwise all alike.
     tolerance : float
@@ -131,7 +127,7 @@ class RowModel:
         return SampleLeastSquares(design, weight, rank, rows)
 
     def _rows_of(self, seen: BoolArray) -> Array:
-        """Rows that need none of the views that do not see a sample."""
+        """Select rows that need none of the views that do not see a sample."""
         if not self.generalised:
             return self.rows[~np.any(self.rows[:, ~seen] != 0, axis=1)]
         if seen.all():
@@ -143,7 +139,7 @@ class RowModel:
         return left[np.abs(left).max(axis=1) > 1e-9]
 
     def _weights(self, basis: Array, left: Array, valid: BoolArray, std: Array) -> Array:
-        """``A^T A``, or ``A^T (A Sigma A^T)^-1 A`` with Sigma of the views.
+        """Compute ``A^T A``, or ``A^T (A Sigma A^T)^-1 A`` with Sigma of the views.
 
         With a basis C of what the rows do not see, the latter is
         ``S - S C (C^T S C)^-1 C^T S``, ``S = Sigma^-1``.
@@ -172,7 +168,6 @@ class SampleContributions:
 
     Attributes
     ----------
-    pointwise : SampleLeastSquares
     information : ndarray, shape (sample, block, block)
         N_s. The contravariant method's is 1 or 0: all components have the same equations.
     estimator : ndarray, shape (sample, parameter, view)
@@ -197,8 +192,6 @@ class FieldModel:
 
     Parameters
     ----------
-    method : Reconstruction
-    rows : RowSet
     local : bool
         Components along the surface's tangents and normal instead of the world's axes.
     pixel_std : tuple of ndarray, shape (pixel,), m/s
@@ -259,7 +252,7 @@ class FieldModel:
 
     @property
     def row_model(self) -> RowModel:
-        """The rows' least squares at a sample; weights say nothing where each is solved exactly."""
+        """Rows at a sample; weights say nothing where each is solved exactly."""
         exact = self.contravariant and len(self.rows) == self.parameters
         return RowModel(
             self.rows.matrix,
@@ -270,7 +263,7 @@ class FieldModel:
         )
 
     def directions(self, samples: SampleVisibility) -> Array:
-        """Direction cosines in the components' axes, shape (sample, view, 3)."""
+        """Turn direction cosines into the components' axes, shape (sample, view, 3)."""
         world = samples.directions
         return world @ np.swapaxes(samples.frame, 1, 2) if self.local else world
 
@@ -315,13 +308,13 @@ class FieldModel:
 
 
 def _pixel_std(view: View) -> Array:
-    """Root mean square over frequencies; 0 where a pixel is flagged."""
+    """Take root mean squares over frequencies; 0 where a pixel is flagged."""
     square = np.square(view.std).reshape(len(view.std), -1).mean(axis=1)
     return np.where(view.usable, np.sqrt(np.where(view.usable, square, 0.0)), 0.0)
 
 
 def _mean_std(samples: ViewSamples, pixel_std: Array) -> Array:
-    """Root of the mean variance of the pixels around each sample; 0 where there are none."""
+    """Average the variance of the pixels around each sample; 0 where there are none."""
     size = abs(samples.weights)
     total = size.sum(axis=1)
     mean = np.divide(size @ pixel_std**2, total, out=np.zeros(len(total)), where=total > 0)
@@ -329,6 +322,6 @@ def _mean_std(samples: ViewSamples, pixel_std: Array) -> Array:
 
 
 def _spread(count: int) -> IndexArray:
-    """Some triangles, evenly spread."""
+    """Choose some triangles, evenly spread."""
     number = min(count, TRIANGLES_FOR_ROWS)
     return np.unique(np.linspace(0, count - 1, number).round().astype(np.intp))

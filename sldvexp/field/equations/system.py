@@ -18,7 +18,7 @@ import numpy as np
 from sldvexp.field.equations.elements import Graph, Patch
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray
-from sldvexp.volume.samples import SampleRule
+from sldvexp.volume import SampleRule
 
 #: From real right-hand sides (layer, surface_node, block, column) to the solutions.
 Solve = Callable[[Array], Array]
@@ -32,7 +32,7 @@ HOLD = 1e-9
 
 
 def gap_coefficients(rule: SampleRule) -> Array:
-    """Products ``l_i l_j t_c t_d`` at a prism's samples, shape (3 pairs, corner, corner, point)."""
+    """Multiply ``l_i l_j t_c t_d`` at a prism's samples, shape (3 pairs, corner, corner, point)."""
     t, lower = rule.parameter[:, :3], (1 - rule.parameter[:, 3]) / 2
     line = np.stack([lower, 1 - lower], axis=1)
     pairs = np.stack([line[:, i] * line[:, j] for i, j in PAIRS])
@@ -40,7 +40,7 @@ def gap_coefficients(rule: SampleRule) -> Array:
 
 
 def line_matrix(rule: SampleRule, layers: int) -> Array:
-    """Mean of ``l l^T`` over a gap's samples, put together over the gaps, shape (layer, layer)."""
+    """Average ``l l^T`` over a gap's samples, put together over the gaps, shape (layer, layer)."""
     lower = (1 - rule.parameter[:, 3]) / 2
     line = np.stack([lower, 1 - lower], axis=1)
     matrix = np.zeros((layers, layers))
@@ -54,9 +54,6 @@ class Assembly:
 
     Parameters
     ----------
-    graph : Graph
-    rule : SampleRule
-    layers : int
     block : int
         Unknowns of a node that M couples.
     """
@@ -72,7 +69,6 @@ class Assembly:
 
         Parameters
         ----------
-        patch : Patch
         information : ndarray, shape (sample, block, block)
             The matrices N_s.
         """
@@ -96,7 +92,7 @@ class Assembly:
         return bool(np.all(column == column[:1, :, :1]))
 
     def system(self, ranked: BoolArray) -> NormalEquations:
-        """The matrix.
+        """Finish the matrix.
 
         A node around which too few samples determine anything is held at zero: by an equation of
         its own if it has no sample at all, otherwise by so little that neighbours do not notice.
@@ -121,7 +117,7 @@ class Assembly:
 
 
 def _row_sums(graph: Graph, pairs: Array) -> Array:
-    """Sums of M's blocks over its columns, shape (layer, surface_node, block, block)."""
+    """Sum M's blocks over its columns, shape (layer, surface_node, block, block)."""
     gaps, _, _, block, _ = pairs.shape
     sums = np.zeros((gaps + 1, graph.nodes, block, block))
     for gap, layer, _, k in _entries(gaps):
@@ -130,20 +126,19 @@ def _row_sums(graph: Graph, pairs: Array) -> Array:
 
 
 def _entries(gaps: int) -> list[tuple[int, int, int, int]]:
-    """(gap, layer, other layer, pair) of every block of M over the layers."""
+    """List (gap, layer, other layer, pair) of every block of M over the layers."""
     both = [(gap, gap + i, gap + j, k) for gap in range(gaps) for k, (i, j) in enumerate(PAIRS)]
     return both + [(gap, other, layer, k) for gap, layer, other, k in both if layer != other]
 
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """The matrix M and its nearest Kronecker product.
+    """Matrix M and its nearest Kronecker product.
 
     Unknowns have the shape (layer, surface_node, block, column).
 
     Attributes
     ----------
-    graph : Graph
     pairs : ndarray, shape (gap, 3, entry, block, block)
         The surface matrices S of the pairs of layers, entries as in `graph`.
     line : ndarray, shape (layer, layer)
@@ -198,7 +193,7 @@ class NormalEquations:
         return self._over_surface(self.surface_blocks)
 
     def part(self, keep: int) -> NormalEquations:
-        """The system of the first `keep` unknowns of every node, the others being zero."""
+        """Keep the first `keep` unknowns of every node, the others being zero."""
         return NormalEquations(
             self.graph,
             np.ascontiguousarray(self.pairs[..., :keep, :keep]),
@@ -209,7 +204,7 @@ class NormalEquations:
         )
 
     def times(self, x: Array) -> Array:
-        """``M x``."""
+        """Multiply ``M x``."""
         flat = x.reshape(self.layers, self.graph.nodes * self.block, -1)
         if self.exact:
             along = np.tensordot(self.line, flat, axes=1)
@@ -244,7 +239,7 @@ class NormalEquations:
 
     @cached_property
     def inverse(self) -> Array:
-        """Its inverse."""
+        """Inverse of `dense`."""
         factor, failed = scipy.linalg.lapack.dpotrf(self.dense, lower=True)
         if failed:
             return np.linalg.inv(self.dense).astype(float)
@@ -252,7 +247,7 @@ class NormalEquations:
         return np.tril(inverse) + np.tril(inverse, -1).T
 
     def matrix(self) -> scipy.sparse.csr_array:
-        """M itself, unknowns node by node, layer by layer."""
+        """Assemble M itself, unknowns node by node, layer by layer."""
         size = self.graph.nodes * self.block
         rows, columns, values = [], [], []
         for layer, other, matrix in self._layer_matrices:
@@ -272,7 +267,7 @@ class NormalEquations:
 
 
 def solution(right: Array, system: NormalEquations, solve: Solve) -> Array:
-    """Solutions of right-hand sides (layer, surface_node, parameter, column).
+    """Solve right-hand sides (layer, surface_node, parameter, column).
 
     Parameters that the system does not couple are right-hand sides of one matrix.
     """

@@ -1,6 +1,8 @@
 """Nodes where the views do not determine everything, and what they still do.
 
-Systems that are singular because no view sees some direction at some nodes.
+A node is judged by its own samples, as many directions being determined as at some of them.
+Directions that no view sees may make the whole system singular; they are flagged, and then held at
+zero by a term on the diagonal, so that all else can be solved.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from sldvexp.typing import Array, BoolArray
 
 @dataclass(frozen=True, eq=False)
 class Observability:
-    """What is determined at each node.
+    """Directions and components that are determined at each node.
 
     Attributes
     ----------
@@ -81,7 +83,7 @@ def find_undetermined(equations: Equations) -> Observability:
 def describe_undetermined(
     found: Observability, position: Array, components: tuple[str, ...]
 ) -> list[str]:
-    """Sentences about flagged nodes."""
+    """Describe flagged nodes in sentences."""
     blind = found.rank == 0
     sentences = []
     if blind.any():
@@ -114,7 +116,7 @@ def _at(nodes: NDArray[np.int_], position: Array) -> str:
 def factorise(
     solver: Solver, equations: Equations, found: Observability
 ) -> tuple[Equations, Solve]:
-    """The equations as they can be solved, and the solver's factors.
+    """Factorise the equations, made solvable if they are not, and return both.
 
     Directions that are not determined at their nodes are flagged; if they make the whole singular
     they are held at zero, so firmly that the rest can be given.
@@ -140,13 +142,12 @@ def factorise(
 
 
 def constrain_undetermined(system: NormalEquations, found: Observability) -> NormalEquations:
-    """The system with the flagged directions held, as firmly as nodes that have no samples.
+    """Hold the flagged directions as firmly as nodes that have no samples.
 
     Parameters
     ----------
     system : NormalEquations
         That couples the components.
-    found : Observability
     """
     count, last = system.graph.nodes, system.layers - 1
     size = np.trace(system.lumped[system.active], axis1=-2, axis2=-1).mean() / system.block

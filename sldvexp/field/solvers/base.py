@@ -1,4 +1,4 @@
-"""What all solvers of a field's normal equations have in common."""
+"""Base of all solvers of a field's normal equations."""
 
 from __future__ import annotations
 
@@ -15,10 +15,6 @@ class Solver(ABC):
     @abstractmethod
     def prepare(self, system: NormalEquations) -> Solve:
         """Do all that does not depend on right-hand sides, which are many.
-
-        Parameters
-        ----------
-        system : NormalEquations
 
         Returns
         -------

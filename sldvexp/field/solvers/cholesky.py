@@ -1,7 +1,4 @@
-"""`solver=cholesky`: sparse Cholesky factors, by the optional package cholespy.
-
-Right-hand sides for cholespy's factors.
-"""
+"""`solver=cholesky`: sparse Cholesky factors, by the optional package cholespy."""
 
 from __future__ import annotations
 
@@ -34,7 +31,7 @@ class Cholesky(Solver):
         checks.done()
 
     def prepare(self, system: NormalEquations) -> Solve:
-        """Factors of the matrix."""
+        """Factorise the matrix."""
         import cholespy
 
         inverse = KroneckerInverse.from_system(system)  # which says what is singular

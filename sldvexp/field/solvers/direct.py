@@ -16,7 +16,7 @@ class Direct(Solver):
     """Sparse LU factors: no iteration, but memory for a field's volume instead of its surface."""
 
     def prepare(self, system: NormalEquations) -> Solve:
-        """Factors of the matrix."""
+        """Factorise the matrix."""
         inverse = KroneckerInverse.from_system(system)  # which says what is singular
         if system.exact:
             return inverse.times

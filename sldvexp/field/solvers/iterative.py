@@ -1,6 +1,8 @@
 """`solver=iterative`: conjugate gradients on the Kronecker product that is near the matrix.
 
-Preconditioned conjugate gradients for many right-hand sides at once.
+Preconditioned conjugate gradients for many right-hand sides at once, each with steps of its own.
+The matrix differs from a Kronecker product of line and surface only where views end or information
+changes with depth, so that few iterations do; where it is one, the preconditioner is the solution.
 """
 
 from __future__ import annotations
@@ -48,7 +50,7 @@ class Iterative(Solver):
         checks.done()
 
     def prepare(self, system: NormalEquations) -> Solve:
-        """Factors of the preconditioner: a problem over the surface and one over the layers."""
+        """Factorise the preconditioner: a problem over the surface and one over the layers."""
         inverse = KroneckerInverse.from_system(system)
         if system.exact:
             return inverse.times
@@ -130,7 +132,7 @@ def _solve(
 
 
 def _dot(a: Array, b: Array) -> Array:
-    """Inner products column by column."""
+    """Multiply column by column and sum."""
     columns = a.shape[-1]
     return np.einsum("ij,ij->j", a.reshape(-1, columns), b.reshape(-1, columns))
 

@@ -1,4 +1,9 @@
-"""The inverse of a Kronecker product of a line's matrix and a surface's."""
+"""Inverse of a Kronecker product of a line's matrix and a surface's.
+
+``(L (x) S)^-1 = L^-1 (x) S^-1``: a small dense matrix over the layers and sparse LU factors over
+one surface stand for the inverse over the volume. Pivots stay on the diagonal, which is safe for
+symmetric positive definite matrices and keeps their ordering.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +25,7 @@ NAMED = 5
 
 
 def factorised(matrix: scipy.sparse.csc_array) -> scipy.sparse.linalg.SuperLU:
-    """LU factors of a symmetric positive definite matrix, with an ordering for those.
+    """Factorise a symmetric positive definite matrix into LU, with an ordering for those.
 
     Raises
     ------
@@ -38,7 +43,7 @@ def factorised(matrix: scipy.sparse.csc_array) -> scipy.sparse.linalg.SuperLU:
 
 
 def solved(factor: scipy.sparse.linalg.SuperLU, right: Array) -> Array:
-    """Solutions of real right-hand sides, shape (unknown, column)."""
+    """Solve real right-hand sides, shape (unknown, column)."""
     solution = np.empty_like(right)
     for first in range(0, right.shape[1], COLUMNS_AT_ONCE):
         part = slice(first, first + COLUMNS_AT_ONCE)
@@ -63,7 +68,7 @@ class KroneckerInverse:
 
     @classmethod
     def from_system(cls, system: NormalEquations) -> KroneckerInverse:
-        """That of a system's means over depth.
+        """Invert a system's means over depth.
 
         Raises
         ------
@@ -87,7 +92,7 @@ class KroneckerInverse:
         return cls(np.linalg.inv(system.line).astype(float), surface)
 
     def times(self, x: Array) -> Array:
-        """``(line (x) surface)^-1 x``; x as in `NormalEquations`."""
+        """Multiply ``(line (x) surface)^-1 x``; x as in `NormalEquations`."""
         layers, columns = len(self.line), x.shape[-1]
         flat = np.tensordot(self.line, x.reshape(layers, -1, columns), axes=1)
         rows = flat.shape[1]
@@ -97,7 +102,7 @@ class KroneckerInverse:
 
 
 def _undetermined(system: NormalEquations) -> str:
-    """Nodes where the matrix's weakest vector is, by inverse iteration with a shift."""
+    """Name nodes where the matrix's weakest vector is, by inverse iteration with a shift."""
     matrix = scipy.sparse.csc_array(system.surface)
     shift = 1e-8 * matrix.diagonal().mean()
     factor = scipy.sparse.linalg.splu(

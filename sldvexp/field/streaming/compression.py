@@ -1,10 +1,8 @@
-"""Velocity images whose frequencies do not fit into memory, reduced to few combinations of them.
+"""Velocity images of many frequencies, reduced to few combinations of them.
 
-Where views look and what the noise and the poses do to a field depends on the frequencies only
-through the modes that carry all of the data and the pixels' mean variances: images of these stand
-for the whole.
-
-Few combinations of frequencies that carry all that is above the noise.
+What views see and what the noise and the poses do to a field depends on the frequencies only
+through the modes that carry all of the data above the noise, and through the pixels' mean
+variances: images of these stand for the whole, and fit into memory.
 """
 
 from __future__ import annotations
@@ -45,7 +43,7 @@ class FrequencyModes:
 
     @classmethod
     def from_data(cls, data: list[Array], noise: Array) -> FrequencyModes:
-        """Those of the pixels of all views.
+        """Find the modes of the pixels of all views.
 
         Parameters
         ----------
@@ -57,7 +55,7 @@ class FrequencyModes:
 
     @classmethod
     def of_gram(cls, gram: Array, noise: Array) -> FrequencyModes:
-        """Those of data with these products of columns, shape (column, column)."""
+        """Find the modes of data with these products of columns, shape (column, column)."""
         columns = len(gram)
         if columns <= FEW:
             return cls(np.eye(columns))
@@ -72,15 +70,15 @@ class FrequencyModes:
         return cls(np.ascontiguousarray(vectors[:, :modes].T))
 
     def of_part(self, columns: slice) -> FrequencyModes:
-        """The same modes of some columns only."""
+        """Keep the same modes of some columns only."""
         return FrequencyModes(self.combination[:, columns])
 
     def of_columns(self, values: Array) -> Array:
-        """The modes' values of (..., column)."""
+        """Compute the modes' values of (..., column)."""
         return values @ self.combination.T
 
     def quadratic(self, gram: Array) -> Array:
-        """``c^T G c`` for every column c, from (..., mode, mode) to (..., column)."""
+        """Compute ``c^T G c`` for every column c, from (..., mode, mode) to (..., column)."""
         squares = np.einsum("ic,jc->ijc", self.combination, self.combination)
         modes, columns = self.combination.shape
         return gram.reshape(*gram.shape[:-2], -1) @ squares.reshape(modes**2, columns)
@@ -95,7 +93,6 @@ class Compressed:
     images : dict of str to xarray.Dataset
         Groups ``image/<view>``: the modes' velocities, and pixels' standard errors, root mean
         square over the frequencies.
-    modes : FrequencyModes
     factor : ndarray, shape (view, frequency)
         Each frequency's variance over the mean of all.
     frequency : ndarray, shape (frequency,), Hz
@@ -109,7 +106,7 @@ class Compressed:
 
 @dataclass(eq=False)
 class _Sums:
-    """What is known of a view's pixels once all their frequencies were seen.
+    """Sums over a view's pixels of what all their frequencies have.
 
     Attributes
     ----------
@@ -136,7 +133,6 @@ def compress(tree: Mapping[str, xr.Dataset], work: Work) -> Compressed:
     ----------
     tree : mapping of str to xarray.Dataset
         With groups ``image/<view>`` whose velocities are Dask arrays, and ``pose``.
-    work : Work
 
     Raises
     ------
@@ -161,7 +157,7 @@ def compress(tree: Mapping[str, xr.Dataset], work: Work) -> Compressed:
 
 
 def slices(array: xr.DataArray, dim: str) -> Iterator[slice]:
-    """The chunks of an array along a dimension."""
+    """List the chunks of an array along a dimension."""
     start = 0
     for size in array.chunksizes[dim]:
         yield slice(start, start + size)
@@ -169,7 +165,7 @@ def slices(array: xr.DataArray, dim: str) -> Iterator[slice]:
 
 
 def _pieces(image: xr.Dataset) -> Iterator[slice]:
-    """Pixels that are looked at together: a chunk."""
+    """Go through pixels that are looked at together: a chunk."""
     return slices(image["velocity"], "pixel")
 
 
@@ -178,7 +174,7 @@ def _usable(image: xr.Dataset) -> BoolArray:
 
 
 def _sums(image: xr.Dataset, work: Work) -> _Sums:
-    """Those of an image, chunk by chunk of its pixels."""
+    """Add up an image's sums, chunk by chunk of its pixels."""
     velocity, std, usable = image["velocity"].data, image["velocity_std"].data, _usable(image)
     found: list[_Sums] = []
     for each in work.map(_sums_of, ((velocity[p], std[p], usable[p]) for p in _pieces(image))):
@@ -200,14 +196,14 @@ def _sums_of(velocity: NDArray[np.complexfloating], std: Array, usable: BoolArra
 
 
 def _factor(sums: _Sums, total: float, pixels: int, frequencies: int) -> Array:
-    """See `sldvexp.field.bounds.residuals_and_bounds.variance_factors`."""
+    """Compute what `sldvexp.field.bounds.residuals_and_bounds.variance_factors` does."""
     if len(sums.by_frequency) != frequencies or not total > 0:
         return np.ones(frequencies)
     return sums.by_frequency / total
 
 
 def _reduced(image: xr.Dataset, sums: _Sums, modes: FrequencyModes, work: Work) -> xr.Dataset:
-    """An image of the modes; NaN where a velocity is not known."""
+    """Reduce an image to the modes; NaN where a velocity is not known."""
     velocity, usable = image["velocity"].data, _usable(image) & sums.known
     shared = work.share(modes)
     tasks = ((shared, velocity[p], usable[p]) for p in _pieces(image))

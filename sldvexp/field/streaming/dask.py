@@ -1,6 +1,6 @@
-"""`stream=dask`: a field's frequencies some at a time, by the optional package dask.
+"""`stream=dask`: some of a field's frequencies at a time, by the optional package dask.
 
-Tasks for Dask's scheduler, whichever there is: threads of this process, or a cluster.
+Tasks go to Dask's scheduler, whichever there is: threads of this process, processes, or a cluster.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Dask:
 
     @contextmanager
     def at_work(self) -> Iterator[Work]:
-        """What does tasks, while it is open.
+        """Open what does tasks, and close it at the end.
 
         Raises
         ------
@@ -129,7 +129,7 @@ def _require(package: str) -> None:
 
 @dataclass(frozen=True)
 class Work:
-    """Does tasks, a few at a time, so that no more than these are in memory.
+    """Worker at tasks, a few at a time, so that no more than these are in memory.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ class Work:
     at_once: int
 
     def share(self, what: Any) -> Any:
-        """Something that many tasks need, to be given to `map` in its place.
+        """Share something that many tasks need, to be given to `map` in its place.
 
         A cluster has it once a worker, and makes it again if a worker dies.
         """
@@ -148,7 +148,7 @@ class Work:
         return shared
 
     def map(self, function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
-        """``function(*task)`` of every task, in their order; Dask arrays come as NumPy's."""
+        """Compute ``function(*task)`` of every task in order; Dask arrays come as NumPy's."""
         waiting = iter(tasks)
         while some := [dask.delayed(function)(*task) for task in islice(waiting, self.at_once)]:
             yield from dask.compute(*some)

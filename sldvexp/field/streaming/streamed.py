@@ -1,6 +1,6 @@
-"""The field of a run whose frequencies do not fit into memory: solved block by block of them.
+"""Field of a run whose frequencies do not fit into memory: solved block by block of them.
 
-The equations' matrix, where views look and what noise and poses do to nodal values are the same for
+The equations' matrix, what views see and what noise and poses do to nodal values are the same for
 all frequencies and are found once; right-hand sides, solutions and residuals are each frequency's.
 """
 
@@ -32,9 +32,9 @@ from sldvexp.field.streaming.compression import Compressed, slices
 from sldvexp.field.streaming.dask import Work
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.lazy import xarray as xr
-from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.reconstruction import Reconstruction
 from sldvexp.typing import Array
-from sldvexp.volume.base import Coordinates, Volume
+from sldvexp.volume import Coordinates, Volume
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,17 +43,10 @@ class Ready:
 
     Attributes
     ----------
-    method : Reconstruction
-    solver : Solver
-    parts : RegionIterator
-    equations : Equations
-    flags : Observability
     bounds : FieldBounds
         Variances from the noise of each view, and the covariance of the modes from the poses.
     compressed : Compressed
         Without images.
-    condition : pair of float
-    messages : tuple of str
     """
 
     method: Reconstruction
@@ -104,16 +97,16 @@ class Ready:
         )
 
     def __getstate__(self) -> dict[str, Any]:
-        """Factors are not sent but made again, which is little work."""
+        """Leave out factors, which are made again with little work."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @cached_property
     def solve(self) -> Solve:
-        """The solver's factors."""
+        """Solver with its factors."""
         return self.solver.prepare(self.equations.system)
 
     def block(self, some: slice, *velocity: NDArray[Any]) -> tuple[xr.Dataset, Array]:
-        """The group ``field`` of some frequencies, and `mean_squares` of it.
+        """Make the group ``field`` of some frequencies, and `mean_squares` of it.
 
         Parameters
         ----------
@@ -140,7 +133,7 @@ class Ready:
         return result.to_dataset(), mean_squares(result.element_error, result.confidence)
 
     def _bounds_of(self, some: slice) -> FieldBounds:
-        """Bounds of some frequencies."""
+        """Select the bounds of some frequencies."""
         bounds, factor = self.bounds, self.compressed.factor[:, some]
         modes = self.compressed.modes.of_part(slice(2 * some.start, 2 * some.stop))
         assert bounds.noise is not None
@@ -154,7 +147,7 @@ class Ready:
 
 
 def _products(change: Array) -> Array:
-    """Of all pairs of modes, from (..., mode) to (..., mode * mode)."""
+    """Multiply all pairs of modes, from (..., mode) to (..., mode * mode)."""
     square = change[..., :, None] * change[..., None, :]
     return square.reshape(*change.shape[:-1], -1)
 
@@ -169,7 +162,7 @@ def stream_field(
     work: Work,
     folder: Path,
 ) -> xr.Dataset:
-    """The group ``field`` of a run by one method, as `sldvexp.field.estimate.reconstruct` makes it.
+    """Make the group ``field`` of a run by one method, as `field.estimate.reconstruct` does.
 
     Parameters
     ----------
@@ -179,10 +172,6 @@ def stream_field(
         Of these images.
     visibility : VolumeVisibility
         At its images.
-    volume : Volume
-    method : Reconstruction
-    solver : Solver
-    work : Work
     folder : Path
         For the blocks, which the group is made of as long as it is used.
 
@@ -215,12 +204,12 @@ def stream_field(
 
 
 def _labels(group: xr.Dataset) -> list[str]:
-    """Coordinates that are the same in all blocks."""
+    """List coordinates that are the same in all blocks."""
     return [str(name) for name in group.coords if name != "frequency"]
 
 
 def _joined(first: xr.Dataset, paths: Sequence[Path], moving: Sequence[Any]) -> xr.Dataset:
-    """All blocks one after the other, in the files where they are."""
+    """Join all blocks one after the other, in the files where they are."""
     lazily = xr.open_mfdataset(
         paths,
         engine="netcdf4",

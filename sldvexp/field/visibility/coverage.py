@@ -1,4 +1,4 @@
-"""How much of the samples each view sees, and why not the rest."""
+"""Coverage of the samples: how many each view sees, and why not the rest."""
 
 from __future__ import annotations
 
@@ -33,12 +33,10 @@ REMEDIES = {
 
 @dataclass(frozen=True, eq=False)
 class Coverage:
-    """What a view sees of all samples; add up those of blocks with ``+``.
+    """Samples that a view sees and loses; add up those of blocks with ``+``.
 
     Parameters
     ----------
-    view : View
-    samples, seen : int
     lost : dict of str to int
         Samples without a velocity by the reason.
     low, high : ndarray, shape (2,), steps
@@ -54,7 +52,7 @@ class Coverage:
 
     @classmethod
     def from_view(cls, view: View, found: ViewSamples) -> Self:
-        """That of one block."""
+        """Count what is seen and lost of one block."""
         dac = found.dac[np.isfinite(found.dac).all(axis=1)]
         low, high = (dac.min(axis=0), dac.max(axis=0)) if len(dac) else np.full((2, 2), np.nan)
         return cls(view, len(found.valid), int(found.valid.sum()), dict(found.lost), low, high)
@@ -70,13 +68,13 @@ class Coverage:
         )
 
     def summary(self) -> str:
-        """For example ``view 1: sees 800 of 1000 samples (outside the image 150, flagged 50)``."""
+        """Describe as ``view 1: sees 800 of 1000 samples (outside the image 150, flagged 50)``."""
         lost = [f"{why} {n}" for why, n in sorted(self.lost.items(), key=lambda x: -x[1]) if n]
         told = f"view {self.view.name}: sees {self.seen} of {self.samples} samples"
         return f"{told} ({', '.join(lost)})" if lost else told
 
     def where(self) -> str:
-        """Where the samples are in the image, against the image's own range."""
+        """Describe where the samples are in the image, against the image's own range."""
         if np.isnan(self.low).any():
             return "no sample has an image point"
         image = self.view.dac.min(axis=0), self.view.dac.max(axis=0)
@@ -85,7 +83,7 @@ class Coverage:
 
 
 def require_coverage(coverage: Sequence[Coverage]) -> None:
-    """Every view sees some of the volume.
+    """Refuse a volume of which a view sees nothing.
 
     Raises
     ------
@@ -119,6 +117,6 @@ def flagged(coverage: Sequence[Coverage]) -> str:
 
 
 def _ranges(low: Array, high: Array) -> str:
-    """Ranges of both mirrors' steps for a message."""
+    """Describe ranges of both mirrors' steps for a message."""
     each = zip(MIRRORS, low, high, strict=True)
     return " and ".join(f"{mirror} {a:.0f} to {b:.0f}" for mirror, a, b in each)

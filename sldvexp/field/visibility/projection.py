@@ -43,7 +43,7 @@ FLAGGED = "flagged"
 
 @dataclass(frozen=True, eq=False)
 class ViewSamples:
-    """What one view sees of the sample points.
+    """Samples as one view sees them.
 
     Parameters
     ----------
@@ -70,11 +70,11 @@ class ViewSamples:
     lost: dict[str, int]
 
     def velocity(self, view: View) -> ComplexArray:
-        """Interpolated velocities, shape (sample, frequency), m/s; 0 where not `valid`."""
+        """Interpolate velocities, shape (sample, frequency), m/s; 0 where not `valid`."""
         return np.asarray(self.weights @ view.velocity)
 
     def std(self, view: View) -> Array:
-        """Standard errors of `velocity`, shape (sample,), m/s; 0 where not `valid`.
+        """Compute standard errors of `velocity`, shape (sample,), m/s; 0 where not `valid`.
 
         ``sqrt(sum w^2 std^2)``, the errors of different pixels being independent; the root mean
         square over the frequencies where the pixels' errors change with them.
@@ -83,12 +83,10 @@ class ViewSamples:
         return np.sqrt(self.weights.power(2) @ square)
 
     def pose_derivative(self, view: View, laser: TwoMirror, points: Array) -> tuple[Array, Array]:
-        """How the samples' image points and directions change with the pose.
+        """Differentiate the samples' image points and directions by the pose.
 
         Parameters
         ----------
-        view : View
-        laser : TwoMirror
         points : ndarray, shape (sample, 3), m
             Those that were looked at.
 
@@ -116,8 +114,6 @@ def project_samples(
 
     Parameters
     ----------
-    view : View
-    laser : TwoMirror
     points : ndarray, shape (sample, 3), m
         In the world.
     normals : ndarray, shape (sample, 3), optional
@@ -165,7 +161,7 @@ def project_samples(
 def _spread(
     weights: scipy.sparse.csr_array, rows: IndexArray, count: int
 ) -> scipy.sparse.csr_array:
-    """The rows of a matrix as these rows of one with `count` rows, the others empty."""
+    """Put the rows of a matrix into one with `count` rows, the others empty."""
     length = np.zeros(count + 1, weights.indptr.dtype)
     length[rows + 1] = np.diff(weights.indptr)
     start = np.cumsum(length, dtype=weights.indptr.dtype)
@@ -175,7 +171,7 @@ def _spread(
 
 
 class ProjectedPoints(NamedTuple):
-    """Where points are in a view.
+    """Points as they are in a view.
 
     Parameters
     ----------
@@ -193,11 +189,10 @@ class ProjectedPoints(NamedTuple):
 
 
 def sight(view: View, laser: TwoMirror, points: Array) -> ProjectedPoints:
-    """Image points of points in space (Section 5.3.5) and direction cosines from their angles.
+    """Project points in space to image points (Section 5.3.5), with direction cosines of the beams.
 
     Parameters
     ----------
-    view : View
     laser : TwoMirror
         As configured; see `View.laser`.
     points : ndarray, shape (point, 3), m
@@ -215,18 +210,18 @@ def sight(view: View, laser: TwoMirror, points: Array) -> ProjectedPoints:
 
 
 def to_laser(view: View, points: Array) -> Array:
-    """Points in the view's laser frame, ``R (P - origin)``, shape (point, 3), m."""
+    """Turn points into the view's laser frame, ``R (P - origin)``, shape (point, 3), m."""
     return points @ view.rotation.T - view.rotation @ view.origin
 
 
 def reach(laser: TwoMirror) -> tuple[Array, Array]:
-    """Smallest and largest angle of each mirror, shape (mirror,), rad."""
+    """Find the smallest and largest angle of each mirror, shape (mirror,), rad."""
     ends = laser.angle_from_dac(np.array([[step, step] for step in laser.board.value]))
     return ends.min(axis=0), ends.max(axis=0)
 
 
 def pose_derivative(view: View, laser: TwoMirror, points: Array, dac: Array) -> tuple[Array, Array]:
-    """How image points and directions change with the pose; see `Seen.pose_derivative`.
+    """Differentiate image points and directions by the pose; see `ViewSamples.pose_derivative`.
 
     A small rotation w and a displacement t of the origin move a point in the laser frame by
     ``w x P - R t``. With the beam's direction d in the laser frame, ``D = -R' d`` changes by
@@ -248,7 +243,7 @@ def pose_derivative(view: View, laser: TwoMirror, points: Array, dac: Array) -> 
 
 
 def beam(angles: Array) -> tuple[Array, Array]:
-    """Beam directions in the laser frame and their derivatives by the angles.
+    """Compute beam directions in the laser frame and their derivatives by the angles.
 
     Parameters
     ----------
@@ -289,7 +284,6 @@ class Occlusion:
 
     Parameters
     ----------
-    view : View
     mirror_offset : float, m
     corner : ndarray, shape (triangle, 3, 3), m
         In the laser frame, (corner, axis).
@@ -314,8 +308,6 @@ class Occlusion:
 
         Parameters
         ----------
-        view : View
-        laser : TwoMirror
         nodes : ndarray, shape (node, 3), m
         triangles : ndarray of int, shape (triangle, 3)
         clearance : float, m
@@ -335,7 +327,7 @@ class Occlusion:
         return cls(view, laser.mirror_offset, corner, clearance, bins)
 
     def hides(self, points: Array) -> BoolArray:
-        """Which points stand behind the surface, shape (point,).
+        """Mark points that stand behind the surface, shape (point,).
 
         Parameters
         ----------
@@ -360,7 +352,7 @@ class Occlusion:
 
 
 def _meets(begin: Array, way: Array, part: Array, corner: Array, triangle: IndexArray) -> BoolArray:
-    """Whether each beam ``begin + s way``, 0 < s < part, meets its triangle."""
+    """Test whether each beam ``begin + s way``, 0 < s < part, meets its triangle."""
     a, b, c = np.moveaxis(corner, 1, 0)
     normal = np.cross(b - a, c - a)
     height = np.einsum("ti,ti->t", normal, a)[triangle]
@@ -380,6 +372,6 @@ def _meets(begin: Array, way: Array, part: Array, corner: Array, triangle: Index
 
 
 def _plane(angles: Array) -> Array:
-    """Places on the image's plane, shape (..., 2)."""
+    """Map angles to places on the image's plane, shape (..., 2)."""
     up_down, left_right = np.moveaxis(angles, -1, 0)
     return np.stack([np.tan(up_down), np.tan(left_right) / np.cos(up_down)], axis=-1)

@@ -1,8 +1,8 @@
-"""One view: where the instrument stood and the velocity image that it took there.
+"""View: where the instrument stood, and the velocity image that it took there.
 
-The laser as the solution of a pose has adjusted it.
-
-Why pixels are flagged, and what may be done about it.
+Intrinsics that were adjusted with a view's pose belong to it: true angles are ``gain recorded +
+zero``, and its image points are those of a laser of its own. Pixels with a flag have no say in
+anything.
 """
 
 from __future__ import annotations
@@ -32,11 +32,10 @@ VELOCITY_UNIT = "m/s"
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Where an instrument stood and its velocity image.
+    """Stand of the instrument and its velocity image.
 
     Parameters
     ----------
-    name : str
     rotation : ndarray, shape (3, 3)
         World to laser, ``P_laser = R (P_world - origin)``.
     origin : ndarray, shape (3,), m
@@ -167,11 +166,11 @@ class View:
 
     @property
     def usable(self) -> BoolArray:
-        """Which pixels have no flag, shape (pixel,)."""
+        """Pixels that have no flag, shape (pixel,)."""
         return np.asarray(self.flags == 0)
 
     def laser(self, configured: TwoMirror) -> TwoMirror:
-        """The laser that the view's pose belongs to."""
+        """Return the laser that the view's pose belongs to."""
         if self.intrinsics is None:
             return configured
         return adjusted(configured, self.intrinsics, f"view {self.name}")
@@ -229,7 +228,7 @@ class View:
 
 
 def views_of(tree: Mapping[str, xr.Dataset], laser: TwoMirror) -> list[View]:
-    """The views of a run, from its groups ``pose`` and ``image/<view>``.
+    """Collect the views of a run, from its groups ``pose`` and ``image/<view>``.
 
     Parameters
     ----------
@@ -269,7 +268,7 @@ def views_of(tree: Mapping[str, xr.Dataset], laser: TwoMirror) -> list[View]:
 
 
 def _view(name: str, pose: xr.Dataset, image: xr.Dataset, nominal: Array) -> View:
-    """One view from its pose and its image."""
+    """Make one view from its pose and its image."""
     covariance = pose["covariance"].sel(parameter=list(EXTRINSICS), parameter2=list(EXTRINSICS))
     velocity = image["velocity"].values.astype(complex)
     shape = image.attrs.get("shape")
@@ -288,7 +287,7 @@ def _view(name: str, pose: xr.Dataset, image: xr.Dataset, nominal: Array) -> Vie
 
 
 def _intrinsics(pose: xr.Dataset, nominal: Array) -> Array | None:
-    """Values of `INTRINSICS` if some were adjusted with a view's pose."""
+    """Read values of `INTRINSICS` if some were adjusted with a view's pose."""
     if "adjusted" not in pose.coords:
         return None
     found = nominal.copy()
@@ -319,7 +318,7 @@ def require_same(images: Mapping[str, xr.Dataset]) -> None:
 
 
 def _in_short(frequency: Array) -> str:
-    """Frequencies for a message."""
+    """Write frequencies for a message."""
     if not len(frequency):
         return "none stated"
     some = ", ".join(f"{f:.9g}" for f in frequency[:3])
@@ -327,7 +326,7 @@ def _in_short(frequency: Array) -> str:
 
 
 def adjusted(laser: TwoMirror, intrinsics: Array, where: str) -> TwoMirror:
-    """A laser whose true angles are ``gain recorded + zero``, and with another mirror offset.
+    """Adjust a laser: true angles are ``gain recorded + zero``, the mirror offset is another.
 
     Parameters
     ----------
@@ -378,7 +377,7 @@ REMEDIES = {
 
 
 def why(*views: View) -> str:
-    """How many pixels of some views are flagged, by which flags, and what to do.
+    """Describe how many pixels of some views are flagged, by which flags, and what to do.
 
     For example ``9 of 9 pixels are flagged (saturated 9): excite less, or ...``.
     """
@@ -390,7 +389,7 @@ def why(*views: View) -> str:
 
 
 def require_usable(views: Sequence[View]) -> None:
-    """Every image has pixels that are not flagged.
+    """Refuse images whose every pixel is flagged.
 
     Raises
     ------

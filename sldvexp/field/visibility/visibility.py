@@ -20,9 +20,8 @@ from sldvexp.image.interpolation.base import Interpolator
 from sldvexp.image.interpolation.methods import Interpolation
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.typing import Array, BoolArray, IndexArray
-from sldvexp.volume.base import Volume
-from sldvexp.volume.prisms import Prisms
-from sldvexp.volume.samples import SampleRule, sample_frames, sample_positions
+from sldvexp.volume import Prisms, SampleRule, Volume, sample_positions
+from sldvexp.volume.samples import sample_frames
 
 #: Samples of a volume up to which what the views see of them is remembered.
 CACHE_SAMPLES = 200_000
@@ -30,7 +29,7 @@ CACHE_SAMPLES = 200_000
 
 @dataclass(frozen=True, eq=False)
 class SampleVisibility:
-    """The samples in the prisms over some triangles, and what each view sees of them.
+    """Samples in the prisms over some triangles, and what each view sees of them.
 
     Attributes
     ----------
@@ -49,7 +48,7 @@ class SampleVisibility:
 
     @property
     def valid(self) -> BoolArray:
-        """Which view has a velocity of which sample, shape (sample, view)."""
+        """Samples that a view has a velocity of, shape (sample, view)."""
         return np.stack([s.valid for s in self.by_view], axis=1)
 
     @property
@@ -60,16 +59,12 @@ class SampleVisibility:
 
 @dataclass(eq=False)
 class VolumeVisibility:
-    """What all views see of a volume.
+    """Samples of a volume as all views see them.
 
     Parameters
     ----------
-    views : sequence of View
     laser : TwoMirror
         As configured; see `View.laser`.
-    prisms : Prisms
-    rule : SampleRule
-    interpolation : Interpolation
     grazing : float, rad
         Points seen under a larger angle from their normal are left out.
     one_sided : bool
@@ -102,9 +97,6 @@ class VolumeVisibility:
 
         Parameters
         ----------
-        views : sequence of View
-        laser : TwoMirror
-        volume : Volume
         prisms : Prisms, optional
             Those of the volume, where they are made already.
         """
@@ -133,7 +125,7 @@ class VolumeVisibility:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The views' names."""
+        """Names of the views."""
         return tuple(v.name for v in self.views)
 
     @property

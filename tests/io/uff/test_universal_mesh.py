@@ -7,7 +7,7 @@ import pytest
 
 from sldvexp.errors import UserError
 from sldvexp.units import LengthUnit
-from sldvexp.volume.mesh import MeshFile
+from sldvexp.volume import MeshFile
 
 PLATE = {5: [0, 0, 0], 7: [40, 0, 0], 9: [40, 30, 0], 11: [0, 30, 0], 13: [80, 0, 0]}
 
