@@ -73,7 +73,7 @@ FIGURES: dict[str, FigureEntry] = {
 def figures_of(
     source: Source | RunData, folder: str | Path | None = None
 ) -> dict[str, Callable[..., Figure]]:
-    """The figures that a run can show, each ready to be drawn.
+    """Find the figures that a run can show, each ready to be drawn.
 
     Parameters
     ----------

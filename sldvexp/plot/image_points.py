@@ -32,7 +32,7 @@ MIRRORS = {name: name.replace("_", "-") for name in reversed(AXES["mirror"])}
 
 
 def unavailable_because(run: RunData) -> str:
-    """Why no bitangent points can be shown; empty if they can."""
+    """Explain why no bitangent points can be shown; empty if they can."""
     if not run.has("registration", "dac"):
         return NO_POINTS
     scanned = run.below("edge", "dac")
@@ -40,19 +40,19 @@ def unavailable_because(run: RunData) -> str:
 
 
 def residuals_unavailable_because(run: RunData) -> str:
-    """Why no residuals can be shown; empty if they can."""
+    """Explain why no residuals can be shown; empty if they can."""
     return "" if run.has("pose", "residual") or run.has("pose", "residual_rms") else NO_RESIDUALS
 
 
 def repeats_unavailable_because(run: RunData) -> str:
-    """Why no repeatability can be shown; empty if it can."""
+    """Explain why no repeatability can be shown; empty if it can."""
     found = run.below("examined", "dac_std") and run.has("registration", "dac")
     return "" if found else NO_REPEATS
 
 
 @style.styled
 def bitangents(source: Source | RunData, view: str | None = None) -> Figure:
-    """Bitangent points, their tangents and the ellipses that they touch, a panel for each view.
+    """Draw bitangent points, their tangents and the ellipses that they touch, view by view.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def bitangents(source: Source | RunData, view: str | None = None) -> Figure:
 
 
 def _touching(axes: Axes, run: RunData, view: str) -> None:
-    """The ellipses of one view, and the tangents from point to point."""
+    """Draw the ellipses of one view, and the tangents from point to point."""
     points = run.groups["registration"].sel(view=view)
     if f"edge/{view}" in run.groups:
         for _, _, _, curve in fitted(run, view).values():
@@ -116,7 +116,7 @@ def _number(axes: Axes, dac: np.ndarray, numbers: np.ndarray) -> None:
 
 @style.styled
 def pose_residuals(source: Source | RunData) -> Figure:
-    """What the poses leave at the image points, in DAC steps; by view, if that is all there is.
+    """Draw what the poses leave at the image points; by view, if that is all there is.
 
     Error bars are the standard deviation of a mirror reading, s.
 
@@ -132,7 +132,7 @@ def pose_residuals(source: Source | RunData) -> Figure:
 
 
 def _by_point(pose: xr.Dataset) -> Figure:
-    """Residuals of both mirrors, a panel for each view."""
+    """Draw residuals of both mirrors, a panel for each view."""
     names = [str(v) for v in pose["view"].values]
     columns = min(len(names), COLUMNS)
     rows = -(-len(names) // columns)
@@ -165,7 +165,7 @@ def _by_point(pose: xr.Dataset) -> Figure:
 
 
 def _by_view(pose: xr.Dataset) -> Figure:
-    """Root mean square residual of each view, where no points are known."""
+    """Draw root mean square residual of each view, where no points are known."""
     names = [str(v) for v in pose["view"].values]
     made = style.figure(max(5.0, 1.8 + 0.5 * len(names)), 3.4, "Residuals of the poses by view")
     axes = made.subplots()
@@ -188,7 +188,7 @@ def _by_view(pose: xr.Dataset) -> Figure:
 
 @style.styled
 def repeatability(source: Source | RunData) -> Figure:
-    """Scatter of repeated image points: both mirrors and standard deviation (Figures 4.25 to 4.27).
+    """Draw how repeated image points scatter, of both mirrors (Figures 4.25 to 4.27).
 
     Raises
     ------
@@ -220,7 +220,7 @@ def repeatability(source: Source | RunData) -> Figure:
 
 
 def _scatter(axes: Axes, examined: xr.Dataset, repeats: int, numbers: np.ndarray) -> None:
-    """Standard deviations, with the 95 % intervals that chi square gives them."""
+    """Draw standard deviations, with the 95 % intervals that chi square gives them."""
     dof = repeats - 1
     low, high = np.sqrt(dof / scipy.special.chdtri(dof, [0.025, 0.975]))
     for (mirror, text), look, shift in zip(

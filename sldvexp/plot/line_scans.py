@@ -54,7 +54,7 @@ class Taken:
 
 
 def unavailable_because(run: RunData) -> str:
-    """Why no scan lines can be shown; empty if they can."""
+    """Explain why no scan lines can be shown; empty if they can."""
     return "" if "config" in run.attributes and _views(run) else NO_LINES
 
 
@@ -65,7 +65,7 @@ def scan_lines(
     circle: int = 1,
     folder: str | Path | None = None,
 ) -> Figure:
-    """Scan lines across one circle (Figures 4.13 to 4.17 and 4.19 to 4.22).
+    """Draw scan lines across one circle (Figures 4.13 to 4.17 and 4.19 to 4.22).
 
     A column for the coarse and one for the fine lines; rows are the velocity as measured,
     median-filtered, its gradient along the line, and the edges that were found.
@@ -99,7 +99,7 @@ def scan_lines(
 
 
 def _column(axes: Any, kind: str, taken: Taken) -> None:
-    """Four panels of one kind of lines."""
+    """Draw four panels of one kind of lines."""
     factor, unit = style.prefixed(taken.raw.magnitude, style.SPEED)
     along = taken.raw.along
     count = f"{len(along)} {kind} lines"
@@ -127,7 +127,7 @@ def _column(axes: Any, kind: str, taken: Taken) -> None:
 
 
 def edge_heights(taken: Taken) -> tuple[np.ndarray, np.ndarray]:
-    """Place of each edge along its line, steps, and the filtered velocity there, m/s."""
+    """Find place of each edge along its line, steps, and the filtered velocity there, m/s."""
     edges, lines = taken.edges, taken.raw
     away = edges.position - lines.origin[edges.line]
     place = (away * lines.direction[edges.line]).sum(axis=-1)
@@ -143,7 +143,7 @@ def _lines(
     error: np.ndarray | None = None,
     faint: bool = False,
 ) -> None:
-    """A few lines each in its own look, many in one; their standard errors if they are known."""
+    """Draw a few lines each in its own look, many in one; their standard errors if known."""
     few = len(along) <= len(style.LINES)
     for k, look in enumerate(style.looks(len(along))):
         own = {"color": look["color"], "linestyle": look["linestyle"]} if few else {}
@@ -180,7 +180,7 @@ def _take(run: RunData, view: str, circle: str, kind: str) -> Taken:
 
 
 def _image(run: RunData, view: str, name: str) -> tuple[Any, np.ndarray]:
-    """Complex pixels of the kept lines of a name, and their DAC steps (line, pixel, mirror)."""
+    """Demodulate the kept lines of a name: complex pixels and DAC steps (line, pixel, mirror)."""
     kept = [read_line(path) for path in sorted(_journal(run, view).glob(f"{name}_*.npz"))]
     whole = [line for line in kept if line is not None]
     if not whole:
@@ -199,7 +199,7 @@ def _image(run: RunData, view: str, name: str) -> tuple[Any, np.ndarray]:
 
 
 def _scan_settings(run: RunData) -> dict[str, Any]:
-    """Settings of the scan of the calibration object; a session has them below its own."""
+    """Read how the calibration object was scanned; a session has that below its own settings."""
     scan: dict[str, Any] = settings(run, "scan_lines")["scan"] or {}
     scan = scan.get("calibration") or scan
     if not all(key in scan for key in (*KINDS, "edge")):
@@ -212,12 +212,12 @@ def _journal(run: RunData, view: str) -> Path:
 
 
 def _views(run: RunData) -> list[str]:
-    """Views with kept lines of both kinds."""
+    """Find views with kept lines of both kinds."""
     return [view for view in run.below("edge") if run.folder and _circles(run, view)]
 
 
 def _circles(run: RunData, view: str) -> list[str]:
-    """Circles of a view with kept lines of both kinds, by their number."""
+    """Find circles of a view with kept lines of both kinds, by their number."""
     names = {p.name.rpartition("_")[0] for p in _journal(run, view).glob("*_*.npz")}
     numbers = {m[1] for name in names if (m := re.fullmatch(r"(\d+)_fine", name))}
     return sorted((n for n in numbers if f"{n}_coarse" in names), key=int)

@@ -1,8 +1,6 @@
-"""The shared part of all reports: pages that are made of datasets alone, after these are safe.
+"""The contract of reports, pages that are made of datasets alone after these are safe.
 
-`report=none`: the dataset only.
-
-What the stages of a run noted, with the result that it is about where there are several.
+Also `report=none`, which makes none, and the notes of a run's stages, which every report tells.
 """
 
 from __future__ import annotations
@@ -106,10 +104,10 @@ class NoReport(Report):
     """No page; `sldvexp report` makes one of the dataset later."""
 
     def of_run(self, path: Path) -> None:
-        """Nothing, see `Report.of_run`."""
+        """Make nothing, see `Report.of_run`."""
 
     def of_sweep(self, path: Path, ranking: Sequence[Mapping[str, Any]]) -> None:
-        """Nothing, see `Report.of_sweep`."""
+        """Make nothing, see `Report.of_sweep`."""
 
 
 def notes(run: RunData) -> list[str]:

@@ -13,12 +13,12 @@ MORE_IS_BETTER = (
 
 
 def first(result: str) -> str:
-    """Which values of a result, such as ``point.rcond``, are the best."""
+    """Tell which values of a result, such as ``point.rcond``, are the best."""
     return LARGEST if result.split(".")[-1] in MORE_IS_BETTER else SMALLEST
 
 
 def number(value: complex, digits: int = 4) -> str:
-    """A real or complex number with `digits` significant digits."""
+    """Write a real or complex number with `digits` significant digits."""
     value = complex(value)
     if math.isnan(value.real):
         return "-"
@@ -28,7 +28,7 @@ def number(value: complex, digits: int = 4) -> str:
 
 
 def with_bound(value: complex, bound: float) -> str:
-    """``value ± bound``, rounded to two digits of the bound.
+    """Write ``value ± bound``, rounded to two digits of the bound.
 
     Examples
     --------

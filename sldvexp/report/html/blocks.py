@@ -78,7 +78,7 @@ class HtmlTable:
 
     @classmethod
     def from_table(cls, shown: TerminalTable, wide: Sequence[int] = ()) -> HtmlTable:
-        """The same as a table that the terminal shows."""
+        """Take over a table that the terminal shows."""
         columns = [[Marked.from_markup(str(c)).plain for c in of.cells] for of in shown.columns]
         headers = [Marked.from_markup(str(of.header)).plain for of in shown.columns]
         rows = list(zip(*columns, strict=True))
@@ -179,7 +179,7 @@ class Section:
 
 
 def having(*blocks: Any) -> list[Any]:
-    """Those blocks that there are, in order; lists of blocks are joined."""
+    """Keep the blocks that there are, in order; lists of blocks are joined."""
     found: list[Any] = []
     for block in blocks:
         if isinstance(block, Iterable):
