@@ -38,7 +38,6 @@ def evaluate(
 
     Parameters
     ----------
-    expect : mapping of str to Expectation
     tree : mapping of str to xarray.Dataset
         Group path to dataset.
 
@@ -51,6 +50,13 @@ def evaluate(
     ------
     UserError
         If an expectation names something that the run does not have, or of another shape.
+
+    Examples
+    --------
+    >>> pose = dataset.group("pose", {"view": ["front"]}, origin=[[0.1, 0.2, 1.7]])
+    >>> near = Expectation(published={"pose/origin[axis=z]": 1.71}, tolerance=0.02)
+    >>> evaluate({"distance": near}, {"pose": pose})["passed"].values
+    array([1], dtype=int8)
     """
     rows: list[Row] = []
     for name, expectation in expect.items():
@@ -72,6 +78,13 @@ def lookup(of: str, tree: Mapping[str, xr.Dataset]) -> tuple[list[str], np.ndarr
 
     Between bars, ``|image/front/velocity|``, it stands for their magnitudes. Dimensions of length
     one are dropped.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> pose = group("pose", {"view": ["front"]}, origin=[[0.1, 0.2, 1.7]])
+    >>> lookup("pose/origin[axis=z]", {"pose": pose})
+    ([''], array(1.7))
     """
     if size := re.fullmatch(r"\s*\|(.*)\|\s*", of):
         labels, numbers = lookup(size[1], tree)

@@ -50,7 +50,6 @@ class Prediction:
 
     Attributes
     ----------
-    views : tuple of str
     depth : ndarray, shape (depth,), m
         Sampled depths along the normals, ascending.
     error : ndarray, shape (view, depth), m/s

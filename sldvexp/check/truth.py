@@ -70,7 +70,6 @@ class Columns:
 
     Attributes
     ----------
-    layers : int
     inside : ndarray of int, shape (column,)
         Surface nodes whose column crosses it.
     below : ndarray of int, shape (column,)

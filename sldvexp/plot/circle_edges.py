@@ -52,10 +52,14 @@ def edges(source: Source | RunData, view: str | None = None) -> Figure:
     view : str, optional
         Only this one.
 
-    Raises
-    ------
-    UserError
-        If the run has no edges, or none of that view.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> dac = [[100, 80], [120, 100], [100, 120], [80, 100]]
+    >>> edge = group("edge", {}, dac=dac, dac_std=np.full(4, 0.1), circle=np.ones(4, int))
+    >>> edges({"edge/front": edge}).axes[0].get_title()
+    'view front: 4 edges ± 0.1 steps (median)'
     """
     run = RunData.from_source(source)
     require("edges", unavailable_because(run))
@@ -112,10 +116,17 @@ def conics(source: Source | RunData, view: str | None = None) -> Figure:
     view : str, optional
         Without it the first.
 
-    Raises
-    ------
-    UserError
-        If the run has no edges, or none of that view.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> turn, one = np.linspace(0.0, 6.0, 12), np.ones(12)
+    >>> out = np.column_stack([np.sin(turn), np.cos(turn)])
+    >>> edge = group("edge", {}, dac=100 + 20 * out, dac_std=0.1 * one, direction=out,
+    ...              width=2 * one, phase=0 * one, circle=one.astype(int))
+    >>> edge.attrs["summary"] = "circle 1: 12 edges"
+    >>> conics({"edge/front": edge}).axes[1].get_title()
+    'χ² 0 of 7 degrees of freedom'
     """
     run = RunData.from_source(source)
     require("conics", unavailable_because(run))
@@ -144,10 +155,17 @@ def conic_residuals(source: Source | RunData) -> Figure:
     Beside a circle's number stand its edges in the order of their direction from its centre, from
     -180 to 180 deg, as `conics` shows them of one view.
 
-    Raises
-    ------
-    UserError
-        If the run has no edges.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> turn, one = np.linspace(0.0, 6.0, 12), np.ones(12)
+    >>> out = np.column_stack([np.sin(turn), np.cos(turn)])
+    >>> edge = group("edge", {}, dac=100 + 20 * out, dac_std=0.1 * one, direction=out,
+    ...              width=2 * one, phase=0 * one, circle=one.astype(int))
+    >>> edge.attrs["summary"] = "circle 1: 12 edges"
+    >>> conic_residuals({"edge/front": edge}).axes[0].get_title()
+    'view front: χ² 0 of 7 degrees of freedom'
     """
     run = RunData.from_source(source)
     require("conic_residuals", unavailable_because(run))

@@ -35,10 +35,18 @@ def field(
     name : str, optional
         ``field``, or one of those it is compared with.
 
-    Raises
-    ------
-    UserError
-        If the run has no field, or none there.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> corner = np.array([[0, 0], [0.1, 0], [0, 0.1], [0.1, 0.1]])
+    >>> place = np.array([[x, y, z] for z in (0.0, 0.01) for x, y in corner])
+    >>> prisms = [[0, 1, 2, 4, 5, 6], [1, 3, 2, 5, 7, 6]]
+    >>> depth = group("volume", {}, depth=[0.0, 0.01])
+    >>> solved = group("field", {}, velocity=place + 0j, position=place, element=prisms,
+    ...                confidence=0.1 * place, observable=np.ones((8, 3), int))
+    >>> field({"volume": depth, "field": solved}).axes[0].get_title()
+    'x: size'
     """
     run = RunData.from_source(source)
     require("field", field_unavailable_because(run))

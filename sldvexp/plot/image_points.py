@@ -59,10 +59,14 @@ def bitangents(source: Source | RunData, view: str | None = None) -> Figure:
     view : str, optional
         Only this one.
 
-    Raises
-    ------
-    UserError
-        If the run has no bitangent points, or none of that view.
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> points = {"view": ["front"], "point": [1, 2, 3, 4]}
+    >>> registration = group("registration", points, dac=[[[0, 0], [0, 9], [5, 9], [5, 0]]])
+    >>> edge = group("edge", {}, dac=[[5.0, 1.0]])  # of another view, whose points are not drawn
+    >>> bitangents({"registration": registration, "edge/left": edge}).axes[0].get_title()
+    'view front'
     """
     run = RunData.from_source(source)
     require("bitangents", unavailable_because(run))
@@ -120,10 +124,12 @@ def pose_residuals(source: Source | RunData) -> Figure:
 
     Error bars are the standard deviation of a mirror reading, s.
 
-    Raises
-    ------
-    UserError
-        If the run has no pose that leaves residuals.
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> pose = group("pose", {"view": ["front", "left"]}, residual_rms=[0.2, 0.3], s=[0.25, 0.35])
+    >>> pose_residuals({"pose": pose}).axes[0].get_ylabel()
+    'DAC steps'
     """
     run = RunData.from_source(source)
     require("pose_residuals", residuals_unavailable_because(run))
@@ -190,10 +196,17 @@ def _by_view(pose: xr.Dataset) -> Figure:
 def repeatability(source: Source | RunData) -> Figure:
     """Draw how repeated image points scatter, of both mirrors (Figures 4.25 to 4.27).
 
-    Raises
-    ------
-    UserError
-        If the run does not repeat a pose.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> dac = np.array([[[10, 20], [30, 40]], [[12, 20], [30, 41]]])
+    >>> points = group("registration", {"view": ["1", "2"], "point": [1, 2]}, dac=dac)
+    >>> std = dac.std(axis=0, ddof=1)
+    >>> found = group("examined/repeatability", {"point": [1, 2]}, dac_std=std, largest=std.max())
+    >>> figure = repeatability({"registration": points, "examined/again": found})
+    >>> figure.axes[2].get_ylabel()
+    'standard deviation, DAC steps'
     """
     run = RunData.from_source(source)
     require("repeatability", repeats_unavailable_because(run))

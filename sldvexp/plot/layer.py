@@ -122,7 +122,6 @@ def layer_of(
 
     Parameters
     ----------
-    run : RunData
     figure : str
         For messages.
     frequency : float, Hz, optional

@@ -38,10 +38,8 @@ class Taken:
 
     Parameters
     ----------
-    raw : ScanLines
     filtered : ndarray, shape (line, pixel), m/s
     gradient : ndarray, shape (line, pixel), m/s per step
-    edges : ScanLineEdges
     window : int
         Of the median filter, pixels.
     """
@@ -79,10 +77,11 @@ def scan_lines(
     folder : str or Path, optional
         Of the run, if `source` is not the file in it: the samples are in its ``journal``.
 
-    Raises
-    ------
-    UserError
-        If the scan lines were not kept, or there is no such view or circle.
+    Examples
+    --------
+    >>> scan_lines({})  # samples in the folder of a run are needed
+    Traceback (most recent call last):
+    sldvexp.errors.UserError: plot: scan_lines: the run has no scan lines across circles ...
     """
     run = RunData.from_source(source, folder)
     require("scan_lines", unavailable_because(run))

@@ -45,10 +45,18 @@ def nodal(
         ``line``: those along the layer's longer side through its largest velocity. ``all``: all of
         the layer, by number. Numbers of nodes: these, of any layer.
 
-    Raises
-    ------
-    UserError
-        If the run has no field, or not these nodes.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> corner = np.array([[0, 0], [0.1, 0], [0, 0.1], [0.1, 0.1]])
+    >>> place = np.array([[x, y, z] for z in (0.0, 0.01) for x, y in corner])
+    >>> prisms = [[0, 1, 2, 4, 5, 6], [1, 3, 2, 5, 7, 6]]
+    >>> depth = group("volume", {}, depth=[0.0, 0.01])
+    >>> solved = group("field", {}, velocity=place + 0j, position=place, element=prisms,
+    ...                confidence=0.1 * place, observable=np.ones((8, 3), int))
+    >>> nodal({"volume": depth, "field": solved}, nodes="all", component="x").axes[0].get_ylabel()
+    'x, real, mm/s'
     """
     run = RunData.from_source(source)
     require("nodal", field_unavailable_because(run))

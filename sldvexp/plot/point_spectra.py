@@ -56,10 +56,13 @@ def point(source: Source | RunData, number: int = 0) -> Figure:
     number : int
         Which point, from 0, if the run has several.
 
-    Raises
-    ------
-    UserError
-        If the run has no velocity of points, or not so many.
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> velocity, std = [0.01, 0.002j, 0.02], [1e-4, 1e-4, 2e-4]
+    >>> found = group("point", {}, velocity=velocity, velocity_std=std)
+    >>> point({"point": found}).axes[0].get_ylabel()
+    'real, mm/s'
     """
     run = RunData.from_source(source)
     require("point", unavailable_because(run))
@@ -87,10 +90,16 @@ def spectrum(source: Source | RunData, node: int | None = None, name: str | None
     name : str, optional
         ``field``, or one of those it is compared with.
 
-    Raises
-    ------
-    UserError
-        If the run has no field at several frequencies, or not this node.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> place = np.zeros((6, 3))
+    >>> velocity = 0.01 * np.ones((6, 3, 2)) * [1, 1j]
+    >>> solved = group("field", {"frequency": [100.0, 200.0]}, velocity=velocity, position=place,
+    ...                element=[[0, 1, 2, 3, 4, 5]])
+    >>> spectrum({"field": solved}, node=0).axes[0].get_ylabel()
+    'x, size, mm/s'
     """
     run = RunData.from_source(source)
     require("spectrum", spectrum_unavailable_because(run))

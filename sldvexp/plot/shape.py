@@ -57,10 +57,18 @@ def surface(
     component : str, optional
         Without it the one that is largest.
 
-    Raises
-    ------
-    UserError
-        If the run has no field and no points, or not this component, depth or field.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> corner = np.array([[0, 0], [0.1, 0], [0, 0.1], [0.1, 0.1]])
+    >>> place = np.array([[x, y, z] for z in (0.0, 0.01) for x, y in corner])
+    >>> prisms = [[0, 1, 2, 4, 5, 6], [1, 3, 2, 5, 7, 6]]
+    >>> depth = group("volume", {}, depth=[0.0, 0.01])
+    >>> solved = group("field", {}, velocity=place + 0j, position=place, element=prisms,
+    ...                confidence=0.1 * place, observable=np.ones((8, 3), int))
+    >>> surface({"volume": depth, "field": solved}, component="x").axes[0].get_zlabel()
+    'velocity, mm/s'
     """
     run = RunData.from_source(source)
     require("surface", unavailable_because(run))
@@ -163,7 +171,6 @@ def points_surface(run: RunData, frequency: float | None, component: str | None)
 
     Parameters
     ----------
-    run : RunData
     frequency : float, Hz, optional
     component : str, optional
         That the colours tell; without it the largest one.

@@ -252,12 +252,10 @@ def sheet(
 
     Parameters
     ----------
-    rows, columns : int
     width : float, inch
         Of the figure.
     ratio : float
         Height of a panel over its width.
-    title : str
     beside : float, inch
         At the right of every panel.
     below : float, inch

@@ -60,10 +60,13 @@ def sweep(source: Source | RunData, quantity: str | None = None) -> Figure:
     matplotlib.figure.Figure
         With a panel for each component of the result, r.m.s. over its frequencies.
 
-    Raises
-    ------
-    UserError
-        If it is no sweep, or has no such result.
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> state, sse = ("seed", ["done", "done"]), ("seed", [1.0, 1.5])
+    >>> table = xr.Dataset({"point.sse": sse, "state": state}, {"seed": [1, 2]})
+    >>> sweep(table, "point.sse").get_suptitle()
+    'point.sse of 2 runs'
     """
     run = RunData.from_source(source)
     require("sweep", unavailable_because(run))

@@ -54,10 +54,15 @@ def images(
     frequency : float, Hz, optional
         Without it the one of the largest velocity in the first of them.
 
-    Raises
-    ------
-    UserError
-        If the run has no image, or none of that view and frequency.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> dac = np.array([[i, j] for i in range(3) for j in range(4)])
+    >>> velocity = 0.01 * np.exp(0.1j * dac[:, 1])
+    >>> image = group("image", {}, velocity=velocity, dac=dac)
+    >>> images({"image/front": image}).axes[0].get_title()
+    'view front: real part'
     """
     run = RunData.from_source(source)
     require("images", unavailable_because(run))
@@ -87,10 +92,15 @@ def phase_correction(
     frequency : float, Hz, optional
         Without it the one of the largest velocity.
 
-    Raises
-    ------
-    UserError
-        If the run has no image before the correction, or none of that view and frequency.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> dac = np.array([[i, j] for i in range(3) for j in range(4)])
+    >>> velocity = 0.01 * np.exp(0.1j * dac[:, 1])
+    >>> image = group("image", {}, velocity=velocity, uncorrected=velocity * 1j, dac=dac)
+    >>> phase_correction({"image/front": image}).axes[0].get_title()
+    'raw: real part'
     """
     run = RunData.from_source(source)
     require("phase_correction", raw_unavailable_because(run))

@@ -34,10 +34,16 @@ def residuals(source: Source | RunData) -> Figure:
 
     Bars by view, hatched by field, for a few frequencies; curves over the frequency for many.
 
-    Raises
-    ------
-    UserError
-        If the run has no field with residuals by view.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> place = np.zeros((6, 3))
+    >>> rms = [1e-4, 2e-4]
+    >>> solved = group("field", {"view": ["front", "left"]}, velocity=place, position=place,
+    ...                element=[[0, 1, 2, 3, 4, 5]], residual_std_by_view=rms)
+    >>> residuals({"field": solved}).axes[0].get_ylabel()
+    'r.m.s. residual, µm/s'
     """
     run = RunData.from_source(source)
     require("residuals", unavailable_because(run))

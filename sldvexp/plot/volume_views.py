@@ -42,10 +42,17 @@ def unavailable_because(run: RunData) -> str:
 def volume(source: Source | RunData) -> Figure:
     """Draw the volume among the instrument's places, and its nodes in every view's image.
 
-    Raises
-    ------
-    UserError
-        If the run has no volume or no pose.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> corner = np.array([[0, 0], [0.1, 0], [0, 0.1], [0.1, 0.1]])
+    >>> place = np.array([[x, y, z] for z in (1.5, 1.51) for x, y in corner])
+    >>> prisms = [[0, 1, 2, 4, 5, 6], [1, 3, 2, 5, 7, 6]]
+    >>> block = group("volume", {}, position=place, element=prisms, depth=[0.0, 0.01])
+    >>> pose = group("pose", {"view": ["front"]}, origin=np.zeros((1, 3)), rotation=[np.eye(3)])
+    >>> volume({"volume": block, "pose": pose}).get_suptitle()
+    'Volume of 8 nodes, 2 prisms, 2 layers from 0 to 10 mm'
     """
     run = RunData.from_source(source)
     require("volume", unavailable_because(run))

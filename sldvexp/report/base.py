@@ -32,6 +32,17 @@ class Report(ABC):
     each_run : bool
         Whether each run of a sweep gets a page of its own, also those that are done already; the
         sweep always has one.
+
+    Examples
+    --------
+    >>> class Title(Report):
+    ...     def of_run(self, path: Path) -> Path:
+    ...         page = path.with_name(REPORT_FILE)
+    ...         page.write_text(f"<title>{path}</title>")
+    ...         return page
+    ...     def of_sweep(self, path: Path, ranking: Sequence[Mapping[str, Any]]) -> None:
+    ...         return None
+    >>> Title().of_sweep(Path("sweep.nc"), [])
     """
 
     each_run: bool = False
@@ -83,6 +94,11 @@ def attempt(make: Callable[[], Path | None], dataset: Path) -> list[Path]:
     -------
     list of Path
         The page, or nothing.
+
+    Examples
+    --------
+    >>> attempt(lambda: Path("report.html"), Path("run.nc"))
+    [PosixPath('report.html')]
     """
     try:
         page = make()
@@ -111,7 +127,15 @@ class NoReport(Report):
 
 
 def notes(run: RunData) -> list[str]:
-    """List every note once; one that is not of all results names those that it is of."""
+    """List every note once; one that is not of all results names those that it is of.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> pose = group("pose", {"view": ["front"]}, s=[0.2]).assign_attrs(notes="few points")
+    >>> notes(RunData({"pose": pose}))
+    ['few points']
+    """
     results = [n for n in run.groups if n in ("point", "field") or n.startswith("compare/")]
     found: dict[str, list[str]] = {}
     for name, group in run.groups.items():

@@ -35,6 +35,13 @@ def pose_text(pose: xr.Dataset) -> str:
     str
         For each view: source, SSE in deg^2, s^2 and s in degrees and DAC steps, then Euler angles
         (rad) and origin (m), each ``+-`` the half-width of its confidence interval.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> pose = group("pose", {"view": ["front"]}, euler=[[0.1, 2.9, 0.3]], origin=[[0, 0, 1.7]])
+    >>> pose_text(pose).splitlines()[2]
+    '  phi1 =  0.100 (no bound)'
     """
     return "\n".join(_pose_view_text(pose.sel(view=v), str(v)) for v in pose["view"].values)
 
@@ -90,6 +97,14 @@ def pose_methods(found: xr.Dataset) -> Table:
     ----------
     found : xarray.Dataset
         As ``check=pose_methods`` makes it.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> found = group("examined/pose_methods", {"pose_method": ["edge"]}, views=[2], s_mean=[0.2],
+    ...               s_std=[0.01])
+    >>> [column.header for column in pose_methods(found).columns]
+    ['method', 'views', 's, DAC steps', 'std']
     """
     table = Table(title="Pose methods", title_justify="left")
     known = VARIABLES["examined/pose_methods"]
@@ -105,7 +120,13 @@ def pose_methods(found: xr.Dataset) -> Table:
 
 
 def field_tables(run: RunData) -> Iterator[Table]:
-    """Make a table of all methods, one of the components by frequency, one of the checks."""
+    """Make a table of all methods, one of the components by frequency, one of the checks.
+
+    Examples
+    --------
+    >>> list(field_tables(RunData({})))  # of a run without a field
+    []
+    """
     fields = run.fields()
     if not fields:
         return
@@ -208,6 +229,14 @@ def image_text(run: RunData) -> str:
 
     That is pixels, flagged ones by kind, and for the strongest frequencies the largest amplitude
     and the median standard error.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> image = group("image", {"frequency": [200.0]}, velocity=[[0.01], [0.02j]],
+    ...               velocity_std=[[1e-4], [1e-4]], flags=[0, 0])
+    >>> print(image_text(RunData({"image/front": image.assign_attrs(summary="all of use")})))
+    Image of the view front: all of use; 200 Hz: at most 20 mm/s, median std 0.1 mm/s
     """
     return "\n".join(_image_view_text(v, image) for v, image in run.below("image").items())
 

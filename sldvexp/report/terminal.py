@@ -34,7 +34,16 @@ ALONG_AXIS = 1 - 1e-9
 
 
 def closing_table(source: Source | RunData, files: Sequence[Path]) -> None:
-    """Print what was estimated, published and met, what to mind, and where the files lie."""
+    """Print what was estimated, published and met, what to mind, and where the files lie.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> pose = group("pose", {"view": ["front"]}, s=[0.2]).assign_attrs(notes="few points")
+    >>> closing_table({"image": pose}, [Path("run.nc")])
+    note: few points
+    run.nc
+    """
     run = RunData.from_source(source)
     console = Console()
     if not console.is_terminal:
@@ -64,7 +73,15 @@ def closing_table(source: Source | RunData, files: Sequence[Path]) -> None:
 
 
 def estimates(run: RunData, most: int = MOST_VELOCITIES) -> Iterator[tuple[str, str, str, str]]:
-    """List rows of all groups that hold estimates, at most so many velocities of each."""
+    """List rows of all groups that hold estimates, at most so many velocities of each.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> found = group("point", {}, velocity=[0.01, 0.0, 0.02j], confidence=[1e-3, 1e-3, 1e-3])
+    >>> next(estimates(RunData({"point": found})))
+    ('point: V_x', '0.0100 ± 0.0010', 'm/s', '')
+    """
     for name, group in run.groups.items():
         if name == "pose":
             shared = list(json.loads(group.attrs.get("shared", "{}")))
@@ -207,6 +224,13 @@ def fitted(table: Table, width: int, keep: Collection[str] = (), rest: str = "")
         Headers of columns that stay; of the others those at the right are left out as needed.
     rest : str
         Where the columns that are left out can be read.
+
+    Examples
+    --------
+    >>> table = Table("name", "value", "note")
+    >>> table.add_row("rcond", "0.25", "well conditioned")
+    >>> [column.header for column in fitted(table, 20, ("name", "value")).columns]
+    ['name', 'value']
     """
     columns, left_out = list(table.columns), []
     for column in reversed(table.columns):

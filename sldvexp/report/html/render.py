@@ -17,12 +17,6 @@ from sldvexp.report.html.blocks import Link, More, Section, Shape
 def write(path: Path, title: str, subtitle: str, sections: Sequence[Section]) -> Path:
     """Write a page, whole or not at all.
 
-    Parameters
-    ----------
-    path : Path
-    title, subtitle : str
-    sections : sequence of Section
-
     Returns
     -------
     Path
@@ -35,13 +29,7 @@ def write(path: Path, title: str, subtitle: str, sections: Sequence[Section]) ->
 
 
 def render(title: str, subtitle: str, sections: Sequence[Section]) -> str:
-    """Write the text of a page; all that comes from a run is escaped.
-
-    Parameters
-    ----------
-    title, subtitle : str
-    sections : sequence of Section
-    """
+    """Write the text of a page; all that comes from a run is escaped."""
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )

@@ -168,7 +168,6 @@ def preset(group: str, plugin: str, values: Mapping[str, Any]) -> tuple[str, str
 
     Parameters
     ----------
-    group, plugin : str
     values : mapping
         The stage's settings. They have all that the choice sets, such as ``rows: all``.
     """
