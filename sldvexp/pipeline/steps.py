@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from sldvexp.check.base import Examination
-from sldvexp.check.expectations import evaluate
+from sldvexp.check import Examination, evaluate
 from sldvexp.config import schema
 from sldvexp.errors import UserError
 from sldvexp.instrument.protocol import ScanningPlugin
