@@ -1,4 +1,10 @@
-"""How well the views agree with one another at every depth of a volume."""
+"""How well the views agree with one another at every depth of a volume.
+
+At one place ``v = D V`` has three unknowns, so that four views or more can disagree. The misfit is
+``sum |v - D V|^2 / variance``, with ``2 (views - 3)`` degrees of freedom a frequency. Away from the
+real surface it grows with the fourth power of the depth, see `best_depth`. Samples are taken as
+independent, though neighbours share pixels; the standard error is therefore a jackknife's.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +45,7 @@ class Agreement:
 
 
 def agreement(run: Examination, parts: int) -> Agreement:
-    """The misfit at every sampled depth.
+    """Compute the misfit at every sampled depth.
 
     Only places of the surface that all views see at all depths count, so that depths are compared
     on the same places.
@@ -67,7 +73,7 @@ def agreement(run: Examination, parts: int) -> Agreement:
 
 
 def field_looks(run: Examination) -> VolumeVisibility:
-    """What the views of a run see of its volume; UserError if it has none."""
+    """Find what the views of a run see of its volume; UserError if it has none."""
     e = run.experiment
     if e is None or e.volume is None or "pose" not in run.groups:
         raise UserError("views can only be compared over a volume: choose volume=grid and images")
@@ -75,14 +81,14 @@ def field_looks(run: Examination) -> VolumeVisibility:
 
 
 def sampled_depth(looks: VolumeVisibility) -> Array:
-    """Depth of every gap's sample points, gap by gap."""
+    """Compute the depth of every gap's sample points, gap by gap."""
     zeta = looks.rule.parameter[:, 3]
     low, high = looks.prisms.depth[:-1, None], looks.prisms.depth[1:, None]
     return np.ravel((low + high) / 2 + zeta * (high - low) / 2)
 
 
 def _misfit(looks: VolumeVisibility, triangles: IndexArray) -> tuple[Array, Array]:
-    """Misfit and degrees of freedom of triangles at each gap's sample points.
+    """Compute misfit and degrees of freedom of triangles at each gap's sample points.
 
     Both of shape (point, triangle).
     """
@@ -106,7 +112,7 @@ def _misfit(looks: VolumeVisibility, triangles: IndexArray) -> tuple[Array, Arra
 
 
 def best_depth(found: Agreement) -> tuple[float, float]:
-    """Depth of the smallest misfit and its standard error, m.
+    """Find depth of the smallest misfit and its standard error, m.
 
     Away from the surface the views disagree by ``z^2`` times the curvature of what vibrates: what
     goes with z itself looks like a tangential velocity, with which they do agree. So the misfit is
@@ -128,13 +134,13 @@ def best_depth(found: Agreement) -> tuple[float, float]:
 
 
 def jackknife(without: Array) -> float:
-    """Standard error of a number from its values when each part of the data is left out."""
+    """Compute a number's standard error from its values when each part of the data is left out."""
     parts = len(without)
     return float(np.sqrt((parts - 1) / parts * np.sum((without - without.mean()) ** 2)))
 
 
 def _minimum(depth: Array, misfit: Array) -> float:
-    """z_0 of the curve ``a + c (z - z_0)^4`` that is nearest, within the sampled depths."""
+    """Fit z_0 of the curve ``a + c (z - z_0)^4`` that is nearest, within the sampled depths."""
     middle, half = (depth[0] + depth[-1]) / 2, np.ptp(depth) / 2
     tried = np.linspace(-1, 1, TRIED)
     power = ((depth - middle) / half - tried[:, None]) ** 4

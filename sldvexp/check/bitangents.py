@@ -20,7 +20,7 @@ class Bitangents(Check):
     """Numbered bitangent points of the calibration object in inches, as in Table 4.1."""
 
     def examine(self, run: Examination) -> xr.Dataset:
-        """``position_inch (point, plane_axis)``."""
+        """Find ``position_inch (point, plane_axis)``."""
         if "target" not in run.groups:
             raise UserError("check=bitangents needs a calibration object: choose a target")
         target = run.groups["target"]

@@ -1,4 +1,9 @@
-"""`check=cross_ratio`: do the mirrors' planes keep the cross-ratio of the points they pass?"""
+"""`check=cross_ratio`: the cross-ratio of four points, and of the mirrors' planes through them.
+
+A projective map keeps the cross-ratio of four points on a line, ``(AC / BC) / (AD / BD)``. Mirrors
+whose planes meet in one axis keep it too; an offset between the axes does not, so that the ratios
+of points, slopes and angles tell how projective the instrument is (Section 4.4.3.6).
+"""
 
 from __future__ import annotations
 
@@ -56,7 +61,7 @@ class CrossRatio(Check):
         checks.done()
 
     def examine(self, run: Examination) -> xr.Dataset:
-        """``up_down (kind)`` and ``left_right (kind)``, all equal if the mirrors are projective."""
+        """Find ``up_down (kind)``, ``left_right (kind)``, all equal if mirrors are projective."""
         up_down, left_right = (
             np.array(points, float) for points in (self.up_down_points, self.left_right_points)
         )
@@ -73,7 +78,7 @@ class CrossRatio(Check):
         )
 
     def _ratios(self, points: np.ndarray, slopes: np.ndarray) -> list[float]:
-        """One cross-ratio of each of `KINDS`."""
+        """Compute one cross-ratio of each of `KINDS`."""
         homogeneous = np.hstack([points, np.ones((4, 1))])
         world = (homogeneous @ np.array(self.laser_to_world, float))[:, :3]
         return [
@@ -85,7 +90,7 @@ class CrossRatio(Check):
 
 
 def _is_table(table: Any, rows: int, columns: int) -> bool:
-    """Whether nested lists hold so many finite numbers."""
+    """Tell whether nested lists hold so many finite numbers."""
     return (
         isinstance(table, list)
         and len(table) == rows

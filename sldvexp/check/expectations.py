@@ -38,7 +38,6 @@ def evaluate(
 
     Parameters
     ----------
-    expect : mapping of str to Expectation
     tree : mapping of str to xarray.Dataset
         Group path to dataset.
 
@@ -51,6 +50,13 @@ def evaluate(
     ------
     UserError
         If an expectation names something that the run does not have, or of another shape.
+
+    Examples
+    --------
+    >>> pose = dataset.group("pose", {"view": ["front"]}, origin=[[0.1, 0.2, 1.7]])
+    >>> near = Expectation(published={"pose/origin[axis=z]": 1.71}, tolerance=0.02)
+    >>> evaluate({"distance": near}, {"pose": pose})["passed"].values
+    array([1], dtype=int8)
     """
     rows: list[Row] = []
     for name, expectation in expect.items():
@@ -68,10 +74,17 @@ def evaluate(
 
 
 def lookup(of: str, tree: Mapping[str, xr.Dataset]) -> tuple[list[str], np.ndarray]:
-    """The labels and numbers that an expression such as ``pose/origin[axis=x]`` stands for.
+    """Find the labels and numbers that an expression like ``pose/origin[axis=x]`` stands for.
 
     Between bars, ``|image/front/velocity|``, it stands for their magnitudes. Dimensions of length
     one are dropped.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> pose = group("pose", {"view": ["front"]}, origin=[[0.1, 0.2, 1.7]])
+    >>> lookup("pose/origin[axis=z]", {"pose": pose})
+    ([''], array(1.7))
     """
     if size := re.fullmatch(r"\s*\|(.*)\|\s*", of):
         labels, numbers = lookup(size[1], tree)
@@ -103,7 +116,7 @@ def lookup(of: str, tree: Mapping[str, xr.Dataset]) -> tuple[list[str], np.ndarr
 
 
 def _select(values: xr.DataArray, at: str, of: str) -> xr.DataArray:
-    """``dim=label, dim=label`` applied to an array; labels are compared as text."""
+    """Apply ``dim=label, dim=label`` to an array; labels are compared as text."""
     for part in filter(None, at.split(",")):
         dim, _, label = (p.strip() for p in part.partition("="))
         if dim not in values.dims:
@@ -118,14 +131,14 @@ def _select(values: xr.DataArray, at: str, of: str) -> xr.DataArray:
 
 
 def _labels(values: xr.DataArray) -> Iterator[str]:
-    """A label for each element, in the order of the flattened array."""
+    """Label each element, in the order of the flattened array."""
     for index in np.ndindex(values.shape):
         parts = [str(values[d].values[i]) for d, i in zip(values.dims, index, strict=True)]
         yield f"[{', '.join(parts)}]" if parts else ""
 
 
 def _compare(name: str, expectation: Expectation, tree: Mapping[str, xr.Dataset]) -> Iterator[Row]:
-    """The rows of one expectation."""
+    """Make the rows of one expectation."""
     demands = (
         ("=", expectation.published),
         ("<=", expectation.at_most),
@@ -153,7 +166,7 @@ def _compare(name: str, expectation: Expectation, tree: Mapping[str, xr.Dataset]
 
 
 def _require_shape(of: str, what: str, given: np.ndarray, computed: np.ndarray) -> None:
-    """Complain about numbers that cannot stand beside those of the run."""
+    """Refuse numbers that cannot stand beside those of the run."""
     if given.shape != computed.shape:
         sizes = [" x ".join(map(str, a.shape)) or "1" for a in (given, computed)]
         plural = "" if sizes[0] == "1" else "s"
@@ -161,7 +174,7 @@ def _require_shape(of: str, what: str, given: np.ndarray, computed: np.ndarray) 
 
 
 def _passes(got: complex, relation: str, wanted: complex, tolerance: float) -> bool:
-    """Whether a number stands to the published one as demanded; NaN never does."""
+    """Tell whether a number stands to the published one as demanded; NaN never does."""
     if relation == "=":
         parts = (got.real - wanted.real, got.imag - wanted.imag)
         return all(abs(p) <= tolerance * (1 + 1e-12) for p in parts)
@@ -170,7 +183,7 @@ def _passes(got: complex, relation: str, wanted: complex, tolerance: float) -> b
 
 
 def _numbers(value: Any, of: str) -> np.ndarray:
-    """Published numbers, complex ones written as text, as an array."""
+    """Read published numbers, complex ones written as text, as an array."""
     if isinstance(value, list | tuple):
         rows = [_numbers(v, of) for v in value]
         if len({row.shape for row in rows}) > 1:

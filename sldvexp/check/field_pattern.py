@@ -26,7 +26,7 @@ class FieldPattern(Check):
     """
 
     def examine(self, run: Examination) -> xr.Dataset:
-        """Ratios of the chosen field, called ``field``, and of those it is compared with.
+        """Find ratios of the chosen field, called ``field``, and of those it is compared with.
 
         Returns
         -------
@@ -58,20 +58,20 @@ class FieldPattern(Check):
 
 
 def _over_normal(std: xr.DataArray, dim: str) -> xr.DataArray:
-    """Root mean squares along a dimension of components, over that out of the plane."""
+    """Compare r.m.s. along a dimension of components with that out of the plane."""
     squares = (std**2).mean([d for d in std.dims if d != dim])
     normal = squares[dim].isin(OUT_OF_PLANE)
     return (squares / squares.where(normal, drop=True).item()) ** 0.5
 
 
 def _residual_ratio(std: xr.DataArray, components: list[str]) -> xr.DataArray:
-    """The same of residuals; NaN where components are not solved for one by one."""
+    """Compare residuals so; NaN where components are not solved for one by one."""
     if std["equation"].values.tolist() != components:
         return std.isel(equation=[0] * len(components)).mean("frequency") * float("nan")
     return _over_normal(std, "equation")
 
 
 def _over_median(std: xr.DataArray) -> xr.DataArray:
-    """Root mean square of each view over the median of all."""
+    """Compare the r.m.s. of each view with the median of all."""
     by_view = (std**2).mean("frequency") ** 0.5
     return by_view / by_view.median()

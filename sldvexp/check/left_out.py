@@ -1,6 +1,7 @@
 """`check=left_out`: each view predicted from the field of the others.
 
-Views predicted from the field of all others.
+A field is estimated without a view; its velocity along that view's directions is what the view
+should have measured. Errors beyond the noise come from poses, phases and samples off the surface.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class LeftOut(Check):
     """
 
     def examine(self, run: Examination) -> xr.Dataset:
-        """``error`` of every view at every sampled depth, and the smallest beside the noise."""
+        """Find ``error`` of every view at every sampled depth, the smallest beside the noise."""
         found = predict(run)
         best = found.error.mean(axis=0).argmin()
         return dataset.group(
@@ -49,7 +50,6 @@ class Prediction:
 
     Attributes
     ----------
-    views : tuple of str
     depth : ndarray, shape (depth,), m
         Sampled depths along the normals, ascending.
     error : ndarray, shape (view, depth), m/s
@@ -89,7 +89,7 @@ def predict(run: Examination) -> Prediction:
 def _left_out(
     run: Examination, looks: VolumeVisibility, k: int, place: IndexArray, depths: int
 ) -> tuple[Array, float, float]:
-    """Error at each depth, size and noise of one view."""
+    """Predict one view: error at each depth, size and noise."""
     e, view = run.experiment, looks.views[k]
     look = looks.at(looks.triangles)  # remembered for the others
     field = solve_field(looks.without(k), e.reconstruction, e.solver, bounds=False)

@@ -24,7 +24,7 @@ class Love(Check):
     """
 
     def examine(self, run: Examination) -> xr.Dataset:
-        """``variation`` of each component through the layers, and its bound."""
+        """Find ``variation`` of each component through the layers, and its bound."""
         if not {"field", "volume"} <= set(run.groups):
             raise UserError("check=love needs a field: choose a volume and a reconstruction")
         field, volume = run.groups["field"], run.groups["volume"]

@@ -1,4 +1,8 @@
-"""`check=phase_image`: what the phase correction does to velocity images (Figures 3.4 to 3.7)."""
+"""`check=phase_image`: what the phase correction does to velocity images (Figures 3.4 to 3.7).
+
+A mode has two phases half a turn apart, so that doubled phases are compared, by directional
+statistics with weights.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,7 @@ class PhaseImage(Check):
     """
 
     def examine(self, run: Examination) -> xr.Dataset:
-        """``phase``, ``phase_std`` and ``p_uniform`` over view, stage and frequency."""
+        """Find ``phase``, ``phase_std`` and ``p_uniform`` over view, stage and frequency."""
         images = run.below("image")
         if not images:
             raise UserError("check=phase_image needs velocity images: choose scan=rectangle")
@@ -47,7 +51,7 @@ class PhaseImage(Check):
 
 
 def _statistics(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean phase (rad, of half a turn), its circular std (rad), and Rayleigh's p-value.
+    """Compute mean phase (rad, of half a turn), circular std (rad) and Rayleigh's p-value.
 
     With the weights |v|^2 the doubled phases have the resultant R = |sum v^2| / sum |v|^2. If all
     phases are alike likely, R^2 is exponential with mean sum |v|^4 / (sum |v|^2)^2.

@@ -1,4 +1,8 @@
-"""`check=pose_equivalence`: are two estimates of a pose the same (Table 4.2)?"""
+"""`check=pose_equivalence`: whether two estimates of a pose are the same (Table 4.2).
+
+Welch's test takes two means with standard errors and degrees of freedom of their own; neither their
+variances nor their numbers of observations need be equal (Eqs 4.25 to 4.30).
+"""
 
 from __future__ import annotations
 
@@ -42,15 +46,15 @@ class PoseEquivalence(Check):
         self._other()
 
     def _other(self) -> Given:
-        """The other pose, checked as `pose=given` checks it."""
+        """Make the other pose, checked as `pose=given` checks it."""
         return Given(path=self.path, views=self.views)
 
     def inputs(self) -> list[str]:
-        """The other pose's file."""
+        """Name the other pose's file."""
         return self._other().inputs()
 
     def examine(self, run: Examination) -> xr.Dataset:
-        """t', its degrees of freedom and critical value, for every view and parameter."""
+        """Find t', its degrees of freedom and critical value, for every view and parameter."""
         if "pose" not in run.groups:
             raise UserError("check=pose_equivalence needs a pose to compare: choose pose=...")
         pose, other = run.groups["pose"], self._other().read().pose
@@ -79,7 +83,7 @@ class PoseEquivalence(Check):
 
 
 def _estimate(pose: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Euler angles and origin with standard errors and degrees of freedom, (view, 6) each."""
+    """Take Euler angles and origin, standard errors and degrees of freedom, (view, 6) each."""
     mean = np.hstack([pose["euler"].values, pose["origin"].values])
     error = np.hstack([pose["euler_std"].values, pose["origin_std"].values])
     if not (np.isfinite(error) & (error > 0)).all():

@@ -45,7 +45,7 @@ class PoseMethods(Check):
         checks.done()
 
     def examine(self, run: Examination) -> xr.Dataset:
-        """``s_mean``, ``s_std`` and, with the truth, ``origin_error`` and ``rotation_error``."""
+        """Find ``s_mean``, ``s_std`` and, with the truth, ``origin_error``, ``rotation_error``."""
         poses = {name: self._pose(name, group, run.groups) for name, group in self.methods.items()}
         s = [pose["s"].values for pose in poses.values()]
         errors: dict[str, np.ndarray] = {}
@@ -62,7 +62,7 @@ class PoseMethods(Check):
         )
 
     def _pose(self, name: str, group: str, tree: Mapping[str, xr.Dataset]) -> xr.Dataset:
-        """The poses of a method."""
+        """Find the poses of a method."""
         where = f"check.pose_methods: methods.{name}"
         if group not in tree:
             known = [g for g in tree if "s" in tree[g] and "rotation" in tree[g]]
@@ -72,7 +72,7 @@ class PoseMethods(Check):
         return tree[group]
 
     def _errors(self, name: str, pose: xr.Dataset) -> tuple[float, float]:
-        """Root mean square distance from the true origins, m, and angle to the true axes, rad."""
+        """Compute r.m.s. distance from the true origins, m, and angle to the true axes, rad."""
         views = [str(view) for view in pose["view"].values]
         if missing := [view for view in views if view not in self.truth]:
             raise UserError(

@@ -1,4 +1,8 @@
-"""`check=pose_repeats`: do the pose's bounds hold? Simulated repeats of the same registration."""
+"""`check=pose_repeats`: whether the pose's bounds hold, by simulated repeats of its registration.
+
+Each repeat adds noise of the estimated size to true readings and solves anew from no starting
+guess; the spread over the reported standard error should be 1, and coverage the level.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +42,7 @@ class PoseRepeats(Check):
         checks.done()
 
     def examine(self, run: Examination) -> xr.Dataset:
-        """``std_ratio`` and ``coverage`` of each parameter; a note where bounds do not hold."""
+        """Find ``std_ratio`` and ``coverage`` of each parameter; note where bounds do not hold."""
         if "pose" not in run.groups or "registration" not in run.groups:
             raise UserError(
                 "check=pose_repeats needs a pose from points: choose pose=registration, or leave "
@@ -60,7 +64,7 @@ class PoseRepeats(Check):
         return group
 
     def _view(self, pose: xr.Dataset, registration: xr.Dataset, rng: np.random.Generator) -> Any:
-        """Ratio of standard deviations and coverage for one view."""
+        """Repeat one view: ratio of standard deviations, and coverage."""
         step, offset = np.asarray(pose.attrs["step"]), pose.attrs["mirror_offset"]
         if not np.isfinite(pose["s"]):  # as many unknowns as angles: there is no noise to repeat
             return [np.full(pose.sizes["parameter"], np.nan)] * 2
@@ -85,7 +89,7 @@ class PoseRepeats(Check):
     def _intrinsics(
         self, pose: xr.Dataset, adjust: dict[str, float], rng: np.random.Generator
     ) -> dict[str, Any]:
-        """True intrinsics of each repeat, (repeat, 1): a free one's estimate, a draw of others.
+        """Choose true intrinsics of each repeat, (repeat, 1): a free one's estimate, else a draw.
 
         What is known of a parameter beforehand is its nominal value and standard deviation; it is
         right on average if the truth is drawn from them.
@@ -102,7 +106,7 @@ class PoseRepeats(Check):
         return truth
 
     def _notes(self, group: xr.Dataset) -> list[str]:
-        """Views whose simulated spread is further from the reported one than chance allows."""
+        """List views whose simulated spread is further from the reported one than chance allows."""
         limit = 4 / np.sqrt(2 * self.repeats)
         bad = (np.abs(group["std_ratio"] - 1) > limit).any("parameter")
         unknown = group["view"].values[group["std_ratio"].isnull().all("parameter").values]
@@ -120,5 +124,5 @@ class PoseRepeats(Check):
 
 
 def _by_mirror(truth: dict[str, Any], what: str) -> np.ndarray:
-    """Gain or zero of both mirrors, shape (repeat, 1, 2)."""
+    """Stack gain or zero of both mirrors, shape (repeat, 1, 2)."""
     return np.stack([truth[f"{what}_up_down"], truth[f"{what}_left_right"]], axis=-1)

@@ -1,8 +1,7 @@
 """`check=printed`: numbers of Section 5.2 by the conventions that explain the print.
 
-The conventions that explain numbers printed in Section 5.2; none is used for a result.
-
-LINPACK's estimate of the reciprocal condition number, only to explain printed numbers.
+None is used for a result: LINPACK's estimate of the reciprocal condition number, sample deviations
+of complex residuals, an F that counts a complex intercept once, and half-widths without a root.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ class Printed(Check):
     decimals: int = 4
 
     def examine(self, run: Examination) -> xr.Dataset:
-        """One entry of each for every reconstruction of the run."""
+        """Find one entry of each for every reconstruction of the run."""
         methods = [name for name in run.groups if name.split("/")[0] in ("point", "compare")]
         for name in (self.partial, self.full):
             if name and name not in methods:
@@ -59,7 +58,7 @@ class Printed(Check):
 
 
 def _conventions(point: xr.Dataset) -> dict[str, Any]:
-    """The printed numbers of one reconstruction of a single point."""
+    """Compute the printed numbers of one reconstruction of a single point."""
     if "matrix" not in point:
         raise UserError("check=printed is for a single point's reconstruction")
     matrix = point["matrix"].values
@@ -80,12 +79,12 @@ def _conventions(point: xr.Dataset) -> dict[str, Any]:
 
 
 def sample_std(residuals: ArrayLike) -> float:
-    """The std of Tables 5.5 and 5.6: mean removed, divisor n - 1, modulus of complex residuals."""
+    """Compute the std of Tables 5.5 and 5.6: mean removed, divisor n - 1, complex modulus."""
     return float(np.std(np.asarray(residuals), ddof=1))
 
 
 def printed_f(sse_partial: float, sse_full: float, std_full: float) -> float:
-    """F of Eq 5.17: the drop of the sum of squares over the full model's squared `sample_std`.
+    """Compute F of Eq 5.17: the drop of the sum of squares over the squared `sample_std`.
 
     That counts the intercept once and leaves n - 1 degrees of freedom; a complex intercept has two
     and leaves 2 (n - 4). The print follows from the numbers as tabulated, to four decimals.
@@ -94,7 +93,7 @@ def printed_f(sse_partial: float, sse_full: float, std_full: float) -> float:
 
 
 def printed_half_width(s: float, v_ii: ArrayLike) -> Array:
-    """Half-widths of Section 5.2.6 as printed: 1.96 s v_ii, without the square root of Eq 5.18.
+    """Compute half-widths as in Section 5.2.6: 1.96 s v_ii, without Eq 5.18's square root.
 
     Parameters
     ----------
@@ -107,7 +106,7 @@ def printed_half_width(s: float, v_ii: ArrayLike) -> Array:
 
 
 def linpack_rcond(matrix: ArrayLike) -> float:
-    """Reciprocal condition number as `dgeco` estimated it, hence MATLAB 5's ``rcond``.
+    """Estimate the reciprocal condition number as `dgeco` did, hence MATLAB 5's ``rcond``.
 
     With ``A = P L U`` it solves ``A^T y = e`` and ``A z = y``, choosing the signs of ``e = +-1``
     one by one so that y grows, and returns ``|y| / (|A| |z|)`` in the 1-norm. ``|z| / |y|`` is a
@@ -134,7 +133,7 @@ def linpack_rcond(matrix: ArrayLike) -> float:
 
 
 def _growing_solution(upper: np.ndarray) -> np.ndarray:
-    """Solution of ``U^T w = e`` with each sign of e taken so that what follows is larger."""
+    """Solve ``U^T w = e`` with each sign of e taken so that what follows is larger."""
     n = len(upper)
     w = np.zeros(n)
     done = np.zeros(n)  # what the w found so far contribute to each equation

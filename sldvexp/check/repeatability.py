@@ -17,7 +17,7 @@ class Repeatability(Check):
     """Standard deviation of every image point over all views, which must be of one pose."""
 
     def examine(self, run: Examination) -> xr.Dataset:
-        """``dac_std (point, mirror)`` and the largest of them."""
+        """Find ``dac_std (point, mirror)`` and the largest of them."""
         if "registration" not in run.groups or run.groups["registration"].sizes["view"] < 2:
             raise UserError(
                 "check=repeatability needs image points of at least two views of one pose: choose "

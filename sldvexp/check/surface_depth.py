@@ -1,6 +1,8 @@
 """`check=surface_depth`: where in the volume the real surface is, without any geometry.
 
-Where through the thickness of a volume the tangential velocity is least.
+A view looks at another place of the structure where a sample lies off it by z. To first order that
+adds a tangential velocity, ``z`` times the slope of the normal velocity; in the middle of a thin
+shell there is none. So the depth of least tangential motion is that of the shell's middle.
 """
 
 from __future__ import annotations
@@ -44,7 +46,7 @@ class SurfaceDepth(Check):
         checks.done()
 
     def examine(self, run: Examination) -> xr.Dataset:
-        """``depth`` along the normals, ``agreement_depth``, and ``misfit`` at sampled depths.
+        """Find ``depth`` along the normals, ``agreement_depth``, ``misfit`` at sampled depths.
 
         Raises
         ------
@@ -71,7 +73,7 @@ class SurfaceDepth(Check):
 
 
 def least_motion(field: xr.Dataset, volume: xr.Dataset, parts: int) -> tuple[float, float, bool]:
-    """Depth of the least tangential motion of all columns of nodes together.
+    """Find the depth of least tangential motion of all columns of nodes together.
 
     In each column the tangential velocity is ``a + b z``, to first order; the sum of all
     ``|a + b z|^2`` is least at ``z_0 = -Re(sum b* a) / sum |b|^2``.
@@ -107,7 +109,7 @@ def least_motion(field: xr.Dataset, volume: xr.Dataset, parts: int) -> tuple[flo
 
 
 def _tangential(field: xr.Dataset, volume: xr.Dataset) -> ComplexArray:
-    """Tangential velocity of the nodes, (node, component, ...)."""
+    """Take the tangential velocity of the nodes, (node, component, ...)."""
     velocity = field["velocity"].transpose("node", "component", ...).values
     if "n" in field["component"].values:
         return np.asarray(velocity[:, :2])

@@ -1,6 +1,7 @@
 """`check=truth`: a field against what truly happens in the virtual lab, component by component.
 
-Columns of nodes through the layers of a volume, and where they cross a surface.
+The field is compared where each column of nodes through the layers crosses the true surface,
+linearly between the layers, as the element does.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ class Truth(Check):
     """
 
     def examine(self, run: Examination) -> xr.Dataset:
-        """Errors and coverage of each component at each frequency, and in all frequencies."""
+        """Find errors and coverage of each component at each frequency, and in all of them."""
         tree = run.groups
         if not {"field", "truth", "volume"} <= set(tree):
             raise UserError(
@@ -69,7 +70,6 @@ class Columns:
 
     Attributes
     ----------
-    layers : int
     inside : ndarray of int, shape (column,)
         Surface nodes whose column crosses it.
     below : ndarray of int, shape (column,)
@@ -85,7 +85,7 @@ class Columns:
 
     @classmethod
     def from_volume(cls, volume: xr.Dataset, height: Array) -> Columns:
-        """Columns that cross height 0.
+        """Find columns that cross height 0.
 
         Parameters
         ----------
@@ -114,7 +114,7 @@ class Columns:
         return cls(layers, inside, below, share)
 
     def at_surface(self, nodal: NDArray[np.inexact]) -> NDArray[np.inexact]:
-        """Nodal values (node, ...) on the surface, shape (column, ...)."""
+        """Interpolate nodal values (node, ...) on the surface, shape (column, ...)."""
         by_layer = nodal.reshape(self.layers, -1, *nodal.shape[1:])
         share = self.share.reshape(-1, *[1] * (nodal.ndim - 1))
         low, high = by_layer[self.below, self.inside], by_layer[self.below + 1, self.inside]

@@ -8,7 +8,7 @@ from sldvexp import dataset
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.dataset import RunData
 from sldvexp.errors import UserError, nearest
-from sldvexp.plot.catalogue import FIGURES, figures_of, save
+from sldvexp.plot import FIGURES, figures_of, save
 from sldvexp.plot.selection import require
 
 #: Files that figures can be made of, and the folder beside them that the figures go to.

@@ -65,7 +65,6 @@ class RunData:
 
         Parameters
         ----------
-        source : DataTree, mapping of str to Dataset, Dataset, str, Path or RunData
         folder : str or Path, optional
             Of the run, if `source` is not a file in it.
 
@@ -136,5 +135,11 @@ def _opened(path: Path, changed: int) -> xr.DataTree:
 
 
 def read_yaml(text: str) -> Any:
-    """Read YAML without making objects of classes; by libyaml if it is there."""
+    """Read YAML without making objects of classes; by libyaml if it is there.
+
+    Examples
+    --------
+    >>> read_yaml("{noise: 1.0e-3, rows: all}")
+    {'noise': 0.001, 'rows': 'all'}
+    """
     return yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))

@@ -76,7 +76,14 @@ def save(tree: Mapping[str, xr.Dataset], attributes: Mapping[str, Any], path: Pa
         Group path (``pose``, ``compare/method_1``) to its dataset.
     attributes : mapping
         Of the root.
-    path : Path
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     save({"pose": group("pose", {"view": ["front"]}, s=[0.2])}, {}, Path(folder, "run.nc"))
+    ...     load_some(Path(folder, "run.nc"), ["pose"])["pose/s"].item()
+    0.2
     """
     root = xr.Dataset(attrs={**CONVENTIONS, **attributes})
     groups = {f"/{k}": _double(v) for k, v in tree.items()}
@@ -137,7 +144,14 @@ def _require(path: Path) -> None:
 
 
 def load(path: Path) -> xr.DataTree:
-    """Open a netCDF-4 file with groups lazily, see `open_run`."""
+    """Open a netCDF-4 file with groups lazily, see `open_run`.
+
+    Examples
+    --------
+    >>> load(Path("none.nc"))
+    Traceback (most recent call last):
+    sldvexp.errors.UserError: none.nc: there is no such file; a run's dataset is called run.nc
+    """
     _require(path)
     try:
         return xr.open_datatree(path, engine="netcdf4", auto_complex=True)
@@ -146,7 +160,16 @@ def load(path: Path) -> xr.DataTree:
 
 
 def load_table(path: Path) -> xr.Dataset:
-    """Read a dataset without groups, such as a sweep's; UserError if it is not readable."""
+    """Read a dataset without groups, such as a sweep's; UserError if it is not readable.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     save_table(xr.Dataset({"seconds": 2.5}), Path(folder, "sweep.nc"))
+    ...     float(load_table(Path(folder, "sweep.nc"))["seconds"])
+    2.5
+    """
     try:
         with xr.open_dataset(path, engine="netcdf4", auto_complex=True) as opened:
             return opened.load()
@@ -161,6 +184,12 @@ def load_some(path: Path, names: Collection[str]) -> xr.DataTree:
     ------
     UserError
         See `load`.
+
+    Examples
+    --------
+    >>> load_some(Path("none.nc"), ["pose"])
+    Traceback (most recent call last):
+    sldvexp.errors.UserError: none.nc: there is no such file; a run's dataset is called run.nc
     """
     _require(path)
     try:
@@ -183,6 +212,15 @@ def _in_memory(group: Any) -> xr.Dataset:
 
 
 def save_table(table: xr.Dataset, path: Path) -> None:
-    """Write a dataset without groups, such as a sweep's, whole or not at all."""
+    """Write a dataset without groups, such as a sweep's, whole or not at all.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     save_table(xr.Dataset({"seconds": 2.5}), Path(folder, "sweep.nc"))
+    ...     float(load_table(Path(folder, "sweep.nc"))["seconds"])
+    2.5
+    """
     with whole_or_nothing(path) as beside:
         table.to_netcdf(beside, engine="netcdf4", auto_complex=True)

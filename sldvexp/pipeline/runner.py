@@ -23,9 +23,7 @@ from sldvexp.files import whole_or_nothing
 from sldvexp.instrument.recording import JOURNAL
 from sldvexp.pipeline import provenance
 from sldvexp.pipeline.steps import SCAN, STEPS, Run, Step
-from sldvexp.report.base import REPORT_FILE, attempt
-from sldvexp.report.tables import pose_text
-from sldvexp.report.terminal import closing_table
+from sldvexp.report import REPORT_FILE, attempt, closing_table, pose_text
 from sldvexp.session.camera import Operator
 from sldvexp.session.interruption import how_to_go_on, telling_of_the_scan
 

@@ -12,13 +12,12 @@ from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
-from sldvexp.check.base import Examination
-from sldvexp.check.expectations import evaluate
+from sldvexp.check import Examination, evaluate
 from sldvexp.config.experiment import Experiment
 from sldvexp.errors import UserError
 from sldvexp.instrument.protocol import ScanningPlugin
+from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction import Reconstruction
 from sldvexp.session.camera import NobodyThereError, Operator
 from sldvexp.session.interruption import has_lines, how_to_go_on, stopping_once

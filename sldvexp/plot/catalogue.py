@@ -73,7 +73,7 @@ FIGURES: dict[str, FigureEntry] = {
 def figures_of(
     source: Source | RunData, folder: str | Path | None = None
 ) -> dict[str, Callable[..., Figure]]:
-    """The figures that a run can show, each ready to be drawn.
+    """Find the figures that a run can show, each ready to be drawn.
 
     Parameters
     ----------
@@ -85,6 +85,13 @@ def figures_of(
     dict of str to callable
         In the order in which data flows. Called without arguments it returns the figure; it takes
         the figure's own options by name, such as ``view``.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> found = group("point", {}, velocity=[0.01, 0.002j, 0.02], velocity_std=[1e-4] * 3)
+    >>> list(figures_of({"point": found}))
+    ['point']
     """
     run = RunData.from_source(source, folder)
     return {
@@ -103,7 +110,6 @@ def save(figure: Figure, path: str | Path, title: str = "") -> list[Path]:
 
     Parameters
     ----------
-    figure : matplotlib.figure.Figure
     path : str or Path
         Without suffix; its folder is made.
     title : str
@@ -118,6 +124,13 @@ def save(figure: Figure, path: str | Path, title: str = "") -> list[Path]:
     ------
     UserError
         If they cannot be written.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     [file.name for file in save(Figure(), f"{folder}/empty")]
+    ['empty.png', 'empty.svg']
     """
     path = Path(path)
     files = [path.with_name(f"{path.name}.{suffix}") for suffix in FORMATS]

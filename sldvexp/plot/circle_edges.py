@@ -39,23 +39,27 @@ TURN = np.linspace(0.0, 2.0 * np.pi, 181)
 
 
 def unavailable_because(run: RunData) -> str:
-    """Why no edges can be shown; empty if they can."""
+    """Explain why no edges can be shown; empty if they can."""
     return "" if run.below("edge", "dac", "circle") else NO_EDGES
 
 
 @style.styled
 def edges(source: Source | RunData, view: str | None = None) -> Figure:
-    """Edge points of all circles, a panel for each view (Figure 4.22, seen from the instrument).
+    """Draw edge points of all circles, a panel for each view (Figure 4.22, seen by the beam).
 
     Parameters
     ----------
     view : str, optional
         Only this one.
 
-    Raises
-    ------
-    UserError
-        If the run has no edges, or none of that view.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> dac = [[100, 80], [120, 100], [100, 120], [80, 100]]
+    >>> edge = group("edge", {}, dac=dac, dac_std=np.full(4, 0.1), circle=np.ones(4, int))
+    >>> edges({"edge/front": edge}).axes[0].get_title()
+    'view front: 4 edges ± 0.1 steps (median)'
     """
     run = RunData.from_source(source)
     require("edges", unavailable_because(run))
@@ -81,7 +85,7 @@ def edges(source: Source | RunData, view: str | None = None) -> Figure:
 
 
 def ratio_of(dac: Sequence[Array]) -> float:
-    """How high a typical view's DAC steps, shape (n, 2), are over how wide, within limits."""
+    """Tell how high a typical view's DAC steps, (n, 2), are over how wide, within limits."""
     high, wide = np.array([np.ptp(steps, axis=0) for steps in dac]).T
     return float(np.clip(np.median(high / np.maximum(wide, 1)), 0.5, 1.2))
 
@@ -89,7 +93,7 @@ def ratio_of(dac: Sequence[Array]) -> float:
 def panels_of_views(
     number: int, ratio: float, title: str, **shared: Any
 ) -> tuple[Figure, NDArray[Any]]:
-    """A sheet with a panel for each view, and room below for a legend with a title."""
+    """Make a sheet with a panel for each view, and room below for a legend with a title."""
     columns = min(number, COLUMNS)
     width = style.LEFT + (3.4 if number > 1 else 4.8) * columns
     below = 1.5 * style.LEGEND_BELOW
@@ -102,7 +106,7 @@ def panels_of_views(
 
 @style.styled
 def conics(source: Source | RunData, view: str | None = None) -> Figure:
-    """Ellipses through one view's edges, and their residuals (Figures 4.23 and 4.24).
+    """Draw ellipses through one view's edges, and their residuals (Figures 4.23 and 4.24).
 
     They are fitted where the image of a circle is an ellipse (`sldvexp.image.pinhole`) if the run
     tells its laser, otherwise in DAC steps.
@@ -112,10 +116,17 @@ def conics(source: Source | RunData, view: str | None = None) -> Figure:
     view : str, optional
         Without it the first.
 
-    Raises
-    ------
-    UserError
-        If the run has no edges, or none of that view.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> turn, one = np.linspace(0.0, 6.0, 12), np.ones(12)
+    >>> out = np.column_stack([np.sin(turn), np.cos(turn)])
+    >>> edge = group("edge", {}, dac=100 + 20 * out, dac_std=0.1 * one, direction=out,
+    ...              width=2 * one, phase=0 * one, circle=one.astype(int))
+    >>> edge.attrs["summary"] = "circle 1: 12 edges"
+    >>> conics({"edge/front": edge}).axes[1].get_title()
+    'χ² 0 of 7 degrees of freedom'
     """
     run = RunData.from_source(source)
     require("conics", unavailable_because(run))
@@ -139,15 +150,22 @@ def conics(source: Source | RunData, view: str | None = None) -> Figure:
 
 @style.styled
 def conic_residuals(source: Source | RunData) -> Figure:
-    """Distances of all edges from the ellipses through them, a panel for each view (Figure 4.24).
+    """Draw distances of all edges from the ellipses through them, view by view (Figure 4.24).
 
     Beside a circle's number stand its edges in the order of their direction from its centre, from
     -180 to 180 deg, as `conics` shows them of one view.
 
-    Raises
-    ------
-    UserError
-        If the run has no edges.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> turn, one = np.linspace(0.0, 6.0, 12), np.ones(12)
+    >>> out = np.column_stack([np.sin(turn), np.cos(turn)])
+    >>> edge = group("edge", {}, dac=100 + 20 * out, dac_std=0.1 * one, direction=out,
+    ...              width=2 * one, phase=0 * one, circle=one.astype(int))
+    >>> edge.attrs["summary"] = "circle 1: 12 edges"
+    >>> conic_residuals({"edge/front": edge}).axes[0].get_title()
+    'view front: χ² 0 of 7 degrees of freedom'
     """
     run = RunData.from_source(source)
     require("conic_residuals", unavailable_because(run))
@@ -169,7 +187,7 @@ def conic_residuals(source: Source | RunData) -> Figure:
 
 
 def fitted(run: RunData, view: str) -> dict[int, tuple[ConicFit, Array, Array, Array]]:
-    """Of each circle its fit, the edges' turn around it, the edges and the curve, DAC steps."""
+    """Find each circle's fit, the edges' turn around it, the edges and the curve, DAC steps."""
     laser = _laser(run)
     found = {}
     for number, edge in enumerate(edges_of(run.groups[f"edge/{view}"]), 1):
@@ -185,7 +203,7 @@ def fitted(run: RunData, view: str) -> dict[int, tuple[ConicFit, Array, Array, A
 
 @functools.lru_cache(maxsize=1)
 def _laser(run: RunData) -> Any:
-    """The run's laser; None if it does not tell."""
+    """Find the run's laser; None if it does not tell."""
     known = '"laser"' in str(run.attributes.get("plugins", "")) and "config" in run.attributes
     return plugin(run, "laser", "conics") if known else None
 
@@ -203,7 +221,7 @@ def _ellipse(axes: Axes, points: Array, curve: Array, fit: ConicFit) -> None:
 
 
 def _distances(axes: Axes, place: Array, fit: ConicFit, look: dict[str, Any]) -> None:
-    """Distances of edges from their ellipse, with their standard errors."""
+    """Draw distances of edges from their ellipse, with their standard errors."""
     own_look: dict[str, Any] = {
         "color": style.COLOURS[0],
         "ecolor": style.COLOURS[-1],

@@ -22,7 +22,7 @@ def field(
     depth: float | None = None,
     name: str | None = None,
 ) -> Figure:
-    """Size, phase and bound of every component of the velocity on one layer.
+    """Draw size, phase and bound of every component of the velocity on one layer.
 
     Where a velocity is smaller than its bound its phase means nothing and is hatched.
 
@@ -35,10 +35,18 @@ def field(
     name : str, optional
         ``field``, or one of those it is compared with.
 
-    Raises
-    ------
-    UserError
-        If the run has no field, or none there.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> corner = np.array([[0, 0], [0.1, 0], [0, 0.1], [0.1, 0.1]])
+    >>> place = np.array([[x, y, z] for z in (0.0, 0.01) for x, y in corner])
+    >>> prisms = [[0, 1, 2, 4, 5, 6], [1, 3, 2, 5, 7, 6]]
+    >>> depth = group("volume", {}, depth=[0.0, 0.01])
+    >>> solved = group("field", {}, velocity=place + 0j, position=place, element=prisms,
+    ...                confidence=0.1 * place, observable=np.ones((8, 3), int))
+    >>> field({"volume": depth, "field": solved}).axes[0].get_title()
+    'x: size'
     """
     run = RunData.from_source(source)
     require("field", field_unavailable_because(run))
@@ -61,7 +69,7 @@ def field(
 
 
 def _size(axes: Axes, layer: VolumeLayer, component: str) -> None:
-    """Magnitudes; linear inside of an element, as the field is."""
+    """Draw magnitudes; linear inside of an element, as the field is."""
     size = np.abs(layer.values("velocity", component))
     factor, unit = style.prefixed(size, style.SPEED)
     _map(axes, layer, factor * size, unit, 0.0, component)
@@ -69,7 +77,7 @@ def _size(axes: Axes, layer: VolumeLayer, component: str) -> None:
 
 
 def _bound(axes: Axes, layer: VolumeLayer, component: str) -> None:
-    """Half-widths of the intervals."""
+    """Draw half-widths of the intervals."""
     bound = layer.bound(component)
     factor, unit = style.prefixed(bound, style.SPEED)
     _map(axes, layer, factor * bound, unit, None, component)
@@ -94,7 +102,7 @@ def _map(
 
 
 def _phase(axes: Axes, layer: VolumeLayer, component: str) -> Any:
-    """Phases of triangles, where they are larger than their bound."""
+    """Draw phases of triangles, where they are larger than their bound."""
     style.hatched(axes)
     mesh, velocity = layer.mesh(), layer.values("velocity", component)
     mean = velocity[mesh.triangles].mean(axis=1)

@@ -32,7 +32,7 @@ MIRRORS = {name: name.replace("_", "-") for name in reversed(AXES["mirror"])}
 
 
 def unavailable_because(run: RunData) -> str:
-    """Why no bitangent points can be shown; empty if they can."""
+    """Explain why no bitangent points can be shown; empty if they can."""
     if not run.has("registration", "dac"):
         return NO_POINTS
     scanned = run.below("edge", "dac")
@@ -40,29 +40,33 @@ def unavailable_because(run: RunData) -> str:
 
 
 def residuals_unavailable_because(run: RunData) -> str:
-    """Why no residuals can be shown; empty if they can."""
+    """Explain why no residuals can be shown; empty if they can."""
     return "" if run.has("pose", "residual") or run.has("pose", "residual_rms") else NO_RESIDUALS
 
 
 def repeats_unavailable_because(run: RunData) -> str:
-    """Why no repeatability can be shown; empty if it can."""
+    """Explain why no repeatability can be shown; empty if it can."""
     found = run.below("examined", "dac_std") and run.has("registration", "dac")
     return "" if found else NO_REPEATS
 
 
 @style.styled
 def bitangents(source: Source | RunData, view: str | None = None) -> Figure:
-    """Bitangent points, their tangents and the ellipses that they touch, a panel for each view.
+    """Draw bitangent points, their tangents and the ellipses that they touch, view by view.
 
     Parameters
     ----------
     view : str, optional
         Only this one.
 
-    Raises
-    ------
-    UserError
-        If the run has no bitangent points, or none of that view.
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> points = {"view": ["front"], "point": [1, 2, 3, 4]}
+    >>> registration = group("registration", points, dac=[[[0, 0], [0, 9], [5, 9], [5, 0]]])
+    >>> edge = group("edge", {}, dac=[[5.0, 1.0]])  # of another view, whose points are not drawn
+    >>> bitangents({"registration": registration, "edge/left": edge}).axes[0].get_title()
+    'view front'
     """
     run = RunData.from_source(source)
     require("bitangents", unavailable_because(run))
@@ -80,7 +84,7 @@ def bitangents(source: Source | RunData, view: str | None = None) -> Figure:
 
 
 def _touching(axes: Axes, run: RunData, view: str) -> None:
-    """The ellipses of one view, and the tangents from point to point."""
+    """Draw the ellipses of one view, and the tangents from point to point."""
     points = run.groups["registration"].sel(view=view)
     if f"edge/{view}" in run.groups:
         for _, _, _, curve in fitted(run, view).values():
@@ -116,14 +120,16 @@ def _number(axes: Axes, dac: np.ndarray, numbers: np.ndarray) -> None:
 
 @style.styled
 def pose_residuals(source: Source | RunData) -> Figure:
-    """What the poses leave at the image points, in DAC steps; by view, if that is all there is.
+    """Draw what the poses leave at the image points; by view, if that is all there is.
 
     Error bars are the standard deviation of a mirror reading, s.
 
-    Raises
-    ------
-    UserError
-        If the run has no pose that leaves residuals.
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> pose = group("pose", {"view": ["front", "left"]}, residual_rms=[0.2, 0.3], s=[0.25, 0.35])
+    >>> pose_residuals({"pose": pose}).axes[0].get_ylabel()
+    'DAC steps'
     """
     run = RunData.from_source(source)
     require("pose_residuals", residuals_unavailable_because(run))
@@ -132,7 +138,7 @@ def pose_residuals(source: Source | RunData) -> Figure:
 
 
 def _by_point(pose: xr.Dataset) -> Figure:
-    """Residuals of both mirrors, a panel for each view."""
+    """Draw residuals of both mirrors, a panel for each view."""
     names = [str(v) for v in pose["view"].values]
     columns = min(len(names), COLUMNS)
     rows = -(-len(names) // columns)
@@ -165,7 +171,7 @@ def _by_point(pose: xr.Dataset) -> Figure:
 
 
 def _by_view(pose: xr.Dataset) -> Figure:
-    """Root mean square residual of each view, where no points are known."""
+    """Draw root mean square residual of each view, where no points are known."""
     names = [str(v) for v in pose["view"].values]
     made = style.figure(max(5.0, 1.8 + 0.5 * len(names)), 3.4, "Residuals of the poses by view")
     axes = made.subplots()
@@ -188,12 +194,19 @@ def _by_view(pose: xr.Dataset) -> Figure:
 
 @style.styled
 def repeatability(source: Source | RunData) -> Figure:
-    """Scatter of repeated image points: both mirrors and standard deviation (Figures 4.25 to 4.27).
+    """Draw how repeated image points scatter, of both mirrors (Figures 4.25 to 4.27).
 
-    Raises
-    ------
-    UserError
-        If the run does not repeat a pose.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> dac = np.array([[[10, 20], [30, 40]], [[12, 20], [30, 41]]])
+    >>> points = group("registration", {"view": ["1", "2"], "point": [1, 2]}, dac=dac)
+    >>> std = dac.std(axis=0, ddof=1)
+    >>> found = group("examined/repeatability", {"point": [1, 2]}, dac_std=std, largest=std.max())
+    >>> figure = repeatability({"registration": points, "examined/again": found})
+    >>> figure.axes[2].get_ylabel()
+    'standard deviation, DAC steps'
     """
     run = RunData.from_source(source)
     require("repeatability", repeats_unavailable_because(run))
@@ -220,7 +233,7 @@ def repeatability(source: Source | RunData) -> Figure:
 
 
 def _scatter(axes: Axes, examined: xr.Dataset, repeats: int, numbers: np.ndarray) -> None:
-    """Standard deviations, with the 95 % intervals that chi square gives them."""
+    """Draw standard deviations, with the 95 % intervals that chi square gives them."""
     dof = repeats - 1
     low, high = np.sqrt(dof / scipy.special.chdtri(dof, [0.025, 0.975]))
     for (mirror, text), look, shift in zip(

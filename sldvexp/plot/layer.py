@@ -76,12 +76,12 @@ class VolumeLayer:
         )
 
     def values(self, name: str, component: str) -> NDArray:
-        """A variable of one component at the nodes, shape (n,)."""
+        """Take a variable of one component at the nodes, shape (n,)."""
         values: NDArray = self.group[name].sel(component=component).values
         return values
 
     def bound(self, component: str) -> Array:
-        """Half-width of the velocity's interval, shape (n,), m/s; NaN if there is none."""
+        """Take half-widths of the velocity's interval, shape (n,), m/s; NaN if there is none."""
         name = "confidence" if "confidence" in self.group else "velocity_std"
         if name not in self.group:
             return np.full(len(self.node), np.nan)
@@ -107,7 +107,7 @@ class VolumeLayer:
 
 
 def field_unavailable_because(run: RunData) -> str:
-    """Why no field can be shown; empty if one can."""
+    """Explain why no field can be shown; empty if one can."""
     return "" if run.fields() else NO_FIELD
 
 
@@ -118,11 +118,10 @@ def layer_of(
     depth: float | None = None,
     name: str | None = None,
 ) -> VolumeLayer:
-    """One layer of a field.
+    """Make one layer of a field.
 
     Parameters
     ----------
-    run : RunData
     figure : str
         For messages.
     frequency : float, Hz, optional
@@ -177,7 +176,7 @@ def _truth(
     depths: Array,
     plane: tuple[int, int],
 ) -> dict[str, ComplexArray]:
-    """True velocities at the nodes by component, as far as they are of this layer."""
+    """Find true velocities at the nodes by component, as far as they are of this layer."""
     if not run.has("truth", "velocity", "height"):
         return {}
     truth = run.groups["truth"]

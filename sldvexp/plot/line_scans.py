@@ -38,10 +38,8 @@ class Taken:
 
     Parameters
     ----------
-    raw : ScanLines
     filtered : ndarray, shape (line, pixel), m/s
     gradient : ndarray, shape (line, pixel), m/s per step
-    edges : ScanLineEdges
     window : int
         Of the median filter, pixels.
     """
@@ -54,7 +52,7 @@ class Taken:
 
 
 def unavailable_because(run: RunData) -> str:
-    """Why no scan lines can be shown; empty if they can."""
+    """Explain why no scan lines can be shown; empty if they can."""
     return "" if "config" in run.attributes and _views(run) else NO_LINES
 
 
@@ -65,7 +63,7 @@ def scan_lines(
     circle: int = 1,
     folder: str | Path | None = None,
 ) -> Figure:
-    """Scan lines across one circle (Figures 4.13 to 4.17 and 4.19 to 4.22).
+    """Draw scan lines across one circle (Figures 4.13 to 4.17 and 4.19 to 4.22).
 
     A column for the coarse and one for the fine lines; rows are the velocity as measured,
     median-filtered, its gradient along the line, and the edges that were found.
@@ -79,10 +77,11 @@ def scan_lines(
     folder : str or Path, optional
         Of the run, if `source` is not the file in it: the samples are in its ``journal``.
 
-    Raises
-    ------
-    UserError
-        If the scan lines were not kept, or there is no such view or circle.
+    Examples
+    --------
+    >>> scan_lines({})  # samples in the folder of a run are needed
+    Traceback (most recent call last):
+    sldvexp.errors.UserError: plot: scan_lines: the run has no scan lines across circles ...
     """
     run = RunData.from_source(source, folder)
     require("scan_lines", unavailable_because(run))
@@ -99,7 +98,7 @@ def scan_lines(
 
 
 def _column(axes: Any, kind: str, taken: Taken) -> None:
-    """Four panels of one kind of lines."""
+    """Draw four panels of one kind of lines."""
     factor, unit = style.prefixed(taken.raw.magnitude, style.SPEED)
     along = taken.raw.along
     count = f"{len(along)} {kind} lines"
@@ -127,7 +126,7 @@ def _column(axes: Any, kind: str, taken: Taken) -> None:
 
 
 def edge_heights(taken: Taken) -> tuple[np.ndarray, np.ndarray]:
-    """Place of each edge along its line, steps, and the filtered velocity there, m/s."""
+    """Find place of each edge along its line, steps, and the filtered velocity there, m/s."""
     edges, lines = taken.edges, taken.raw
     away = edges.position - lines.origin[edges.line]
     place = (away * lines.direction[edges.line]).sum(axis=-1)
@@ -143,7 +142,7 @@ def _lines(
     error: np.ndarray | None = None,
     faint: bool = False,
 ) -> None:
-    """A few lines each in its own look, many in one; their standard errors if they are known."""
+    """Draw a few lines each in its own look, many in one; their standard errors if known."""
     few = len(along) <= len(style.LINES)
     for k, look in enumerate(style.looks(len(along))):
         own = {"color": look["color"], "linestyle": look["linestyle"]} if few else {}
@@ -180,7 +179,7 @@ def _take(run: RunData, view: str, circle: str, kind: str) -> Taken:
 
 
 def _image(run: RunData, view: str, name: str) -> tuple[Any, np.ndarray]:
-    """Complex pixels of the kept lines of a name, and their DAC steps (line, pixel, mirror)."""
+    """Demodulate the kept lines of a name: complex pixels and DAC steps (line, pixel, mirror)."""
     kept = [read_line(path) for path in sorted(_journal(run, view).glob(f"{name}_*.npz"))]
     whole = [line for line in kept if line is not None]
     if not whole:
@@ -199,7 +198,7 @@ def _image(run: RunData, view: str, name: str) -> tuple[Any, np.ndarray]:
 
 
 def _scan_settings(run: RunData) -> dict[str, Any]:
-    """Settings of the scan of the calibration object; a session has them below its own."""
+    """Read how the calibration object was scanned; a session has that below its own settings."""
     scan: dict[str, Any] = settings(run, "scan_lines")["scan"] or {}
     scan = scan.get("calibration") or scan
     if not all(key in scan for key in (*KINDS, "edge")):
@@ -212,12 +211,12 @@ def _journal(run: RunData, view: str) -> Path:
 
 
 def _views(run: RunData) -> list[str]:
-    """Views with kept lines of both kinds."""
+    """Find views with kept lines of both kinds."""
     return [view for view in run.below("edge") if run.folder and _circles(run, view)]
 
 
 def _circles(run: RunData, view: str) -> list[str]:
-    """Circles of a view with kept lines of both kinds, by their number."""
+    """Find circles of a view with kept lines of both kinds, by their number."""
     names = {p.name.rpartition("_")[0] for p in _journal(run, view).glob("*_*.npz")}
     numbers = {m[1] for name in names if (m := re.fullmatch(r"(\d+)_fine", name))}
     return sorted((n for n in numbers if f"{n}_coarse" in names), key=int)

@@ -29,7 +29,7 @@ def nodal(
     component: str | None = None,
     nodes: str | Sequence[int] = "line",
 ) -> Figure:
-    """Velocities of nodes with their bounds, real and imaginary part, a row for each component.
+    """Draw velocities of nodes with bounds, real and imaginary part, a row for each component.
 
     Parameters
     ----------
@@ -45,10 +45,18 @@ def nodal(
         ``line``: those along the layer's longer side through its largest velocity. ``all``: all of
         the layer, by number. Numbers of nodes: these, of any layer.
 
-    Raises
-    ------
-    UserError
-        If the run has no field, or not these nodes.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> corner = np.array([[0, 0], [0.1, 0], [0, 0.1], [0.1, 0.1]])
+    >>> place = np.array([[x, y, z] for z in (0.0, 0.01) for x, y in corner])
+    >>> prisms = [[0, 1, 2, 4, 5, 6], [1, 3, 2, 5, 7, 6]]
+    >>> depth = group("volume", {}, depth=[0.0, 0.01])
+    >>> solved = group("field", {}, velocity=place + 0j, position=place, element=prisms,
+    ...                confidence=0.1 * place, observable=np.ones((8, 3), int))
+    >>> nodal({"volume": depth, "field": solved}, nodes="all", component="x").axes[0].get_ylabel()
+    'x, real, mm/s'
     """
     run = RunData.from_source(source)
     require("nodal", field_unavailable_because(run))
@@ -77,7 +85,7 @@ def nodal(
 
 
 def _chosen(layer: VolumeLayer, nodes: str | Sequence[int]) -> tuple[IndexArray, Array, str]:
-    """Which of the layer's nodes, where they are drawn, and what that axis is called."""
+    """Choose nodes of the layer, where they are drawn, and what that axis is called."""
     if isinstance(nodes, str) and nodes not in ("line", "all"):
         raise UserError(f"plot: nodal: nodes is line, all or numbers, not {nodes}")
     if nodes == "line":
@@ -94,7 +102,7 @@ def _chosen(layer: VolumeLayer, nodes: str | Sequence[int]) -> tuple[IndexArray,
 
 
 def line_nodes(layer: VolumeLayer) -> tuple[IndexArray, Array]:
-    """Nodes along the layer's longer side through its largest velocity, and their place, m."""
+    """Find nodes along the layer's longer side through its largest velocity, and their place, m."""
     flat = layer.position[:, layer.plane]
     longer = int(np.ptp(flat, axis=0).argmax())
     size = np.nansum(np.abs(layer.group["velocity"].values) ** 2, axis=-1)
@@ -118,7 +126,7 @@ def _line_label(layer: VolumeLayer, own: IndexArray) -> str:
 
 
 def part_bound(group: xr.Dataset, component: str, part: str, own: IndexArray) -> Array | None:
-    """Half-widths of the intervals of one part, else of the larger part, else standard errors."""
+    """Take half-widths of the intervals of one part, else of the larger, else standard errors."""
     if "confidence_by_part" in group and part in group["part"].values:
         return np.asarray(
             group["confidence_by_part"].sel(part=part, component=component).values[own]
@@ -130,7 +138,7 @@ def part_bound(group: xr.Dataset, component: str, part: str, own: IndexArray) ->
 
 
 def _truth(layer: VolumeLayer) -> str:
-    """What the line of the truth is called: `VolumeLayer.truth` may lack components, and why."""
+    """Name the line of the truth: `VolumeLayer.truth` may lack components, and why."""
     lacking = [c for c in layer.components if c not in layer.truth]
     if not lacking:
         return "truth"

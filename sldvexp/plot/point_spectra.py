@@ -25,41 +25,44 @@ PARTS: dict[str, Any] = {"real": np.real, "imaginary": style.imaginary}
 
 
 def unavailable_because(run: RunData) -> str:
-    """Why no point can be shown; empty if one can."""
+    """Explain why no point can be shown; empty if one can."""
     return "" if _points(run) else NO_POINT
 
 
 def spectrum_unavailable_because(run: RunData) -> str:
-    """Why no spectrum of a field can be shown; empty if one can."""
+    """Explain why no spectrum of a field can be shown; empty if one can."""
     found = any(g.sizes.get("frequency", 1) > 1 for g in run.fields().values())
     return "" if found else NO_SPECTRUM
 
 
 def _points(run: RunData) -> dict[str, xr.Dataset]:
-    """Velocities of points by method: ``point``, and those it is compared with."""
+    """Find velocities of points by method: ``point``, and those it is compared with."""
     own = {"point": run.groups["point"]} if run.has("point", "velocity", "component") else {}
     others = run.below("compare", "velocity", "velocity_std")
     return own | {k: g for k, g in others.items() if "node" not in g.dims}
 
 
 def _name(one: xr.Dataset, number: int) -> str:
-    """A point by its own name if it has one, else by its number."""
+    """Name a point by its own name if it has one, else by its number."""
     return f"point {one['point'].item() if 'point' in one.coords else number}"
 
 
 @style.styled
 def point(source: Source | RunData, number: int = 0) -> Figure:
-    """Velocity of a point with its bounds, by component and method, or over many frequencies.
+    """Draw velocity of a point with its bounds, by component and method, or over many frequencies.
 
     Parameters
     ----------
     number : int
         Which point, from 0, if the run has several.
 
-    Raises
-    ------
-    UserError
-        If the run has no velocity of points, or not so many.
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> velocity, std = [0.01, 0.002j, 0.02], [1e-4, 1e-4, 2e-4]
+    >>> found = group("point", {}, velocity=velocity, velocity_std=std)
+    >>> point({"point": found}).axes[0].get_ylabel()
+    'real, mm/s'
     """
     run = RunData.from_source(source)
     require("point", unavailable_because(run))
@@ -78,7 +81,7 @@ def point(source: Source | RunData, number: int = 0) -> Figure:
 
 @style.styled
 def spectrum(source: Source | RunData, node: int | None = None, name: str | None = None) -> Figure:
-    """Velocity of one node over the frequency with its bounds.
+    """Draw velocity of one node over the frequency with its bounds.
 
     Parameters
     ----------
@@ -87,10 +90,16 @@ def spectrum(source: Source | RunData, node: int | None = None, name: str | None
     name : str, optional
         ``field``, or one of those it is compared with.
 
-    Raises
-    ------
-    UserError
-        If the run has no field at several frequencies, or not this node.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> place = np.zeros((6, 3))
+    >>> velocity = 0.01 * np.ones((6, 3, 2)) * [1, 1j]
+    >>> solved = group("field", {"frequency": [100.0, 200.0]}, velocity=velocity, position=place,
+    ...                element=[[0, 1, 2, 3, 4, 5]])
+    >>> spectrum({"field": solved}, node=0).axes[0].get_ylabel()
+    'x, size, mm/s'
     """
     run = RunData.from_source(source)
     require("spectrum", spectrum_unavailable_because(run))
@@ -106,14 +115,14 @@ def spectrum(source: Source | RunData, node: int | None = None, name: str | None
 
 
 def bound_of(group: xr.Dataset) -> tuple[xr.DataArray | None, str]:
-    """Half-widths of the intervals, else standard errors, and what to call them."""
+    """Take half-widths of the intervals, else standard errors, and what to call them."""
     if "confidence" in group:
         return group["confidence"], f"{group.attrs.get('confidence_level', 0.95):.0%} bound"
     return group.get("velocity_std"), "standard error"
 
 
 def _spectrum(group: xr.Dataset, title: str) -> Figure:
-    """Size and phase of every component; where the size is below its bound there is no phase."""
+    """Draw size and phase of every component; a size below its bound has no phase."""
     names = [str(c) for c in group["component"].values]
     hertz = group["frequency"].values
     bound, meaning = bound_of(group)
@@ -151,7 +160,7 @@ def _spectrum(group: xr.Dataset, title: str) -> Figure:
 
 
 def _methods(found: dict[str, xr.Dataset], title: str) -> Figure:
-    """Real and imaginary part by component and method, a row for each frequency."""
+    """Draw real and imaginary part by component and method, a row for each frequency."""
     first = next(iter(found.values()))
     hertz = first["frequency"].values if "frequency" in first.coords else [None]
     components = [str(c) for c in first["component"].values]

@@ -29,7 +29,7 @@ THINNEST = 0.3
 
 
 def unavailable_because(run: RunData) -> str:
-    """Why no surface can be shown; empty if one can."""
+    """Explain why no surface can be shown; empty if one can."""
     return "" if run.fields() or not points_unavailable_because(run) else NO_SHAPE
 
 
@@ -41,7 +41,7 @@ def surface(
     name: str | None = None,
     component: str | None = None,
 ) -> Figure:
-    """One component of the velocity over the layer, at the moment when it is largest.
+    """Draw one component of the velocity over the layer, at the moment when it is largest.
 
     Without a field, many points whose positions are known are drawn where their velocity, as a
     deflection, brings them; triangles and lines join them.
@@ -57,10 +57,18 @@ def surface(
     component : str, optional
         Without it the one that is largest.
 
-    Raises
-    ------
-    UserError
-        If the run has no field and no points, or not this component, depth or field.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> corner = np.array([[0, 0], [0.1, 0], [0, 0.1], [0.1, 0.1]])
+    >>> place = np.array([[x, y, z] for z in (0.0, 0.01) for x, y in corner])
+    >>> prisms = [[0, 1, 2, 4, 5, 6], [1, 3, 2, 5, 7, 6]]
+    >>> depth = group("volume", {}, depth=[0.0, 0.01])
+    >>> solved = group("field", {}, velocity=place + 0j, position=place, element=prisms,
+    ...                confidence=0.1 * place, observable=np.ones((8, 3), int))
+    >>> surface({"volume": depth, "field": solved}, component="x").axes[0].get_zlabel()
+    'velocity, mm/s'
     """
     run = RunData.from_source(source)
     require("surface", unavailable_because(run))
@@ -119,13 +127,13 @@ def at_largest(velocity: ComplexArray, of: ComplexArray) -> tuple[str, Array]:
 
 
 def points_unavailable_because(run: RunData) -> bool:
-    """Whether no points in space can be shown."""
+    """Tell whether no points in space can be shown."""
     there = run.has("point", "velocity") and run.has("line_of_sight", "position")
     return not there or run.groups["point"].sizes.get("point", 1) < 2
 
 
 def joined_points(line_of_sight: xr.Dataset) -> tuple[Array, IntArray, IntArray]:
-    """Where the points of several lines of sight are, and what joins them.
+    """Find where the points of several lines of sight are, and what joins them.
 
     Returns
     -------
@@ -141,7 +149,7 @@ def joined_points(line_of_sight: xr.Dataset) -> tuple[Array, IntArray, IntArray]
 
 
 def normals(position: Array, triangles: IntArray) -> Array:
-    """Unit normals of a surface at its points, shape (point, 3).
+    """Compute unit normals of a surface at its points, shape (point, 3).
 
     The mean of the triangles around a point by their areas; where there is none, the normal of the
     plane that is nearest to all points.
@@ -159,11 +167,10 @@ def normals(position: Array, triangles: IntArray) -> Array:
 
 
 def points_surface(run: RunData, frequency: float | None, component: str | None) -> Figure:
-    """Points where they are at the moment of the largest velocity, see `surface`.
+    """Draw points where they are at the moment of the largest velocity, see `surface`.
 
     Parameters
     ----------
-    run : RunData
     frequency : float, Hz, optional
     component : str, optional
         That the colours tell; without it the largest one.
@@ -192,7 +199,7 @@ def _largest(velocity: NDArray) -> int:
 def _draw(
     axes: Any, rest: Array, place: Array, triangles: IntArray, lines: IntArray, values: Array
 ) -> Any:
-    """Surface, lines and points, coloured by their values; grey lines where they rest."""
+    """Draw surface, lines and points, coloured by their values; grey lines where they rest."""
     limit = float(np.nanmax(np.abs(values))) or 1.0
     look = {"cmap": style.SIGN_MAP, "clim": (-limit, limit)}
     ends = lines if len(lines) else _sides(triangles)
@@ -224,6 +231,6 @@ def _draw(
 
 
 def _sides(triangles: IntArray) -> IntArray:
-    """The sides of triangles, each once."""
+    """Find the sides of triangles, each once."""
     every = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     return np.unique(np.sort(every, axis=1), axis=0)

@@ -77,7 +77,7 @@ SETTINGS: Any = {
 
 
 def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Decorator: the figure is drawn in this style, whatever the user's own is."""
+    """Decorate a figure to be drawn in this style, whatever the user's own is."""
 
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
@@ -90,7 +90,7 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 
 def figure(width: float, height: float, title: str = "") -> Figure:
-    """An empty figure that keeps its labels apart and inside; sizes in inch.
+    """Make an empty figure that keeps its labels apart and inside; sizes in inch.
 
     It belongs to no window, so that none has to be closed; a notebook shows it all the same.
     """
@@ -103,7 +103,7 @@ def figure(width: float, height: float, title: str = "") -> Figure:
 
 @functools.cache
 def _picture() -> type[Figure]:
-    """A figure that a notebook can show without pyplot, and that keeps its style."""
+    """Make a figure that a notebook can show without pyplot, and that keeps its style."""
 
     class Picture(Figure):
         def draw(self, renderer: Any) -> None:
@@ -127,7 +127,7 @@ def not_determined(axes: Axes) -> None:
 
 
 def looks(number: int) -> Iterator[dict[str, Any]]:
-    """Colour, marker and line style of so many curves, no two alike."""
+    """Give colour, marker and line style to so many curves, no two alike."""
     cycle = zip(
         itertools.cycle(COLOURS), itertools.cycle(MARKERS), itertools.cycle(LINES), strict=False
     )
@@ -136,12 +136,12 @@ def looks(number: int) -> Iterator[dict[str, Any]]:
 
 
 def imaginary(values: NDArray) -> Array:
-    """Imaginary part; NaN of what is not determined, whose imaginary part may be stored as 0."""
+    """Take the imaginary part; NaN of what is not determined, which may be stored as 0."""
     return np.where(np.isnan(values), np.nan, np.imag(values))
 
 
 def prefixed(values: ArrayLike, unit: str) -> tuple[float, str]:
-    """The factor and the prefixed unit in which the largest of some values is a handy number.
+    """Choose factor and prefixed unit that make the largest of some values a handy number.
 
     Parameters
     ----------
@@ -173,22 +173,22 @@ def hatched(axes: Axes) -> None:
 
 
 def joined(*parts: str) -> str:
-    """Parts of a title that are not empty."""
+    """Join the parts of a title that are not empty."""
     return ", ".join(part for part in parts if part)
 
 
 def ticks(number: int) -> Any:
-    """At most so many intervals between ticks."""
+    """Set at most so many intervals between ticks."""
     return MaxNLocator(nbins=number)
 
 
 def whole_numbers() -> Any:
-    """Ticks of a count."""
+    """Set ticks at whole numbers."""
     return MaxNLocator(integer=True)
 
 
 def legend_below(made: Any, *axes: Any, title: str = "", columns: int = 9, **look: Any) -> None:
-    """The legend of some panels below all of them, in which every name stands once.
+    """Make the legend of some panels below all of them, in which every name stands once.
 
     What has error bars or is a bar was measured, and stands before what it is compared with.
     """
@@ -208,7 +208,7 @@ def mirror_labels(variable: Variable) -> tuple[str, str]:
 
 
 def outer_labels(axes: NDArray[Any], used: int, x: str, y: str) -> None:
-    """Names of common axes at the left and at the lowest panel of every column."""
+    """Name common axes at the left and at the lowest panel of every column."""
     rows, columns = axes.shape
     for row in range(rows):
         axes[row, 0].set_ylabel(y)
@@ -248,16 +248,14 @@ def sheet(
     right: float | None = None,
     **shared: Any,
 ) -> tuple[Figure, NDArray[Any]]:
-    """A figure with panels of equal size.
+    """Make a figure with panels of equal size.
 
     Parameters
     ----------
-    rows, columns : int
     width : float, inch
         Of the figure.
     ratio : float
         Height of a panel over its width.
-    title : str
     beside : float, inch
         At the right of every panel.
     below : float, inch
@@ -288,7 +286,7 @@ def sheet(
 
 
 def scene(title: str) -> tuple[Figure, Any, Callable[[Any, str], Any]]:
-    """A figure with axes in space, and what draws a scale beside them.
+    """Make a figure with axes in space, and what draws a scale beside them.
 
     Returns
     -------
@@ -306,12 +304,12 @@ def scene(title: str) -> tuple[Figure, Any, Callable[[Any, str], Any]]:
 
 
 def legend(made: Figure, *axes: Any, title: str = "", **look: Any) -> None:
-    """The legend of some panels below all of them, where `LEGEND_BELOW` was left free."""
+    """Make the legend of some panels below all of them, where `LEGEND_BELOW` was left free."""
     legend_below(made, *axes, title=title, loc="lower center", **look)
 
 
 def scale_beside(axes: Any, mapped: Any, label: str) -> Any:
-    """The scale of a map, or of several above each other, at the right."""
+    """Make the scale of a map, or of several above each other, at the right."""
     made, box = _around(axes)
     width = made.get_figwidth()
     place = (box[2] + AWAY / width, box[1], SCALE / width, box[3] - box[1])
@@ -319,7 +317,7 @@ def scale_beside(axes: Any, mapped: Any, label: str) -> Any:
 
 
 def scale_below(axes: Any, mapped: Any, label: str) -> Any:
-    """The scale of several maps above each other, below their labels."""
+    """Make the scale of several maps above each other, below their labels."""
     made, box = _around(axes)
     height = made.get_figheight()
     place = (box[0], box[1] - (BOTTOM + AWAY + SCALE) / height, box[2] - box[0], SCALE / height)
@@ -327,14 +325,14 @@ def scale_below(axes: Any, mapped: Any, label: str) -> Any:
 
 
 def _around(axes: Any) -> tuple[Figure, list[float]]:
-    """The figure, and left, bottom, right and top of some panels in it."""
+    """Find the figure, and left, bottom, right and top of some panels in it."""
     every = np.ravel(np.array(axes, object))
     boxes = np.array([one.get_position().extents for one in every])
     return every[0].figure, [*boxes[:, :2].min(axis=0), *boxes[:, 2:].max(axis=0)]
 
 
 def _scale(made: Figure, place: Any, mapped: Any, label: str, upright: bool) -> Any:
-    """The numbers' axis of a linear scale; one image of its colours, where a colorbar has many."""
+    """Make the axis of a linear scale; one image of its colours, where a colorbar has many."""
     axes: Any = made.add_axes(place, label="<colorbar>")
     low, high = mapped.get_clim()
     colours = np.linspace(low, high, SCALE_COLOURS)
@@ -354,5 +352,5 @@ def _scale(made: Figure, place: Any, mapped: Any, label: str, upright: bool) -> 
 
 
 def in_turns(scale: Any) -> None:
-    """Numbers at the scale of phases."""
+    """Set numbers at the scale of phases."""
     scale.set_ticks([-np.pi, 0.0, np.pi], labels=["−π", "0", "π"])

@@ -38,7 +38,7 @@ class Panel(NamedTuple):
 
 
 def unavailable_because(run: RunData) -> str:
-    """Why no sweep can be shown; empty if one can."""
+    """Explain why no sweep can be shown; empty if one can."""
     if not run.has("", "state"):
         return NO_SWEEP
     return "" if _results(run.groups[""]) else NO_RESULT
@@ -46,7 +46,7 @@ def unavailable_because(run: RunData) -> str:
 
 @style.styled
 def sweep(source: Source | RunData, quantity: str | None = None) -> Figure:
-    """A headline result of all runs, by the first swept key; the others tell the curves apart.
+    """Draw a headline result of all runs by the first swept key; the others tell curves apart.
 
     Parameters
     ----------
@@ -60,10 +60,13 @@ def sweep(source: Source | RunData, quantity: str | None = None) -> Figure:
     matplotlib.figure.Figure
         With a panel for each component of the result, r.m.s. over its frequencies.
 
-    Raises
-    ------
-    UserError
-        If it is no sweep, or has no such result.
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> state, sse = ("seed", ["done", "done"]), ("seed", [1.0, 1.5])
+    >>> table = xr.Dataset({"point.sse": sse, "state": state}, {"seed": [1, 2]})
+    >>> sweep(table, "point.sse").get_suptitle()
+    'point.sse of 2 runs'
     """
     run = RunData.from_source(source)
     require("sweep", unavailable_because(run))
@@ -92,13 +95,13 @@ def sweep(source: Source | RunData, quantity: str | None = None) -> Figure:
 
 
 def _empty(result: xr.DataArray, keys: list[str]) -> xr.DataArray:
-    """Runs that have no number of a result."""
+    """Find runs that have no number of a result."""
     known = xr.apply_ufunc(np.isfinite, result)
     return ~known.any([d for d in known.dims if d not in keys])
 
 
 def _results(table: xr.Dataset) -> list[str]:
-    """Names of results with at least one number."""
+    """Find names of results with at least one number."""
     return [
         str(name)
         for name, variable in table.data_vars.items()
@@ -109,7 +112,7 @@ def _results(table: xr.Dataset) -> list[str]:
 
 
 def _panels(table: xr.Dataset, quantity: str, keys: list[str]) -> list[Panel]:
-    """A panel for each entry along the result's own first dimension, r.m.s. over the others."""
+    """Make a panel for each entry along the result's first dimension, r.m.s. over the others."""
     result = table[quantity]
     name = f"{quantity}_std"
     error = table.get(name)
@@ -136,7 +139,7 @@ def _panels(table: xr.Dataset, quantity: str, keys: list[str]) -> list[Panel]:
 
 
 def _curves(axes: Any, panel: Panel, keys: list[str], missed: xr.DataArray) -> None:
-    """A curve for each combination of the other keys; runs that missed something have a ring."""
+    """Draw a curve for each combination of the other keys; runs that missed have a ring."""
     values, (along, *others) = panel.values, keys
     ticks = values[along].values if along in values.coords else np.arange(values.sizes[along])
     numbers = np.issubdtype(ticks.dtype, np.number) and len(ticks) > 1

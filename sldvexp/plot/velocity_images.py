@@ -29,12 +29,12 @@ PARTS = ("real part", "imaginary part", "magnitude", "phase")
 
 
 def unavailable_because(run: RunData) -> str:
-    """Why no image can be shown; empty if one can."""
+    """Explain why no image can be shown; empty if one can."""
     return "" if run.below("image", "velocity", "dac") else NO_IMAGE
 
 
 def raw_unavailable_because(run: RunData) -> str:
-    """Why no image before the correction can be shown; empty if one can."""
+    """Explain why no image before the correction can be shown; empty if one can."""
     return unavailable_because(run) or ("" if run.below("image", "uncorrected") else NO_RAW)
 
 
@@ -42,7 +42,7 @@ def raw_unavailable_because(run: RunData) -> str:
 def images(
     source: Source | RunData, view: str | None = None, frequency: float | None = None
 ) -> Figure:
-    """Complex velocity of the pixels, a row for each view.
+    """Draw the complex velocity of the pixels, a row for each view.
 
     Flagged pixels are hatched, and phases where the velocity is less than `CERTAIN` of its standard
     deviations.
@@ -54,10 +54,15 @@ def images(
     frequency : float, Hz, optional
         Without it the one of the largest velocity in the first of them.
 
-    Raises
-    ------
-    UserError
-        If the run has no image, or none of that view and frequency.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> dac = np.array([[i, j] for i in range(3) for j in range(4)])
+    >>> velocity = 0.01 * np.exp(0.1j * dac[:, 1])
+    >>> image = group("image", {}, velocity=velocity, dac=dac)
+    >>> images({"image/front": image}).axes[0].get_title()
+    'view front: real part'
     """
     run = RunData.from_source(source)
     require("images", unavailable_because(run))
@@ -78,7 +83,7 @@ def images(
 def phase_correction(
     source: Source | RunData, view: str | None = None, frequency: float | None = None
 ) -> Figure:
-    """One view's image before and after the phase correction (Figures 3.4 to 3.7).
+    """Draw one view's image before and after the phase correction (Figures 3.4 to 3.7).
 
     Parameters
     ----------
@@ -87,10 +92,15 @@ def phase_correction(
     frequency : float, Hz, optional
         Without it the one of the largest velocity.
 
-    Raises
-    ------
-    UserError
-        If the run has no image before the correction, or none of that view and frequency.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> dac = np.array([[i, j] for i in range(3) for j in range(4)])
+    >>> velocity = 0.01 * np.exp(0.1j * dac[:, 1])
+    >>> image = group("image", {}, velocity=velocity, uncorrected=velocity * 1j, dac=dac)
+    >>> phase_correction({"image/front": image}).axes[0].get_title()
+    'raw: real part'
     """
     run = RunData.from_source(source)
     require("phase_correction", raw_unavailable_because(run))
@@ -103,7 +113,7 @@ def phase_correction(
 
 
 def _rows(groups: dict[str, xr.Dataset], velocities: dict[str, ComplexArray], title: str) -> Figure:
-    """A row of four maps for each image, with a common scale for each column."""
+    """Draw a row of four maps for each image, with a common scale for each column."""
     dac = next(iter(groups.values()))["dac"].values
     tall = np.clip(np.ptp(dac[:, 0]) / max(np.ptp(dac[:, 1]), 1), 0.4, 1.6)
     told = ["×: flagged pixel"] * any(not _good(group).all() for group in groups.values())
@@ -133,7 +143,7 @@ def _rows(groups: dict[str, xr.Dataset], velocities: dict[str, ComplexArray], ti
 
 
 def _good(group: xr.Dataset) -> BoolArray:
-    """Pixels that nothing is wrong with."""
+    """Find pixels that nothing is wrong with."""
     if "flags" not in group:
         return np.ones(group.sizes["pixel"], bool)
     return group["flags"].values == 0
@@ -142,7 +152,7 @@ def _good(group: xr.Dataset) -> BoolArray:
 def _part(
     axes: Axes, group: xr.Dataset, velocity: ComplexArray, part: str, factor: float, limit: float
 ) -> Any:
-    """One map of an image, in the unit that the factor makes."""
+    """Draw one map of an image, in the unit that the factor makes."""
     style.hatched(axes)
     take: dict[str, Any] = {"real part": np.real, "imaginary part": np.imag, "magnitude": np.abs}
     values = take.get(part, np.angle)(factor * velocity)
@@ -159,13 +169,13 @@ def _part(
 
 
 def _even(steps: NDArray) -> bool:
-    """Whether DAC steps are those of an even grid, but for their rounding, along every row."""
+    """Tell whether DAC steps are those of an even grid, but for their rounding, along every row."""
     even = np.linspace(steps[0, 0], steps[0, -1], steps.shape[1])
     return bool((np.abs(steps - even) <= 1.0).all())
 
 
 def _ends(steps: NDArray) -> tuple[float, float]:
-    """Where the first pixel of a line begins and the last one ends."""
+    """Tell where the first pixel of a line begins and the last one ends."""
     half = 0.5 * (steps[-1] - steps[0]) / (len(steps) - 1)
     return steps[0] - half, steps[-1] + half
 
@@ -173,7 +183,7 @@ def _ends(steps: NDArray) -> tuple[float, float]:
 def _pixels(
     axes: Axes, group: xr.Dataset, values: NDArray, good: BoolArray, look: dict[str, Any]
 ) -> Any:
-    """Good pixels as quadrilaterals around their DAC steps, or as dots if they are on no grid."""
+    """Draw good pixels as quadrilaterals around their DAC steps, or dots if on no grid."""
     up_down, left_right = group["dac"].values.T
     shape = tuple(int(n) for n in np.atleast_1d(group.attrs.get("shape", ())))
     if len(shape) == 2 and shape[0] * shape[1] == len(values) and min(shape) > 1:

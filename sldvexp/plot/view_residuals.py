@@ -24,20 +24,26 @@ FEW = 4
 
 
 def unavailable_because(run: RunData) -> str:
-    """Why no residuals can be shown; empty if they can."""
+    """Explain why no residuals can be shown; empty if they can."""
     return "" if _of(run) else NO_RESIDUALS
 
 
 @style.styled
 def residuals(source: Source | RunData) -> Figure:
-    """Root mean square residual of every view, for the field and those it is compared with.
+    """Draw the r.m.s. residual of every view, for the field and those it is compared with.
 
     Bars by view, hatched by field, for a few frequencies; curves over the frequency for many.
 
-    Raises
-    ------
-    UserError
-        If the run has no field with residuals by view.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> place = np.zeros((6, 3))
+    >>> rms = [1e-4, 2e-4]
+    >>> solved = group("field", {"view": ["front", "left"]}, velocity=place, position=place,
+    ...                element=[[0, 1, 2, 3, 4, 5]], residual_std_by_view=rms)
+    >>> residuals({"field": solved}).axes[0].get_ylabel()
+    'r.m.s. residual, µm/s'
     """
     run = RunData.from_source(source)
     require("residuals", unavailable_because(run))
@@ -69,7 +75,7 @@ def _of(run: RunData) -> dict[str, xr.DataArray]:
 
 
 def _bars(axes: Axes, found: dict[str, xr.DataArray]) -> None:
-    """A bar for each view and field; a field that leaves a view out has none there."""
+    """Draw a bar for each view and field; a field that leaves a view out has none there."""
     names = list(dict.fromkeys(str(v) for f in found.values() for v in f["view"].values))
     width = 0.8 / len(found)
     factor, unit = style.prefixed(np.concatenate([f.values for f in found.values()]), style.SPEED)
@@ -93,7 +99,7 @@ def _bars(axes: Axes, found: dict[str, xr.DataArray]) -> None:
 
 
 def _curves(axes: Axes, array: xr.DataArray) -> None:
-    """A curve for each view over the frequency."""
+    """Draw a curve for each view over the frequency."""
     factor, unit = style.prefixed(array.values, style.SPEED)
     hertz = array["frequency"].values
     for name, look in zip(array["view"].values, style.looks(array.sizes["view"]), strict=True):

@@ -33,19 +33,26 @@ COLUMNS = 3
 
 
 def unavailable_because(run: RunData) -> str:
-    """Why no volume can be shown; empty if it can."""
+    """Explain why no volume can be shown; empty if it can."""
     known = run.has("volume", "position", "element") and run.has("pose", "origin", "rotation")
     return "" if known else NO_VOLUME
 
 
 @style.styled
 def volume(source: Source | RunData) -> Figure:
-    """The volume among the instrument's places, and its nodes in every view's image.
+    """Draw the volume among the instrument's places, and its nodes in every view's image.
 
-    Raises
-    ------
-    UserError
-        If the run has no volume or no pose.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.dataset import group
+    >>> corner = np.array([[0, 0], [0.1, 0], [0, 0.1], [0.1, 0.1]])
+    >>> place = np.array([[x, y, z] for z in (1.5, 1.51) for x, y in corner])
+    >>> prisms = [[0, 1, 2, 4, 5, 6], [1, 3, 2, 5, 7, 6]]
+    >>> block = group("volume", {}, position=place, element=prisms, depth=[0.0, 0.01])
+    >>> pose = group("pose", {"view": ["front"]}, origin=np.zeros((1, 3)), rotation=[np.eye(3)])
+    >>> volume({"volume": block, "pose": pose}).get_suptitle()
+    'Volume of 8 nodes, 2 prisms, 2 layers from 0 to 10 mm'
     """
     run = RunData.from_source(source)
     require("volume", unavailable_because(run))
@@ -96,7 +103,7 @@ def volume(source: Source | RunData) -> Figure:
 
 
 def _surface(group: xr.Dataset) -> IndexArray:
-    """Nodes of the layer nearest to the given surface."""
+    """Find nodes of the layer nearest to the given surface."""
     depth = group["depth"].values if "depth" in group else np.zeros(1)
     per_layer = group.sizes["node"] // len(depth)
     return np.arange(per_layer) + int(np.abs(depth).argmin()) * per_layer
@@ -114,14 +121,14 @@ def _title(group: xr.Dataset) -> str:
 
 
 def seen(pose: xr.Dataset, position: Array) -> Array:
-    """Mirror angles that reach points from one view, shape (n, 2), rad (Eqs 4.2 and 4.3)."""
+    """Compute mirror angles that reach points from a view, (n, 2), rad (Eqs 4.2 and 4.3)."""
     x, y, z = pose["rotation"].values @ (position - pose["origin"].values).T
     offset = float(pose.attrs.get("mirror_offset", 0.0))
     return np.stack([np.arctan2(y, z), np.arctan2(x, np.hypot(y, z) + offset)], axis=1)
 
 
 def _scene(axes: Axes3D, run: RunData, names: list[str]) -> None:
-    """World axes with the volume's outline, the object's points and the instrument's places."""
+    """Draw the world with the volume's outline, the object's points, the instrument's places."""
     pose, group = run.groups["pose"], run.groups["volume"]
     position = group["position"].values
     middle = position.mean(axis=0)
@@ -154,13 +161,13 @@ def _scene(axes: Axes3D, run: RunData, names: list[str]) -> None:
 
 
 def _apart(edges: Array) -> Array:
-    """Edges, shape (edge, 2, axis), as one line that is broken between them, shape (n, axis)."""
+    """Join edges, (edge, 2, axis), to one line that is broken between them, (n, axis)."""
     gap = np.full((len(edges), 1, edges.shape[2]), np.nan)
     return np.concatenate([edges, gap], axis=1).reshape(-1, edges.shape[2])
 
 
 def outline(group: xr.Dataset) -> IndexArray:
-    """Edges of the surface's rim, on the first and the last layer and between, (edge, 2)."""
+    """Find edges of the surface's rim, on the first and last layer and between, (edge, 2)."""
     element = group["element"].values.astype(np.intp)
     depths = group.sizes.get("layer", 2)
     nodes = group.sizes["node"]
@@ -176,7 +183,7 @@ def outline(group: xr.Dataset) -> IndexArray:
 
 
 def _corners(position: Array, rim: IndexArray) -> IndexArray:
-    """Nodes at which the rim turns by more than 30 deg."""
+    """Find nodes at which the rim turns by more than 30 deg."""
     found = []
     for node in np.unique(rim):
         own = rim[(rim == node).any(axis=1)]

@@ -1,8 +1,6 @@
-"""The shared part of all reports: pages that are made of datasets alone, after these are safe.
+"""The contract of reports, pages that are made of datasets alone after these are safe.
 
-`report=none`: the dataset only.
-
-What the stages of a run noted, with the result that it is about where there are several.
+Also `report=none`, which makes none, and the notes of a run's stages, which every report tells.
 """
 
 from __future__ import annotations
@@ -34,6 +32,17 @@ class Report(ABC):
     each_run : bool
         Whether each run of a sweep gets a page of its own, also those that are done already; the
         sweep always has one.
+
+    Examples
+    --------
+    >>> class Title(Report):
+    ...     def of_run(self, path: Path) -> Path:
+    ...         page = path.with_name(REPORT_FILE)
+    ...         page.write_text(f"<title>{path}</title>")
+    ...         return page
+    ...     def of_sweep(self, path: Path, ranking: Sequence[Mapping[str, Any]]) -> None:
+    ...         return None
+    >>> Title().of_sweep(Path("sweep.nc"), [])
     """
 
     each_run: bool = False
@@ -85,6 +94,11 @@ def attempt(make: Callable[[], Path | None], dataset: Path) -> list[Path]:
     -------
     list of Path
         The page, or nothing.
+
+    Examples
+    --------
+    >>> attempt(lambda: Path("report.html"), Path("run.nc"))
+    [PosixPath('report.html')]
     """
     try:
         page = make()
@@ -106,14 +120,22 @@ class NoReport(Report):
     """No page; `sldvexp report` makes one of the dataset later."""
 
     def of_run(self, path: Path) -> None:
-        """Nothing, see `Report.of_run`."""
+        """Make nothing, see `Report.of_run`."""
 
     def of_sweep(self, path: Path, ranking: Sequence[Mapping[str, Any]]) -> None:
-        """Nothing, see `Report.of_sweep`."""
+        """Make nothing, see `Report.of_sweep`."""
 
 
 def notes(run: RunData) -> list[str]:
-    """List every note once; one that is not of all results names those that it is of."""
+    """List every note once; one that is not of all results names those that it is of.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> pose = group("pose", {"view": ["front"]}, s=[0.2]).assign_attrs(notes="few points")
+    >>> notes(RunData({"pose": pose}))
+    ['few points']
+    """
     results = [n for n in run.groups if n in ("point", "field") or n.startswith("compare/")]
     found: dict[str, list[str]] = {}
     for name, group in run.groups.items():

@@ -13,12 +13,24 @@ MORE_IS_BETTER = (
 
 
 def first(result: str) -> str:
-    """Which values of a result, such as ``point.rcond``, are the best."""
+    """Tell which values of a result, such as ``point.rcond``, are the best.
+
+    Examples
+    --------
+    >>> first("point.rcond"), first("point.sse")
+    ('the largest', 'the smallest')
+    """
     return LARGEST if result.split(".")[-1] in MORE_IS_BETTER else SMALLEST
 
 
 def number(value: complex, digits: int = 4) -> str:
-    """A real or complex number with `digits` significant digits."""
+    """Write a real or complex number with `digits` significant digits.
+
+    Examples
+    --------
+    >>> number(3.14159, 3), number(0.5 - 2j)
+    ('3.14', '0.5-2i')
+    """
     value = complex(value)
     if math.isnan(value.real):
         return "-"
@@ -28,7 +40,7 @@ def number(value: complex, digits: int = 4) -> str:
 
 
 def with_bound(value: complex, bound: float) -> str:
-    """``value ± bound``, rounded to two digits of the bound.
+    """Write ``value ± bound``, rounded to two digits of the bound.
 
     Examples
     --------

@@ -23,7 +23,7 @@ MOST_FREQUENCIES = 4
 
 
 def pose_text(pose: xr.Dataset) -> str:
-    """Every view's parameters with their bounds.
+    """Write every view's parameters with their bounds.
 
     Parameters
     ----------
@@ -35,12 +35,19 @@ def pose_text(pose: xr.Dataset) -> str:
     str
         For each view: source, SSE in deg^2, s^2 and s in degrees and DAC steps, then Euler angles
         (rad) and origin (m), each ``+-`` the half-width of its confidence interval.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> pose = group("pose", {"view": ["front"]}, euler=[[0.1, 2.9, 0.3]], origin=[[0, 0, 1.7]])
+    >>> pose_text(pose).splitlines()[2]
+    '  phi1 =  0.100 (no bound)'
     """
     return "\n".join(_pose_view_text(pose.sel(view=v), str(v)) for v in pose["view"].values)
 
 
 def _pose_view_text(view: xr.Dataset, name: str) -> str:
-    """One view's block."""
+    """Write one view's block."""
     lines = [f"View: {name}"]
     if source := view.attrs.get("source"):
         lines.append(f"Registration data file name: {source}")
@@ -72,24 +79,32 @@ def _pose_view_text(view: xr.Dataset, name: str) -> str:
 
 
 def _places(bound: float) -> int:
-    """Decimals of a value: three as in Figure 4.29, more where its bound is known to more."""
+    """Count decimals of a value: three as in Figure 4.29, more if its bound is known to more."""
     if not np.isfinite(bound) or bound <= 0:
         return 3
     return max(3, 1 - int(np.floor(np.log10(bound))))
 
 
 def _fixed(value: float, places: int) -> str:
-    """A number with so many decimals, or in powers of ten where these would show nothing."""
+    """Write so many decimals, or powers of ten where these would show nothing."""
     return f"{value:.{places}f}" if value >= 10.0 ** (1 - places) or value == 0 else f"{value:.2e}"
 
 
 def pose_methods(found: xr.Dataset) -> Table:
-    """One row a method.
+    """Make one row a method.
 
     Parameters
     ----------
     found : xarray.Dataset
         As ``check=pose_methods`` makes it.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> found = group("examined/pose_methods", {"pose_method": ["edge"]}, views=[2], s_mean=[0.2],
+    ...               s_std=[0.01])
+    >>> [column.header for column in pose_methods(found).columns]
+    ['method', 'views', 's, DAC steps', 'std']
     """
     table = Table(title="Pose methods", title_justify="left")
     known = VARIABLES["examined/pose_methods"]
@@ -105,7 +120,13 @@ def pose_methods(found: xr.Dataset) -> Table:
 
 
 def field_tables(run: RunData) -> Iterator[Table]:
-    """Make a table of all methods, one of the components by frequency, one of the checks."""
+    """Make a table of all methods, one of the components by frequency, one of the checks.
+
+    Examples
+    --------
+    >>> list(field_tables(RunData({})))  # of a run without a field
+    []
+    """
     fields = run.fields()
     if not fields:
         return
@@ -116,7 +137,7 @@ def field_tables(run: RunData) -> Iterator[Table]:
 
 
 def _methods(fields: Mapping[str, xr.Dataset]) -> Table:
-    """Size, residuals and condition of every method's system."""
+    """Show size, residuals and condition of every method's system."""
     names = ("unknowns", "rows", "residual std", "SSE", "cond", "bounds")
     table = Table("field", *names, title="Fields (as Table 5.7)", title_justify="left")
     for name, field in fields.items():
@@ -129,7 +150,7 @@ def _methods(fields: Mapping[str, xr.Dataset]) -> Table:
 
 
 def _components(fields: Mapping[str, xr.Dataset]) -> Table:
-    """Size of every component with its bounds, at the strongest frequencies."""
+    """Show size of every component with its bounds, at the strongest frequencies."""
     columns = (
         "component",
         FREQUENCY.units,
@@ -157,7 +178,7 @@ def _components(fields: Mapping[str, xr.Dataset]) -> Table:
 
 
 def truth_table(truth: xr.Dataset, frequencies: Sequence[float]) -> Table:
-    """The field against the virtual lab's truth at some frequencies."""
+    """Show the field against the virtual lab's truth at some frequencies."""
     names = ("relative_error", "rms_error", "rms_bound", "covered")
     known = VARIABLES["examined/truth"]
     columns = ("component", FREQUENCY.units, *(known[name].titled() for name in names))
@@ -174,7 +195,7 @@ def truth_table(truth: xr.Dataset, frequencies: Sequence[float]) -> Table:
 
 
 def strongest(field: xr.Dataset) -> list[float]:
-    """The frequencies of the largest velocities in their order, or NaN if there are none."""
+    """Find the frequencies of the largest velocities in their order, or NaN if there are none."""
     if "frequency" not in field.coords:
         return [np.nan]
     hertz = np.atleast_1d(field["frequency"].values)
@@ -184,12 +205,12 @@ def strongest(field: xr.Dataset) -> list[float]:
 
 
 def _at(group: xr.Dataset, hertz: float) -> xr.Dataset:
-    """A group at one of its frequencies, if it has any."""
+    """Take a group at one of its frequencies, if it has any."""
     return group.sel(frequency=hertz) if "frequency" in group.dims else group
 
 
 def _some(groups: Iterable[xr.Dataset]) -> str:
-    """That a table does not tell of all frequencies, if so."""
+    """Say that a table does not tell of all frequencies, if so."""
     count = max(g.sizes.get("frequency", 1) for g in groups)
     few = count > MOST_FREQUENCIES
     return f", the {MOST_FREQUENCIES} strongest of {count} frequencies" if few else ""
@@ -208,12 +229,20 @@ def image_text(run: RunData) -> str:
 
     That is pixels, flagged ones by kind, and for the strongest frequencies the largest amplitude
     and the median standard error.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> image = group("image", {"frequency": [200.0]}, velocity=[[0.01], [0.02j]],
+    ...               velocity_std=[[1e-4], [1e-4]], flags=[0, 0])
+    >>> print(image_text(RunData({"image/front": image.assign_attrs(summary="all of use")})))
+    Image of the view front: all of use; 200 Hz: at most 20 mm/s, median std 0.1 mm/s
     """
     return "\n".join(_image_view_text(v, image) for v, image in run.below("image").items())
 
 
 def _image_view_text(view: str, image: xr.Dataset) -> str:
-    """One view's line."""
+    """Write one view's line."""
     grid = " x ".join(map(str, np.atleast_1d(image.attrs.get("shape", []))))
     name = f"Image of the view {view}" + (f" ({grid})" if grid else "")
     good = image.isel(pixel=image["flags"].values == 0)
@@ -231,6 +260,6 @@ def _image_view_text(view: str, image: xr.Dataset) -> str:
 
 
 def _std(image: xr.Dataset, frequency: int) -> float:
-    """The median standard error at a frequency; pixels may have one for all."""
+    """Take the median standard error at a frequency; pixels may have one for all."""
     at = image["velocity_std"].isel(frequency=frequency, missing_dims="ignore")
     return float(np.median(at.values))

@@ -1,6 +1,6 @@
-"""The table that closes a run on the terminal.
+"""The tables that close a run on the terminal, of whatever width it is.
 
-Tables for a terminal of any width: columns are left out before a number or a name is cut.
+Columns are left out before a number or a name is cut, see `fitted`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,16 @@ ALONG_AXIS = 1 - 1e-9
 
 
 def closing_table(source: Source | RunData, files: Sequence[Path]) -> None:
-    """Print what was estimated, published and met, what to mind, and where the files lie."""
+    """Print what was estimated, published and met, what to mind, and where the files lie.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> pose = group("pose", {"view": ["front"]}, s=[0.2]).assign_attrs(notes="few points")
+    >>> closing_table({"image": pose}, [Path("run.nc")])
+    note: few points
+    run.nc
+    """
     run = RunData.from_source(source)
     console = Console()
     if not console.is_terminal:
@@ -64,7 +73,15 @@ def closing_table(source: Source | RunData, files: Sequence[Path]) -> None:
 
 
 def estimates(run: RunData, most: int = MOST_VELOCITIES) -> Iterator[tuple[str, str, str, str]]:
-    """Rows of all groups that hold estimates, at most so many velocities of each."""
+    """List rows of all groups that hold estimates, at most so many velocities of each.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> found = group("point", {}, velocity=[0.01, 0.0, 0.02j], confidence=[1e-3, 1e-3, 1e-3])
+    >>> next(estimates(RunData({"point": found})))
+    ('point: V_x', '0.0100 ± 0.0010', 'm/s', '')
+    """
     for name, group in run.groups.items():
         if name == "pose":
             shared = list(json.loads(group.attrs.get("shared", "{}")))
@@ -80,7 +97,7 @@ def estimates(run: RunData, most: int = MOST_VELOCITIES) -> Iterator[tuple[str, 
 
 
 def _pose_rows(view: str, pose: xr.Dataset) -> Iterator[tuple[str, str, str, str]]:
-    """Euler angles, origin, intrinsics and residual of one view."""
+    """List Euler angles, origin, intrinsics and residual of one view."""
     columns = (("euler", "angle_index"), ("origin", "axis"), ("intrinsic", "adjusted"))
     for variable, dim in columns:
         if variable not in pose:
@@ -97,14 +114,14 @@ def _pose_rows(view: str, pose: xr.Dataset) -> Iterator[tuple[str, str, str, str
 
 
 def _unit(intrinsic: str) -> str:
-    """A gain is relative to the calibration."""
+    """Tell an intrinsic's unit; a gain is relative to the calibration."""
     return {"mirror": POSE["origin"].units, "zero": POSE["euler"].units}.get(
         str(intrinsic).partition("_")[0], ""
     )
 
 
 def _point_rows(name: str, point: xr.Dataset, most: int) -> Iterator[tuple[str, str, str, str]]:
-    """Velocity components of the first points and frequencies, and what stands behind them."""
+    """List velocity components of the first points and frequencies, and what is behind them."""
     cases = [d for d in ("point", "frequency") if d in point["velocity"].dims]
     stacked = (
         point["velocity"].stack(case=cases) if cases else point["velocity"].expand_dims("case")
@@ -136,7 +153,7 @@ def _point_rows(name: str, point: xr.Dataset, most: int) -> Iterator[tuple[str, 
 
 
 def _observed(point: xr.Dataset, number: int, frequency: int) -> Iterator[tuple[str, str]]:
-    """What is determined of a point along directions that are no axes, with its bounds."""
+    """Find what is determined of a point along directions that are no axes, with bounds."""
     if "observed_velocity" not in point or number not in point["deficient_point"].values:
         return
     own = point.isel(deficient=int(np.argmax(point["deficient_point"].values == number)))
@@ -151,7 +168,7 @@ def _observed(point: xr.Dataset, number: int, frequency: int) -> Iterator[tuple[
 
 
 def _merit(point: xr.Dataset, at: Mapping[str, Any]) -> str:
-    """Efficiency and observability of the component, point and frequency `at`."""
+    """Tell efficiency and observability of the component, point and frequency `at`."""
 
     def value(name: str) -> float:
         variable = point[name]
@@ -165,7 +182,7 @@ def _merit(point: xr.Dataset, at: Mapping[str, Any]) -> str:
 
 
 def published(check: xr.Dataset) -> Table:
-    """Published numbers beside this run's."""
+    """Show published numbers beside this run's."""
     correct = bool(np.isfinite(np.asarray(check["correct"])).any())
     passed = int(check["passed"].sum())
     table = Table(
@@ -194,7 +211,7 @@ BESIDE, RIM = 3, 1
 
 
 def fitted(table: Table, width: int, keep: Collection[str] = (), rest: str = "") -> Table:
-    """A table that is not wider than `width`.
+    """Make a table not wider than `width`.
 
     Parameters
     ----------
@@ -207,6 +224,13 @@ def fitted(table: Table, width: int, keep: Collection[str] = (), rest: str = "")
         Headers of columns that stay; of the others those at the right are left out as needed.
     rest : str
         Where the columns that are left out can be read.
+
+    Examples
+    --------
+    >>> table = Table("name", "value", "note")
+    >>> table.add_row("rcond", "0.25", "well conditioned")
+    >>> [column.header for column in fitted(table, 20, ("name", "value")).columns]
+    ['name', 'value']
     """
     columns, left_out = list(table.columns), []
     for column in reversed(table.columns):
@@ -235,12 +259,12 @@ def fitted(table: Table, width: int, keep: Collection[str] = (), rest: str = "")
 
 
 def _width(columns: Sequence[int]) -> int:
-    """Of a table whose columns have these widths."""
+    """Add up the width of a table from those of its columns."""
     return sum(columns) + BESIDE * len(columns) + RIM
 
 
 def _narrowest(column: Column) -> int:
-    """Width that a column needs at least."""
+    """Find the width that a column needs at least."""
     pieces = PLACES.split(_plain(column.header))
     for cell in map(_plain, column.cells):
         pieces += [cell] if column.no_wrap else PLACES.split(cell)
@@ -248,7 +272,7 @@ def _narrowest(column: Column) -> int:
 
 
 def _shared(columns: Sequence[Column], width: int) -> list[int]:
-    """Widths of the columns: as they are, or headers and then the widest cells in more lines."""
+    """Share a width among columns: headers, then the widest cells, go on in more lines."""
     least = [_narrowest(c) for c in columns]
     widths = [max(cell_len(_plain(t)) for t in (c.header, *c.cells)) for c in columns]
     while _width(widths) > width and widths != least:
@@ -259,7 +283,7 @@ def _shared(columns: Sequence[Column], width: int) -> list[int]:
 
 
 def _broken(marked: str, width: int) -> str:
-    """A cell with its text in lines of at most so many characters, if its parts are that short."""
+    """Break a cell into lines of at most so many characters, if its parts are that short."""
     text = _plain(marked)
     if cell_len(text) <= width:
         return marked
@@ -272,5 +296,5 @@ def _broken(marked: str, width: int) -> str:
 
 
 def _plain(marked: object) -> str:
-    """A cell's text without its markup."""
+    """Take a cell's text without its markup."""
     return Text.from_markup(str(marked)).plain

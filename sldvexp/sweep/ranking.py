@@ -14,8 +14,7 @@ from rich.table import Table
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import whole_or_nothing
 from sldvexp.lazy import xarray as xr
-from sldvexp.report.numbers import LARGEST, first, number
-from sldvexp.report.terminal import fitted
+from sldvexp.report import LARGEST, first, fitted, number
 from sldvexp.sweep import headlines
 
 #: What runs are ranked by unless the user says: the first of these that they have.

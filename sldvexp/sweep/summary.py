@@ -14,8 +14,7 @@ from sldvexp import dataset
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
-from sldvexp.report.base import REPORT_FILE, Report, attempt
-from sldvexp.report.terminal import NARROWEST
+from sldvexp.report import NARROWEST, REPORT_FILE, Report, attempt
 from sldvexp.sweep import ranking
 
 SWEEP_FILE, TABLE_FILE = "sweep.nc", "sweep.csv"

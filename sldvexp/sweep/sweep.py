@@ -19,7 +19,7 @@ from types import TracebackType
 
 from sldvexp.errors import UserError
 from sldvexp.pipeline.provenance import about_program
-from sldvexp.report.base import Report
+from sldvexp.report import Report
 from sldvexp.sweep import record
 from sldvexp.sweep.collect import collect
 from sldvexp.sweep.lock import LOCK_FILE, locked

@@ -22,7 +22,7 @@ from sldvexp.instrument.protocol import ScanningPlugin
 from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline import runner
 from sldvexp.pipeline.steps import STEPS
-from sldvexp.report.numbers import number
+from sldvexp.report import number
 from sldvexp.sweep.matrix import Cell, as_setting
 from sldvexp.sweep.plan import folder_name
 from sldvexp.sweep.shared_steps import SHARED, Store

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sldvexp import dataset
-from sldvexp.check.expectations import evaluate
+from sldvexp.check import evaluate
 from sldvexp.config.schema import Expectation
 from sldvexp.errors import UserError
 

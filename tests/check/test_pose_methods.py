@@ -10,8 +10,7 @@ from sldvexp.check import Examination
 from sldvexp.check.pose_methods import PoseMethods
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.rotation import KnownPose, rotation_from_euler
-from sldvexp.report.tables import pose_methods
-from sldvexp.report.terminal import closing_table
+from sldvexp.report import closing_table, pose_methods
 
 EULER = np.array([[0.1, 2.9, 0.3], [-1.0, 2.7, 0.2]])
 ORIGIN = np.array([[0.1, 0.2, 1.7], [0.3, 0.1, 1.6]])

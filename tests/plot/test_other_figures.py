@@ -266,3 +266,9 @@ def test_the_command_refuses_in_one_sentence(sldvexp, tmp_path, words, said):
     assert said in done.err
     assert "Traceback" not in done.err
     assert not (tmp_path / "figures").exists()
+
+
+def test_matplotlib_is_loaded_with_the_first_figure(loaded_by):
+    libraries, said = loaded_by("import sldvexp.plot; print(len(sldvexp.plot.__all__))")
+    assert libraries == ""
+    assert int(said) > 15

@@ -14,7 +14,7 @@ from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.rotation import KnownPose, euler_from_rotation, rotation_from_euler
 from sldvexp.pose.digitizer import Digitizer
 from sldvexp.pose.given import _NAMES, Given, read_poses
-from sldvexp.report.tables import pose_text
+from sldvexp.report import pose_text
 
 EULER, ORIGIN = [-1.149, 2.545, 1.928], [0.871, 0.489, 1.554]
 POSTS = {"low": [0.3, -0.25, -0.05], "med": [-0.3, -0.25, 0.1], "high": [0.0, 0.35, -0.2]}

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from sldvexp.report.terminal import fitted
+from sldvexp.report import fitted
 
 QUANTITY = "truth: examined/truth/relative_error[component=z]"
 

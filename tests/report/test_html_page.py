@@ -17,7 +17,7 @@ from sldvexp import dataset
 from sldvexp.dataset import read_yaml
 from sldvexp.errors import UserError
 from sldvexp.plot import FIGURES
-from sldvexp.report.base import attempt
+from sldvexp.report import attempt
 from sldvexp.report.html import figures, render, results, run_page, setup
 from sldvexp.report.html.blocks import having
 from sldvexp.report.html.page import Html

@@ -6,7 +6,7 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.dataset import RunData
-from sldvexp.report.tables import image_text
+from sldvexp.report import image_text
 
 
 def image(frequency, **attributes):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sldvexp.report.numbers import number, with_bound
+from sldvexp.report import number, with_bound
 
 
 @pytest.mark.parametrize(

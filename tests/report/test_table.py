@@ -8,9 +8,8 @@ from rich.console import Console
 
 from sldvexp import dataset
 from sldvexp.dataset import RunData
+from sldvexp.report import field_tables, notes
 from sldvexp.report import terminal as closing
-from sldvexp.report.base import notes
-from sldvexp.report.tables import field_tables
 from sldvexp.report.terminal import _point_rows, estimates
 
 

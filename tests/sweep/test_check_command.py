@@ -11,7 +11,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sldvexp.check.expectations import lookup
+from sldvexp.check import lookup
 from sldvexp.cli.completion import suggestions
 from sldvexp.errors import UserError
 from sldvexp.sweep.matrix import PLAIN, as_setting, read_matrix

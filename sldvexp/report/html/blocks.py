@@ -16,7 +16,6 @@ class Text:
 
     Parameters
     ----------
-    text : str
     tone : str
         ``plain``, ``good``, ``warning`` or ``small``.
     """
@@ -32,7 +31,6 @@ class Listing:
 
     Parameters
     ----------
-    items : sequence of str
     tone : str
         As of `Text`.
     """
@@ -48,7 +46,6 @@ class Link:
 
     Parameters
     ----------
-    text : str
     address : str
         From the page's folder.
     """
@@ -63,9 +60,6 @@ class HtmlTable:
 
     Parameters
     ----------
-    columns : sequence of str
-    rows : sequence of sequence of str or Link
-    caption : str
     wide : sequence of int
         Columns whose text may be broken into lines.
     """
@@ -78,7 +72,7 @@ class HtmlTable:
 
     @classmethod
     def from_table(cls, shown: TerminalTable, wide: Sequence[int] = ()) -> HtmlTable:
-        """The same as a table that the terminal shows."""
+        """Take over a table that the terminal shows."""
         columns = [[Marked.from_markup(str(c)).plain for c in of.cells] for of in shown.columns]
         headers = [Marked.from_markup(str(of.header)).plain for of in shown.columns]
         rows = list(zip(*columns, strict=True))
@@ -87,12 +81,7 @@ class HtmlTable:
 
 @dataclass(frozen=True)
 class Facts:
-    """Names with what they stand for.
-
-    Parameters
-    ----------
-    pairs : sequence of tuple of str
-    """
+    """Names with what they stand for."""
 
     kind: ClassVar[str] = "facts"
     pairs: Sequence[tuple[str, str]]
@@ -106,7 +95,6 @@ class Figure:
     ----------
     source : str
         A ``data:`` address, which has none of the characters ``<>&"``.
-    caption : str
     only_print : bool
         Whether it stands in for what moves on a screen.
     """
@@ -133,12 +121,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Code:
-    """Text as it is typed.
-
-    Parameters
-    ----------
-    text : str
-    """
+    """Text as it is typed."""
 
     kind: ClassVar[str] = "code"
     text: str
@@ -146,13 +129,7 @@ class Code:
 
 @dataclass(frozen=True)
 class More:
-    """What is only shown when asked for.
-
-    Parameters
-    ----------
-    summary : str
-    blocks : sequence of block
-    """
+    """What is only shown when asked for."""
 
     kind: ClassVar[str] = "more"
     summary: str
@@ -161,13 +138,7 @@ class More:
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a page with a heading.
-
-    Parameters
-    ----------
-    title : str
-    blocks : sequence of block
-    """
+    """A part of a page with a heading."""
 
     title: str
     blocks: Sequence[Any] = field(default_factory=tuple)
@@ -179,7 +150,7 @@ class Section:
 
 
 def having(*blocks: Any) -> list[Any]:
-    """Those blocks that there are, in order; lists of blocks are joined."""
+    """Keep the blocks that there are, in order; lists of blocks are joined."""
     found: list[Any] = []
     for block in blocks:
         if isinstance(block, Iterable):

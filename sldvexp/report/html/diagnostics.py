@@ -35,7 +35,7 @@ MOST_NUMBERS = 200
 
 
 def warnings_section(run: RunData) -> Section:
-    """What the stages noted, what was missed, and what has no bound."""
+    """List what the stages noted, what was missed, and what has no bound."""
     found = list(dict.fromkeys(_warnings(run)))
     block = Listing(found, "warning") if found else Text("Nothing to mind.", "good")
     return Section("Warnings", [block])
@@ -55,7 +55,7 @@ def _warnings(run: RunData) -> Iterator[str]:
 
 
 def _missed(run: RunData) -> Iterator[str]:
-    """Expectations that were not met."""
+    """Find expectations that were not met."""
     if "check" not in run.groups:
         return
     check = run.groups["check"]
@@ -69,7 +69,7 @@ def _missed(run: RunData) -> Iterator[str]:
 
 
 def _unbounded(run: RunData) -> Iterator[str]:
-    """Poses without bounds, which make those of the velocities too small."""
+    """Find poses without bounds, which make those of the velocities too small."""
     pose = run.groups.get("pose")
     if pose is None:
         return
@@ -80,7 +80,7 @@ def _unbounded(run: RunData) -> Iterator[str]:
 
 
 def _undetermined(run: RunData) -> Iterator[str]:
-    """Directions that the views do not tell."""
+    """Find directions that the views do not tell."""
     for name, field in run.fields().items():
         if flagged := field.sizes.get("flagged", 0):
             of = "" if name == "field" else f" by {name}"
@@ -99,7 +99,7 @@ def _named(views: list[str]) -> str:
 
 
 def checks_section(run: RunData) -> Section | None:
-    """Expectations met and missed, then every check's findings."""
+    """Show expectations met and missed, then every check's findings."""
     examined = run.below("examined")
     if "check" not in run.groups and not examined:
         return None
@@ -125,7 +125,7 @@ def checks_section(run: RunData) -> Section | None:
 
 
 def _numbers(name: str, group: xr.Dataset) -> Iterator[list[str]]:
-    """A check's numbers by name, the first of many."""
+    """List a check's numbers by name, the first of many."""
     left = MOST_NUMBERS
     for variable in group.data_vars.values():
         told = str(variable.attrs.get("long_name", variable.name))
@@ -161,7 +161,7 @@ def _value(value: Any) -> str:
 
 
 def provenance_section(run: RunData) -> Section:
-    """Versions, commit, seed, digests and inputs; the exact command last."""
+    """List versions, commit, seed, digests and inputs; the exact command last."""
     attributes = run.attributes
     packages = recorded_table(attributes, "packages")
     facts = [
@@ -192,7 +192,7 @@ def provenance_section(run: RunData) -> Section:
 
 
 def duration(attributes: Any) -> float:
-    """Seconds that a run took; NaN if its file does not tell."""
+    """Count the seconds that a run took; NaN if its file does not tell."""
     try:
         begun, ended = (
             datetime.fromisoformat(str(attributes[f"{k}_time"])) for k in ("start", "end")
@@ -210,7 +210,7 @@ def _conventions(attributes: Any) -> list[str]:
 
 
 def recorded_table(attributes: Any, name: str) -> dict[str, str]:
-    """A table that an attribute has as text; an empty one if it has none."""
+    """Read a table that an attribute has as text; an empty one if it has none."""
     try:
         found = json.loads(str(attributes.get(name, "{}")))
     except ValueError:

@@ -54,7 +54,7 @@ FINE = 150
 
 
 def figures(run: RunData, part: str) -> Iterator[Figure | Text]:
-    """The figures of one part of the page that a run can show."""
+    """Find the figures of one part of the page that a run can show."""
     known = drawable(run)
     for name, caption in PARTS[part].items():
         if name in known:
@@ -68,7 +68,7 @@ def drawable(run: RunData) -> dict[str, Callable[..., Drawn]]:
 
 
 def sweep_figures(table: Any) -> Iterator[Figure | Text]:
-    """The figure of a sweep, if it can be drawn."""
+    """Find the figure of a sweep, if it can be drawn."""
     for name, draw in figures_of(table).items():
         if name == "sweep":
             yield _figure(name, draw, SWEEP_CAPTION)
@@ -77,7 +77,7 @@ def sweep_figures(table: Any) -> Iterator[Figure | Text]:
 def _figure(
     name: str, draw: Callable[[], Drawn], caption: str, only_print: bool = False
 ) -> Figure | Text:
-    """A figure for the page, or why there is none; the rest of the page is made all the same."""
+    """Draw a figure, or say why there is none; the rest of the page is made all the same."""
     try:
         return Figure(_address(draw()), caption, only_print)
     except Exception as error:
@@ -86,7 +86,7 @@ def _figure(
 
 
 def _address(drawn: Drawn) -> str:
-    """A picture as a ``data:`` address, the same from the same data."""
+    """Write a picture as a ``data:`` address, the same from the same data."""
     content = io.BytesIO()
     settings: dict[Any, Any] = {name: SETTINGS[name] for name in OF_FILES}
     with matplotlib.rc_context(settings):
@@ -101,7 +101,7 @@ def _address(drawn: Drawn) -> str:
 
 
 def _as_address(svg: str) -> str:
-    """An SVG with what an address or an attribute cannot have as it is; a third less than base64.
+    """Spell what an address or an attribute cannot have as it is; a third less than base64.
 
     Of quotation marks only the single one is left, which matplotlib escapes wherever it is meant.
     """

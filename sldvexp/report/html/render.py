@@ -17,12 +17,6 @@ from sldvexp.report.html.blocks import Link, More, Section, Shape
 def write(path: Path, title: str, subtitle: str, sections: Sequence[Section]) -> Path:
     """Write a page, whole or not at all.
 
-    Parameters
-    ----------
-    path : Path
-    title, subtitle : str
-    sections : sequence of Section
-
     Returns
     -------
     Path
@@ -35,13 +29,7 @@ def write(path: Path, title: str, subtitle: str, sections: Sequence[Section]) ->
 
 
 def render(title: str, subtitle: str, sections: Sequence[Section]) -> str:
-    """The text of a page. All that comes from a run is escaped.
-
-    Parameters
-    ----------
-    title, subtitle : str
-    sections : sequence of Section
-    """
+    """Write the text of a page; all that comes from a run is escaped."""
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -59,26 +47,26 @@ def render(title: str, subtitle: str, sections: Sequence[Section]) -> str:
 
 
 def number_like(cell: str | Link) -> bool:
-    """Whether a cell of a table is a number, with or without a bound or a unit."""
+    """Tell whether a cell of a table is a number, with or without a bound or a unit."""
     if isinstance(cell, Link):
         return False
     return bool(cell) and (cell[0].isdigit() or (cell[0] in "-−+." and cell[1:2].isdigit()))
 
 
 def _json(data: Any) -> str:
-    """Data for a script: no text in it can end the script."""
+    """Write data for a script: no text in it can end the script."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 def _own(name: str) -> str:
-    """A file of this folder."""
+    """Read a file of this folder."""
     return (files(__package__) / name).read_text(encoding="utf-8")
 
 
 @functools.cache
 def _plotly() -> str:
-    """The drawing library's script, as its package has it."""
+    """Read the drawing library's script, as its package has it."""
     return str(plotly.offline.get_plotlyjs()).replace("</script", "<\\/script")
 
 

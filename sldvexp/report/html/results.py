@@ -27,7 +27,7 @@ MOST_VELOCITIES = 30
 
 
 def pose_section(run: RunData) -> Section | None:
-    """Origins and angles of all views, by the chosen method and those it is compared with."""
+    """Show origins and angles of all views, by the chosen method and those compared with it."""
     poses = {"": run.groups["pose"]} if "pose" in run.groups else {}
     poses |= run.below("compare_pose")
     if not poses:
@@ -79,7 +79,7 @@ def _with_bounds(view: xr.Dataset, name: str) -> Iterator[str]:
 
 
 def _adjusted(pose: xr.Dataset) -> Iterator[HtmlTable]:
-    """Parameters of the instrument that were adjusted with the pose."""
+    """Make parameters of the instrument that were adjusted with the pose."""
     if "intrinsic" not in pose:
         return
     shared = list(json.loads(pose.attrs.get("shared", "{}")))
@@ -94,7 +94,7 @@ def _adjusted(pose: xr.Dataset) -> Iterator[HtmlTable]:
 
 
 def _residuals(run: RunData) -> More | None:
-    """Residuals of points, of which there are few."""
+    """Make residuals of points, of which there are few."""
     pose = run.groups.get("pose")
     if pose is None or "residual" not in pose:
         return None
@@ -110,7 +110,7 @@ def _residuals(run: RunData) -> More | None:
 
 
 def images_section(run: RunData) -> Section | None:
-    """How large, how certain and how complete the images are, and the images themselves."""
+    """Show how large, certain and complete the images are, and the images themselves."""
     images = run.below("image")
     pictures = list(figures(run, "image"))
     if not images and not pictures:
@@ -143,7 +143,7 @@ def _median(values: np.ndarray) -> float:
 
 
 def velocity_section(run: RunData) -> Section | None:
-    """The field, or the velocity of points."""
+    """Show the field, or the velocity of points."""
     fields = run.fields()
     known = estimates(run, MOST_VELOCITIES)
     points = [list(row) for row in known if not row[0].startswith("pose ")]
@@ -165,7 +165,7 @@ def velocity_section(run: RunData) -> Section | None:
 
 
 def _shape(run: RunData) -> list[Any]:
-    """The shape that turns and moves, or why there is none."""
+    """Make the shape that turns and moves, or why there is none."""
     fields = run.fields()
     if fields and "volume" in run.groups:
         data = shape_of(next(iter(fields.values())), run.groups["volume"])

@@ -51,7 +51,7 @@ def write(path: Path, page: Path) -> Path:
 
 
 def _title(run: RunData) -> str:
-    """What came out, in a line."""
+    """Say what came out, in a line."""
     views = max((g.sizes.get("view", 0) for g in run.groups.values()), default=0)
     views = views or len(run.below("image"))
     seen = f" from {views} views" if views > 1 else " from one view" if views else ""
@@ -75,7 +75,7 @@ def _frequencies(group: object) -> str:
 
 
 def _subtitle(run: RunData) -> str:
-    """When, how long, and by what."""
+    """Say when, how long, and by what."""
     day, _, time = str(run.attributes.get("start_time", "")).partition("T")
     took = diagnostics.duration(run.attributes)
     packages = diagnostics.recorded_table(run.attributes, "packages")

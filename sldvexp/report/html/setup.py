@@ -35,7 +35,7 @@ UNITS = ("m", "mm", "inch", "rad", "deg", "Hz", "m/s", "V", "s", DAC)
 
 
 def setup_section(run: RunData) -> Section:
-    """The plugins in the order in which data flows, and what each view saw."""
+    """Show the plugins in the order in which data flows, and what each view saw."""
     chosen = [
         (told, g, run.plugins[g], run.config[g]) for g, told in STAGES.items() if _has(run, g)
     ]
@@ -63,19 +63,19 @@ def setup_section(run: RunData) -> Section:
 
 
 def _has(run: RunData, group: str) -> bool:
-    """Whether a run has a plugin of a group and made use of it."""
+    """Tell whether a run has a plugin of a group and made use of it."""
     idle = group == "solver" and not run.fields()
     return isinstance(run.config.get(group), dict) and group in run.plugins and not idle
 
 
 def _method(group: str, name: str, values: dict[str, Any]) -> tuple[str, str]:
-    """A stage's choice with its sentence: that of the plugin, or one that builds on it."""
+    """Name a stage's choice with its sentence: the plugin's, or of one that builds on it."""
     choice, told = preset(group, name, values)
     return (f"{choice} ({name})", told) if choice else (name, _meaning(group, name))
 
 
 def _meaning(group: str, name: str) -> str:
-    """A plugin in its own words; nothing if it is not installed here."""
+    """Describe a plugin in its own words; nothing if it is not installed here."""
     try:
         return docs.of_choice(group, name)
     except UserError:
@@ -83,7 +83,7 @@ def _meaning(group: str, name: str) -> str:
 
 
 def _documented(group: str, name: str, values: dict[str, Any]) -> dict[str, docs.Parameter]:
-    """A plugin's fields with unit and meaning; none if it is not installed here."""
+    """Read a plugin's fields with unit and meaning; none if it is not installed here."""
     try:
         return {p.key: p for p in docs.parameters_of(registry.get(group, name), values)}
     except UserError:
@@ -91,7 +91,7 @@ def _documented(group: str, name: str, values: dict[str, Any]) -> dict[str, docs
 
 
 def _brief(group: str, name: str, values: dict[str, Any]) -> str:
-    """The short settings of a stage that say something, with their units."""
+    """List the short settings of a stage that say something, with their units."""
     documented, told = _documented(group, name, values), list(_samplings(values))
     for key, value in values.items():
         text = _plain(value)
@@ -105,7 +105,7 @@ def _brief(group: str, name: str, values: dict[str, Any]) -> str:
 
 
 def _samplings(values: dict[str, Any], above: str = "") -> Iterator[str]:
-    """How a scan samples, also the parts of a session that have views."""
+    """Say how a scan samples, also the parts of a session that have views."""
     for key, value in values.items():
         if key == "sampling" and isinstance(value, dict):
             hertz: Any = value.get("frequency")
@@ -117,7 +117,7 @@ def _samplings(values: dict[str, Any], above: str = "") -> Iterator[str]:
 
 
 def _plain(value: Any) -> str:
-    """A value as one would say it; empty for nothing."""
+    """Write a value as one would say it; empty for nothing."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, list):
@@ -128,7 +128,7 @@ def _plain(value: Any) -> str:
 
 
 def _views(run: RunData) -> HtmlTable | None:
-    """One row a view: what was scanned there, and what of it was of use."""
+    """Make one row a view: what was scanned there, and what of it was of use."""
     edges, images = run.below("edge"), run.below("image")
     field = next(iter(run.fields().values()), None)
     counts: dict[str, dict[str, str]] = {}
@@ -154,7 +154,7 @@ def _views(run: RunData) -> HtmlTable | None:
 
 
 def _settings(group: str, name: str, values: dict[str, Any]) -> Iterator[list[str]]:
-    """A stage's settings with type, unit and meaning."""
+    """List a stage's settings with type, unit and meaning."""
     documented = _documented(group, name, values)
     for key, value in values.items():
         if value not in ({}, []):
@@ -168,7 +168,6 @@ def preset(group: str, plugin: str, values: Mapping[str, Any]) -> tuple[str, str
 
     Parameters
     ----------
-    group, plugin : str
     values : mapping
         The stage's settings. They have all that the choice sets, such as ``rows: all``.
     """
@@ -181,7 +180,7 @@ def preset(group: str, plugin: str, values: Mapping[str, Any]) -> tuple[str, str
 
 
 def _root(file: Path, defaults: list[Any]) -> str:
-    """The choice at the root of those that a file builds on; empty if it builds on a schema."""
+    """Find the choice at the root of what a file builds on; empty if that is a schema."""
     found = ""
     while based := [d for d in defaults if isinstance(d, str) and d.isidentifier() and d[0] != "_"]:
         found = based[0]
@@ -190,7 +189,7 @@ def _root(file: Path, defaults: list[Any]) -> str:
 
 
 def _holds(values: Any, own: Any) -> bool:
-    """Whether settings are among others."""
+    """Tell whether settings are among others."""
     if isinstance(own, Mapping) and isinstance(values, Mapping):
         return all(key in values and _holds(values[key], each) for key, each in own.items())
     return bool(values == own)

@@ -23,7 +23,7 @@ PARTS = 3
 
 
 def shape_of(field: xr.Dataset, volume: xr.Dataset) -> dict[str, Any] | None:
-    """One layer of a field for the page's script.
+    """Prepare one layer of a field for the page's script.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def shape_of(field: xr.Dataset, volume: xr.Dataset) -> dict[str, Any] | None:
 
 
 def shape_of_points(point: xr.Dataset, line_of_sight: xr.Dataset) -> dict[str, Any] | None:
-    """Velocities of points, and the triangles and lines between them, for the page's script.
+    """Prepare velocities of points, and triangles and lines between them, for the script.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def _drawn(
     normal: NDArray,
     directions: NDArray,
 ) -> dict[str, Any]:
-    """Velocities of points with their bounds, and how they are drawn."""
+    """Pack velocities of points with their bounds, and how they are drawn."""
     dims = ["frequency"] if "frequency" in group.dims else []
     whole = group[["velocity", "confidence"]].transpose(*dims, "component", "point")
     velocity, bound = whole["velocity"].values, whole["confidence"].values
@@ -119,7 +119,7 @@ def _drawn(
 
 
 def surface_layer(volume: xr.Dataset) -> tuple[NDArray, NDArray, float]:
-    """The layer next to the given surface.
+    """Find the layer next to the given surface.
 
     Returns
     -------
@@ -141,19 +141,19 @@ def surface_layer(volume: xr.Dataset) -> tuple[NDArray, NDArray, float]:
 
 
 def _strongest(velocity: NDArray) -> NDArray:
-    """Indices of the frequencies of the largest velocities, as many as there is room for."""
+    """Find indices of the frequencies of the largest velocities, as many as there is room for."""
     count = int(MOST_BYTES / (PARTS * BYTES_A_NUMBER * velocity[0].size))
     return np.sort(np.argsort(-_sizes(velocity), kind="stable")[: max(1, count)])
 
 
 def _sizes(velocity: NDArray) -> NDArray:
-    """The largest velocity at each frequency."""
+    """Find the largest velocity at each frequency."""
     largest: NDArray = np.nanmax(np.abs(velocity), axis=(1, 2), initial=0.0)
     return largest
 
 
 def _directions(components: list[str], volume: xr.Dataset, count: int) -> NDArray:
-    """Unit vectors (component, node, axis) of components, in the world's or the surface's axes."""
+    """Take unit vectors (component, node, axis), in the world's or the surface's axes."""
     axes = list(volume["axis"].values)
     if set(components) <= set(axes):
         unit = np.eye(3)[[axes.index(c) for c in components]]
@@ -163,7 +163,7 @@ def _directions(components: list[str], volume: xr.Dataset, count: int) -> NDArra
 
 
 def _scale(largest: float, unit: str) -> tuple[float, str]:
-    """Factor and unit that make a size easy to read."""
+    """Choose factor and unit that make a size easy to read."""
     for factor, prefix in ((1.0, ""), (1e3, "m"), (1e6, "µ")):
         if largest * factor >= 1:
             return factor, prefix + unit

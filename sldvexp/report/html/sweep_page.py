@@ -55,7 +55,7 @@ def write(path: Path, ranking: Sequence[Mapping[str, Any]], page: Path) -> Path:
 
 
 def _warnings(ranking: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> list[Listing | Text]:
-    """Runs that failed or missed an expectation, with the sentence about it."""
+    """List runs that failed or missed an expectation, with the sentence about it."""
     found = [
         f"{_name(row, keys)}: {MEANING.get(row['state'], row['state'])}"
         + (f": {row['reason']}" if row["reason"] else "")
@@ -72,7 +72,7 @@ def _name(row: Mapping[str, Any], keys: Sequence[str]) -> str:
 def _varied(
     table: xr.Dataset, ranking: Sequence[Mapping[str, Any]], keys: Sequence[str]
 ) -> list[Facts]:
-    """Each key with its values, and how long the runs took."""
+    """List each key with its values, and how long the runs took."""
     pairs = [
         (k, ", ".join(dict.fromkeys(str(v) for v in np.atleast_1d(table[k].values)))) for k in keys
     ]
@@ -87,7 +87,7 @@ def _varied(
 def _results(
     ranking: Sequence[Mapping[str, Any]], keys: Sequence[str], by: str, unit: str, page: Path
 ) -> Iterator[HtmlTable | Text]:
-    """The ranking, with the way to each run."""
+    """Make the ranking, with the way to each run."""
     rows = []
     for place, row in enumerate(ranking, 1):
         value = row[by] if by else math.nan
@@ -104,7 +104,7 @@ def _results(
 
 
 def _link(page: Path, folder: str) -> Link | str:
-    """To the page of a run if it has one, else to its folder, else none."""
+    """Link to the page of a run if it has one, else to its folder, else to none."""
     there = page.parent / folder
     if not folder or not there.is_dir():
         return ""
@@ -115,7 +115,7 @@ def _link(page: Path, folder: str) -> Link | str:
 
 
 def _provenance(table: xr.Dataset, path: Path) -> Iterator[Facts | Text | Code]:
-    """Which program it was, and the command last."""
+    """Tell which program it was, and the command last."""
     attributes = table.attrs
     packages = json.loads(str(attributes.get("packages", "{}")))
     pairs = [
