@@ -94,7 +94,6 @@ class Conventions:
 
     Parameters
     ----------
-    quantity : Quantity
     factor : float
         Of units, amplitude, reference and sign together.
     conjugate : bool
@@ -135,8 +134,6 @@ class Motion(NamedTuple):
 
     Parameters
     ----------
-    quantity : Quantity
-    unit : MotionUnit
     rest : str
         What follows, as ``/N`` of a response function.
     """

@@ -117,10 +117,8 @@ def to_line_of_sight(
 
     Parameters
     ----------
-    views : list of PointwiseData
     settings : mapping of str to PointwiseView
         By the views' names.
-    directions : Directions
     incomplete : bool
         Whether nodes that a view lacks may be left out.
     tree : mapping of str to Dataset
@@ -310,10 +308,8 @@ def to_images(
 
     Parameters
     ----------
-    views : list of PointwiseData
     tree : mapping of str to Dataset
         With the group ``pose``.
-    laser : TwoMirror
 
     Raises
     ------

@@ -57,10 +57,8 @@ def estimate_response(
 
     Parameters
     ----------
-    estimator : Estimator, optional
     containing : str
         Text that chooses among several auto spectra of one degree of freedom.
-    file : UniversalFile
     crosses : list of Function
         Cross spectra ``G_xf``, one a node.
     values : ndarray of complex, shape (function, frequency)
@@ -225,7 +223,6 @@ def fit_phasors(
     Parameters
     ----------
     wanted : list of float, Hz
-    file : UniversalFile
     functions : list of Function
         Time records.
     reference : Function, optional
