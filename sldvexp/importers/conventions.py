@@ -11,11 +11,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sldvexp.errors import UserError
 from sldvexp.typing import Array, ComplexArray
 
 
@@ -86,6 +88,14 @@ class Zeros(Enum):
     refuse = "refuse"
     missing = "missing"
     measured = "measured"
+
+
+def unstated(where: str | Path, setting: str, example: str, what: str) -> UserError:
+    """Word the error of something that neither a file nor the settings tell."""
+    return UserError(
+        f"{where}: does not state {what}; say it with instrument.{setting}, for example "
+        f"instrument.{setting}={example}"
+    )
 
 
 @dataclass(frozen=True)
