@@ -20,8 +20,8 @@ from omegaconf import MISSING
 from sldvexp import dataset
 from sldvexp.errors import UserError, nearest
 from sldvexp.importers.conventions import Directions
-from sldvexp.io.uff.geometry import UniversalGeometry
-from sldvexp.io.velocities.table import LineOfSight
+from sldvexp.io.uff import UniversalGeometry
+from sldvexp.io.velocities import LineOfSight
 from sldvexp.laser.model import direction_cosines, project
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr

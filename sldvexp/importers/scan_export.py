@@ -29,7 +29,8 @@ from sldvexp.importers.scan_table import (
     frequencies_in,
     read_table,
 )
-from sldvexp.io.uff.geometry import WORLD, UniversalGeometry
+from sldvexp.io.uff import UniversalGeometry
+from sldvexp.io.uff.geometry import WORLD
 from sldvexp.typing import Array, BoolArray, IndexArray, IntArray
 
 #: Roles that a column may have.

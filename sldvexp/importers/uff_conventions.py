@@ -16,6 +16,7 @@ from sldvexp.importers.conventions import (
     unstated,
 )
 from sldvexp.importers.pointwise import PointwiseImport
+from sldvexp.io.uff import Function, UniversalFile
 from sldvexp.io.uff.functions import (
     ACCELERATION,
     DISPLACEMENT,
@@ -24,9 +25,7 @@ from sldvexp.io.uff.functions import (
     PEAK,
     RMS,
     VELOCITY,
-    Function,
 )
-from sldvexp.io.uff.reader import UniversalFile
 
 
 class FunctionKind(Enum):

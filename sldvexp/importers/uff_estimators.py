@@ -19,8 +19,8 @@ import numpy as np
 from sldvexp.errors import UserError
 from sldvexp.importers.pointwise_data import close
 from sldvexp.importers.uff_conventions import FunctionKind
-from sldvexp.io.uff.functions import DIRECTIONS, Function
-from sldvexp.io.uff.reader import UniversalFile
+from sldvexp.io.uff import Function, UniversalFile
+from sldvexp.io.uff.functions import DIRECTIONS
 from sldvexp.typing import Array, ComplexArray, IndexArray
 
 

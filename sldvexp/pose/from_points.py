@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.io.registration.netcdf import to_dataset
-from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.io.registration import RegistrationTable, to_dataset
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr

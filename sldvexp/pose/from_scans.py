@@ -16,7 +16,7 @@ from sldvexp.geometry.bitangent import BitangentPoints
 from sldvexp.image.matching import Match, bitangent_images, match_circles
 from sldvexp.image.pinhole import dac_bitangents, dac_edges, fit_circle, pinhole_edges
 from sldvexp.image.scan_lines import ScanLineEdges
-from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.io.registration import RegistrationTable
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.registration import FromPoints

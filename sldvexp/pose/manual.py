@@ -12,7 +12,7 @@ import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.io.registration import RegistrationTable
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.correlated_errors import Errors, with_errors
 from sldvexp.pose.from_points import CovarianceModel, unlikely_residuals
