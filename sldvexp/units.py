@@ -44,7 +44,6 @@ def unit_named(kind: type[Unit], name: str, where: str) -> Unit:
     Parameters
     ----------
     kind : LengthUnit or AngleUnit
-    name : str
     where : str
         What stated it, for the message.
 

@@ -14,7 +14,7 @@ from sldvexp.config.paths import RUN_FILE
 from sldvexp.config.refusals import refusal
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.export.base import Export
+from sldvexp.export import Export
 from sldvexp.export.velocities import GROUPS
 
 #: What the files are called, but for their suffix.

@@ -25,7 +25,6 @@ class Export(ABC):
         ----------
         run : RunData
             `sldvexp.export.velocities` has functions that take out of it what formats need.
-        path : Path
 
         Raises
         ------
@@ -38,7 +37,6 @@ class Export(ABC):
 
         Parameters
         ----------
-        run : RunData
         folder : Path
             It is there already.
         name : str
@@ -69,7 +67,6 @@ def export_all(exports: Mapping[str, Export], run: RunData, run_file: Path) -> l
     ----------
     exports : mapping of str to Export
         By the names of their files.
-    run : RunData
     run_file : Path
         The run's own file, which is there already.
 
@@ -77,6 +74,18 @@ def export_all(exports: Mapping[str, Export], run: RunData, run_file: Path) -> l
     ------
     UserError
         At the first that cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> class Note(Export):
+    ...     suffix = ".txt"
+    ...
+    ...     def write(self, run, path):
+    ...         path.write_text(", ".join(run.groups))
+    >>> file = Path(tempfile.mkdtemp(), "run.nc")
+    >>> [path.read_text() for path in export_all({"note": Note()}, RunData({"field": None}), file)]
+    ['field']
     """
     found = []
     for name, export in exports.items():

@@ -23,7 +23,7 @@ from sldvexp.export.velocities import (
     velocity_in_world,
 )
 from sldvexp.files import whole_or_nothing
-from sldvexp.io.vtk import pvd, vtu
+from sldvexp.io import pvd, vtu
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, ComplexArray
 

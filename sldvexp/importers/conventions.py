@@ -11,11 +11,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sldvexp.errors import UserError
 from sldvexp.typing import Array, ComplexArray
 
 
@@ -88,13 +90,20 @@ class Zeros(Enum):
     measured = "measured"
 
 
+def unstated(where: str | Path, setting: str, example: str, what: str) -> UserError:
+    """Word the error of something that neither a file nor the settings tell."""
+    return UserError(
+        f"{where}: does not state {what}; say it with instrument.{setting}, for example "
+        f"instrument.{setting}={example}"
+    )
+
+
 @dataclass(frozen=True)
 class Conventions:
     """Rule that turns a file's values to peak velocities towards the instrument, exp(+i omega t).
 
     Parameters
     ----------
-    quantity : Quantity
     factor : float
         Of units, amplitude, reference and sign together.
     conjugate : bool
@@ -135,8 +144,6 @@ class Motion(NamedTuple):
 
     Parameters
     ----------
-    quantity : Quantity
-    unit : MotionUnit
     rest : str
         What follows, as ``/N`` of a response function.
     """

@@ -20,8 +20,8 @@ from omegaconf import MISSING
 from sldvexp import dataset
 from sldvexp.errors import UserError, nearest
 from sldvexp.importers.conventions import Directions
-from sldvexp.io.uff.geometry import UniversalGeometry
-from sldvexp.io.velocities.table import LineOfSight
+from sldvexp.io.uff import UniversalGeometry
+from sldvexp.io.velocities import LineOfSight
 from sldvexp.laser.model import direction_cosines, project
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
@@ -117,10 +117,8 @@ def to_line_of_sight(
 
     Parameters
     ----------
-    views : list of PointwiseData
     settings : mapping of str to PointwiseView
         By the views' names.
-    directions : Directions
     incomplete : bool
         Whether nodes that a view lacks may be left out.
     tree : mapping of str to Dataset
@@ -310,10 +308,8 @@ def to_images(
 
     Parameters
     ----------
-    views : list of PointwiseData
     tree : mapping of str to Dataset
         With the group ``pose``.
-    laser : TwoMirror
 
     Raises
     ------

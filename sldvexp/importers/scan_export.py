@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-from sldvexp.importers.conventions import Conventions, Directions, Quantity, Zeros, motion_of
+from sldvexp.importers.conventions import (
+    Conventions,
+    Directions,
+    Quantity,
+    Zeros,
+    motion_of,
+    unstated,
+)
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, same_frequencies
 from sldvexp.importers.scan_table import (
@@ -22,7 +29,8 @@ from sldvexp.importers.scan_table import (
     frequencies_in,
     read_table,
 )
-from sldvexp.io.uff.geometry import WORLD, UniversalGeometry
+from sldvexp.io.uff import UniversalGeometry
+from sldvexp.io.uff.geometry import WORLD
 from sldvexp.typing import Array, BoolArray, IndexArray, IntArray
 
 #: Roles that a column may have.
@@ -231,7 +239,7 @@ def _length(settings: ScanExport, table: ScanTable, roles: dict[str, int]) -> tu
         return settings.length_unit.value, "as set"
     motion = motion_of(unit := table.units[roles["x"]])
     if motion is None:
-        raise _asked(table, "length_unit", "mm", "the unit of its coordinates")
+        raise unstated(table.path, "length_unit", "mm", "the unit of its coordinates")
     return motion.unit.value, f"by the label {unit}"
 
 
@@ -241,10 +249,10 @@ def _conventions(settings: ScanExport, table: ScanTable, roles: dict[str, int]) 
     motion = motion_of(label)
     quantity = settings.quantity or (motion.quantity if motion else None)
     if quantity is None:
-        raise _asked(table, "quantity", "velocity", "the unit of its values")
+        raise unstated(table.path, "quantity", "velocity", "the unit of its values")
     unit = settings.unit or (motion.unit if motion else None)
     if unit is None:
-        raise _asked(table, "unit", "m", "the unit of its values (m of m/s)")
+        raise unstated(table.path, "unit", "m", "the unit of its values (m of m/s)")
     told = {
         "quantity": quantity.name,
         "unit": f"{unit.value:g} m per unit, {'as set' if settings.unit else f'by {label}'}",
@@ -253,29 +261,21 @@ def _conventions(settings: ScanExport, table: ScanTable, roles: dict[str, int]) 
     if motion is not None and motion.rest:
         if settings.reference is None:
             what = f"the reference's peak amplitude, which values in {label} are multiplied with"
-            raise _asked(table, "reference", "1.0", what)
+            raise unstated(table.path, "reference", "1.0", what)
         factor *= settings.reference
         told["reference"] = f"{settings.reference:g} {motion.rest}"
     else:
         if settings.amplitude is None:
-            raise _asked(table, "amplitude", "peak", "whether amplitudes are peak or rms")
+            raise unstated(table.path, "amplitude", "peak", "whether amplitudes are peak or rms")
         factor *= settings.amplitude.value
         told["amplitude"] = settings.amplitude.name
     if settings.positive is None:
-        raise _asked(table, "positive", "towards", "where a positive velocity points to")
+        raise unstated(table.path, "positive", "towards", "where a positive velocity points to")
     if settings.phase is None:
         what = "the sign of the phase (exp_plus or exp_minus)"
-        raise _asked(table, "phase", "exp_plus", what)
+        raise unstated(table.path, "phase", "exp_plus", what)
     told |= {"positive": settings.positive.name, "phase": settings.phase.name}
     told["directions"] = settings.directions.name
     told["columns"] = ", ".join(f"{role} {table.place[i]}" for role, i in roles.items())
     conjugate = settings.phase.value < 0
     return Conventions(quantity, factor * settings.positive.value, conjugate, told)
-
-
-def _asked(table: ScanTable, setting: str, example: str, what: str) -> UserError:
-    """Word the error of something that neither the file nor the settings tell."""
-    return UserError(
-        f"{table.path}: does not state {what}; say it with instrument.{setting}, for example "
-        f"instrument.{setting}={example}"
-    )

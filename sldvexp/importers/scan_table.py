@@ -36,7 +36,6 @@ class ScanTable:
 
     Parameters
     ----------
-    path : Path
     values : ndarray, shape (row, column)
     line : list of int
         Number of each row's line.
@@ -270,7 +269,6 @@ def by_rows(table: ScanTable, given: dict[str, int]) -> tuple[ScanTable, dict[st
 
     Parameters
     ----------
-    table : ScanTable
     given : dict of str to int
         Columns that the user named, counted from 1; those of values of one frequency, which the
         others have at the same places.

@@ -23,17 +23,9 @@ from sldvexp.importers.uff_estimators import (
     find_reference,
     fit_phasors,
 )
-from sldvexp.io.uff.functions import (
-    ACCELERATION,
-    DIRECTIONS,
-    DISPLACEMENT,
-    KINDS,
-    NODAL,
-    VELOCITY,
-    Function,
-)
-from sldvexp.io.uff.geometry import CARTESIAN, WORLD, UniversalGeometry
-from sldvexp.io.uff.reader import UniversalFile, universal_file
+from sldvexp.io.uff import Function, UniversalFile, UniversalGeometry, universal_file
+from sldvexp.io.uff.functions import ACCELERATION, DIRECTIONS, DISPLACEMENT, KINDS, NODAL, VELOCITY
+from sldvexp.io.uff.geometry import CARTESIAN, WORLD
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 
 COHERENCE = 6

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum
-from typing import Any
 
-from sldvexp.errors import UserError
 from sldvexp.importers.conventions import (
     Amplitude,
     Conventions,
@@ -15,8 +13,10 @@ from sldvexp.importers.conventions import (
     Quantity,
     motion_in_product,
     motion_of,
+    unstated,
 )
 from sldvexp.importers.pointwise import PointwiseImport
+from sldvexp.io.uff import Function, UniversalFile
 from sldvexp.io.uff.functions import (
     ACCELERATION,
     DISPLACEMENT,
@@ -25,9 +25,7 @@ from sldvexp.io.uff.functions import (
     PEAK,
     RMS,
     VELOCITY,
-    Function,
 )
-from sldvexp.io.uff.reader import UniversalFile
 
 
 class FunctionKind(Enum):
@@ -79,11 +77,12 @@ def decide_conventions(
         what = "the sign of the phase (exp_plus or exp_minus)"
         if kind is FunctionKind.cross:
             what += "; a cross spectrum of the response and the conjugate reference is exp_plus"
-        raise _asked(file, "phase", "exp_plus", what)
+        raise unstated(file.source.path, "phase", "exp_plus", what)
     sign = 1
     if settings.directions is not Directions.dof:
         if settings.positive is None:
-            raise _asked(file, "positive", "towards", "where a positive velocity points to")
+            what = "where a positive velocity points to"
+            raise unstated(file.source.path, "positive", "towards", what)
         sign = settings.positive.value
     told |= said | {
         "positive": settings.positive.name if settings.positive else "along the dof",
@@ -108,7 +107,7 @@ def _scale(
             "the reference's peak amplitude, which response functions are multiplied with (1: "
             "velocities per unit of the reference)"
         )
-        raise _asked(file, "reference", "1.0", what)
+        raise unstated(file.source.path, "reference", "1.0", what)
     unit = function.reference.unit
     return settings.reference, {"reference": f"{settings.reference:g} {unit}".strip()}
 
@@ -119,20 +118,22 @@ def length_unit(settings: PointwiseImport, file: UniversalFile) -> tuple[float, 
         return settings.length_unit.value, "as set"
     if file.units is not None:
         return file.units.length, "by data set 164"
-    raise _asked(file, "length_unit", "mm", "the unit of its coordinates in a data set 164")
+    what = "the unit of its coordinates in a data set 164"
+    raise unstated(file.source.path, "length_unit", "mm", what)
 
 
 def _meaning(
     settings: PointwiseImport, file: UniversalFile, f: Function
 ) -> tuple[Quantity, float, str]:
     """Find quantity and unit of values: by the settings, the function's own words, data set 164."""
+    where = f"{file.source.path}, data set {f.entry.number}"
     by_number = BY_NUMBER.get(f.ordinate.kind)
     cross = f.kind == FunctionKind.cross.value
     motion = (motion_in_product if cross else motion_of)(f.ordinate.unit)
     quantity = settings.quantity or by_number or (motion.quantity if motion else None)
     if quantity is None:
         what = "whether its values are a displacement, a velocity or an acceleration"
-        raise _asked(file, "quantity", "velocity", what, f)
+        raise unstated(where, "quantity", "velocity", what)
     differ = by_number and motion and by_number is not motion.quantity
     if settings.quantity is None and by_number and motion and differ:
         raise file.wrong(
@@ -148,7 +149,7 @@ def _meaning(
         return quantity, motion.unit.value, f"by the label {f.ordinate.unit}"
     if file.units is not None:
         return quantity, file.units.length, "by data set 164"
-    raise _asked(file, "unit", "m", "the unit of its values (m of m/s)", f)
+    raise unstated(where, "unit", "m", "the unit of its values (m of m/s)")
 
 
 def _check_agree(file: UniversalFile, f: Function, label: float, stated: float) -> None:
@@ -168,7 +169,8 @@ def _amplitude(
     if settings.amplitude is not None:
         return settings.amplitude, "as set"
     if kind is FunctionKind.nodal:
-        raise _asked(file, "amplitude", "peak", "whether nodal amplitudes are peak or rms")
+        what = "whether nodal amplitudes are peak or rms"
+        raise unstated(file.source.path, "amplitude", "peak", what)
     if file.amplitude is not None and file.amplitude[0] == HALF_PEAK:
         entry = file.amplitude[1]
         raise entry.wrong(
@@ -180,18 +182,7 @@ def _amplitude(
     if file.amplitude is not None:
         return SCALES[file.amplitude[0]], f"by data set {file.amplitude[1].number} (1858)"
     what = "whether amplitudes are peak or rms in a data set 1858"
-    raise _asked(file, "amplitude", "rms", what)
-
-
-def _asked(
-    file: UniversalFile, setting: str, example: Any, what: str, f: Function | None = None
-) -> UserError:
-    """Word the error of something that neither the file nor the settings tell."""
-    where = f", data set {f.entry.number}" if f else ""
-    return UserError(
-        f"{file.source.path}{where}: does not state {what}; say it with "
-        f"instrument.{setting}, for example instrument.{setting}={example}"
-    )
+    raise unstated(file.source.path, "amplitude", "rms", what)
 
 
 def _shown(quantity: Quantity, unit: float, by: str) -> str:

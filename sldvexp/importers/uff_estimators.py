@@ -19,8 +19,8 @@ import numpy as np
 from sldvexp.errors import UserError
 from sldvexp.importers.pointwise_data import close
 from sldvexp.importers.uff_conventions import FunctionKind
-from sldvexp.io.uff.functions import DIRECTIONS, Function
-from sldvexp.io.uff.reader import UniversalFile
+from sldvexp.io.uff import Function, UniversalFile
+from sldvexp.io.uff.functions import DIRECTIONS
 from sldvexp.typing import Array, ComplexArray, IndexArray
 
 
@@ -57,10 +57,8 @@ def estimate_response(
 
     Parameters
     ----------
-    estimator : Estimator, optional
     containing : str
         Text that chooses among several auto spectra of one degree of freedom.
-    file : UniversalFile
     crosses : list of Function
         Cross spectra ``G_xf``, one a node.
     values : ndarray of complex, shape (function, frequency)
@@ -225,7 +223,6 @@ def fit_phasors(
     Parameters
     ----------
     wanted : list of float, Hz
-    file : UniversalFile
     functions : list of Function
         Time records.
     reference : Function, optional

@@ -13,8 +13,8 @@ from sldvexp.config.registry import register
 from sldvexp.errors import Checks, nearest
 from sldvexp.importers.base import PointImporter
 from sldvexp.importers.conventions import Amplitude, Phase, Positive
-from sldvexp.io.velocities.files import read
-from sldvexp.io.velocities.table import KNOWN, ORDER, FileLayout
+from sldvexp.io.velocities import FileLayout, read
+from sldvexp.io.velocities.table import KNOWN, ORDER
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.units import VelocityUnit

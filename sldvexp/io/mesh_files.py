@@ -32,7 +32,6 @@ def read_mesh(path: Path, unit: float, flip: bool) -> tuple[Array, IntArray, Int
 
     Parameters
     ----------
-    path : Path
     unit : float
         One unit of the file's coordinates in m.
     flip : bool

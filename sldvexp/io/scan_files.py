@@ -16,12 +16,31 @@ from sldvexp.typing import IntArray
 
 
 def read_centres(path: Path) -> IntArray:
-    """Read rough centres of the circles (`Scan6pt`), shape (circle, 2), one pair a line."""
+    r"""Read rough centres of the circles (`Scan6pt`), shape (circle, 2), one pair a line.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "Scan6pt")
+    >>> _ = path.write_text("100 200\n-50 25")
+    >>> read_centres(path).tolist()
+    [[200, 100], [25, -50]]
+    """
     return _pairs(list(_rows(path)), path)
 
 
 def read_rectangle(path: Path) -> tuple[int, int, IntArray]:
-    """Read rows, columns and the four corners (`ScanRect`), the corners of shape (4, 2)."""
+    r"""Read rows, columns and the four corners (`ScanRect`), the corners of shape (4, 2).
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "ScanRect")
+    >>> _ = path.write_text("2 3\n0 0\n0 9\n5 9\n5 0")
+    >>> rows, columns, corners = read_rectangle(path)
+    >>> rows, columns, corners[1].tolist()
+    (2, 3, [9, 0])
+    """
     rows = list(_rows(path))
     if len(rows) != 5:
         raise UserError(
@@ -34,7 +53,16 @@ def read_rectangle(path: Path) -> tuple[int, int, IntArray]:
 
 
 def read_list(path: Path) -> IntArray:
-    """Read all pixels of a scan in their order (`ScanList`), shape (pixel, 2)."""
+    """Read all pixels of a scan in their order (`ScanList`), shape (pixel, 2).
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "ScanList")
+    >>> write_list(path, [(200, 100)])
+    >>> read_list(path).tolist()
+    [[200, 100]]
+    """
     return _pairs(list(_rows(path)), path)
 
 
@@ -43,7 +71,6 @@ def write_list(path: Path, dac: Iterable[Iterable[int]]) -> None:
 
     Parameters
     ----------
-    path : Path
     dac : iterable of pairs (up_down, left_right), steps
     """
     with whole_or_nothing(path) as beside:

@@ -33,8 +33,6 @@ class TextTable:
 
     Parameters
     ----------
-    path : Path
-    header : list of str
     lines : list of int
         Of the header, if there is one, and of the rows.
     rows : list of list of str
@@ -97,7 +95,6 @@ class TextTable:
 
         Parameters
         ----------
-        columns : sequence of str
         of : sequence of str, optional
             Text that is put behind a column's name in the complaint about a row.
 
@@ -165,7 +162,6 @@ def read_table(path: Path, inline_comments: bool = False) -> TextTable:
 
     Parameters
     ----------
-    path : Path
     inline_comments : bool
         Whether ``#`` begins a comment anywhere in a line, and not only at its start.
 

@@ -18,7 +18,7 @@ from sldvexp.config import schema
 from sldvexp.config.paths import RUN_FILE, locate
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import UserError
-from sldvexp.export.base import export_all
+from sldvexp.export import export_all
 from sldvexp.files import whole_or_nothing
 from sldvexp.instrument.recording import JOURNAL
 from sldvexp.pipeline import provenance

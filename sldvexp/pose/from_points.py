@@ -18,8 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from sldvexp.errors import Checks, UserError, nearest
-from sldvexp.io.registration.netcdf import to_dataset
-from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.io.registration import RegistrationTable, to_dataset
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import scipy
 from sldvexp.pose.base import JointCovariance, PoseMethod, PoseResult

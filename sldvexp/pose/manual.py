@@ -13,7 +13,7 @@ import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.io.registration import RegistrationTable
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.base import JointCovariance
 from sldvexp.pose.correlated_errors import Errors, with_errors

@@ -15,9 +15,7 @@ import numpy as np
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, ConfigError, Problem, UserError, nearest
-from sldvexp.io.registration import read
-from sldvexp.io.registration.netcdf import from_dataset
-from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.io.registration import RegistrationTable, from_dataset, read
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import PoseResult

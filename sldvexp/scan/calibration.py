@@ -11,7 +11,7 @@ import numpy as np
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.io.scan_files import read_centres
+from sldvexp.io import read_centres
 from sldvexp.scan.base import Sampling, ScanPart, check_pairs, check_view_names
 from sldvexp.typing import IntArray
 

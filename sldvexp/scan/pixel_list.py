@@ -9,7 +9,7 @@ import numpy as np
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.io.scan_files import read_list
+from sldvexp.io import read_list
 from sldvexp.scan.base import ImageScan, Sampling, check_pairs, check_view_names
 from sldvexp.typing import IntArray
 

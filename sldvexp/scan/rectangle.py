@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-from sldvexp.io.scan_files import read_rectangle
+from sldvexp.io import read_rectangle
 from sldvexp.scan.base import ImageScan, Sampling, check_pairs, check_view_names
 from sldvexp.scan.lines import rectangle, strided
 from sldvexp.typing import IntArray

@@ -14,8 +14,7 @@ import numpy as np
 from sldvexp.errors import UserError
 from sldvexp.instrument.person import Attended, Mark, Person, Place, Steps, mark_name, spot_name
 from sldvexp.instrument.protocol import Instrument
-from sldvexp.io.registration.netcdf import from_dataset, to_dataset
-from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.io.registration import RegistrationTable, from_dataset, to_dataset
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan.by_digitizer import ByDigitizer

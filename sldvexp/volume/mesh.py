@@ -13,7 +13,7 @@ from omegaconf import MISSING
 
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
-from sldvexp.io.mesh_files import read_mesh
+from sldvexp.io import read_mesh
 from sldvexp.volume.base import Volume
 from sldvexp.volume.surface import TriangulatedSurface
 

@@ -17,7 +17,7 @@ from omegaconf import MISSING
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.io.tables import read_points
+from sldvexp.io import read_points
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IntArray
 from sldvexp.volume.base import Volume, vector

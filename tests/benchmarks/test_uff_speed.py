@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sldvexp.io.uff.reader import universal_file
+from sldvexp.io.uff import universal_file
 
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 FUNCTIONS, VALUES = (10_000, 12_500) if FULL_SIZE else (50, 100)

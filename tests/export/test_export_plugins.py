@@ -18,8 +18,9 @@ from sldvexp import dataset
 from sldvexp.config import registry
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import ConfigError, UserError
+from sldvexp.export import velocities_of
 from sldvexp.export.uff import GeometryDataSets, ShapeNames, UffExport
-from sldvexp.export.velocities import mesh_of, velocities_of, velocity_in_world
+from sldvexp.export.velocities import mesh_of, velocity_in_world
 from sldvexp.export.vtu import Vtu
 
 FORMATS = sorted(registry.BUILT_IN["export"])

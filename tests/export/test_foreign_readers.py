@@ -7,9 +7,10 @@ import json
 import numpy as np
 import pytest
 
+from sldvexp.export import velocities_of
 from sldvexp.export.uff import ShapeNames, UffExport
 from sldvexp.export.ugrid import Ugrid
-from sldvexp.export.velocities import mesh_of, velocities_of, velocity_in_world
+from sldvexp.export.velocities import mesh_of, velocity_in_world
 from sldvexp.export.vtu import Vtu
 
 RUNS = ["world", "local"]

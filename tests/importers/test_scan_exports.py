@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.importers import conventions
-from sldvexp.importers.pointwise_data import PointwiseView
+from sldvexp.importers import PointwiseView, conventions
 from sldvexp.importers.scan_export import ScanExport
 from sldvexp.units import LengthUnit
 

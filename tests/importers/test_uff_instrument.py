@@ -8,8 +8,8 @@ import xarray as xr
 
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.rotation import KnownPose, rotation_from_euler
+from sldvexp.importers import PointwiseView
 from sldvexp.importers import conventions as settings
-from sldvexp.importers.pointwise_data import PointwiseView
 from sldvexp.importers.uff import UffImport
 from sldvexp.laser.two_mirror import Mirror, TwoMirror
 from sldvexp.pose.given import known_poses

@@ -7,8 +7,8 @@ import pytest
 import pyuff
 
 from sldvexp.errors import UserError
+from sldvexp.importers import PointwiseView
 from sldvexp.importers import conventions as settings
-from sldvexp.importers.pointwise_data import PointwiseView
 from sldvexp.importers.uff import Estimator, FunctionKind, NodalAxes, UffImport
 from sldvexp.units import LengthUnit
 

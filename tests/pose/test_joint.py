@@ -13,8 +13,7 @@ from sldvexp.check import Examination
 from sldvexp.check.pose_repeats import PoseRepeats
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry.rotation import rotation_from_euler, vector_from_rotation
-from sldvexp.io.registration import write
-from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.io.registration import RegistrationTable, write
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.base import JointCovariance, cross_covariance

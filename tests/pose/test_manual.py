@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from sldvexp.geometry.rotation import rotation_from_euler
-from sldvexp.io.registration import write
-from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.io.registration import RegistrationTable, write
 from sldvexp.laser.model import project
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.pose.manual import Manual

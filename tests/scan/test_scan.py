@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.io.scan_files import read_centres, read_list, read_rectangle, write_list
+from sldvexp.io import read_centres, read_list, read_rectangle
+from sldvexp.io.scan_files import write_list
 from sldvexp.scan.calibration import CalibrationScan, Centres, CircleLines
 from sldvexp.scan.lines import across, along_ellipse, rectangle, strided
 

@@ -65,6 +65,12 @@ def to_dataset(tables: Sequence[RegistrationTable]) -> xr.Dataset:
     ------
     UserError
         If two views have the same name.
+
+    Examples
+    --------
+    >>> table = RegistrationTable("front", np.array([7]), np.eye(3)[:1], dac=np.array([[30, -60]]))
+    >>> to_dataset([table])["dac"].values.tolist()
+    [[[30.0, -60.0]]]
     """
     names = [table.name for table in tables]
     if len(set(names)) < len(names):
@@ -105,6 +111,12 @@ def from_dataset(
     ------
     UserError
         If a variable, a dimension or a unit is missing or unknown, or a number is not finite.
+
+    Examples
+    --------
+    >>> table = RegistrationTable("front", np.array([7]), np.eye(3)[:1], dac=np.array([[30, -60]]))
+    >>> from_dataset(to_dataset([table]), "memory")
+    [<RegistrationTable of view front: 1 point with DAC steps>]
     """
     if "view" not in dataset.dims:
         dataset = dataset.expand_dims(view=[Path(source).stem])

@@ -41,6 +41,11 @@ class RegistrationTable:
     UserError
         If shapes disagree, a number is not finite, a point number stands twice, or an angle is
         90 degrees or more.
+
+    Examples
+    --------
+    >>> RegistrationTable("front", np.array([7, 9]), np.eye(3)[:2], angle=np.zeros((2, 2)))
+    <RegistrationTable of view front: 2 points with angles>
     """
 
     name: str

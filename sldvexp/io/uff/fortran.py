@@ -103,14 +103,12 @@ def table(source: Source, entry: DataSet, start: int, widths: Sequence[int], cou
 
     Parameters
     ----------
-    source : Source
     entry : DataSet
         Of text.
     start : int
         Byte at which the first line of numbers begins.
     widths : sequence of int
         Columns of the numbers of a line.
-    count : int
 
     Raises
     ------

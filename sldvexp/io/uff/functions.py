@@ -66,15 +66,12 @@ class Function(NamedTuple):
 
     Parameters
     ----------
-    entry : DataSet
     text : tuple of str
         The five lines that identify it.
     kind : int
         Key of `KINDS`.
     node, direction : int
         Of the response; `direction` is a key of `DIRECTIONS`.
-    reference_node, reference_direction : int
-    complex, double, even : bool
     size : int
         Number of values.
     first, step : float

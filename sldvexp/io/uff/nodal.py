@@ -124,7 +124,6 @@ class ShapeFunctions:
     ----------
     sets : list of Nodal
         At least one; all with the same nodes and directions.
-    source : Source
 
     Raises
     ------

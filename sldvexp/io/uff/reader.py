@@ -31,7 +31,6 @@ class UniversalFile:
 
     Parameters
     ----------
-    source : Source
     entries : list of DataSet
         Its data sets, in the file's order.
     """
@@ -97,6 +96,17 @@ def universal_file(path: Path) -> Iterator[UniversalFile]:
     ------
     UserError
         If it is missing or is no universal file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from sldvexp.io.uff import writer
+    >>> path = Path(tempfile.mkdtemp(), "points.uff")
+    >>> _ = path.write_text(writer.units() + writer.nodes(np.eye(3), np.ones(3, int)))
+    >>> with universal_file(path) as file:
+    ...     print(file.units, file.geometry.label)
+    Units(name='SI: Meter (newton)', length=1.0) [1 2 3]
     """
     with opened(path) as source:
         yield UniversalFile(source, index(source))

@@ -126,7 +126,6 @@ class DataSet(NamedTuple):
         Byte at which the values of a 58b begin; `first` in all others.
     end : int
         Byte after the last one.
-    binary : Binary or None
     after_binary : bool
         Whether binary values come before it in the file, so that its lines cannot be counted.
     """

@@ -30,7 +30,6 @@ class LineOfSight:
     ----------
     source : str
         File or instrument, for messages.
-    view : list of str
     point : list of str or None
         Labels of the points; None for a single point without a name.
     frequency : ndarray or None, shape (frequency,), Hz
@@ -47,6 +46,12 @@ class LineOfSight:
     UserError
         If a number is not finite, a direction is not a unit vector, a standard error is not
         positive, or a frequency is negative or repeated.
+
+    Examples
+    --------
+    >>> cosines = np.array([[[0.0, 0.0, 1.0]], [[0.6, 0.0, 0.8]]])
+    >>> LineOfSight("memory", ["front", "left"], None, None, cosines, np.ones((2, 1, 1)))
+    <LineOfSight of 2 views, 1 points, 1 frequencies from memory>
     """
 
     source: str

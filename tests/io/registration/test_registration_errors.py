@@ -7,9 +7,7 @@ import pytest
 import xarray as xr
 
 from sldvexp.errors import UserError
-from sldvexp.io.registration import read, write
-from sldvexp.io.registration.netcdf import to_dataset
-from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.io.registration import RegistrationTable, read, to_dataset, write
 from sldvexp.units import LengthUnit
 
 GOOD = (

@@ -13,9 +13,7 @@ from hypothesis import strategies as st
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.io.registration import read, write
-from sldvexp.io.registration.netcdf import from_dataset, to_dataset
-from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.io.registration import RegistrationTable, from_dataset, read, to_dataset, write
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.units import AngleUnit, LengthUnit, decimal_in
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.io.uff.reader import universal_file
+from sldvexp.io.uff import universal_file
 
 PLATE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
 VALUES = np.array([1 + 2j, 3 - 4j, 5 + 6j, -7 + 8j, 9.5 - 10j])

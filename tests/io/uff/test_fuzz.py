@@ -11,10 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sldvexp.errors import UserError
-from sldvexp.importers import conventions
-from sldvexp.importers.pointwise_data import PointwiseView
+from sldvexp.importers import PointwiseView, conventions
 from sldvexp.importers.uff import Estimator, UffImport
-from sldvexp.io.uff.reader import universal_file
+from sldvexp.io.uff import universal_file
 from sldvexp.units import LengthUnit
 
 #: What the whole process may take, bytes.

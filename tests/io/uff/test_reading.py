@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from sldvexp.io.uff.reader import universal_file
+from sldvexp.io.uff import universal_file
 
 REAL = np.array([1.0, -2.5, 3e-7, -4e8, 5.0, 6.0, -7.125])
 COMPLEX = REAL + 1j * REAL[::-1]

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sldvexp.errors import UserError
-from sldvexp.io.velocities.files import read
-from sldvexp.io.velocities.table import LineOfSight
+from sldvexp.io.velocities import LineOfSight, read
 from sldvexp.units import VelocityUnit
 
 M_PER_S = VelocityUnit.m_per_s

@@ -1,0 +1,3 @@
+from .base import Export as Export
+from .base import export_all as export_all
+from .velocities import velocities_of as velocities_of

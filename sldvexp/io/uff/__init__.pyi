@@ -1,0 +1,4 @@
+from .functions import Function as Function
+from .geometry import UniversalGeometry as UniversalGeometry
+from .reader import UniversalFile as UniversalFile
+from .reader import universal_file as universal_file
