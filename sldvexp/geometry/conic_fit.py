@@ -43,7 +43,7 @@ LEAST_ARC = np.radians(120.0)
 LARGEST_STD = 0.1
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ConicFit:
     """An ellipse and what its edge points say about it.
 
@@ -64,6 +64,10 @@ class ConicFit:
     residual_std: Array
     used: BoolArray
     arc: float
+
+    def __repr__(self) -> str:
+        fit = f"chi-square {self.chi_square:.3g} of {self.dof} degrees of freedom"
+        return f"{self.ellipse!r}: {len(self.used)} edge points, {self.outliers} outliers, {fit}"
 
     @property
     def outliers(self) -> int:
