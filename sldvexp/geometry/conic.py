@@ -25,7 +25,7 @@ SHAPE_ENTRIES[0, 0, 0] = SHAPE_ENTRIES[1, 1, 1] = 1.0
 SHAPE_ENTRIES[2, 0, 1] = SHAPE_ENTRIES[2, 1, 0] = 1.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Ellipse:
     """An ellipse with the covariance of its five numbers.
 
@@ -38,6 +38,11 @@ class Ellipse:
 
     parameters: Array
     covariance: Array
+
+    def __repr__(self) -> str:
+        (x, y), (larger, smaller) = self.centre, self.semi_axes
+        turn = np.degrees(self.angle)
+        return f"ellipse at ({x:.6g}, {y:.6g}), {larger:.4g} x {smaller:.4g}, turned {turn:.1f} deg"
 
     @property
     def centre(self) -> Array:

@@ -34,16 +34,36 @@ from sldvexp.typing import Array, BoolArray
 
 #: Median of the absolute value of a standard normal variable.
 NORMAL_MEDIAN = 0.6745
+
 #: Residuals below this many steps are rounding.
 ROUNDING = 1e-9
+
 #: Rounds of fitting and rejecting; the set of outliers settles within a few.
 ROUNDS = 20
+
 #: Least arc, and largest standard error of a semi-axis as a fraction of it.
 LEAST_ARC = np.radians(120.0)
+
 LARGEST_STD = 0.1
 
+#: Numbers of an ellipse, hence the least number of edge points.
+NUMBERS = 5
 
-@dataclass(frozen=True, eq=False)
+#: Sets of five points from which the robust start takes the best.
+SUBSETS = 50
+
+#: Steps of Gauss-Newton, and the change at which it has settled, in units of the points' spread.
+STEPS, SETTLED = 50, 1e-10
+
+#: Smallest cosine between a scan line and the edge's normal for which an error along the line is
+#: one across the edge; nearer to tangential the edge's curvature counts.
+GRAZING = 0.1
+
+#: Semi-axes beyond this ratio to the points' spread belong to a parabola or a pair of lines.
+EXTREME = 1e3
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class ConicFit:
     """An ellipse and what its edge points say about it.
 
@@ -64,6 +84,10 @@ class ConicFit:
     residual_std: Array
     used: BoolArray
     arc: float
+
+    def __repr__(self) -> str:
+        fit = f"chi-square {self.chi_square:.3g} of {self.dof} degrees of freedom"
+        return f"{self.ellipse!r}: {len(self.used)} edge points, {self.outliers} outliers, {fit}"
 
     @property
     def outliers(self) -> int:
@@ -231,19 +255,6 @@ def _seen(position: Array, arc: float) -> str:
         f"{len(position)} edge points, over {np.degrees(arc):.0f} deg of arc and between steps "
         f"({low[0]:.0f}, {low[1]:.0f}) and ({high[0]:.0f}, {high[1]:.0f})"
     )
-
-
-#: Numbers of an ellipse, hence the least number of edge points.
-NUMBERS = 5
-#: Sets of five points from which the robust start takes the best.
-SUBSETS = 50
-#: Steps of Gauss-Newton, and the change at which it has settled, in units of the points' spread.
-STEPS, SETTLED = 50, 1e-10
-#: Smallest cosine between a scan line and the edge's normal for which an error along the line is
-#: one across the edge; nearer to tangential the edge's curvature counts.
-GRAZING = 0.1
-#: Semi-axes beyond this ratio to the points' spread belong to a parabola or a pair of lines.
-EXTREME = 1e3
 
 
 class NoEllipseError(Exception):

@@ -29,9 +29,10 @@ EXTRINSICS = ("rotation_x", "rotation_y", "rotation_z", "x", "y", "z")
 
 #: Variables of the group ``pose`` that every method gives; later steps rely on them.
 PROMISED = (
-    *("origin", "origin_std", "origin_confidence"),
-    *("euler", "euler_std", "euler_confidence"),
-    *("rotation", "covariance", "dof"),
+    "rotation",
+    "covariance",
+    "dof",
+    *(f"{name}{part}" for name in ("origin", "euler") for part in ("", "_std", "_confidence")),
 )
 
 

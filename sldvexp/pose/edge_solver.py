@@ -38,6 +38,12 @@ from sldvexp.typing import Array, IndexArray
 #: Numbers in which a machined circle errs: its centre along three axes and its radius.
 ERRORS = 4
 
+#: Places in the Jacobian of `residuals`; the circles' errors follow from `MOVED` on.
+RIM, FIRST_INTRINSIC, MOVED = 6, 7, 12
+
+#: Standard deviations of a circle's errors over that of a coordinate: a radius is half a diameter.
+CIRCLE = np.array([1.0, 1.0, 1.0, 0.5])
+
 
 @dataclass(frozen=True, eq=False)
 class EdgePoints:
@@ -125,206 +131,6 @@ class EdgePoints:
     def axes(self) -> Array:
         """Axes of the circle's plane, its normal last, in the world, shape (n, 3, 3)."""
         return np.concatenate([self.in_plane, self.normal[:, None]], axis=1)
-
-
-@dataclass(frozen=True, eq=False)
-class EdgeScene:
-    """Places of the laser and the circles, as far as one view's edges are concerned.
-
-    Parameters
-    ----------
-    rotation : ndarray, shape (3, 3)
-        World to laser.
-    origin : ndarray, shape (3,), m
-    rim : float, m
-        By how much every edge is seen outside of the circle.
-    intrinsics : ndarray, shape (5,)
-        In the order of `INTRINSICS`.
-    moved : ndarray, shape (circle, ERRORS), m
-        Error of each circle's centre in its plane (two axes) and across it, and of its radius.
-    """
-
-    rotation: Array
-    origin: Array
-    rim: float
-    intrinsics: Array
-    moved: Array
-
-
-#: Places in the Jacobian of `residuals`; the circles' errors follow from `MOVED` on.
-RIM, FIRST_INTRINSIC, MOVED = 6, 7, 12
-
-
-def residuals(points: EdgePoints, scene: EdgeScene) -> tuple[Array, Array]:
-    """Measure the distance of each edge point from its circle's rim, and differentiate it.
-
-    Returns
-    -------
-    residual : ndarray, shape (n,), m
-    jacobian : ndarray, shape (n, 12 + ERRORS * circles)
-        By the rotation vector, the origin, the rim, the intrinsics, and `moved` flattened.
-    """
-    met = _meet(points, scene)
-    e, normal, m = met.outward, met.normal, met.center
-
-    # d|Q - M| = (e.u / N.u) (dN.(M - Q) + N.dM) - e.dM, with dM = w x M - R dO and dN = w x N.
-    by_center = met.tilt[:, None] * normal - e
-    by_rotation = np.cross(m, by_center) + met.tilt[:, None] * np.cross(normal, m - met.point)
-    by_origin = -by_center @ scene.rotation
-    circles, row = len(scene.moved), np.arange(len(e))
-    jacobian = np.zeros((len(e), MOVED + ERRORS * circles))
-    jacobian[:, :3], jacobian[:, 3:6], jacobian[:, RIM] = by_rotation, by_origin, -1.0
-    jacobian[:, FIRST_INTRINSIC:MOVED] = _by_intrinsics(points, scene, met)
-    by_shift = np.einsum("nij,nj->ni", points.axes, by_center @ scene.rotation)
-    for k in range(3):
-        jacobian[row, MOVED + ERRORS * points.circle + k] = by_shift[:, k]
-    jacobian[row, MOVED + ERRORS * points.circle + 3] = -1.0
-    radius = points.radius + scene.moved[points.circle, 3] + scene.rim
-    return met.distance - radius, jacobian
-
-
-def spread(points: EdgePoints, scene: EdgeScene) -> Array:
-    """Give the change of ``|Q - M|`` for one standard error of each edge along its scan line, m."""
-    ends = (_meet(points, scene, sign * points.along).distance for sign in (0.5, -0.5))
-    return np.asarray(np.abs(np.subtract(*ends)))
-
-
-class _Met(NamedTuple):
-    """Points where the beams meet the planes of their circles, in the laser frame.
-
-    `distance` is ``|Q - M|``, `outward` its unit vector e, `tilt` is ``e.u / N.u``, and `reach` is
-    s in ``Q = o + s (tan left_right, sin up_down, cos up_down)``.
-    """
-
-    center: Array
-    normal: Array
-    point: Array
-    distance: Array
-    outward: Array
-    tilt: Array
-    reach: Array
-
-
-def _meet(points: EdgePoints, scene: EdgeScene, aside: float | Array = 0.0) -> _Met:
-    """Follow the beams, moved aside by some recorded angles, to the planes."""
-    shift = scene.moved[points.circle, :3]
-    center = points.center + np.einsum("ni,nij->nj", shift, points.axes)
-    m = (center - scene.origin) @ scene.rotation.T
-    normal = points.normal @ scene.rotation.T
-    angle = true_angles(points.angle + aside, scene.intrinsics)
-    o, u = rays(angle, scene.intrinsics[0])
-    slope = np.einsum("nj,nj->n", normal, u)
-    s = np.einsum("nj,nj->n", normal, m - o) / slope
-    q = o + s[:, None] * u
-    distance = np.linalg.norm(q - m, axis=-1)
-    e = (q - m) / distance[:, None]
-    tilt = np.einsum("nj,nj->n", e, u) / slope
-    # u is a unit vector; its up-down part is as long as the cosine of left_right.
-    return _Met(m, normal, q, distance, e, tilt, s * np.cos(angle[:, 1]))
-
-
-def _by_intrinsics(points: EdgePoints, scene: EdgeScene, met: _Met) -> Array:
-    """Differentiate ``|Q - M|`` by `INTRINSICS`, shape (n, 5).
-
-    They move the beam's origin and turn it: ``d|Q - M| = (e - (e.u / N.u) N) . (do + s du)``.
-    """
-    across = met.outward - met.tilt[:, None] * met.normal
-    up_down, left_right = true_angles(points.angle, scene.intrinsics).T
-    turned = across[:, 1] * np.cos(up_down) - across[:, 2] * np.sin(up_down)
-    by_up_down = met.reach * turned
-    by_left_right = across[:, 0] * (met.reach + scene.intrinsics[0]) / np.cos(left_right) ** 2
-    return np.stack(
-        [
-            across[:, 0] * np.tan(left_right),
-            by_up_down * points.angle[:, 0],
-            by_up_down,
-            by_left_right * points.angle[:, 1],
-            by_left_right,
-        ],
-        axis=-1,
-    )
-
-
-def angles_along(laser: TwoMirror, dac: Array, direction: Array, std: Array) -> tuple[Array, Array]:
-    """Give the angles of edge points, and their change for a standard error along the scan line."""
-    step = direction * std[:, None]
-    angle = laser.angle_from_dac(dac)
-    return angle, laser.angle_from_dac(dac + step / 2) - laser.angle_from_dac(dac - step / 2)
-
-
-#: Standard deviations of a circle's errors over that of a coordinate: a radius is half a diameter.
-CIRCLE = np.array([1.0, 1.0, 1.0, 0.5])
-
-
-@dataclass(frozen=True, eq=False)
-class EdgeView:
-    """One view's edges in the adjustment; its unknowns are pose, rim and own intrinsics.
-
-    Parameters
-    ----------
-    scene : EdgeScene
-        As far as it is known by now; what is shared comes from the common unknowns.
-    own, shared : list of int
-        Positions in `INTRINSICS` of those adjusted for the view and for all views.
-    own_prior : ndarray, shape (own,)
-        Standard deviations; infinite for a free one.
-    expected : ndarray, shape (own,)
-    scale : ndarray, shape (n,), m
-        Standard errors of the residuals.
-    """
-
-    points: EdgePoints
-    scene: EdgeScene
-    own: list[int]
-    shared: list[int]
-    own_prior: Array
-    expected: Array
-    scale: Array
-
-    def with_common(self, common: Array) -> EdgeScene:
-        """Give the scene the common unknowns: shared intrinsics, then the circles' errors."""
-        intrinsics = self.scene.intrinsics.copy()
-        intrinsics[self.shared] = common[: len(self.shared)]
-        moved = common[len(self.shared) :].reshape(-1, ERRORS)
-        # Without machining errors there are none among the unknowns.
-        return replace(
-            self.scene, intrinsics=intrinsics, moved=moved if len(moved) else self.scene.moved
-        )
-
-    def linearise(self, common: Array) -> LinearisedResiduals:
-        """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
-        residual, jacobian = residuals(self.points, self.with_common(common))
-        jacobian /= self.scale[:, None]
-        own = [*range(RIM + 1), *(FIRST_INTRINSIC + k for k in self.own)]
-        shared = [FIRST_INTRINSIC + k for k in self.shared]
-        circles = range(MOVED, MOVED + len(common) - len(shared))
-        return LinearisedResiduals(
-            residual / self.scale, jacobian[:, own], jacobian[:, [*shared, *circles]]
-        )
-
-    def moved(self, step: Array) -> EdgeView:
-        """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
-        s = self.scene
-        intrinsics = s.intrinsics.copy()
-        intrinsics[self.own] += step[RIM + 1 :]
-        scene = replace(
-            s,
-            rotation=rotation_from_vector(step[:3]) @ s.rotation,
-            origin=s.origin + step[3:RIM],
-            rim=s.rim + float(step[RIM]),
-            intrinsics=intrinsics,
-        )
-        return replace(self, scene=scene)
-
-    def weighed(self, common: Array) -> EdgeView:
-        """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
-        return replace(self, scale=spread(self.points, self.with_common(common)))
-
-    def prior(self) -> tuple[Array, Array]:
-        """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
-        free = np.zeros(RIM + 1)
-        away = self.scene.intrinsics[self.own] - self.expected
-        return np.append(free, self.own_prior**-2.0), np.append(free, away)
 
 
 @dataclass(frozen=True, eq=False)
@@ -558,3 +364,195 @@ def _undetermined(where: str, intrinsics: str) -> str:
         f"{where}: the edges do not determine the pose; more circles, or some on a second plane, "
         "are needed"
     )
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeView:
+    """One view's edges in the adjustment; its unknowns are pose, rim and own intrinsics.
+
+    Parameters
+    ----------
+    scene : EdgeScene
+        As far as it is known by now; what is shared comes from the common unknowns.
+    own, shared : list of int
+        Positions in `INTRINSICS` of those adjusted for the view and for all views.
+    own_prior : ndarray, shape (own,)
+        Standard deviations; infinite for a free one.
+    expected : ndarray, shape (own,)
+    scale : ndarray, shape (n,), m
+        Standard errors of the residuals.
+    """
+
+    points: EdgePoints
+    scene: EdgeScene
+    own: list[int]
+    shared: list[int]
+    own_prior: Array
+    expected: Array
+    scale: Array
+
+    def with_common(self, common: Array) -> EdgeScene:
+        """Give the scene the common unknowns: shared intrinsics, then the circles' errors."""
+        intrinsics = self.scene.intrinsics.copy()
+        intrinsics[self.shared] = common[: len(self.shared)]
+        moved = common[len(self.shared) :].reshape(-1, ERRORS)
+        # Without machining errors there are none among the unknowns.
+        return replace(
+            self.scene, intrinsics=intrinsics, moved=moved if len(moved) else self.scene.moved
+        )
+
+    def linearise(self, common: Array) -> LinearisedResiduals:
+        """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
+        residual, jacobian = residuals(self.points, self.with_common(common))
+        jacobian /= self.scale[:, None]
+        own = [*range(RIM + 1), *(FIRST_INTRINSIC + k for k in self.own)]
+        shared = [FIRST_INTRINSIC + k for k in self.shared]
+        circles = range(MOVED, MOVED + len(common) - len(shared))
+        return LinearisedResiduals(
+            residual / self.scale, jacobian[:, own], jacobian[:, [*shared, *circles]]
+        )
+
+    def moved(self, step: Array) -> EdgeView:
+        """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
+        s = self.scene
+        intrinsics = s.intrinsics.copy()
+        intrinsics[self.own] += step[RIM + 1 :]
+        scene = replace(
+            s,
+            rotation=rotation_from_vector(step[:3]) @ s.rotation,
+            origin=s.origin + step[3:RIM],
+            rim=s.rim + float(step[RIM]),
+            intrinsics=intrinsics,
+        )
+        return replace(self, scene=scene)
+
+    def weighed(self, common: Array) -> EdgeView:
+        """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
+        return replace(self, scale=spread(self.points, self.with_common(common)))
+
+    def prior(self) -> tuple[Array, Array]:
+        """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
+        free = np.zeros(RIM + 1)
+        away = self.scene.intrinsics[self.own] - self.expected
+        return np.append(free, self.own_prior**-2.0), np.append(free, away)
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeScene:
+    """Places of the laser and the circles, as far as one view's edges are concerned.
+
+    Parameters
+    ----------
+    rotation : ndarray, shape (3, 3)
+        World to laser.
+    origin : ndarray, shape (3,), m
+    rim : float, m
+        By how much every edge is seen outside of the circle.
+    intrinsics : ndarray, shape (5,)
+        In the order of `INTRINSICS`.
+    moved : ndarray, shape (circle, ERRORS), m
+        Error of each circle's centre in its plane (two axes) and across it, and of its radius.
+    """
+
+    rotation: Array
+    origin: Array
+    rim: float
+    intrinsics: Array
+    moved: Array
+
+
+def residuals(points: EdgePoints, scene: EdgeScene) -> tuple[Array, Array]:
+    """Measure the distance of each edge point from its circle's rim, and differentiate it.
+
+    Returns
+    -------
+    residual : ndarray, shape (n,), m
+    jacobian : ndarray, shape (n, 12 + ERRORS * circles)
+        By the rotation vector, the origin, the rim, the intrinsics, and `moved` flattened.
+    """
+    met = _meet(points, scene)
+    e, normal, m = met.outward, met.normal, met.center
+
+    # d|Q - M| = (e.u / N.u) (dN.(M - Q) + N.dM) - e.dM, with dM = w x M - R dO and dN = w x N.
+    by_center = met.tilt[:, None] * normal - e
+    by_rotation = np.cross(m, by_center) + met.tilt[:, None] * np.cross(normal, m - met.point)
+    by_origin = -by_center @ scene.rotation
+    circles, row = len(scene.moved), np.arange(len(e))
+    jacobian = np.zeros((len(e), MOVED + ERRORS * circles))
+    jacobian[:, :3], jacobian[:, 3:6], jacobian[:, RIM] = by_rotation, by_origin, -1.0
+    jacobian[:, FIRST_INTRINSIC:MOVED] = _by_intrinsics(points, scene, met)
+    by_shift = np.einsum("nij,nj->ni", points.axes, by_center @ scene.rotation)
+    for k in range(3):
+        jacobian[row, MOVED + ERRORS * points.circle + k] = by_shift[:, k]
+    jacobian[row, MOVED + ERRORS * points.circle + 3] = -1.0
+    radius = points.radius + scene.moved[points.circle, 3] + scene.rim
+    return met.distance - radius, jacobian
+
+
+def spread(points: EdgePoints, scene: EdgeScene) -> Array:
+    """Give the change of ``|Q - M|`` for one standard error of each edge along its scan line, m."""
+    ends = (_meet(points, scene, sign * points.along).distance for sign in (0.5, -0.5))
+    return np.asarray(np.abs(np.subtract(*ends)))
+
+
+class _Met(NamedTuple):
+    """Points where the beams meet the planes of their circles, in the laser frame.
+
+    `distance` is ``|Q - M|``, `outward` its unit vector e, `tilt` is ``e.u / N.u``, and `reach` is
+    s in ``Q = o + s (tan left_right, sin up_down, cos up_down)``.
+    """
+
+    center: Array
+    normal: Array
+    point: Array
+    distance: Array
+    outward: Array
+    tilt: Array
+    reach: Array
+
+
+def _meet(points: EdgePoints, scene: EdgeScene, aside: float | Array = 0.0) -> _Met:
+    """Follow the beams, moved aside by some recorded angles, to the planes."""
+    shift = scene.moved[points.circle, :3]
+    center = points.center + np.einsum("ni,nij->nj", shift, points.axes)
+    m = (center - scene.origin) @ scene.rotation.T
+    normal = points.normal @ scene.rotation.T
+    angle = true_angles(points.angle + aside, scene.intrinsics)
+    o, u = rays(angle, scene.intrinsics[0])
+    slope = np.einsum("nj,nj->n", normal, u)
+    s = np.einsum("nj,nj->n", normal, m - o) / slope
+    q = o + s[:, None] * u
+    distance = np.linalg.norm(q - m, axis=-1)
+    e = (q - m) / distance[:, None]
+    tilt = np.einsum("nj,nj->n", e, u) / slope
+    # u is a unit vector; its up-down part is as long as the cosine of left_right.
+    return _Met(m, normal, q, distance, e, tilt, s * np.cos(angle[:, 1]))
+
+
+def _by_intrinsics(points: EdgePoints, scene: EdgeScene, met: _Met) -> Array:
+    """Differentiate ``|Q - M|`` by `INTRINSICS`, shape (n, 5).
+
+    They move the beam's origin and turn it: ``d|Q - M| = (e - (e.u / N.u) N) . (do + s du)``.
+    """
+    across = met.outward - met.tilt[:, None] * met.normal
+    up_down, left_right = true_angles(points.angle, scene.intrinsics).T
+    turned = across[:, 1] * np.cos(up_down) - across[:, 2] * np.sin(up_down)
+    by_up_down = met.reach * turned
+    by_left_right = across[:, 0] * (met.reach + scene.intrinsics[0]) / np.cos(left_right) ** 2
+    return np.stack(
+        [
+            across[:, 0] * np.tan(left_right),
+            by_up_down * points.angle[:, 0],
+            by_up_down,
+            by_left_right * points.angle[:, 1],
+            by_left_right,
+        ],
+        axis=-1,
+    )
+
+
+def angles_along(laser: TwoMirror, dac: Array, direction: Array, std: Array) -> tuple[Array, Array]:
+    """Give the angles of edge points, and their change for a standard error along the scan line."""
+    step = direction * std[:, None]
+    angle = laser.angle_from_dac(dac)
+    return angle, laser.angle_from_dac(dac + step / 2) - laser.angle_from_dac(dac - step / 2)

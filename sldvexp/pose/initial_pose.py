@@ -20,12 +20,45 @@ from sldvexp.typing import Array
 
 #: Viewing directions over the sphere and turns about each: about 30 deg from one to the next.
 DIRECTIONS, TURNS = 50, 12
+
 #: Rotations of the grid that are refined; the lowest valley may begin at a higher grid point.
 CANDIDATES = 16
+
 #: Gauss-Newton steps of each refinement.
 REFINEMENTS = 5
+
 #: ``vec(R) GENERATORS`` is d vec(exp([w]) R) / dw, for the three components of w in turn.
 GENERATORS = np.hstack([np.kron(axis.reshape(3, 3), np.eye(3)).T for axis in SKEW])
+
+
+def start_poses(
+    points: Array, normal: Array, angles: Array, mirror_offset: Array
+) -> tuple[Array, Array]:
+    """Find two poses to start from: the best of a global search, and its mirror image in depth.
+
+    Parameters
+    ----------
+    points : ndarray, shape (batch or 1, 3, points), m
+        In the world, relative to their centroid.
+    normal : ndarray, shape (batch or 1, 3)
+        Direction in which the points spread least: of a plane object its normal.
+    angles : ndarray, shape (batch, 2, points), rad
+    mirror_offset : ndarray, shape (batch, 1), m
+
+    Returns
+    -------
+    rotation : ndarray, shape (batch, 2, 3, 3)
+    centre : ndarray, shape (batch, 2, 3), m
+        Position of the centroid in the laser frame.
+    """
+    form = object_space_form(points, *beam_planes(angles, mirror_offset))
+    form = ObjectSpaceForm(form.quadratic[:, None], form.translation[:, None])
+    candidates = refined(lowest_on_grid(form)[:, 0], form)
+    lowest = np.argmin(form.error(lift(candidates)), axis=-1)
+    best = candidates[np.arange(len(lowest)), lowest][:, None]
+    mirrored = flipped(best, form.centre(lift(best)), normal[:, None])
+    rotation = refined(np.concatenate([best, mirrored], axis=1), form)
+    return rotation, form.centre(lift(rotation))
 
 
 class ObjectSpaceForm(NamedTuple):
@@ -167,33 +200,3 @@ def flipped(rotation: Array, centre: Array, normal: Array) -> Array:
     """
     sight = centre / np.linalg.norm(centre, axis=-1, keepdims=True)
     return reflection(sight) @ rotation @ reflection(normal)
-
-
-def start_poses(
-    points: Array, normal: Array, angles: Array, mirror_offset: Array
-) -> tuple[Array, Array]:
-    """Find two poses to start from: the best of a global search, and its mirror image in depth.
-
-    Parameters
-    ----------
-    points : ndarray, shape (batch or 1, 3, points), m
-        In the world, relative to their centroid.
-    normal : ndarray, shape (batch or 1, 3)
-        Direction in which the points spread least: of a plane object its normal.
-    angles : ndarray, shape (batch, 2, points), rad
-    mirror_offset : ndarray, shape (batch, 1), m
-
-    Returns
-    -------
-    rotation : ndarray, shape (batch, 2, 3, 3)
-    centre : ndarray, shape (batch, 2, 3), m
-        Position of the centroid in the laser frame.
-    """
-    form = object_space_form(points, *beam_planes(angles, mirror_offset))
-    form = ObjectSpaceForm(form.quadratic[:, None], form.translation[:, None])
-    candidates = refined(lowest_on_grid(form)[:, 0], form)
-    lowest = np.argmin(form.error(lift(candidates)), axis=-1)
-    best = candidates[np.arange(len(lowest)), lowest][:, None]
-    mirrored = flipped(best, form.centre(lift(best)), normal[:, None])
-    rotation = refined(np.concatenate([best, mirrored], axis=1), form)
-    return rotation, form.centre(lift(rotation))

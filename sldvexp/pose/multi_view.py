@@ -23,7 +23,7 @@ from sldvexp.pose.bundle_adjustment import (
 )
 from sldvexp.pose.intrinsics import named, nominal_intrinsics, places, true_angles
 from sldvexp.pose.least_squares import INTRINSICS, Pose, PoseProblem, linearise
-from sldvexp.pose.single_view import observations, solve_points
+from sldvexp.pose.single_view import observations, solve_points, weighted_problem
 from sldvexp.pose.solution import JointSolution, PoseSolution
 from sldvexp.pose.uncertainty import origin_jacobian
 from sldvexp.typing import Array
@@ -215,10 +215,9 @@ def _terms(
     """Give the adjustment a view's observations, and where it starts."""
     given = observations(view.points, view.angles, step, mirror_offset, adjust, view.std)
     known = [*given.prior_std, *places(shared)]
-    problem = PoseProblem(
-        points=given.points,
-        recorded=given.angles,
-        weight=1 / (given.std * given.step[:, None]),
+    # The adjustment knows the priors itself.
+    problem = replace(
+        weighted_problem(given),
         adjusted=known,
         prior=given.nominal[None, known],
         prior_weight=np.zeros((1, len(known))),

@@ -112,7 +112,7 @@ def _solve(given: Observations, max_iterations: int) -> dict[str, Array]:
         centre.reshape(-1, 3),
         np.tile(given.nominal, (2 * len(each), 1)),
     )
-    problem = _problem(given).take(each.repeat(2))
+    problem = weighted_problem(given).take(each.repeat(2))
     pose, cost, converged = levenberg_marquardt(problem, pose, 2, max_iterations)
     priors = [math.isfinite(std) for std in given.prior_std.values()]
     if any(priors) and not given.noise_known:
@@ -135,7 +135,7 @@ def _solve(given: Observations, max_iterations: int) -> dict[str, Array]:
     return fields | second | {"has_other": has_other}
 
 
-def _problem(given: Observations) -> PoseProblem:
+def weighted_problem(given: Observations) -> PoseProblem:
     """Weigh by a unit of noise: a DAC step, or the given standard deviation."""
     adjusted = list(given.prior_std)
     shape = (len(given.angles), len(adjusted))
