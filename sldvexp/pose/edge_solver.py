@@ -270,20 +270,17 @@ def solve_edges(
     """
     adjust, shared = adjust or {}, shared or {}
     names = list(views) or [f"{k}" for k in range(1, len(points) + 1)]
-    nominal = nominal_intrinsics(mirror_offset)
-    own, common = places(adjust), places(shared)
-    own_prior = np.array(list(adjust.values()))
+    nominal, common = nominal_intrinsics(mirror_offset), places(shared)
     circles = 1 + max(int(p.circle.max()) for p in points)
-    free = RIM + 1 + int(np.isinf(own_prior).sum())
-    for p, name in zip(points, names, strict=True):
-        if len(p.radius) <= free:
-            raise UserError(f"view {name}: {len(p.radius)} edges are too few to determine the pose")
-    starts = starts or [_start_from_centers(p, mirror_offset) for p in points]
+    _check_enough(points, adjust, names)
     none = np.zeros((circles, ERRORS))
-    scenes = [EdgeScene(rotation, origin, 0.0, nominal, none) for rotation, origin in starts]
+    if not starts:
+        starts = [
+            _start_from_centers(p, n, mirror_offset) for p, n in zip(points, names, strict=True)
+        ]
     terms = [
-        EdgeView(p, scene, own, common, own_prior, nominal[own], np.ones(len(p.radius)))
-        for p, scene in zip(points, scenes, strict=True)
+        EdgeView.at_start(p, EdgeScene(*start, 0.0, nominal, none), adjust, common)
+        for p, start in zip(points, starts, strict=True)
     ]
     errors = np.tile(circle_std * CIRCLE, circles if circle_std > 0 else 0)
     expected = np.append(nominal[common], np.zeros(len(errors)))
@@ -293,13 +290,28 @@ def solve_edges(
     return _poses(found, JointCovariance(names, [*adjust], [*shared], found.covariance))
 
 
-def _start_from_centers(points: EdgePoints, mirror_offset: float) -> tuple[Array, Array]:
+def _check_enough(
+    points: Sequence[EdgePoints], adjust: Mapping[str, float], names: Sequence[str]
+) -> None:
+    """Refuse a view that has no more edges than unknowns."""
+    free = RIM + 1 + sum(np.isinf(std) for std in adjust.values())
+    for p, name in zip(points, names, strict=True):
+        if len(p.radius) <= free:
+            raise UserError(f"view {name}: {len(p.radius)} edges are too few to determine the pose")
+
+
+def _start_from_centers(points: EdgePoints, name: str, mirror_offset: float) -> tuple[Array, Array]:
     """Solve for a pose as if each circle's centre were seen in the middle of its edges."""
     circle, first = np.unique(points.circle, return_index=True)
     middle = [points.angle[points.circle == k].mean(axis=0) for k in circle]
-    start = solve_points(
-        points.center[first], middle, step=points.step, mirror_offset=mirror_offset
-    )
+    try:
+        start = solve_points(
+            points.center[first], middle, step=points.step, mirror_offset=mirror_offset
+        )
+    except UserError as error:
+        raise UserError(
+            f"view {name}: the circles' centres give no pose to start from ({error}); give starts"
+        ) from None
     return start.rotation, start.origin
 
 
@@ -390,6 +402,15 @@ class EdgeView:
     own_prior: Array
     expected: Array
     scale: Array
+
+    @classmethod
+    def at_start(
+        cls, points: EdgePoints, scene: EdgeScene, adjust: Mapping[str, float], shared: list[int]
+    ) -> EdgeView:
+        """Begin with a scene whose intrinsics are as they are expected."""
+        own, prior = places(adjust), np.array(list(adjust.values()))
+        unit = np.ones(len(points.radius))
+        return cls(points, scene, own, shared, prior, scene.intrinsics[own], unit)
 
     def with_common(self, common: Array) -> EdgeScene:
         """Give the scene the common unknowns: shared intrinsics, then the circles' errors."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
+
 import numpy as np
 import pytest
 
 from sldvexp import pose
 from sldvexp.config.paths import locate
+from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_from_euler
 from sldvexp.io.registration import read
 from sldvexp.laser import TwoMirror, project
@@ -63,3 +66,13 @@ def test_edges_need_no_start(edge_lab, make_circles):
     np.testing.assert_allclose(lab.errors(found), 0, atol=1e-10)
     assert found.to_dataset()["view"].values.tolist() == lab.names
     assert repr(found).splitlines()[1].startswith("view b, pose from 176 edges: origin (-0.6000, ")
+
+
+def test_two_circles_give_no_start(edge_lab, make_circles):
+    lab = edge_lab(target=make_circles(0.0))
+    points = lab.points(None)[0]
+    two = replace(
+        points, **{f.name: getattr(points, f.name)[:88] for f in fields(points) if f.name != "step"}
+    )
+    with pytest.raises(UserError, match=r"view 1: the circles' centres give no pose to start from"):
+        pose.solve_edges([two], mirror_offset=lab.nominal)
