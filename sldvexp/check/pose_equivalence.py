@@ -14,9 +14,9 @@ from sldvexp import dataset
 from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-from sldvexp.geometry.rotation import KnownPose
+from sldvexp.geometry import KnownPose
 from sldvexp.lazy import xarray as xr
-from sldvexp.pose.given import Given
+from sldvexp.pose import Given
 from sldvexp.statistics import student_factor, welch
 
 

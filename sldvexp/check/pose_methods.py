@@ -11,7 +11,7 @@ from sldvexp import dataset
 from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError, nearest
-from sldvexp.geometry.rotation import KnownPose, rotation_from_euler, vector_from_rotation
+from sldvexp.geometry import KnownPose, rotation_from_euler, vector_from_rotation
 from sldvexp.lazy import xarray as xr
 
 

@@ -16,11 +16,10 @@ from sldvexp import dataset
 from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-from sldvexp.geometry.rotation import vector_from_rotation
-from sldvexp.laser.model import project
+from sldvexp.geometry import vector_from_rotation
+from sldvexp.laser import project
 from sldvexp.lazy import xarray as xr
-from sldvexp.pose.single_view import solve_points
-from sldvexp.pose.uncertainty import half_width, standard_error
+from sldvexp.pose import half_width, solve_points, standard_error
 
 
 @register("check", "pose_repeats")

@@ -17,10 +17,9 @@ from omegaconf import OmegaConf
 
 from sldvexp.cli.commands import COMMANDS
 from sldvexp.cli.list import EXPERIMENT
-from sldvexp.config import registry
+from sldvexp.config import Origins, registry
 from sldvexp.config.experiment import NAMED_GROUPS, SINGLE_GROUPS, Experiment
 from sldvexp.config.paths import HANDBOOK
-from sldvexp.config.sources import Origins
 
 GROUPS = (*registry.GROUPS, EXPERIMENT)
 

@@ -9,12 +9,12 @@ from typing import Any
 from omegaconf import DictConfig
 
 from sldvexp.cli.list import WIDTH
-from sldvexp.config import docs
+from sldvexp.config import Origins, docs
 from sldvexp.config.conf_files import displayed
 from sldvexp.config.docs import as_yaml
 from sldvexp.config.experiment import SINGLE_GROUPS
 from sldvexp.config.paths import conf_dir
-from sldvexp.config.sources import ConfigLayer, Origins
+from sldvexp.config.sources import ConfigLayer
 
 
 def lines(choice: str, file: Path, origins: Origins, config: DictConfig) -> Iterator[str]:

@@ -6,9 +6,8 @@ from omegaconf import DictConfig
 
 from sldvexp.cli import experiment_page, plugin_page
 from sldvexp.cli.list import EXPERIMENT, files, folders
-from sldvexp.config import messages, registry
+from sldvexp.config import Origins, messages, registry
 from sldvexp.config.experiment import SINGLE_GROUPS
-from sldvexp.config.sources import Origins
 from sldvexp.errors import UserError, nearest
 
 

@@ -37,7 +37,7 @@ from sldvexp.field.solvers.base import Solver
 from sldvexp.field.solvers.iterative import Iterative
 from sldvexp.field.visibility.view import View, views_of
 from sldvexp.field.visibility.visibility import VolumeVisibility
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction import Reconstruction
 from sldvexp.typing import Array

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sldvexp.geometry import bitangent, circles
-from sldvexp.geometry.conic import Ellipse
-from sldvexp.targets.circles import Circles
+from sldvexp.geometry import Ellipse, bitangent, circles
+from sldvexp.targets import Circles
 from sldvexp.typing import Array, IndexArray
 
 #: Circles whose assignments are all tried; they predict where the others of their plane are.

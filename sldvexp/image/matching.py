@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.geometry.bitangent import MIRRORED, BitangentPoints, bitangents
-from sldvexp.geometry.conic import Ellipse
+from sldvexp.geometry import BitangentPoints, Ellipse, bitangents
+from sldvexp.geometry.bitangent import MIRRORED
 from sldvexp.image.assignment import Assignment, assignments, circles_by_plane
-from sldvexp.targets.circles import Circles
+from sldvexp.targets import Circles
 
 #: Residual, in steps, that the projective approximation may leave, and the factor by which the
 #: second best assignment must be worse than the best.

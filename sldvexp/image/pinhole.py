@@ -17,11 +17,10 @@ from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
-from sldvexp.geometry.bitangent import BitangentPoints
+from sldvexp.geometry import BitangentPoints, ConicFit, fit_ellipse
 from sldvexp.geometry.conic import curvature, signed_distance
-from sldvexp.geometry.conic_fit import ConicFit, fit_ellipse
 from sldvexp.image.scan_lines import ScanLineEdges
-from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
+from sldvexp.laser import MIRRORS, TwoMirror
 from sldvexp.typing import Array
 
 

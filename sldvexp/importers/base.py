@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 
 

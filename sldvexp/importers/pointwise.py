@@ -23,7 +23,7 @@ from sldvexp.importers.pointwise_data import (
     to_images,
     to_line_of_sight,
 )
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.units import LengthUnit
 

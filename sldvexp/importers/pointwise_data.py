@@ -22,8 +22,7 @@ from sldvexp.errors import UserError, nearest
 from sldvexp.importers.conventions import Directions
 from sldvexp.io.uff import UniversalGeometry
 from sldvexp.io.velocities import LineOfSight
-from sldvexp.laser.model import direction_cosines, project
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror, direction_cosines, project
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray, IntArray
 

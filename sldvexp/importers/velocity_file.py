@@ -15,7 +15,7 @@ from sldvexp.importers.base import PointImporter
 from sldvexp.importers.conventions import Amplitude, Phase, Positive
 from sldvexp.io.velocities import FileLayout, read
 from sldvexp.io.velocities.table import KNOWN, ORDER
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.units import VelocityUnit
 

@@ -15,8 +15,8 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.targets.base import Target
+from sldvexp.laser import TwoMirror
+from sldvexp.targets import Target
 from sldvexp.typing import Array, IntArray
 
 #: Order of the channels in every block of samples.

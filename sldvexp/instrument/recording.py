@@ -27,8 +27,8 @@ from sldvexp.instrument.protocol import (
     RawSamples,
     ScanningPlugin,
 )
-from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.targets.base import Target
+from sldvexp.laser import TwoMirror
+from sldvexp.targets import Target
 from sldvexp.typing import Array, IntArray
 
 #: Folder of a run in which finished scan lines are kept, one folder a view.

@@ -17,8 +17,8 @@ from sldvexp.instrument.connection import Line, VisaLine
 from sldvexp.instrument.profile import Profile
 from sldvexp.instrument.profile_file import load_profile, profile_path
 from sldvexp.instrument.protocol import Instrument, ScanningPlugin
-from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.targets.base import Target
+from sldvexp.laser import TwoMirror
+from sldvexp.targets import Target
 
 #: PyVISA's backends: in Python, and the VISA that a maker of interfaces has installed.
 BACKENDS = ("@py", "@ivi")

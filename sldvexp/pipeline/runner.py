@@ -24,7 +24,7 @@ from sldvexp.instrument.recording import JOURNAL
 from sldvexp.pipeline import provenance
 from sldvexp.pipeline.steps import SCAN, STEPS, Run, Step
 from sldvexp.report import REPORT_FILE, attempt, closing_table, pose_text
-from sldvexp.session.camera import Operator
+from sldvexp.session import Operator
 from sldvexp.session.interruption import how_to_go_on, telling_of_the_scan
 
 log = logging.getLogger(__name__)

@@ -16,10 +16,11 @@ import numpy as np
 from sldvexp.check import Examination, evaluate
 from sldvexp.config.experiment import Experiment
 from sldvexp.errors import UserError
-from sldvexp.instrument.protocol import ScanningPlugin
+from sldvexp.instrument import ScanningPlugin
 from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction import Reconstruction
-from sldvexp.session.camera import NobodyThereError, Operator
+from sldvexp.session import Operator
+from sldvexp.session.camera import NobodyThereError
 from sldvexp.session.interruption import has_lines, how_to_go_on, stopping_once
 
 #: Where the scans lie, in the dataset and in the journal, that pose methods are compared on.
@@ -88,7 +89,7 @@ def _target(run: Run) -> None:
 
 def _scan(run: Run) -> None:
     """Scan what the instrument sees in every view: edges of circles, images."""
-    from sldvexp.instrument.protocol import InstrumentError
+    from sldvexp.instrument import InstrumentError
     from sldvexp.instrument.recording import JOURNAL
     from sldvexp.session.session import scan_views, takes_samples
 

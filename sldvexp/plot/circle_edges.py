@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sldvexp.dataset import VARIABLES, RunData, Source
+from sldvexp.geometry import ConicFit
 from sldvexp.geometry.conic import boundary
-from sldvexp.geometry.conic_fit import ConicFit
-from sldvexp.image.pinhole import dac_from_pinhole, fit_circle, pinhole_edges
+from sldvexp.image import dac_from_pinhole, fit_circle, pinhole_edges
 from sldvexp.plot import style
 from sldvexp.plot.selection import one_of, plugin, require
 from sldvexp.session.circles import edges_of

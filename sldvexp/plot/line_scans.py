@@ -13,9 +13,8 @@ from matplotlib.figure import Figure
 
 from sldvexp.dataset import VARIABLES, RunData, Source
 from sldvexp.errors import UserError
-from sldvexp.image.edge_detection import gradient_edges
-from sldvexp.image.scan_lines import ScanLineEdges, ScanLines
-from sldvexp.instrument.protocol import Status
+from sldvexp.image import ScanLineEdges, ScanLines, gradient_edges
+from sldvexp.instrument import Status
 from sldvexp.instrument.recording import JOURNAL, read_line
 from sldvexp.lazy import scipy
 from sldvexp.plot import style

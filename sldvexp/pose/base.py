@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sldvexp import dataset
-from sldvexp.geometry.rotation import euler_from_rotation
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.geometry import euler_from_rotation
+from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.uncertainty import euler_standard_error, half_width, standard_error
-from sldvexp.targets.base import Target
+from sldvexp.targets import Target
 from sldvexp.typing import Array
 
 #: The six extrinsics: a small rotation vector of the laser frame (rad) and the origin (m).

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from sldvexp.config.registry import register
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import JointCovariance, PoseResult
 from sldvexp.pose.circle_images import (
@@ -20,8 +20,7 @@ from sldvexp.pose.correlated_errors import with_errors
 from sldvexp.pose.from_points import CovarianceModel, require_laser
 from sldvexp.pose.from_scans import FromScans, circles_of
 from sldvexp.pose.solution import PoseSolution
-from sldvexp.targets.base import Target
-from sldvexp.targets.circles import Circles
+from sldvexp.targets import Circles, Target
 
 
 @register("pose", "bitangent")

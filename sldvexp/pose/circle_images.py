@@ -15,16 +15,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.geometry.bitangent import BitangentPoints
+from sldvexp.geometry import BitangentPoints
+from sldvexp.image import ScanLineEdges, fit_circle, pinhole_edges
 from sldvexp.image.matching import Match, bitangent_images, match_circles
-from sldvexp.image.pinhole import dac_bitangents, dac_edges, fit_circle, pinhole_edges
-from sldvexp.image.scan_lines import ScanLineEdges
-from sldvexp.io.registration.table import RegistrationTable
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.image.pinhole import dac_bitangents, dac_edges
+from sldvexp.io.registration import RegistrationTable
+from sldvexp.laser import TwoMirror
 from sldvexp.pose.correlated_errors import Errors, with_errors
 from sldvexp.pose.solution import PoseSolution
-from sldvexp.targets.base import std_of_bound
-from sldvexp.targets.circles import Circles
+from sldvexp.targets import Circles, std_of_bound
 from sldvexp.typing import Array, BoolArray
 
 #: Probability of residuals below which they are noted.

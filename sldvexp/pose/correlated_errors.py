@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sldvexp.geometry.rotation import skew
-from sldvexp.laser.model import project, project_jacobian
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.geometry import skew
+from sldvexp.laser import TwoMirror, project, project_jacobian
 from sldvexp.lazy import scipy
 from sldvexp.pose.base import EXTRINSICS, JointCovariance
 from sldvexp.pose.least_squares import INTRINSICS

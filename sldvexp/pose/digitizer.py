@@ -19,13 +19,13 @@ from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, ConfigError, Problem, UserError, nearest
 from sldvexp.files import read_text, require_file
-from sldvexp.geometry.rotation import nearest_rotation, rigid_transform, vector_from_rotation
+from sldvexp.geometry import nearest_rotation, rigid_transform, vector_from_rotation
 from sldvexp.io import read_table
 from sldvexp.io.tables import AXES, COORDINATES, number
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import PoseMethod, PoseResult, pose_to_dataset
-from sldvexp.targets.base import Target
+from sldvexp.targets import Target
 from sldvexp.typing import Array
 from sldvexp.units import LengthUnit
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import PoseResult
 from sldvexp.pose.circle_images import MISFIT, CircleImages, registration_table
@@ -20,8 +20,7 @@ from sldvexp.pose.from_points import require_laser
 from sldvexp.pose.from_scans import FromScans, circles_of
 from sldvexp.pose.intrinsics import adjusted_notes
 from sldvexp.pose.single_view import solve_points
-from sldvexp.targets.base import Target, std_of_bound
-from sldvexp.targets.circles import Circles
+from sldvexp.targets import Circles, Target, std_of_bound
 from sldvexp.typing import Array
 
 

@@ -19,9 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
-from sldvexp.geometry.rotation import rotation_from_vector
-from sldvexp.laser.model import rays
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.geometry import rotation_from_vector
+from sldvexp.laser import TwoMirror, rays
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import EXTRINSICS, JointCovariance, describe_pose, pose_to_dataset
 from sldvexp.pose.bundle_adjustment import (
@@ -32,7 +31,7 @@ from sldvexp.pose.bundle_adjustment import (
 )
 from sldvexp.pose.intrinsics import named, nominal_intrinsics, places, true_angles
 from sldvexp.pose.single_view import solve_points
-from sldvexp.targets.circles import Circles
+from sldvexp.targets import Circles
 from sldvexp.typing import Array, IndexArray
 
 #: Numbers in which a machined circle errs: its centre along three axes and its radius.

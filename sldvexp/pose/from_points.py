@@ -19,7 +19,7 @@ import numpy as np
 
 from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.io.registration import RegistrationTable, to_dataset
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
 from sldvexp.pose.base import JointCovariance, PoseMethod, PoseResult
 from sldvexp.pose.intrinsics import adjusted_notes
@@ -27,7 +27,7 @@ from sldvexp.pose.least_squares import INTRINSICS
 from sldvexp.pose.multi_view import PointObservations, solve_points_together
 from sldvexp.pose.single_view import solve_points
 from sldvexp.pose.solution import PoseSolution, solutions_to_dataset
-from sldvexp.targets.base import Target, TargetPoints
+from sldvexp.targets import Target, TargetPoints
 from sldvexp.typing import Array, IntArray
 
 #: Gives solutions the covariance that they deserve where the points' errors are not independent:

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from sldvexp.errors import UserError
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.circle_images import CircleImages, image_notes, match_images
 from sldvexp.pose.from_points import FromPoints
 from sldvexp.pose.wiring import check_wiring, phase_notes
 from sldvexp.session.circles import edges_of
-from sldvexp.targets.base import Target
-from sldvexp.targets.circles import Circles
+from sldvexp.targets import Circles, Target
 
 
 @dataclass

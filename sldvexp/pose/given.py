@@ -21,13 +21,13 @@ from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.files import read_text, require_file
-from sldvexp.geometry.rotation import KnownPose, euler_jacobian, rotation_from_euler
+from sldvexp.geometry import KnownPose, euler_jacobian, rotation_from_euler
 from sldvexp.io.tables import number
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import PoseMethod, PoseResult, pose_to_dataset
 from sldvexp.pose.uncertainty import half_width
-from sldvexp.targets.base import Target
+from sldvexp.targets import Target
 
 
 @register("pose", "given")

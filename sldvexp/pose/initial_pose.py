@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sldvexp.geometry.rotation import rotation_from_euler
+from sldvexp.geometry import rotation_from_euler
 from sldvexp.pose.least_squares import SKEW, solve, turned
 from sldvexp.typing import Array
 

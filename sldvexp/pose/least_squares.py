@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from sldvexp.geometry.rotation import skew
+from sldvexp.geometry import skew
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 Index = BoolArray | IndexArray

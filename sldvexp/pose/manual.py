@@ -14,13 +14,13 @@ import numpy as np
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.io.registration import RegistrationTable
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror
 from sldvexp.pose.base import JointCovariance
 from sldvexp.pose.correlated_errors import Errors, with_errors
 from sldvexp.pose.from_points import CovarianceModel, unlikely_residuals
 from sldvexp.pose.registration import Registration
 from sldvexp.pose.solution import PoseSolution
-from sldvexp.targets.base import Target, TargetPoints
+from sldvexp.targets import Target, TargetPoints
 from sldvexp.typing import Array, IntArray
 
 

@@ -16,11 +16,11 @@ from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, ConfigError, Problem, UserError, nearest
 from sldvexp.io.registration import RegistrationTable, from_dataset, read
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import PoseResult
 from sldvexp.pose.from_points import FromPoints, MirrorName
-from sldvexp.targets.base import Target, TargetPoints
+from sldvexp.targets import Target, TargetPoints
 from sldvexp.units import LengthUnit
 
 NAME_A_FILE = "must name a registration file, or one for each view as {front: a.reg, left: b.reg}"

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sldvexp.geometry.rotation import euler_jacobian
+from sldvexp.geometry import euler_jacobian
 from sldvexp.pose.least_squares import Pose, PoseProblem, cross_matrix, linearise, normal_equations
 from sldvexp.statistics import student_factor
 from sldvexp.typing import Array

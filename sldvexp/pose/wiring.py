@@ -21,9 +21,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.geometry.bitangent import BitangentPoints
-from sldvexp.image.scan_lines import ScanLineEdges
-from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
+from sldvexp.geometry import BitangentPoints
+from sldvexp.image import ScanLineEdges
+from sldvexp.laser import MIRRORS, TwoMirror
 from sldvexp.pose.circle_images import (
     UNLIKELY,
     CircleImages,
@@ -32,7 +32,7 @@ from sldvexp.pose.circle_images import (
     with_shared_errors,
 )
 from sldvexp.pose.single_view import solve_points
-from sldvexp.targets.circles import Circles
+from sldvexp.targets import Circles
 
 #: Cosine of the angle between the instrument's up axis and the object's within which it stands.
 STANDS = 0.5

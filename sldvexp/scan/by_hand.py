@@ -10,7 +10,7 @@ import numpy as np
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.scan.base import PersonPart, check_view_names
-from sldvexp.targets.points import FiducialPoint, FiducialPoints
+from sldvexp.targets import FiducialPoint, FiducialPoints
 from sldvexp.typing import IntArray
 from sldvexp.units import LengthUnit
 

@@ -12,16 +12,15 @@ from functools import partial
 import numpy as np
 
 from sldvexp.errors import UserError
+from sldvexp.instrument import Instrument
 from sldvexp.instrument.person import Attended, Mark, Person, Place, Steps, mark_name, spot_name
-from sldvexp.instrument.protocol import Instrument
 from sldvexp.io.registration import RegistrationTable, from_dataset, to_dataset
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan.by_digitizer import ByDigitizer
 from sldvexp.scan.by_hand import ByHand
 from sldvexp.session.camera import Operator, ViewContext
-from sldvexp.targets.base import Target
-from sldvexp.targets.circles import Circles
+from sldvexp.targets import Circles, Target
 from sldvexp.typing import Array, IntArray
 from sldvexp.units import LengthUnit
 

@@ -14,15 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.instrument.protocol import Acquisition, Instrument, RawSamples, Status
-from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.scan.base import Sampling
+from sldvexp.instrument import Acquisition, Instrument, RawSamples, Status
+from sldvexp.laser import TwoMirror
+from sldvexp.scan import Sampling
 from sldvexp.session.interruption import undisturbed
 from sldvexp.session.journal import Journal
-from sldvexp.signal.base import SignalEstimator
-from sldvexp.signal.complex_image import ComplexImage
-from sldvexp.signal.pixel_quality import Flag
-from sldvexp.targets.base import Target
+from sldvexp.signal import ComplexImage, Flag, SignalEstimator
+from sldvexp.targets import Target
 from sldvexp.typing import IntArray
 
 

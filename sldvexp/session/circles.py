@@ -14,18 +14,24 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.geometry.conic import Ellipse, principal_axes
-from sldvexp.image.edge_detection import gradient_edges, pixel_edges, profile_edges
-from sldvexp.image.pinhole import fit_circle
-from sldvexp.image.scan_lines import ScanLineEdges, ScanLines
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.geometry import Ellipse
+from sldvexp.geometry.conic import principal_axes
+from sldvexp.image import (
+    ScanLineEdges,
+    ScanLines,
+    fit_circle,
+    gradient_edges,
+    pixel_edges,
+    profile_edges,
+)
+from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan.calibration import CalibrationScan, EdgeMethod
 from sldvexp.scan.lines import across, along_ellipse
 from sldvexp.session.camera import Camera, ViewContext
-from sldvexp.signal.complex_image import ComplexImage
-from sldvexp.signal.instrument_faults import MOST, instrument_fault, moving
-from sldvexp.targets.circles import Circles
+from sldvexp.signal import ComplexImage, instrument_fault
+from sldvexp.signal.instrument_faults import MOST, moving
+from sldvexp.targets import Circles
 from sldvexp.typing import IntArray
 
 PLACE = {

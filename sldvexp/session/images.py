@@ -8,11 +8,9 @@ from numpy.typing import NDArray
 from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
-from sldvexp.scan.base import ImageScan
+from sldvexp.scan import ImageScan
 from sldvexp.session.camera import ViewContext
-from sldvexp.signal.complex_image import ComplexImage
-from sldvexp.signal.instrument_faults import instrument_fault
-from sldvexp.signal.pixel_quality import Flag
+from sldvexp.signal import ComplexImage, Flag, instrument_fault
 from sldvexp.typing import Array, IntArray
 
 #: Of an image's lines in the journal.

@@ -11,8 +11,8 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.files import whole_or_nothing
+from sldvexp.instrument import Acquisition, RawSamples
 from sldvexp.instrument.person import read_answer, write_answer
-from sldvexp.instrument.protocol import Acquisition, RawSamples
 from sldvexp.instrument.recording import asked, read_line, write_line
 from sldvexp.typing import IntArray
 

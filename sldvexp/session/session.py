@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from sldvexp.errors import ConfigError, Problem, UserError
-from sldvexp.instrument.protocol import Instrument
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.instrument import Instrument
+from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
-from sldvexp.scan.base import Scan
+from sldvexp.scan import Scan
 from sldvexp.session.by_person import joined, record_marks, record_spots
 from sldvexp.session.camera import Camera, Operator, ViewContext
 from sldvexp.session.circles import scan_calibration

@@ -12,13 +12,13 @@ from typing import Any
 from omegaconf import DictConfig, open_dict
 
 from sldvexp import dataset
-from sldvexp.config import messages, schema, security
+from sldvexp.config import Origins, messages, schema, security
 from sldvexp.config.experiment import NAMED_GROUPS, SINGLE_GROUPS, Experiment
 from sldvexp.config.paths import RUN_FILE, locate
-from sldvexp.config.sources import COMMAND_LINE, Origins
+from sldvexp.config.sources import COMMAND_LINE
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
-from sldvexp.instrument.protocol import ScanningPlugin
+from sldvexp.instrument import ScanningPlugin
 from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline import runner
 from sldvexp.pipeline.steps import STEPS
@@ -26,8 +26,7 @@ from sldvexp.report import number
 from sldvexp.sweep.matrix import Cell, as_setting
 from sldvexp.sweep.plan import folder_name
 from sldvexp.sweep.shared_steps import SHARED, Store
-from sldvexp.virtual_lab.lab import VirtualLab
-from sldvexp.virtual_lab.server import LabServer
+from sldvexp.virtual_lab import LabServer, VirtualLab
 
 
 @dataclass(frozen=True)

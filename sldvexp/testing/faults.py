@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.virtual_lab.server import Fault, LabServer, Send, block
+from sldvexp.virtual_lab import LabServer
+from sldvexp.virtual_lab.server import Fault, Send, block
 
 
 @dataclass

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sldvexp.errors import Checks
-from sldvexp.laser.model import rays
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror, rays
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, ComplexArray
 

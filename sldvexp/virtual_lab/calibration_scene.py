@@ -12,8 +12,7 @@ import numpy as np
 
 from sldvexp.config.registry import name_of, register
 from sldvexp.errors import Checks, UserError, nearest
-from sldvexp.targets.base import Target
-from sldvexp.targets.circles import Circles
+from sldvexp.targets import Circles, Target
 from sldvexp.typing import Array, ComplexArray, IntArray
 from sldvexp.virtual_lab.beam import Beams, SceneObject, part_inside
 from sldvexp.virtual_lab.scene import Scene

@@ -75,8 +75,7 @@ def experiment(settings: Sequence[str]) -> Experiment:
     UserError
         If something is wrong with it.
     """
-    from sldvexp.config import hydra_plugin, messages, schema
-    from sldvexp.config.sources import Origins
+    from sldvexp.config import Origins, hydra_plugin, messages, schema
 
     if not any(s.lstrip("~").startswith("experiment") for s in settings):
         settings = [EXPERIMENT, *settings]

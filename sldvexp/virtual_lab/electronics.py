@@ -19,7 +19,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.instrument.protocol import Acquisition, Status
+from sldvexp.instrument import Acquisition, Status
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, ComplexArray
 from sldvexp.virtual_lab.scene import AnalogInput, Vibrometer

@@ -13,18 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError, nearest
-from sldvexp.geometry.rotation import rotation_from_euler
+from sldvexp.geometry import rotation_from_euler
+from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples, ScanningPlugin
 from sldvexp.instrument.person import Mark, Place, Steps
-from sldvexp.instrument.protocol import (
-    Acquisition,
-    Instrument,
-    InstrumentError,
-    RawSamples,
-    ScanningPlugin,
-)
-from sldvexp.laser.model import project
-from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
-from sldvexp.targets.base import Target
+from sldvexp.laser import MIRRORS, TwoMirror, project
+from sldvexp.targets import Target
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 from sldvexp.virtual_lab.beam import Beams, beams
 from sldvexp.virtual_lab.calibration_scene import CalibrationObject

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sldvexp.errors import Checks
-from sldvexp.geometry.rotation import rotation_from_euler
+from sldvexp.geometry import rotation_from_euler
 from sldvexp.typing import Array, BoolArray, ComplexArray
 from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.beam import Beams, SceneObject

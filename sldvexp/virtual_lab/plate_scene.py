@@ -11,8 +11,7 @@ from sldvexp import dataset
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.lazy import xarray as xr
-from sldvexp.targets.base import Target
-from sldvexp.targets.circles import Circles
+from sldvexp.targets import Circles, Target
 from sldvexp.typing import Array
 from sldvexp.virtual_lab.beam import SceneObject
 from sldvexp.virtual_lab.calibration_scene import CalibrationScene

@@ -10,9 +10,9 @@ from itertools import zip_longest
 import numpy as np
 
 from sldvexp.errors import Checks, ConfigError, UserError
-from sldvexp.geometry.rotation import KnownPose
-from sldvexp.laser.two_mirror import MIRRORS, Mirror, TwoMirror
-from sldvexp.targets.base import Target
+from sldvexp.geometry import KnownPose
+from sldvexp.laser import MIRRORS, Mirror, TwoMirror
+from sldvexp.targets import Target
 from sldvexp.units import AngleUnit
 from sldvexp.virtual_lab.beam import SceneObject, Spot
 

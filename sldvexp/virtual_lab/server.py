@@ -17,7 +17,7 @@ from importlib.metadata import PackageNotFoundError, version
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.instrument.protocol import Acquisition, InstrumentError, RawSamples
+from sldvexp.instrument import Acquisition, InstrumentError, RawSamples
 from sldvexp.virtual_lab.lab import VirtualLab
 
 #: How soon the server notices that it shall stop, s.

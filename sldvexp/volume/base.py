@@ -18,8 +18,8 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.errors import Checks
-from sldvexp.geometry.rotation import rotation_from_euler
-from sldvexp.image.interpolation.methods import Interpolation
+from sldvexp.geometry import rotation_from_euler
+from sldvexp.image import Interpolation
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
 from sldvexp.units import LengthUnit

@@ -187,7 +187,7 @@ def test_broken_plugin_of_others_only_warns(sldvexp, installed):
 
 
 def test_plugin_of_others_is_found(sldvexp, installed):
-    from sldvexp.targets.points import FiducialPoints
+    from sldvexp.targets import FiducialPoints
 
     def load():
         plugin = type("Mine", (FiducialPoints,), {"__module__": "stranger"})

@@ -52,7 +52,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.config.registry import register
-from sldvexp.pose.base import PoseMethod, PoseResult, pose_to_dataset
+from sldvexp.pose import PoseMethod, PoseResult, pose_to_dataset
 
 
 @register("pose", "above")
@@ -82,8 +82,8 @@ ESTIMATOR = '''
 from dataclasses import dataclass, replace
 
 from sldvexp.config.registry import register
-from sldvexp.signal.base import SignalEstimator
-from sldvexp.signal.sine_fit import SineFit
+from sldvexp.signal import SignalEstimator
+from sldvexp.signal import SineFit
 
 
 @register("signal", "doubled")
@@ -103,7 +103,7 @@ from dataclasses import dataclass
 
 import xarray as xr
 
-from sldvexp.check.base import Check
+from sldvexp.check import Check
 from sldvexp.config.registry import register
 
 
@@ -122,7 +122,7 @@ EXPORT = '''
 from dataclasses import dataclass
 
 from sldvexp.config.registry import register
-from sldvexp.export.base import Export
+from sldvexp.export import Export
 
 
 @register("export", "names")
@@ -145,7 +145,7 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.config.registry import register
-from sldvexp.importers.base import PointImporter
+from sldvexp.importers import PointImporter
 
 
 @register("instrument", "constant")

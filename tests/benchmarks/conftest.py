@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from sldvexp.field import View, VolumeVisibility
-from sldvexp.laser.model import project
-from sldvexp.laser.two_mirror import Mirror, TwoMirror
+from sldvexp.laser import Mirror, TwoMirror, project
 from sldvexp.volume import Grid
 
 LASER = TwoMirror(mirror_offset=0.045, up_down=Mirror(25), left_right=Mirror(25))

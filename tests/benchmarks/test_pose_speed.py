@@ -15,9 +15,9 @@ import cv2
 import numpy as np
 import pytest
 
-from sldvexp.geometry.rotation import rotation_from_vector
-from sldvexp.laser.model import project
-from sldvexp.pose.single_view import solve_points
+from sldvexp.geometry import rotation_from_vector
+from sldvexp.laser import project
+from sldvexp.pose import solve_points
 
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 BATCH, RUNS, BATCH_RUNS = (1000, 200, 10) if FULL_SIZE else (3, 1, 1)

@@ -11,9 +11,7 @@ import time
 import numpy as np
 import pytest
 
-from sldvexp.signal.complex_image import demodulate
-from sldvexp.signal.pixel_quality import Intercept
-from sldvexp.signal.sine_model import sine_model
+from sldvexp.signal import Intercept, demodulate, sine_model
 
 FREQUENCY = 97.3
 TIMES = np.arange(512) / 5120.0

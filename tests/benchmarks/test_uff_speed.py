@@ -33,7 +33,7 @@ MOST_MEMORY = 300 << 20
 INDEX_AND_ONE = """
 import json, sys, time
 from pathlib import Path
-from sldvexp.io.uff.reader import universal_file
+from sldvexp.io.uff import universal_file
 
 index, one = [], []
 for _ in range(int(sys.argv[3])):

@@ -14,10 +14,9 @@ from hydra import compose, initialize_config_dir
 
 from sldvexp.config import hydra_plugin, schema
 from sldvexp.config.paths import conf_dir
-from sldvexp.instrument.protocol import Acquisition
+from sldvexp.instrument import Acquisition
 from sldvexp.instrument.visa import Visa
-from sldvexp.virtual_lab.lab import VirtualLab
-from sldvexp.virtual_lab.server import LabServer
+from sldvexp.virtual_lab import LabServer, VirtualLab
 
 PIXELS, LINE, ROUNDS = 8000, 300, 3
 SECONDS = 5.0

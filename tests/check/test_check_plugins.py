@@ -10,9 +10,8 @@ from sldvexp.check.cross_ratio import CrossRatio
 from sldvexp.check.pose_equivalence import PoseEquivalence
 from sldvexp.check.pose_repeats import PoseRepeats
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.geometry.rotation import KnownPose
-from sldvexp.pose.given import Given
-from sldvexp.pose.registration import Registration
+from sldvexp.geometry import KnownPose
+from sldvexp.pose import Given, Registration
 
 
 def rng():
@@ -20,7 +19,7 @@ def rng():
 
 
 def test_simulated_repeats_confirm_the_bounds_and_expose_false_ones():
-    from sldvexp.laser.two_mirror import TwoMirror
+    from sldvexp.laser import TwoMirror
 
     tree = Registration(path="conf://data/figure_4_28.reg").estimate(TwoMirror(), None, {}).groups()
     found = PoseRepeats(repeats=400).examine(Examination(tree, rng=rng()))
@@ -56,7 +55,7 @@ def test_checks_say_what_they_need():
 
 @pytest.mark.parametrize("std", [float("inf"), 0.002])
 def test_repeats_confirm_the_bounds_of_adjusted_intrinsics(std):
-    from sldvexp.laser.two_mirror import TwoMirror
+    from sldvexp.laser import TwoMirror
 
     path, adjust = "conf://data/figure_4_28.reg", {"mirror_offset": std}
     tree = Registration(path=path, adjust=adjust).estimate(TwoMirror(), None, {}).groups()

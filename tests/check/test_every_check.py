@@ -14,7 +14,7 @@ from sldvexp.check import Examination
 from sldvexp.config import registry
 from sldvexp.dataset import VARIABLES, open_run
 from sldvexp.errors import UserError
-from sldvexp.geometry.rotation import KnownPose
+from sldvexp.geometry import KnownPose
 from sldvexp.plot.selection import plugin
 
 SMALL = [

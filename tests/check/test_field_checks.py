@@ -16,10 +16,9 @@ from sldvexp.check.love import Love
 from sldvexp.check.truth import Columns, Truth
 from sldvexp.errors import UserError
 from sldvexp.field import Iterative
-from sldvexp.geometry.rotation import KnownPose, rotation_from_euler
-from sldvexp.laser.model import direction_cosines, project
-from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.pose.given import Given
+from sldvexp.geometry import KnownPose, rotation_from_euler
+from sldvexp.laser import TwoMirror, direction_cosines, project
+from sldvexp.pose import Given
 from sldvexp.reconstruction import Absolute
 from sldvexp.virtual_lab.modes import Mode
 from sldvexp.virtual_lab.plate import Plate

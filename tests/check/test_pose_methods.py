@@ -9,7 +9,7 @@ from sldvexp import dataset
 from sldvexp.check import Examination
 from sldvexp.check.pose_methods import PoseMethods
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.geometry.rotation import KnownPose, rotation_from_euler
+from sldvexp.geometry import KnownPose, rotation_from_euler
 from sldvexp.report import closing_table, pose_methods
 
 EULER = np.array([[0.1, 2.9, 0.3], [-1.0, 2.7, 0.2]])

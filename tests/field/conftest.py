@@ -10,8 +10,7 @@ import pytest
 from scipy.sparse import csr_array
 
 from sldvexp.field import SampleVisibility, View, VolumeVisibility
-from sldvexp.laser.model import project
-from sldvexp.laser.two_mirror import Mirror, TwoMirror
+from sldvexp.laser import Mirror, TwoMirror, project
 from sldvexp.volume import Prisms, SampleRule, extruded, tensor_rule
 
 LASER = TwoMirror(mirror_offset=0.045, up_down=Mirror(25), left_right=Mirror(25))

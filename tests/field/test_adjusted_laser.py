@@ -15,12 +15,16 @@ from sldvexp.errors import UserError
 from sldvexp.field import FieldResult, PoseErrors, View, VolumeVisibility
 from sldvexp.field.estimate import solve_field
 from sldvexp.field.visibility.view import adjusted, views_of
-from sldvexp.image.interpolation.methods import Interpolation
-from sldvexp.laser.model import project, rays
-from sldvexp.laser.two_mirror import Mirror, TwoMirror
-from sldvexp.pose.base import JointCovariance, pose_to_dataset
-from sldvexp.pose.intrinsics import places, true_angles
-from sldvexp.pose.multi_view import PointObservations, solve_points_together
+from sldvexp.image import Interpolation
+from sldvexp.laser import Mirror, TwoMirror, project, rays
+from sldvexp.pose import (
+    JointCovariance,
+    PointObservations,
+    places,
+    pose_to_dataset,
+    solve_points_together,
+    true_angles,
+)
 from sldvexp.volume import SampleRule
 
 Make = Callable[..., Any]

@@ -14,8 +14,8 @@ import sldvexp.field.equations.system as field_system
 from sldvexp.config.registry import get
 from sldvexp.field import FieldResult, View, VolumeVisibility
 from sldvexp.field.estimate import solve_field
-from sldvexp.geometry.rotation import rotation_from_vector
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.geometry import rotation_from_vector
+from sldvexp.laser import TwoMirror
 from sldvexp.reconstruction import Model, Reconstruction
 from sldvexp.volume import SampleRule
 

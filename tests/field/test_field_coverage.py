@@ -15,12 +15,12 @@ import pytest
 from sldvexp.config.registry import get
 from sldvexp.field import View, VolumeVisibility
 from sldvexp.field.estimate import solve_field
-from sldvexp.geometry.rotation import KnownPose, rotation_from_vector
-from sldvexp.image.interpolation.methods import Interpolation
-from sldvexp.instrument.protocol import Acquisition
-from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.signal.sine_fit import SineFit
-from sldvexp.virtual_lab.lab import VirtualLab
+from sldvexp.geometry import KnownPose, rotation_from_vector
+from sldvexp.image import Interpolation
+from sldvexp.instrument import Acquisition
+from sldvexp.laser import TwoMirror
+from sldvexp.signal import SineFit
+from sldvexp.virtual_lab import VirtualLab
 from sldvexp.virtual_lab.modes import EdgeSupport, Mode
 from sldvexp.virtual_lab.plate import Plate
 from sldvexp.virtual_lab.plate_scene import PlateScene

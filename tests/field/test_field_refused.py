@@ -16,10 +16,10 @@ from sldvexp.config.registry import get
 from sldvexp.errors import UserError
 from sldvexp.field import View, VolumeVisibility
 from sldvexp.field.estimate import reconstruct, solve_field, volume_visibility
-from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.pose.base import pose_to_dataset
+from sldvexp.laser import TwoMirror
+from sldvexp.pose import pose_to_dataset
 from sldvexp.reconstruction import Reconstruction
-from sldvexp.signal.pixel_quality import Flag
+from sldvexp.signal import Flag
 from sldvexp.volume import Grid, SampleRule, SampleSettings, VisibilitySettings
 
 Make = Callable[..., Any]

@@ -15,7 +15,7 @@ from sldvexp.config.registry import get
 from sldvexp.errors import UserError
 from sldvexp.field import FieldResult, VolumeVisibility
 from sldvexp.field.estimate import solve_field
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror
 from sldvexp.reconstruction import Model, Reconstruction, Weights
 from sldvexp.volume import PointSurface, SampleRule, SampleSettings, shape_matrix, tensor_rule
 

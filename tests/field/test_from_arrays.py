@@ -11,9 +11,9 @@ import xarray as xr
 
 from sldvexp import dataset, field, reconstruction, volume
 from sldvexp.errors import UserError
-from sldvexp.image.interpolation.methods import Interpolation
-from sldvexp.laser.two_mirror import Mirror, TwoMirror
-from sldvexp.pose.base import cross_covariance
+from sldvexp.image import Interpolation
+from sldvexp.laser import Mirror, TwoMirror
+from sldvexp.pose import cross_covariance
 
 LASER = TwoMirror(up_down=Mirror(25), left_right=Mirror(25))
 PLATE = volume.Grid(

@@ -18,8 +18,8 @@ from sldvexp.check.agreement import agreement
 from sldvexp.config.experiment import Experiment
 from sldvexp.field import View
 from sldvexp.field.estimate import volume_visibility
-from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.pose.base import pose_to_dataset
+from sldvexp.laser import TwoMirror
+from sldvexp.pose import pose_to_dataset
 from sldvexp.volume import Grid
 
 Make = Callable[..., list[View]]

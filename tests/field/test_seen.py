@@ -21,10 +21,9 @@ from sldvexp.field.visibility.projection import (
     Occlusion,
     project_samples,
 )
-from sldvexp.geometry.rotation import rotation_from_vector
-from sldvexp.image.interpolation.methods import Interpolation
-from sldvexp.laser.model import rays
-from sldvexp.laser.two_mirror import Mirror, TwoMirror
+from sldvexp.geometry import rotation_from_vector
+from sldvexp.image import Interpolation
+from sldvexp.laser import Mirror, TwoMirror, rays
 from sldvexp.virtual_lab.beam import Spot, beams
 from sldvexp.virtual_lab.modes import EdgeSupport, Mode
 from sldvexp.virtual_lab.plate import Plate, VibratingPlate

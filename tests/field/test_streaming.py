@@ -17,9 +17,8 @@ import pytest
 import xarray as xr
 
 from sldvexp import dataset
-from sldvexp.laser.model import project
-from sldvexp.laser.two_mirror import Mirror, TwoMirror
-from sldvexp.pose.base import pose_to_dataset
+from sldvexp.laser import Mirror, TwoMirror, project
+from sldvexp.pose import pose_to_dataset
 
 pytest.importorskip("dask")
 psutil = pytest.importorskip("psutil")  # comes with distributed

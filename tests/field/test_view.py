@@ -13,9 +13,9 @@ from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.field import View
 from sldvexp.field.visibility.view import views_of
-from sldvexp.geometry.rotation import rotation_from_vector
-from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.pose.base import pose_to_dataset
+from sldvexp.geometry import rotation_from_vector
+from sldvexp.laser import TwoMirror
+from sldvexp.pose import pose_to_dataset
 
 ROTATION = rotation_from_vector([0.3, 0.1, 0.2])
 

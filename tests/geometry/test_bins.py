@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sldvexp.geometry.bins import Bins
+from sldvexp.geometry import Bins
 
 
 @given(st.integers(1, 60), st.integers(0, 40), st.integers(0, 2**32 - 1))

@@ -8,13 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from sldvexp.errors import UserError
-from sldvexp.geometry import circles, conic
-from sldvexp.geometry.bitangent import (
-    MIRRORED,
-    bitangent_jacobian,
-    bitangent_points,
-    bitangents,
-)
+from sldvexp.geometry import bitangents, circles, conic
+from sldvexp.geometry.bitangent import MIRRORED, bitangent_jacobian, bitangent_points
 from sldvexp.geometry.circles import LINES, SIDES
 
 

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sldvexp.errors import UserError
-from sldvexp.geometry import conic
-from sldvexp.geometry.conic_fit import ConicFit, fit_ellipse
+from sldvexp.geometry import ConicFit, conic, fit_ellipse
 
 METHODS = ("likelihood", "algebraic")
 #: Semi-axes of about 67 and 56 steps, far from the origin.

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from sldvexp.errors import UserError
 from sldvexp.geometry import cross_ratio
-from sldvexp.laser.model import project
+from sldvexp.laser import project
 
 # Section 4.4.3.8, row vectors: P_wcs = P_lcs T.
 P_LCS = np.array([[1, 1, 100], [5, 5, 100], [11, 11, 100], [20, 20, 100]], float)

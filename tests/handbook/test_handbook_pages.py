@@ -11,14 +11,13 @@ import pytest
 
 from sldvexp.cli import main
 from sldvexp.cli.commands import COMMANDS
-from sldvexp.config import registry
+from sldvexp.config import Origins, registry
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import HANDBOOK
-from sldvexp.config.sources import Origins
 from sldvexp.dataset import AXES, CONVENTIONS, VARIABLES
 from sldvexp.dataset.variables import STAGES
 from sldvexp.plot import FIGURES
-from sldvexp.signal.pixel_quality import Flag
+from sldvexp.signal import Flag
 
 PAGES = {page.stem: page.read_text(encoding="utf-8") for page in sorted(HANDBOOK.glob("*.md"))}
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)

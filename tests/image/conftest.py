@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from sldvexp.geometry import conic
-from sldvexp.geometry.rotation import rotation_from_vector
-from sldvexp.image.scan_lines import ScanLines
-from sldvexp.laser.model import project
-from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.targets.circles import Circle, Circles, Plane
+from sldvexp.geometry import conic, rotation_from_vector
+from sldvexp.image import ScanLines
+from sldvexp.laser import TwoMirror, project
+from sldvexp.targets import Circle, Circles, Plane
 from sldvexp.units import LengthUnit
 
 #: Figure 4.1, inches.

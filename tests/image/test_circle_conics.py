@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.geometry import conic
-from sldvexp.geometry.conic_fit import fit_ellipse
-from sldvexp.image.edge_detection import COARSE_WINDOW, FINE_WINDOW, gradient_edges, profile_edges
-from sldvexp.image.pinhole import fit_circle
+from sldvexp.geometry import conic, fit_ellipse
+from sldvexp.image import fit_circle, gradient_edges, profile_edges
+from sldvexp.image.edge_detection import COARSE_WINDOW, FINE_WINDOW
 
 Make = Callable[..., Any]
 METHODS = {"gradient": gradient_edges, "profile": profile_edges}

@@ -7,15 +7,10 @@ import pytest
 from scipy.special import ndtr
 
 from sldvexp.errors import UserError
-from sldvexp.image.edge_detection import (
-    COARSE_WINDOW,
-    FINE_WINDOW,
-    gradient_edges,
-    pixel_edges,
-    profile_edges,
-)
+from sldvexp.image import ScanLineEdges, ScanLines, gradient_edges, pixel_edges, profile_edges
+from sldvexp.image.edge_detection import COARSE_WINDOW, FINE_WINDOW
 from sldvexp.image.edge_profile import step_profile
-from sldvexp.image.scan_lines import Reason, ScanLineEdges, ScanLines
+from sldvexp.image.scan_lines import Reason
 
 METHODS = {"gradient": gradient_edges, "profile": profile_edges}
 NOISE = 0.01

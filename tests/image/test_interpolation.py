@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.image.interpolation.base import Interpolator, PixelWeights
+from sldvexp.image import Interpolation, Interpolator
+from sldvexp.image.interpolation.base import PixelWeights
 from sldvexp.image.interpolation.cubic import CubicInterpolator
 from sldvexp.image.interpolation.lattice import Lattice, StraightLattice
-from sldvexp.image.interpolation.methods import Interpolation, LinearInterpolator, mesh_of
+from sldvexp.image.interpolation.methods import LinearInterpolator, mesh_of
 from sldvexp.image.interpolation.scattered import Triangles
 
 HALF = 500.0

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.geometry.conic import Ellipse
-from sldvexp.geometry.conic_fit import fit_ellipse
+from sldvexp.geometry import Ellipse, fit_ellipse
 from sldvexp.image.matching import bitangent_images, match_circles
-from sldvexp.targets.circles import Circle, Circles, Plane
+from sldvexp.targets import Circle, Circles, Plane
 from sldvexp.units import LengthUnit
 
 Make = Callable[..., Any]

@@ -9,22 +9,20 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.geometry import conic
-from sldvexp.geometry.bitangent import bitangent_points, bitangents
-from sldvexp.geometry.conic import Ellipse
-from sldvexp.geometry.conic_fit import fit_ellipse
-from sldvexp.image.edge_detection import FINE_WINDOW, profile_edges
-from sldvexp.image.matching import bitangent_images, match_circles
-from sldvexp.image.pinhole import (
-    dac_bitangents,
+from sldvexp.geometry import Ellipse, bitangents, conic, fit_ellipse
+from sldvexp.geometry.bitangent import bitangent_points
+from sldvexp.image import (
     dac_from_pinhole,
     fit_circle,
     pinhole_edges,
     pinhole_from_dac,
-    pinhole_jacobian,
+    profile_edges,
 )
-from sldvexp.laser.two_mirror import Board, Mirror, TwoMirror
-from sldvexp.targets.circles import Circles
+from sldvexp.image.edge_detection import FINE_WINDOW
+from sldvexp.image.matching import bitangent_images, match_circles
+from sldvexp.image.pinhole import dac_bitangents, pinhole_jacobian
+from sldvexp.laser import Board, Mirror, TwoMirror
+from sldvexp.targets import Circles
 
 Make = Callable[..., Any]
 CURVED = TwoMirror(

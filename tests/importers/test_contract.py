@@ -14,7 +14,7 @@ from sldvexp import dataset
 from sldvexp.config import registry
 from sldvexp.errors import UserError
 from sldvexp.importers import ImageImporter, Importer, PointImporter, PointwiseView, conventions
-from sldvexp.instrument.protocol import ScanningPlugin
+from sldvexp.instrument import ScanningPlugin
 
 DATA = Path(__file__).parents[2] / "conf" / "data"
 INSTRUMENTS = {name: registry.get("instrument", name) for name in registry.names("instrument")}

@@ -7,12 +7,12 @@ import pytest
 import xarray as xr
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.geometry.rotation import KnownPose, rotation_from_euler
+from sldvexp.geometry import KnownPose, rotation_from_euler
 from sldvexp.importers import PointwiseView
 from sldvexp.importers import conventions as settings
 from sldvexp.importers.uff import UffImport
-from sldvexp.laser.two_mirror import Mirror, TwoMirror
-from sldvexp.pose.given import known_poses
+from sldvexp.laser import Mirror, TwoMirror
+from sldvexp.pose import known_poses
 from sldvexp.units import LengthUnit
 
 POINTS = np.array([[0, 0, 0], [0.3, 0, 0], [0.3, 0.2, 0.01], [0, 0.2, 0]])

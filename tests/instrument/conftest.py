@@ -12,8 +12,8 @@ from hydra import compose, initialize_config_dir
 
 from sldvexp.config import hydra_plugin, schema
 from sldvexp.config.experiment import Experiment
-from sldvexp.instrument.protocol import RawSamples
-from sldvexp.virtual_lab.lab import VirtualLab
+from sldvexp.instrument import RawSamples
+from sldvexp.virtual_lab import VirtualLab
 
 hydra_plugin.install()
 

@@ -7,7 +7,8 @@ import time
 
 import pytest
 
-from sldvexp.instrument.connection import DisturbanceError, VisaLine
+from sldvexp.instrument import DisturbanceError
+from sldvexp.instrument.connection import VisaLine
 
 PATIENCE = 0.2
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.instrument.protocol import Acquisition, InstrumentError
-from sldvexp.virtual_lab.lab import VirtualLab
-from sldvexp.virtual_lab.server import LabServer
+from sldvexp.instrument import Acquisition, InstrumentError
+from sldvexp.virtual_lab import LabServer, VirtualLab
 
 pytestmark = pytest.mark.usefixtures("client_clock")
 

@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sldvexp.instrument import Acquisition, DisturbanceError, InstrumentError, Status
 from sldvexp.instrument.command_instrument import CommandedInstrument
-from sldvexp.instrument.connection import DisturbanceError
 from sldvexp.instrument.dialogue import decoded
 from sldvexp.instrument.profile import SampleType
 from sldvexp.instrument.profile_file import load_profile
-from sldvexp.instrument.protocol import Acquisition, InstrumentError, Status
 
 CONF = Path(__file__).parents[2] / "conf"
 

@@ -11,10 +11,10 @@ from functools import partial
 
 import pytest
 
-from sldvexp.instrument.protocol import Acquisition, InstrumentError
+from sldvexp.instrument import Acquisition, InstrumentError
 from sldvexp.instrument.visa import Visa
 from sldvexp.testing import faults as f
-from sldvexp.virtual_lab.server import LabServer
+from sldvexp.virtual_lab import LabServer
 
 pytestmark = pytest.mark.usefixtures("client_clock")
 

@@ -14,10 +14,9 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.instrument.protocol import Acquisition, InstrumentError
+from sldvexp.instrument import Acquisition, InstrumentError
 from sldvexp.instrument.visa import Visa
-from sldvexp.virtual_lab import console
-from sldvexp.virtual_lab.server import LabServer
+from sldvexp.virtual_lab import LabServer, console
 
 CONF = Path(__file__).parents[2] / "conf"
 

@@ -13,7 +13,7 @@ from omegaconf import OmegaConf
 
 from sldvexp.config import hydra_plugin
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.laser.two_mirror import Board, Mirror, TwoMirror
+from sldvexp.laser import Board, Mirror, TwoMirror
 from sldvexp.units import AngleUnit
 
 

@@ -12,8 +12,8 @@ import pytest
 import sldvexp.plot
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.image.pinhole import fit_circle, pinhole_edges
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.image import fit_circle, pinhole_edges
+from sldvexp.laser import TwoMirror
 from sldvexp.plot import FIGURES, figures_of
 from sldvexp.plot.style import SETTINGS, prefixed
 from sldvexp.session.circles import edges_of

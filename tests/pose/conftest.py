@@ -8,18 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from sldvexp.geometry.rotation import KnownPose, euler_from_rotation, vector_from_rotation
-from sldvexp.image.scan_lines import ScanLineEdges
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.geometry import KnownPose, euler_from_rotation, vector_from_rotation
+from sldvexp.image import ScanLineEdges
+from sldvexp.laser import TwoMirror
+from sldvexp.pose import EdgePoints, EdgePoses, solve_edges
 from sldvexp.pose.circle_images import CircleImages
 from sldvexp.pose.edge import edge_points
-from sldvexp.pose.edge_solver import EdgePoints, EdgePoses, solve_edges
 from sldvexp.session.circles import edges_to_dataset
-from sldvexp.targets.base import std_of_bound
-from sldvexp.targets.circles import Circle, Circles, Plane
+from sldvexp.targets import Circle, Circles, Plane, std_of_bound
 from sldvexp.units import LengthUnit
+from sldvexp.virtual_lab import VirtualLab
 from sldvexp.virtual_lab.calibration_scene import CalibrationScene
-from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.scene import MirrorErrors
 
 #: Figure 4.29, and four places from which the same object is seen; all look at its middle.

@@ -9,8 +9,7 @@ from sldvexp import dataset
 from sldvexp.config import registry
 from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_euler
-from sldvexp.io.registration.netcdf import to_dataset
-from sldvexp.io.registration.table import RegistrationTable
+from sldvexp.io.registration import RegistrationTable, to_dataset
 from sldvexp.laser import project
 from sldvexp.pose import EXTRINSICS, PROMISED, PoseResult
 

@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sldvexp.errors import UserError
-from sldvexp.geometry.rotation import rotation_from_vector
+from sldvexp.geometry import rotation_from_vector
+from sldvexp.pose import EdgePoints, nominal_intrinsics
 from sldvexp.pose.edge import Edge
-from sldvexp.pose.edge_solver import EdgePoints, EdgeScene, residuals, spread
-from sldvexp.pose.intrinsics import nominal_intrinsics
+from sldvexp.pose.edge_solver import EdgeScene, residuals, spread
 from sldvexp.statistics import student_factor
-from sldvexp.targets.base import std_of_bound
+from sldvexp.targets import std_of_bound
 from sldvexp.virtual_lab.scene import MirrorError, MirrorErrors
 
 REPEATS, MANY = 120, 1000

@@ -11,9 +11,10 @@ from sldvexp.check import Examination
 from sldvexp.check.pose_equivalence import PoseEquivalence
 from sldvexp.check.pose_repeats import PoseRepeats
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.geometry.rotation import KnownPose, euler_from_rotation, rotation_from_euler
+from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_euler
+from sldvexp.pose import Given
 from sldvexp.pose.digitizer import Digitizer
-from sldvexp.pose.given import _NAMES, Given, read_poses
+from sldvexp.pose.given import _NAMES, read_poses
 from sldvexp.report import pose_text
 
 EULER, ORIGIN = [-1.149, 2.545, 1.928], [0.871, 0.489, 1.554]

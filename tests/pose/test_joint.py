@@ -12,21 +12,25 @@ from sldvexp import dataset
 from sldvexp.check import Examination
 from sldvexp.check.pose_repeats import PoseRepeats
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.geometry.rotation import rotation_from_euler, vector_from_rotation
+from sldvexp.geometry import rotation_from_euler, vector_from_rotation
 from sldvexp.io.registration import RegistrationTable, write
-from sldvexp.laser.model import project
-from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.pose.base import JointCovariance, cross_covariance
+from sldvexp.laser import TwoMirror, project
+from sldvexp.pose import (
+    INTRINSICS,
+    JointCovariance,
+    PointObservations,
+    Registration,
+    cross_covariance,
+    nominal_intrinsics,
+    solve_points,
+    solve_points_together,
+    true_angles,
+)
 from sldvexp.pose.bitangent import Bitangent
 from sldvexp.pose.bundle_adjustment import Arrow
 from sldvexp.pose.edge import Edge
-from sldvexp.pose.intrinsics import nominal_intrinsics, true_angles
-from sldvexp.pose.least_squares import INTRINSICS
 from sldvexp.pose.manual import Manual
-from sldvexp.pose.multi_view import PointObservations, solve_points_together
-from sldvexp.pose.registration import Registration
-from sldvexp.pose.single_view import solve_points
-from sldvexp.targets.points import FiducialPoint, FiducialPoints
+from sldvexp.targets import FiducialPoint, FiducialPoints
 from sldvexp.virtual_lab.scene import MirrorError, MirrorErrors
 
 INF = float("inf")

@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sldvexp.geometry.rotation import rotation_from_euler
+from sldvexp.geometry import rotation_from_euler
 from sldvexp.io.registration import RegistrationTable, write
-from sldvexp.laser.model import project
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror, project
 from sldvexp.pose.manual import Manual
-from sldvexp.targets.points import FiducialPoint, FiducialPoints
+from sldvexp.targets import FiducialPoint, FiducialPoints
 from sldvexp.units import LengthUnit
 
 LASER = TwoMirror()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sldvexp.geometry.rotation import rotation_from_vector, vector_from_rotation
-from sldvexp.laser.model import project, rays
+from sldvexp.geometry import rotation_from_vector, vector_from_rotation
+from sldvexp.laser import project, rays
 from sldvexp.pose.initial_pose import (
     ObjectSpaceForm,
     beam_planes,

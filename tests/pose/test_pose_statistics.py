@@ -8,21 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sldvexp.geometry.rotation import (
-    euler_from_rotation,
-    rotation_from_vector,
-    vector_from_rotation,
-)
-from sldvexp.laser.model import project
+from sldvexp.geometry import euler_from_rotation, rotation_from_vector, vector_from_rotation
+from sldvexp.laser import project
+from sldvexp.pose import PoseSolution, half_width, solve_points, standard_error
 from sldvexp.pose.least_squares import cross_matrix, turned
-from sldvexp.pose.single_view import solve_points
-from sldvexp.pose.solution import PoseSolution
-from sldvexp.pose.uncertainty import (
-    cofactor,
-    euler_standard_error,
-    half_width,
-    standard_error,
-)
+from sldvexp.pose.uncertainty import cofactor, euler_standard_error
 
 STEP = np.full(2, np.radians(25) / 4096)
 REPEATS = 4000

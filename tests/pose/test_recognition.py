@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.geometry.rotation import rotation_from_euler, rotation_from_vector
-from sldvexp.image.scan_lines import ScanLineEdges
-from sldvexp.laser.model import project
-from sldvexp.laser.two_mirror import Mirror, TwoMirror
+from sldvexp.geometry import rotation_from_euler, rotation_from_vector
+from sldvexp.image import ScanLineEdges
+from sldvexp.laser import Mirror, TwoMirror, project
 from sldvexp.pose.circle_images import match_images
 from sldvexp.pose.wiring import WIRINGS, Wiring, check_wiring, phase_notes
-from sldvexp.targets.circles import Circle, Circles, Plane
+from sldvexp.targets import Circle, Circles, Plane
 from sldvexp.units import LengthUnit
 
 #: Figure 4.1, inches.

@@ -11,13 +11,13 @@ from hydra import compose, initialize_config_dir
 
 from sldvexp.config import hydra_plugin, schema
 from sldvexp.config.paths import conf_dir
-from sldvexp.geometry.rotation import vector_from_rotation
+from sldvexp.geometry import vector_from_rotation
+from sldvexp.pose import half_width
 from sldvexp.pose.bitangent import Bitangent
 from sldvexp.pose.edge import Edge
-from sldvexp.pose.uncertainty import half_width
-from sldvexp.session.camera import Camera
+from sldvexp.session import Camera
 from sldvexp.session.circles import edges_to_dataset, scan_circles
-from sldvexp.virtual_lab.lab import VirtualLab
+from sldvexp.virtual_lab import VirtualLab
 
 SMALL = ["scan.sampling.samples=64", "scan.coarse.pixels=180"]
 METHODS = [Bitangent(), Bitangent(pinhole=False), Edge()]

@@ -11,12 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sldvexp.errors import UserError
-from sldvexp.geometry.rotation import rotation_from_vector, vector_from_rotation
-from sldvexp.laser.model import project
-from sldvexp.pose.least_squares import INTRINSICS, Pose, PoseProblem, levenberg_marquardt, linearise
-from sldvexp.pose.single_view import solve_points
-from sldvexp.pose.solution import PoseSolution
-from sldvexp.pose.uncertainty import standard_error
+from sldvexp.geometry import rotation_from_vector, vector_from_rotation
+from sldvexp.laser import project
+from sldvexp.pose import INTRINSICS, PoseSolution, solve_points, standard_error
+from sldvexp.pose.least_squares import Pose, PoseProblem, levenberg_marquardt, linearise
 
 #: 12-bit-plus-sign board over +-25 deg.
 STEP = np.full(2, np.radians(25) / 4096)

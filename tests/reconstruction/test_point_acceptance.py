@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sldvexp.config.registry import get, names
-from sldvexp.geometry.rotation import rotation_from_vector
+from sldvexp.geometry import rotation_from_vector
 from sldvexp.reconstruction import Model, Reconstruction, Weights
 
 METHODS = names("reconstruction")

@@ -8,9 +8,9 @@ from rich.console import Console
 
 from sldvexp import dataset
 from sldvexp.dataset import RunData
-from sldvexp.report import field_tables, notes
+from sldvexp.report import estimates, field_tables, notes
 from sldvexp.report import terminal as closing
-from sldvexp.report.terminal import _point_rows, estimates
+from sldvexp.report.terminal import _point_rows
 
 
 def test_rows_tell_of_their_own_point_and_frequency():

@@ -7,7 +7,7 @@ import pytest
 
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.io.scan_files import write_list
-from sldvexp.scan.base import Sampling, Scan, ScanPart
+from sldvexp.scan import Sampling, Scan, ScanPart
 from sldvexp.scan.calibration import CalibrationScan, Centres
 from sldvexp.scan.lines import rectangle, strided
 from sldvexp.scan.pixel_list import LINE, PixelList, PixelSequence

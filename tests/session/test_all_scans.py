@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from sldvexp import dataset
-from sldvexp.instrument.recording import JOURNAL, Replay, read_line
+from sldvexp.instrument import Replay
+from sldvexp.instrument.recording import JOURNAL, read_line
 from sldvexp.instrument.visa import Visa
 from sldvexp.scan.pixel_list import LINE
 from sldvexp.session.session import KINDS, estimate, scan_views
-from sldvexp.virtual_lab.lab import VirtualLab
-from sldvexp.virtual_lab.server import LabServer
+from sldvexp.virtual_lab import LabServer, VirtualLab
 
 pytestmark = pytest.mark.usefixtures("client_clock")
 

@@ -18,17 +18,17 @@ import pytest
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
+from sldvexp.instrument import InstrumentError, Replay
 from sldvexp.instrument.person import Mark
-from sldvexp.instrument.protocol import InstrumentError
-from sldvexp.instrument.recording import JOURNAL, Replay
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.instrument.recording import JOURNAL
+from sldvexp.laser import TwoMirror
+from sldvexp.session import Journal, Operator
 from sldvexp.session.by_person import AtTerminal
-from sldvexp.session.camera import NobodyThereError, Operator
-from sldvexp.session.journal import Journal
+from sldvexp.session.camera import NobodyThereError
 from sldvexp.session.session import estimate, scan_views, takes_samples
 from sldvexp.units import LengthUnit
-from sldvexp.virtual_lab.lab import SimulatedPerson, VirtualLab
-from sldvexp.virtual_lab.server import LabServer
+from sldvexp.virtual_lab import LabServer, VirtualLab
+from sldvexp.virtual_lab.lab import SimulatedPerson
 
 MARK = Mark(3, np.array([0.2794, 0.2794, 0.0]), np.zeros(3))
 SPOTS = "[[-450, -1250], [-450, -50], [450, -650], [300, -300]]"

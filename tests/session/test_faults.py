@@ -17,11 +17,10 @@ import pytest
 from hydra import compose, initialize_config_dir
 
 from sldvexp.config import hydra_plugin, schema
-from sldvexp.geometry.rotation import vector_from_rotation
+from sldvexp.geometry import vector_from_rotation
 from sldvexp.instrument import dialogue
 from sldvexp.testing import faults as f
-from sldvexp.virtual_lab.lab import VirtualLab
-from sldvexp.virtual_lab.server import LabServer
+from sldvexp.virtual_lab import LabServer, VirtualLab
 
 CONF = Path(__file__).parents[2] / "conf"
 hydra_plugin.install()

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.laser.model import rays
+from sldvexp.laser import rays
 from sldvexp.session.session import scan_views
-from sldvexp.signal.pixel_quality import Flag
-from sldvexp.virtual_lab.lab import VirtualLab
+from sldvexp.signal import Flag
+from sldvexp.virtual_lab import VirtualLab
 
 CORNERS = "[[-630, 130], [-630, -1400], [640, -1400], [640, 130]]"
 BESIDE = "[[-1640, 140], [-1640, 40], [-1540, 40], [-1540, 140]]"

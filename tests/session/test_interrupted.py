@@ -20,8 +20,7 @@ import pytest
 from sldvexp import dataset
 from sldvexp.config.paths import conf_dir
 from sldvexp.testing.faults import Fault
-from sldvexp.virtual_lab.lab import VirtualLab
-from sldvexp.virtual_lab.server import LabServer
+from sldvexp.virtual_lab import LabServer, VirtualLab
 
 COMMAND = [sys.executable, "-m", "sldvexp.cli.main"]
 MINE = ["--config-dir", "lab", "experiment=mine", "hydra.run.dir=run"]

@@ -17,8 +17,8 @@ from sldvexp import dataset
 from sldvexp.cli import main
 from sldvexp.config import hydra_plugin, schema
 from sldvexp.config.paths import conf_dir
-from sldvexp.virtual_lab.lab import VirtualLab
-from sldvexp.virtual_lab.server import Fault, LabServer
+from sldvexp.virtual_lab import LabServer, VirtualLab
+from sldvexp.virtual_lab.server import Fault
 
 #: Two small views over the socket, so that the instrument outlives whoever speaks to it.
 SMALL = [

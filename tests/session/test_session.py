@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.instrument.protocol import Acquisition, RawSamples
-from sldvexp.session.journal import Journal
+from sldvexp.instrument import Acquisition, RawSamples
+from sldvexp.session import Journal
 
 ACQUISITION = Acquisition(25600.0, 64, (450.0,))
 

@@ -7,8 +7,7 @@ import pytest
 
 from sldvexp.config import registry
 from sldvexp.errors import UserError
-from sldvexp.signal.base import SignalEstimator
-from sldvexp.signal.pixel_quality import Flag
+from sldvexp.signal import Flag, SignalEstimator
 
 TIMES = np.arange(512) / 5120.0
 FREQUENCY = 200.0

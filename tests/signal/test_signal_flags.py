@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.signal.complex_image import demodulate
-from sldvexp.signal.pixel_quality import Flag, FlagRules
-from sldvexp.signal.sine_fit import SineFit
-from sldvexp.signal.sine_model import sine_model
+from sldvexp.signal import Flag, FlagRules, SineFit, demodulate, sine_model
 
 F = 97.3
 TIMES = np.arange(256) / 2560.0

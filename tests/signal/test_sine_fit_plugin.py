@@ -10,11 +10,15 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.signal.complex_image import demodulate
-from sldvexp.signal.frequency import refine_frequencies
-from sldvexp.signal.pixel_quality import Flag, FlagRules, Intercept
-from sldvexp.signal.sine_fit import SineFit
-from sldvexp.signal.sine_model import sine_model
+from sldvexp.signal import (
+    Flag,
+    FlagRules,
+    Intercept,
+    SineFit,
+    demodulate,
+    refine_frequencies,
+    sine_model,
+)
 
 CONF = Path(__file__).parents[2] / "conf"
 TIMES = np.arange(256) / 2560.0

@@ -8,9 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sldvexp.errors import UserError
-from sldvexp.signal.complex_image import demodulate
-from sldvexp.signal.pixel_quality import Intercept
-from sldvexp.signal.sine_model import sine_model
+from sldvexp.signal import Intercept, demodulate, sine_model
 
 TIMES = np.arange(512) / 5120.0
 UNEVEN = np.sort(np.random.default_rng(3).uniform(0, 0.1, 512))

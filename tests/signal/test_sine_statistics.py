@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.signal.complex_image import demodulate
-from sldvexp.signal.frequency import refine_frequencies
-from sldvexp.signal.pixel_quality import Intercept
-from sldvexp.signal.sine_model import sine_model
+from sldvexp.signal import Intercept, demodulate, refine_frequencies, sine_model
 
 F = 97.3
 TRIALS = 40_000

@@ -19,10 +19,9 @@ from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import conf_dir
 from sldvexp.pipeline import provenance
 from sldvexp.pipeline.steps import STEPS, Run, Step, check_contracts
-from sldvexp.sweep import shared_steps
+from sldvexp.sweep import Store, shared_steps
 from sldvexp.sweep.plan import folder_name
 from sldvexp.sweep.repetition import AgreementLevel, compare
-from sldvexp.sweep.shared_steps import Store
 
 POSES = ("experiment=dissertation/automated_pose", "expect={}")
 FIELDS = (

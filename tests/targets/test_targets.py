@@ -13,8 +13,8 @@ from sldvexp.config import hydra_plugin
 from sldvexp.errors import ConfigError
 from sldvexp.geometry.circles import LINES
 from sldvexp.io.registration import read
-from sldvexp.targets.circles import Circle, Circles, Plane, bitangents_in_space, bitangents_std
-from sldvexp.targets.points import FiducialPoint, FiducialPoints
+from sldvexp.targets import Circle, Circles, FiducialPoint, FiducialPoints, Plane
+from sldvexp.targets.circles import bitangents_in_space, bitangents_std
 from sldvexp.units import LengthUnit
 
 CONF = Path(__file__).parents[2] / "conf"

@@ -11,9 +11,8 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from sldvexp.config import hydra_plugin
-from sldvexp.instrument.protocol import Acquisition, RawSamples
-from sldvexp.virtual_lab import calibration_scene, plate_scene  # noqa: F401 (registers them)
-from sldvexp.virtual_lab.lab import VirtualLab
+from sldvexp.instrument import Acquisition, RawSamples
+from sldvexp.virtual_lab import VirtualLab, calibration_scene, plate_scene  # noqa: F401 (registers them)
 
 hydra_plugin.install()
 

@@ -7,11 +7,11 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
-from sldvexp.laser.model import direction_cosines, project
-from sldvexp.targets.circles import Circle, Circles
+from sldvexp.laser import direction_cosines, project
+from sldvexp.targets import Circle, Circles
 from sldvexp.units import LengthUnit
+from sldvexp.virtual_lab import VirtualLab
 from sldvexp.virtual_lab.beam import Spot, beams, part_inside
-from sldvexp.virtual_lab.lab import VirtualLab
 
 TRUE_MIRRORS = (
     "scene.mirrors.mirror_offset=0.03",

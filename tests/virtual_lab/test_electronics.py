@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from sldvexp.instrument.protocol import Acquisition, Status
+from sldvexp.instrument import Acquisition, Status
 from sldvexp.virtual_lab.electronics import PixelNoise
 
 PIXELS = 400

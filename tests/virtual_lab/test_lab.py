@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.instrument.protocol import Acquisition, Instrument, InstrumentError, RawSamples
-from sldvexp.targets.circles import Circle, Circles
+from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples
+from sldvexp.targets import Circle, Circles
+from sldvexp.virtual_lab import VirtualLab
 from sldvexp.virtual_lab.calibration_scene import CalibrationScene
-from sldvexp.virtual_lab.lab import BLOCK, VirtualLab
+from sldvexp.virtual_lab.lab import BLOCK
 
 
 def lines(n=6, pixels=25):

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.geometry.rotation import rigid_transform, rotation_from_euler
+from sldvexp.geometry import rigid_transform, rotation_from_euler
 from sldvexp.instrument.person import Mark
 from sldvexp.virtual_lab.scene import SceneOperator
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sldvexp.geometry.rotation import rotation_from_euler
+from sldvexp.geometry import rotation_from_euler
 from sldvexp.volume import (
     Diagonals,
     Grid,

@@ -22,11 +22,9 @@ from sldvexp.errors import UserError
 from sldvexp.field.equations.regions import RegionSamples
 from sldvexp.field.streaming.compression import FrequencyModes
 from sldvexp.field.visibility.view import View
-from sldvexp.geometry.rotation import rotation_from_vector
+from sldvexp.geometry import rotation_from_vector
 from sldvexp.lazy import xarray as xr
-from sldvexp.pose.base import EXTRINSICS, cross_covariance, label
-from sldvexp.pose.intrinsics import places
-from sldvexp.pose.least_squares import INTRINSICS
+from sldvexp.pose import EXTRINSICS, INTRINSICS, cross_covariance, label, places
 from sldvexp.typing import Array
 
 

@@ -18,7 +18,7 @@ from sldvexp.field.visibility.projection import (
     ViewSamples,
 )
 from sldvexp.field.visibility.view import NOTABLE, View, why
-from sldvexp.laser.two_mirror import MIRRORS
+from sldvexp.laser import MIRRORS
 from sldvexp.typing import Array
 
 #: What may be wrong if a view sees nothing, by the reason of most samples.

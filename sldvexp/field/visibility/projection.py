@@ -22,12 +22,9 @@ from numpy.polynomial import polynomial
 
 from sldvexp.errors import UserError
 from sldvexp.field.visibility.view import View
-from sldvexp.geometry.bins import Bins
-from sldvexp.geometry.rotation import skew
-from sldvexp.image.interpolation.base import Interpolator
-from sldvexp.image.interpolation.methods import Interpolation
-from sldvexp.laser.model import direction_cosines, project, project_jacobian
-from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
+from sldvexp.geometry import Bins, skew
+from sldvexp.image import Interpolation, Interpolator
+from sldvexp.laser import MIRRORS, TwoMirror, direction_cosines, project, project_jacobian
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 

@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.errors import ConfigError, UserError, nearest
-from sldvexp.laser.two_mirror import MIRRORS, Mirror, TwoMirror
+from sldvexp.laser import MIRRORS, Mirror, TwoMirror
 from sldvexp.lazy import xarray as xr
-from sldvexp.pose.base import EXTRINSICS
-from sldvexp.pose.intrinsics import nominal_intrinsics, places
+from sldvexp.pose import EXTRINSICS, nominal_intrinsics, places
 from sldvexp.session.images import describe_flagged_pixels
-from sldvexp.signal.pixel_quality import Flag
+from sldvexp.signal import Flag
 from sldvexp.typing import Array, BoolArray, ComplexArray
 from sldvexp.units import AngleUnit
 

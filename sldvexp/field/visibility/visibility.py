@@ -16,9 +16,8 @@ import numpy as np
 from sldvexp.field.threads import side_by_side
 from sldvexp.field.visibility.projection import GRAZING, Occlusion, ViewSamples, project_samples
 from sldvexp.field.visibility.view import View, require_usable
-from sldvexp.image.interpolation.base import Interpolator
-from sldvexp.image.interpolation.methods import Interpolation
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.image import Interpolation, Interpolator
+from sldvexp.laser import TwoMirror
 from sldvexp.typing import Array, BoolArray, IndexArray
 from sldvexp.volume import Prisms, SampleRule, Volume, sample_positions
 from sldvexp.volume.samples import sample_frames

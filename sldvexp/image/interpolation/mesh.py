@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sldvexp.geometry.bins import Bins
+from sldvexp.geometry import Bins
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 

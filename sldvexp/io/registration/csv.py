@@ -28,7 +28,7 @@ from sldvexp.io.tables import (
     stated_or_given,
     whole_number,
 )
-from sldvexp.laser.two_mirror import MIRRORS
+from sldvexp.laser import MIRRORS
 from sldvexp.units import AngleUnit, LengthUnit, decimal_in
 
 DAC = "dac"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
+from sldvexp.laser import MIRRORS, TwoMirror
 from sldvexp.typing import Array, IntArray
 from sldvexp.units import LengthUnit
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.io.registration import RegistrationTable, from_dataset, read, to_dataset, write
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser import TwoMirror
 from sldvexp.units import AngleUnit, LengthUnit, decimal_in
 
 DATA = Path(__file__).parents[3] / "conf" / "data"

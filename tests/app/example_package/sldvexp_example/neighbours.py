@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sldvexp.errors import Checks, UserError
-from sldvexp.reconstruction.base import Reconstruction
+from sldvexp.reconstruction import Reconstruction
 from sldvexp.registry import register
 
 if TYPE_CHECKING:
-    from sldvexp.reconstruction.rows import RowChoice
+    from sldvexp.reconstruction import RowChoice
 
 
 @register("reconstruction", "neighbours")
