@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 @register("reconstruction", "relative")
 @dataclass
 class Relative(Reconstruction):
-    """Rows are differences of two views, as in ``2-1,3-1,4-1``; by default all minus the first."""
+    """Rows are differences of two views, as in ``2-1,3-1,4-1``; by default all minus the first.
+
+    An intercept cancels in differences, so that the model is always partial.
+    """
 
     def _check(self, checks: Checks) -> None:
         super()._check(checks)

@@ -54,6 +54,7 @@ class Mode:
         Peak at an antinode of the middle surface, at resonance, where it is in phase with the
         excitation; negative for opposite phase.
     direction : Direction
+        `normal` is bending; `x` and `y` are motion in the plane.
     """
 
     x: int = 1
@@ -100,6 +101,7 @@ class Plate:
         Of the middle surface's curvature; positive if the normal points away from the axis of
         the cylinder, negative towards it. Without it the plate is flat.
     edges : Edges
+        How they are held; decides the shapes of bending.
     modes : dict of str to Mode
     """
 
