@@ -6,11 +6,22 @@ import pytest
 from measures import (
     OPTIONAL,
     PACKAGE,
+    begins_empty,
+    circles,
     contract,
+    docstrings,
+    imports_inside_functions,
+    is_optional,
     modules_of,
+    repeated_class_names,
     settings,
+    type_checking_blocks,
     upward_imports,
 )
+
+#: Most imports inside functions, most blocks of imports for types, and the largest part of the
+#: docstrings that may begin with a word that says nothing.
+INSIDE, FOR_TYPES, EMPTY = 15, 5, 0.02
 
 
 @pytest.fixture(scope="module")
@@ -36,3 +47,27 @@ def test_what_may_be_imported_inside_functions_comes_with_an_extra():
         needed = project["optional-dependencies"][extra]
         assert any(requirement.startswith(library) for requirement in needed), library
         assert not any(requirement.startswith(library) for requirement in project["dependencies"])
+
+
+def test_no_modules_import_each_other_in_a_circle(modules):
+    assert circles(modules) == []
+
+
+def test_no_class_name_exists_twice(modules):
+    assert repeated_class_names(modules) == {}
+
+
+def test_only_what_need_not_be_installed_is_imported_inside_functions(modules):
+    inside = imports_inside_functions(modules)
+    assert [f"{place}: {name}" for place, name in inside if not is_optional(name)] == []
+    assert len(inside) <= INSIDE
+
+
+def test_few_blocks_of_imports_are_for_types_alone(modules):
+    assert len(blocks := type_checking_blocks(modules)) <= FOR_TYPES, blocks
+
+
+def test_docstrings_begin_with_what_is_done_or_what_something_is(modules):
+    told = docstrings(modules)
+    empty = [text.partition("\n")[0] for text in told if begins_empty(text)]
+    assert len(empty) <= EMPTY * len(told), empty
