@@ -37,13 +37,13 @@ class PointwiseImport(PointImporter):
     Parameters
     ----------
     views : dict of str to PointwiseView
-        Each with its file.
+        Each with its file; with directions=view also with an origin or a direction.
     directions : Directions
         Where the lines of sight come from: the files' dof, each view, or the run's pose.
     positive : Positive, optional
         Which way a positive velocity points; a dof tells it itself.
     frequency : list of float, Hz
-        Lines that are read; empty for all.
+        Lines that are read, empty for all; of a table that states none, its frequency.
     quantity : Quantity, optional
         What moves. It wins over what the file says.
     unit : MotionUnit, optional
@@ -53,7 +53,8 @@ class PointwiseImport(PointImporter):
     amplitude : Amplitude, optional
         Of spectra. It wins over what the file says.
     phase : Phase, optional
-        No file says it.
+        Sign of i omega t in the analyser's Fourier series, which no file says; a cross spectrum of
+        the response and the conjugate reference is exp_plus.
     reference : float, optional
         Peak amplitude of the reference in its unit of the file, which response functions are
         multiplied with; 1 gives velocities per unit.

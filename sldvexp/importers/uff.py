@@ -66,7 +66,8 @@ class UffImport(PointwiseImport):
         Cross spectra are read if there are no response functions, or as set. Nodal values (data
         set 55) are read if there are no functions, or as set.
     estimator : Estimator, optional
-        Of response functions from cross and auto spectra.
+        Of response functions from cross and auto spectra: h1 by the reference's auto spectrum, h2
+        by the response's.
     nodal_axes : NodalAxes, optional
         Needed of nodal values with directions=dof if nodes have coordinate systems of their own.
     containing : str

@@ -44,7 +44,7 @@ class Digitizer(PoseMethod):
     unit : LengthUnit
         Of a plain table, and of the points below.
     instrument_points : dict of str to list of float
-        Where the digitised posts stand in the laser frame.
+        Where the digitised posts stand in the laser frame, ``{low: [x, y, z], med: ...}``.
     object_points : dict of str to list of float
         Where the digitised points of the object stand in the world.
     view : str

@@ -52,8 +52,9 @@ class FromPoints(PoseMethod):
     ----------
     adjust : dict of str to float
         Intrinsics to adjust with the pose, with the standard deviation of what is known of them
-        beforehand (``.inf`` for nothing): mirror_offset (m), gain_up_down and gain_left_right
-        (relative to the calibration), zero_up_down and zero_left_right (rad). All others are fixed.
+        beforehand, as in ``{mirror_offset: 0.005}`` (``.inf`` for nothing): mirror_offset (m),
+        gain_up_down and gain_left_right (relative to the calibration), zero_up_down and
+        zero_left_right (rad). All others are fixed.
     shared : dict of str to float
         The same for intrinsics that have one value in all views, which are then solved together.
     confidence : float

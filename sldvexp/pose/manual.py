@@ -35,7 +35,7 @@ class Manual(Registration):
     Parameters
     ----------
     pointing : float, DAC steps
-        Standard deviation of the operator's pointing, of each mirror.
+        Standard deviation of the operator's pointing, of each mirror (Table 4.3).
     """
 
     pointing: float = 1.0

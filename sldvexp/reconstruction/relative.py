@@ -18,6 +18,8 @@ from sldvexp.reconstruction.system import Model
 class Relative(Reconstruction):
     """Rows are differences of two views, as in ``2-1,3-1,4-1``; by default all minus the first.
 
+    An intercept cancels in differences, so that the model is always partial.
+
     Examples
     --------
     >>> import numpy as np

@@ -42,7 +42,7 @@ class ByDigitizer(PersonPart):
     ----------
     views : dict of str to Spots
     samples : int
-        How often every spot is digitised; their mean counts.
+        How often every spot is digitised; their mean counts (Section 4.6.3).
     unit : LengthUnit
         In which the digitizer shows coordinates.
     """

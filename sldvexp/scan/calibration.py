@@ -90,7 +90,8 @@ class CalibrationScan(ScanPart):
     fine : CircleLines
         Across the edge, around the coarse ellipse.
     edge : EdgeMethod
-        For the fine lines.
+        For the fine lines: the profile of a finite spot, a parabola around the pixel of the largest
+        gradient, or that pixel itself, as the dissertation does.
     sampling : Sampling
     """
 

@@ -47,7 +47,7 @@ class Flag(IntFlag):
 
 @dataclass
 class FlagRules:
-    """Thresholds of `Flag`.
+    """Thresholds of `Flag`; a flagged pixel keeps its value beside its flag.
 
     Parameters
     ----------

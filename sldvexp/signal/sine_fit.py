@@ -25,6 +25,7 @@ class SineFit(SignalEstimator):
     ----------
     velocity_per_volt : float, m/s/V
         Of the instrument's output; negative if a positive voltage means away from the instrument.
+        The default is Ometron's medium range, 100 mV per mm/s.
     harmonics : int
         Harmonics of each frequency that are fitted besides, then discarded: 2 adds 2 f and 3 f.
     hum : list of float, Hz

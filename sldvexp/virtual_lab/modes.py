@@ -54,6 +54,7 @@ class Mode:
         Peak at an antinode of the middle surface, at resonance, where it is in phase with the
         excitation; negative for opposite phase.
     direction : Direction
+        `normal` is bending; `x` and `y` are motion in the plane.
     """
 
     x: int = 1

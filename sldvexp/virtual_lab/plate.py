@@ -46,6 +46,7 @@ class Plate:
         Of the middle surface's curvature; positive if the normal points away from the axis of
         the cylinder, negative towards it. Without it the plate is flat.
     edges : EdgeSupport
+        How they are held; decides the shapes of bending.
     modes : dict of str to Mode
     """
 

@@ -93,7 +93,7 @@ class VisibilitySettings:
     Parameters
     ----------
     interpolation : Interpolation
-        Between the pixels of an image: linear or cubic.
+        Between the pixels of an image: linear, or cubic, of higher order and slower.
     grazing : float, deg
         Samples whose surface is seen at a larger angle from its normal are left out.
     both_sides : bool
