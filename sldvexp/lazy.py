@@ -11,6 +11,7 @@ always, and its part `metadata` takes 0.01 s.
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING
 
 import lazy_loader
@@ -30,6 +31,7 @@ else:
     jinja2 = lazy_loader.load("jinja2")
     markupsafe = lazy_loader.load("markupsafe")
     metadata = lazy_loader.load("importlib.metadata", suppress_warning=True)
+    importlib.metadata = metadata  # as an import does it, which other libraries count on
     netCDF4 = lazy_loader.load("netCDF4")
     pandas = lazy_loader.load("pandas")
     plotly = lazy_loader.load("plotly")
