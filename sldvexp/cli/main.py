@@ -101,7 +101,7 @@ class Command:
         vars(self).update(state)
 
         hydra_plugin.install()
-        sweep.register_resolver()
+        sweep.plan.register_resolver()
 
     def run(self) -> int:
         """Run every job; the worst exit status of them."""
@@ -217,7 +217,7 @@ class Command:
                 f"{folder}: has a finished run; overwrite=true puts this one in its place once it "
                 "is done"
             )
-        self.held.enter_context(sweep.alone(folder))
+        self.held.enter_context(sweep.lock.alone(folder))
 
     def _job(self, cfg: DictConfig) -> None:
         """Do one job; its mistakes are told here, so that a sweep goes on with the next."""
@@ -235,7 +235,7 @@ class Command:
         computed = True
         try:
             if job.mode is RunMode.MULTIRUN:
-                computed = sweep.perform(cfg, job.runtime.output_dir, lines["task"], told)
+                computed = sweep.job.perform(cfg, job.runtime.output_dir, lines["task"], told)
             else:
                 with self.held:
                     passed = pipeline.runner.run(cfg, folder=job.runtime.output_dir)
@@ -250,7 +250,7 @@ class Command:
             if self.sweep:
                 self.sweep.tell(job.runtime.output_dir, computed)
             elif job.mode is RunMode.MULTIRUN:  # this is another process than the sweep's
-                sweep.leave_sign(Path(job.runtime.output_dir), computed)
+                sweep.sweep.leave_sign(Path(job.runtime.output_dir), computed)
 
     def _options(self) -> Namespace:
         """Parse the options, all of which are Hydra's.

@@ -43,7 +43,7 @@ class ReconstructionSettings:
         ``1,2,3``, ``2-1,3-1``, ``1-5,2,4`` by number or by the views' names; ``best`` searches the
         set with the largest reciprocal condition number; ``all``, where the method has it.
     model : Model
-        With or without an intercept.
+        `partial` has no intercept; `full` adds one (Eq 5.12) and tests it.
     weights : Weights
         `noise` is generalised least squares: rows that share a view are correlated, and views
         with a smaller std count more. `equal` is the dissertation's. Bounds are honest in both.

@@ -1,6 +1,6 @@
-from .job import perform as perform
-from .lock import alone as alone
-from .plan import register_resolver as register_resolver
+from . import job as job
+from . import lock as lock
+from . import plan as plan
+from . import sweep as sweep
 from .shared_steps import Store as Store
 from .sweep import Sweep as Sweep
-from .sweep import leave_sign as leave_sign

@@ -152,6 +152,9 @@ def test_sweep_goes_on_after_a_mistake(sldvexp, tmp_path):
 @pytest.fixture
 def installed(monkeypatch):
     """Give entry points as if packages were installed that have them; undone afterwards."""
+    for group, plugins in registry.BUILT_IN.items():
+        for name in plugins:  # one that is first imported meanwhile would be lost afterwards
+            registry.get(group, name)
     store = ConfigStore.instance()
     monkeypatch.setattr(store, "repo", copy.deepcopy(store.repo))
     monkeypatch.setattr(registry, "_plugins", {g: dict(p) for g, p in registry._plugins.items()})
