@@ -10,4 +10,5 @@ from . import signal as signal
 from . import volume as volume
 from .cli.in_process import __version__ as __version__
 from .cli.in_process import run as run
+from .dataset import open_run as open_run
 from .errors import UserError as UserError

@@ -21,7 +21,7 @@ from sldvexp.lazy import xarray as xr
 __version__ = version("sldvexp")
 
 
-def run(*settings: str, config_dir: str | Path | None = None) -> xr.DataTree:
+def run(*settings: str, config_dir: str | Path | None = None, quiet: bool = False) -> xr.DataTree:
     """Compose one run from settings, do it in this process, and return its dataset.
 
     It leaves in ``outputs/`` what ``sldvexp`` with the same settings leaves.
@@ -32,6 +32,8 @@ def run(*settings: str, config_dir: str | Path | None = None) -> xr.DataTree:
         As on the command line, such as ``"experiment=point"`` or ``"laser.mirror_offset=0.045"``.
     config_dir : str or Path, optional
         Folder with experiments and choices of your own.
+    quiet : bool
+        Whether it prints neither a bar nor its closing table, whose notes are in the dataset too.
 
     Returns
     -------
@@ -46,8 +48,7 @@ def run(*settings: str, config_dir: str | Path | None = None) -> xr.DataTree:
     Examples
     --------
     >>> import sldvexp
-    >>> tree = sldvexp.run("experiment=point", "report=none")
-    [...]
+    >>> tree = sldvexp.run("experiment=point", "report=none", quiet=True)
     >>> sorted(tree.children)
     ['check', 'line_of_sight', 'point']
     """
@@ -59,7 +60,7 @@ def run(*settings: str, config_dir: str | Path | None = None) -> xr.DataTree:
                 "for the command, and folders of your own for config_dir="
             )
     added = ["--config-dir", str(config_dir)] if config_dir is not None else []
-    call = _Call([*settings, *added])
+    call = _Call([*settings, *added], quiet)
     with _as_hydra_wants(call.arguments):
         call.run()
     if call.told:
@@ -74,8 +75,8 @@ def run(*settings: str, config_dir: str | Path | None = None) -> xr.DataTree:
 class _Call(Command):
     """A call of the command that keeps what it would print about mistakes."""
 
-    def __init__(self, arguments: list[str]):
-        super().__init__(arguments, full_error=False)
+    def __init__(self, arguments: list[str], quiet: bool):
+        super().__init__(arguments, full_error=False, quiet=quiet)
         self.told: list[str] = []
         self.folder = Path()
 

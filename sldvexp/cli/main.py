@@ -82,9 +82,12 @@ class Command:
         The command line without the program's name.
     full_error : bool
         Whether mistakes are raised instead of told.
+    quiet : bool
+        Whether a single run prints neither a bar nor its closing table.
     """
 
-    def __init__(self, arguments: Sequence[str], full_error: bool):
+    def __init__(self, arguments: Sequence[str], full_error: bool, quiet: bool = False):
+        self.quiet = quiet
         self.arguments = arguments
         self.full_error = full_error
         self.status = DONE
@@ -238,7 +241,9 @@ class Command:
                 computed = sweep.job.perform(cfg, job.runtime.output_dir, lines["task"], told)
             else:
                 with self.held:
-                    passed = pipeline.runner.run(cfg, folder=job.runtime.output_dir)
+                    passed = pipeline.runner.run(
+                        cfg, folder=job.runtime.output_dir, quiet=self.quiet
+                    )
                 self.status = self.status or (DONE if passed else MISSED)
         except Exception as error:
             sentence = told(error)

@@ -1,3 +1,5 @@
+from . import estimate as estimate
+from . import streaming as streaming
 from .bounds.pose_uncertainty import PoseErrors as PoseErrors
 from .estimate import estimate_field as estimate_field
 from .result import FieldResult as FieldResult

@@ -13,10 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
+from sldvexp import field as velocity_field
+from sldvexp import importers, session, virtual_lab
 from sldvexp.check import Examination, evaluate
 from sldvexp.config.experiment import Experiment
 from sldvexp.errors import UserError
-from sldvexp.instrument import ScanningPlugin
+from sldvexp.instrument import InstrumentError, ScanningPlugin
+from sldvexp.instrument.recording import JOURNAL
 from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction import Reconstruction
 from sldvexp.session import Operator
@@ -68,10 +71,8 @@ class Run:
         """
         if self.experiment.stream is None or not name.startswith("image/"):
             return group
-        from sldvexp.importers.image_file import spilled
-
         path = self.blocks / f"{name.replace('/', '_')}.nc"
-        return spilled(group, path, self.experiment.stream.chunks)
+        return importers.image_file.spilled(group, path, self.experiment.stream.chunks)
 
     @cached_property
     def blocks(self) -> Path:
@@ -89,10 +90,6 @@ def _target(run: Run) -> None:
 
 def _scan(run: Run) -> None:
     """Scan what the instrument sees in every view: edges of circles, images."""
-    from sldvexp.instrument import InstrumentError
-    from sldvexp.instrument.recording import JOURNAL
-    from sldvexp.session.session import scan_views, takes_samples
-
     e = run.experiment
     if not isinstance(e.instrument, ScanningPlugin):
         raise UserError(
@@ -101,14 +98,18 @@ def _scan(run: Run) -> None:
         )
     scans = {"": e.scan} if e.scan else {}
     scans |= {f"{COMPARED_SCANS}/{name}/": scan for name, scan in e.compare_scan.items()}
-    if e.laser is None or (e.signal is None and any(map(takes_samples, scans.values()))):
+    if e.laser is None or (
+        e.signal is None and any(map(session.session.takes_samples, scans.values()))
+    ):
         raise UserError("scan: needs signal=sine_fit and a laser to make pixels of samples")
     run.inputs += [*chain(*(scan.inputs() for scan in scans.values())), *e.instrument.inputs()]
     try:
         with stopping_once():
             for prefix, scan in scans.items():
                 journal = run.folder / JOURNAL / prefix
-                found = scan_views(replace(e, scan=scan), journal, run.operator, run.keep)
+                found = session.session.scan_views(
+                    replace(e, scan=scan), journal, run.operator, run.keep
+                )
                 run.tree |= {f"{prefix}{name}": group for name, group in found.items()}
     except (InstrumentError, NobodyThereError) as error:
         kept = f"; {how_to_go_on(run.folder)}" if has_lines(run.folder) else ""
@@ -179,37 +180,40 @@ def _point(run: Run) -> None:
 
 def _field(run: Run) -> None:
     """Reconstruct the velocity over the volume, by the chosen method and the others."""
-    from sldvexp.field.estimate import reconstruct, volume_visibility
-
     e = run.experiment
     if e.laser is None or e.solver is None:
         raise UserError("field: needs a laser and a solver, for example solver=iterative")
     if e.stream is not None:
         _streamed_field(run)
         return
-    looks = volume_visibility(run.tree, e.laser, e.volume)
-    _reconstruct(run, "field", lambda m: reconstruct(run.tree, looks, e.volume, m, e.solver))
+    visibility = velocity_field.estimate.volume_visibility(run.tree, e.laser, e.volume)
+    _reconstruct(
+        run,
+        "field",
+        lambda m: velocity_field.estimate.reconstruct(run.tree, visibility, e.volume, m, e.solver),
+    )
 
 
 def _streamed_field(run: Run) -> None:
     """Do the same with some frequencies in memory at a time."""
-    from sldvexp.field.estimate import volume_visibility
-    from sldvexp.field.streaming.compression import compress
-    from sldvexp.field.streaming.streamed import stream_field
-    from sldvexp.importers.image_file import in_chunks
-
     e = run.experiment
     chunks = e.stream.chunks
-    images = {k: in_chunks(v, chunks) for k, v in run.tree.items() if k.startswith("image/")}
+    images = {
+        k: importers.image_file.in_chunks(v, chunks)
+        for k, v in run.tree.items()
+        if k.startswith("image/")
+    }
     tree = run.tree | images
     with e.stream.at_work() as work:
-        small = compress(tree, work)
-        looks = volume_visibility(tree | small.images, e.laser, e.volume)
+        small = velocity_field.streaming.compress(tree, work)
+        visibility = velocity_field.estimate.volume_visibility(
+            tree | small.images, e.laser, e.volume
+        )
         folders = (run.blocks / f"field{k}" for k in count())
 
         def streamed(method: Reconstruction) -> xr.Dataset:
-            args = (tree, small, looks, e.volume, method, e.solver, work, next(folders))
-            return stream_field(*args)
+            args = (tree, small, visibility, e.volume, method, e.solver, work, next(folders))
+            return velocity_field.streaming.stream_field(*args)
 
         _reconstruct(run, "field", streamed)
 
@@ -229,12 +233,10 @@ def _reconstruct(run: Run, group: str, work: Callable[[Reconstruction], xr.Datas
 
 def _truth(run: Run) -> None:
     """Add what truly happens at the field's nodes, which only a virtual lab can tell."""
-    from sldvexp.virtual_lab.plate_scene import truth_to_dataset
-
     e = run.experiment
     field = run.tree["field"]
     images = [part for part in e.scan.parts(e.scan.view_names()[0]) if part.kind == "image"]
-    run.tree["truth"] = truth_to_dataset(
+    run.tree["truth"] = virtual_lab.plate_scene.truth_to_dataset(
         e.scene, field["position"].values, field["frequency"].values, images[0].sampling.amplitude
     )
 

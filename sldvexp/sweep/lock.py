@@ -10,6 +10,11 @@ from pathlib import Path
 
 from sldvexp.errors import UserError
 
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
 #: In the folder that one process at a time may write to.
 LOCK_FILE = ".lock"
 #: What file systems without locks answer, as some of clusters are.
@@ -18,9 +23,7 @@ NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS)
 
 def _lock(opened: int, wait: bool) -> None:
     """Lock an open file; where there are no locks nobody can be kept out."""
-    try:
-        import fcntl
-    except ImportError:  # Windows
+    if fcntl is None:
         return
     try:
         fcntl.flock(opened, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))

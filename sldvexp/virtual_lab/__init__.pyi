@@ -1,3 +1,4 @@
+from . import plate_scene as plate_scene
 from .beam import Beams as Beams
 from .beam import SceneObject as SceneObject
 from .lab import VirtualLab as VirtualLab

@@ -7,15 +7,17 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
-from sldvexp.config import registry
+from hydra import compose, initialize_config_dir
+from hydra.errors import MissingConfigException
+from omegaconf import DictConfig
+
+from sldvexp.config import Origins, hydra_plugin, messages, registry, schema
+from sldvexp.config.experiment import Experiment
+from sldvexp.config.paths import conf_dir
 from sldvexp.errors import UserError
-
-if TYPE_CHECKING:
-    from omegaconf import DictConfig
-
-    from sldvexp.config.experiment import Experiment
+from sldvexp.virtual_lab.lab import VirtualLab
+from sldvexp.virtual_lab.server import LabServer
 
 #: Where `instrument=visa` looks for it.
 PORT = 5025
@@ -50,9 +52,6 @@ def serve(settings: Sequence[str], host: str = "127.0.0.1", port: int = PORT) ->
     UserError
         If the configuration is wrong or has no scene, or the port is not free.
     """
-    from sldvexp.virtual_lab.lab import VirtualLab
-    from sldvexp.virtual_lab.server import LabServer
-
     made = experiment(settings)
     if made.scene is None:
         raise UserError("there is no scene to serve; choose scene=calibration or scene=plate")
@@ -75,8 +74,6 @@ def experiment(settings: Sequence[str]) -> Experiment:
     UserError
         If something is wrong with it.
     """
-    from sldvexp.config import Origins, hydra_plugin, messages, schema
-
     if not any(s.lstrip("~").startswith("experiment") for s in settings):
         settings = [EXPERIMENT, *settings]
     origins = Origins(list(settings))
@@ -94,11 +91,6 @@ def experiment(settings: Sequence[str]) -> Experiment:
 
 
 def _composed(settings: Sequence[str]) -> DictConfig:
-    from hydra import compose, initialize_config_dir
-    from hydra.errors import MissingConfigException
-
-    from sldvexp.config.paths import conf_dir
-
     with initialize_config_dir(str(conf_dir()), version_base="1.3"):
         try:
             return compose("config", overrides=list(settings))

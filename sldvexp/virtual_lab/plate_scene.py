@@ -37,8 +37,6 @@ class PlateScene(CalibrationScene):
 
     def objects(self, target: Target | None, rng: np.random.Generator) -> list[SceneObject]:
         """List the plate, and the calibration object if there is one."""
-        from sldvexp.virtual_lab.plate import VibratingPlate
-
         objects = super().objects(target, rng) if isinstance(target, Circles) else []
         return [*objects, VibratingPlate.built(self.plate)]
 

@@ -8,7 +8,6 @@ import fcntl
 import hashlib
 import json
 import os
-import sys
 from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -315,5 +314,5 @@ def test_a_system_without_locks(sldvexp, monkeypatch, system):
     if system == "without locks there":
         monkeypatch.setattr(fcntl, "flock", refused)
     else:
-        monkeypatch.setitem(sys.modules, "fcntl", None)
+        monkeypatch.setattr("sldvexp.sweep.lock.fcntl", None)
     assert sldvexp("~experiment", "target=dissertation").status == 0

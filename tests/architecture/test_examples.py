@@ -21,7 +21,7 @@ def named():
     for room in ROOMS:
         face = importlib.import_module(room)
         for name in getattr(face, "__all__", ()):
-            thing = getattr(face, name, None)
+            thing = getattr(face, name)
             if getattr(thing, "__module__", "").startswith("sldvexp."):
                 yield f"{room}.{name}", thing
 
@@ -45,7 +45,8 @@ def test_examples_are_right(name, tmp_path, monkeypatch, capsys):
     thing = NAMED[name]
     flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
     runner = doctest.DocTestRunner(optionflags=flags)
-    for test in doctest.DocTestFinder(recurse=False).find(thing, name, globs={}):
+    names = dict(vars(inspect.getmodule(thing)))
+    for test in doctest.DocTestFinder(recurse=False).find(thing, name, globs=names):
         runner.run(test)
     assert runner.failures == 0, capsys.readouterr().out
     assert runner.tries > 0

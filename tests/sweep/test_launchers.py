@@ -16,8 +16,7 @@ import xarray as xr
 from hydra.errors import MissingConfigException
 
 from sldvexp.config import Origins, messages
-from sldvexp.sweep import Sweep, leave_sign
-from sldvexp.sweep.sweep import BATCH, SIGNS, Progress, Watch
+from sldvexp.sweep.sweep import BATCH, SIGNS, Progress, Sweep, Watch, leave_sign
 
 SWEEP = ("-m", "experiment=point", "reconstruction=absolute,relative", "seed=1,-1")
 #: What is started with each launcher beside its name, and the module it comes with.

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sldvexp.config.registry import register
+from sldvexp.report import html
 from sldvexp.report.base import REPORT_FILE, Report
 
 
@@ -20,17 +21,13 @@ class Html(Report):
 
     def of_run(self, path: Path) -> Path:
         """Make the page of a run, see `Report.of_run`."""
-        from sldvexp.report.html.run_page import write
-
         with _uncollected():
-            return write(path, path.with_name(REPORT_FILE))
+            return html.run_page.write(path, path.with_name(REPORT_FILE))
 
     def of_sweep(self, path: Path, ranking: Sequence[Mapping[str, Any]]) -> Path:
         """Make the page of a sweep, see `Report.of_sweep`."""
-        from sldvexp.report.html.sweep_page import write
-
         with _uncollected():
-            return write(path, ranking, path.with_name(REPORT_FILE))
+            return html.sweep_page.write(path, ranking, path.with_name(REPORT_FILE))
 
 
 @contextmanager

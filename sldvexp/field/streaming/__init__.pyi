@@ -1,0 +1,2 @@
+from .compression import compress as compress
+from .streamed import stream_field as stream_field
