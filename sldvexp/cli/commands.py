@@ -17,8 +17,7 @@ import yaml
 from hydra.core.override_parser.types import Quote, QuotedString
 
 from sldvexp import cli, config
-from sldvexp.config.conf_files import displayed
-from sldvexp.config.paths import RUN_FILE
+from sldvexp.config.paths import RUN_FILE, displayed
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import read_text
 

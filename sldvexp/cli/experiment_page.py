@@ -10,10 +10,9 @@ from omegaconf import DictConfig
 
 from sldvexp.cli.list import WIDTH
 from sldvexp.config import Origins, docs
-from sldvexp.config.conf_files import displayed
 from sldvexp.config.docs import as_yaml
 from sldvexp.config.experiment import SINGLE_GROUPS
-from sldvexp.config.paths import conf_dir
+from sldvexp.config.paths import conf_dir, displayed
 from sldvexp.config.sources import ConfigLayer
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from sldvexp.config import conf_files, docs, registry
+from sldvexp.config import docs, paths, registry
 from sldvexp.config.paths import conf_dir
 from sldvexp.errors import UserError, nearest
 
@@ -65,7 +65,7 @@ def _entries(group: str, folders: list[Path]) -> Iterator[tuple[str, str, str]]:
     if group == EXPERIMENT:
         yield from ((name, docs.of_file(file), "") for name, file in found.items())
         return
-    bases = {name: conf_files.choices(f).get(f.parent.name, []) for name, f in found.items()}
+    bases = {name: paths.choices(f).get(f.parent.name, []) for name, f in found.items()}
     for name in registry.names(group):
         own = name in registry.BUILT_IN[group]
         yield name, docs.of_choice(group, name), "" if own else origin(registry.get(group, name))

@@ -25,7 +25,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 
 from sldvexp import cli, config, pipeline, sweep
 from sldvexp.cli import commands
-from sldvexp.config import cached_loader, hydra_plugin, registry, schema
+from sldvexp.config import registry
 from sldvexp.config.paths import RUN_FILE, conf_dir
 from sldvexp.errors import UserError
 from sldvexp.lazy import metadata
@@ -103,7 +103,7 @@ class Command:
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
 
-        hydra_plugin.install()
+        config.hydra_plugin.install()
         sweep.plan.register_resolver()
 
     def run(self) -> int:
@@ -118,12 +118,12 @@ class Command:
             options = self._options()
             if options.help:
                 return self._help(options)
-            hydra_plugin.install()
+            config.hydra_plugin.install()
             if options.shell_completion and any(o.startswith("query=") for o in options.overrides):
                 return self._complete()
             if commands.named(options):
                 return self._command(options)
-            with cached_loader.remembering(self._before_run):
+            with config.cached_loader.remembering(self._before_run):
                 try:
                     self._compose_and_run(options)
                 except MissingConfigException:
@@ -209,7 +209,7 @@ class Command:
         with open_dict(task):
             del task["hydra"]
         try:
-            experiment = schema.build(task)
+            experiment = config.schema.build(task)
         except Exception as error:
             if config.messages.sentence(error, config.Origins(self.arguments)) is None:
                 self.defect = error

@@ -12,7 +12,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from sldvexp.cli.list import WIDTH, origin
 from sldvexp.config import docs, registry
-from sldvexp.config.conf_files import displayed
+from sldvexp.config.paths import displayed
 from sldvexp.errors import UserError, nearest
 
 

@@ -1,4 +1,4 @@
-"""Gives the schemas of registered plugins to Hydra, each when it is asked for.
+"""Gives the root's schema to Hydra, and those of registered plugins, each when it is asked for.
 
 Hydra's ConfigStore would need every plugin imported before anything is composed, which takes as
 long as all the rest of the command's start.
@@ -9,15 +9,27 @@ from __future__ import annotations
 import builtins
 
 from hydra.core.config_search_path import ConfigSearchPath, SearchPathQuery
+from hydra.core.config_store import ConfigStore
 from hydra.core.object_type import ObjectType
 from hydra.core.plugins import Plugins
 from hydra.plugins.config_source import ConfigResult, ConfigSource
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 
 from sldvexp.config import registry
+from sldvexp.config.experiment import FIELDS, SINGLE_GROUPS, Experiment
 from sldvexp.config.paths import conf_dir
 
 SCHEMA = "schema"
+
+ConfigStore.instance().store(
+    name="experiment_schema", node=registry.schema_of(Experiment), provider="sldvexp"
+)
+#: Every group of which one plugin is chosen, with what is chosen where nothing else is said.
+ConfigStore.instance().store(
+    name="experiment_groups",
+    node={"defaults": [{name: FIELDS[name].chosen} for name in SINGLE_GROUPS]},
+    provider="sldvexp",
+)
 
 
 class PluginSource(ConfigSource):

@@ -7,12 +7,18 @@ from dataclasses import is_dataclass
 from pathlib import Path
 
 from hydra.errors import HydraException, MissingConfigException
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import (
+    ConfigAttributeError,
+    ConfigKeyError,
+    KeyValidationError,
+    OmegaConfBaseException,
+    ValidationError,
+)
 from yaml import MarkedYAMLError
 
 from sldvexp.config import registry
-from sldvexp.config.conf_files import displayed, wrong
 from sldvexp.config.experiment import NAMED_GROUPS, SINGLE_GROUPS
+from sldvexp.config.paths import displayed, wrong
 from sldvexp.config.refusals import refusal
 from sldvexp.config.sources import COMMAND_LINE, Origins
 from sldvexp.errors import ConfigError, UserError, nearest
@@ -20,8 +26,8 @@ from sldvexp.files import FULL
 
 #: What Hydra says about an argument, and what a user is told; the pattern's groups fill it.
 ARGUMENTS = (
-    (r"Could not delete from config\. '(.*)' does not exist\.", "~{0} deletes what is not there"),
-    (r"Could not delete '(.*?)'\. No match in the defaults list", "~{0} deletes what is not there"),
+    (r"Could not delete (?:from config\. )?'(.*?)'(?: does not exist)?\. ?(?:No match|$)",
+     "~{0} deletes what is not there"),
     (r"Could not delete from config\. The value of '(.*)' is (.*) and not (.*)\.",
      "~{0}={2} deletes another value than the one that is there, {1}"),
     (r"Could not append to config\. An item is already at '(.*)'\.",
@@ -68,12 +74,6 @@ LAUNCHERS = {
 
 #: Packages that raise errors of their own when a process that did runs for them is lost.
 OF_LAUNCHERS = ("joblib", "submitit", "ray")
-
-#: Entries with numbers for names, and new ones whose settings have types, have no dotted paths.
-UNREACHABLE = (
-    r"Key \d+ \(str\) is incompatible with \(int\)|"
-    r"Invalid type assigned: dict is not a subclass of \w+\. value: \{\}"
-)
 
 
 def sentence(error: BaseException, origins: Origins) -> str | None:
@@ -191,7 +191,9 @@ def _refused(text: str, cause: OmegaConfBaseException, origins: Origins) -> str:
     argument = re.match(r"Error merging override [+~]*([^=]*)=?(.*)", text)
     name, value = argument.groups() if argument else (key, "")
     entry = key.split(".")[-1]
-    if re.match(UNREACHABLE, str(cause)) and f".{entry}" in name:
+    # Entries with numbers for names, and new ones whose settings have types, have no dotted paths.
+    new = isinstance(cause, ValidationError) and cause.parent_node is None
+    if (new or isinstance(cause, KeyValidationError)) and f".{entry}" in name:
         table, _, leaf = name.partition(f".{entry}")
         inner = f"{{{leaf[1:]}: {value}}}" if leaf else value
         return (
@@ -201,7 +203,8 @@ def _refused(text: str, cause: OmegaConfBaseException, origins: Origins) -> str:
     if not (key.startswith(name) or name.startswith(key)):
         key = name  # below what a + adds, OmegaConf forgets where it is
     group, *below = key.split(".")
-    if group in SINGLE_GROUPS and len(below) == 1 and "is not in struct" in str(cause):
+    unknown = isinstance(cause, ConfigKeyError | ConfigAttributeError)
+    if group in SINGLE_GROUPS and len(below) == 1 and unknown and cause.object_type is dict:
         return (
             f"{COMMAND_LINE}: {key} belongs to no plugin; choose one with {group}=...; "
             f"{nearest('', origins.options_of(group))}"

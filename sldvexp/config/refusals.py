@@ -2,35 +2,39 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from dataclasses import fields, is_dataclass
+from enum import Enum
 from typing import Any
 
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf import Node, OmegaConf
+from omegaconf.errors import (
+    ConfigAttributeError,
+    ConfigKeyError,
+    ConfigTypeError,
+    KeyValidationError,
+    OmegaConfBaseException,
+    ValidationError,
+)
 
 from sldvexp.errors import nearest
 
 #: What is said of a key that `names_code`.
 NO_CODE = "is refused: a configuration names plugins and cannot name code"
 
-#: What OmegaConf says, and what a user is told; the pattern's groups fill the sentence.
+#: What a setting of each type must be.
+MUST = {
+    bool: "must be true or false, not {0}",
+    float: "must be a number, not {0}",
+    int: "must be a whole number, not {0}",
+    str: "must be text, not {0}",
+}
+
+#: What OmegaConf tells in words only, and what a user is told; the pattern's groups fill it.
 WORDS = (
-    (r"Value '([-+]?)\.inf' .*", "must be a number; infinity is written {0}inf here"),
-    (r"Value '(.*)' of type '\w+' could not be converted to Float", "must be a number, not {0}"),
-    (r"Value '(.*)' of type '\w+' could not be converted to Integer",
-     "must be a whole number, not {0}"),
-    (r"Value '(.*)' is not a valid bool.*", "must be true or false, not {0}"),
-    (r"Cannot convert '\w+' to string: '(.*)'", "must be text, not {0}"),
-    (r"field '.*' is not Optional|Incompatible value 'None' .*|.* value: None",
-     "must have a value, not null"),
-    (r"Invalid value assigned: (\w+) is not a ListConfig, list or tuple\.",
-     "must be a list, as in [a, b]"),
-    (r"Key '?(.*?)'? \(\w+\) is incompatible with \(int\)",
-     "has a name where the others have numbers"),
     (r"Merge error: \w+ is not a subclass of \w+\. value: (.*)",
      "has an entry {0} that must be a table, as in {{name: value}}"),
-    (r"\w+(?: \(DictConfig\))? does not support deletion", "cannot be deleted, only changed"),
     (r"Interpolation key '(.*)' not found", "refers to ${{{0}}}, but there is no {0}"),
     (r"Unsupported interpolation type (.*)",
      "refers to ${{{0}:...}}, but there is no resolver {0}"),
@@ -48,17 +52,38 @@ def names_code(key: str) -> bool:
 def refusal(error: OmegaConfBaseException) -> str:
     """Say what is wrong with the key or value of an error, as the rest of a sentence."""
     text = str(error.msg or error).splitlines()[0]
-    text = re.sub(r"^While dereferencing interpolation '.*?': ", "", text)
-    if re.fullmatch(r"Key '.*' (not in '\w+'|is not in struct)", text):
-        return _unknown_key(error)
-    if match := re.fullmatch(r"Invalid value '(.*)', expected one of \[(.*)\]", text):
-        return f"cannot be {match[1]}; {nearest(match[1], match[2].split(', '))}"
     for pattern, words in WORDS:
         if match := re.fullmatch(pattern, text):
             return words.format(*match.groups())
-    if re.match(r"Cannot (merge|assign)|Invalid type assigned", text):
+    if isinstance(error, ConfigKeyError | ConfigAttributeError):
+        return _unknown_key(error)
+    if isinstance(error, KeyValidationError):
+        numbered = error.parent_node._metadata.key_type is int
+        wrong, right = ("name", "numbers") if numbered else ("number", "names")
+        return f"has a {wrong} where the others have {right}"
+    if isinstance(error, ValidationError) and error.parent_node is not None:
+        return _wrong_value(error)
+    if isinstance(error, ConfigTypeError) and error.key is not None:
+        return "cannot be deleted, only changed"
+    if text.startswith("Cannot merge"):
         return _wrong_shape(error)
     return f"is refused: {text}"
+
+
+def _wrong_value(error: ValidationError) -> str:
+    """Say that a value is not of the type of its place."""
+    value, place = error.value, error.child_node
+    if value is None or (isinstance(value, Node) and value._is_none()):
+        return "must have a value, not null"
+    table = error.parent_node
+    kind = table._metadata.element_type if place is None else place._metadata.ref_type
+    if kind is float and re.fullmatch(r"[-+]?\.inf", str(value)):
+        return f"must be a number; infinity is written {value.replace('.', '')} here"
+    if kind in MUST:
+        return MUST[kind].format(value)
+    if inspect.isclass(kind) and issubclass(kind, Enum):
+        return f"cannot be {value}; {nearest(str(value), kind.__members__)}"
+    return _wrong_shape(error)
 
 
 def _unknown_key(error: OmegaConfBaseException) -> str:

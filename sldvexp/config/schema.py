@@ -10,24 +10,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
-from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sldvexp.config import registry
-from sldvexp.config.experiment import ENTRIES_OF, FIELDS, NAMED_GROUPS, SINGLE_GROUPS, Experiment
+from sldvexp.config.experiment import ENTRIES_OF, NAMED_GROUPS, SINGLE_GROUPS, Experiment
 from sldvexp.config.refusals import NO_CODE, names_code, refusal
 from sldvexp.errors import Checks, ConfigError, Problem, UserError, nearest
-
-ConfigStore.instance().store(
-    name="experiment_schema", node=registry.schema_of(Experiment), provider="sldvexp"
-)
-#: Every group of which one plugin is chosen, with what is chosen where nothing else is said.
-ConfigStore.instance().store(
-    name="experiment_groups",
-    node={"defaults": [{name: FIELDS[name].chosen} for name in SINGLE_GROUPS]},
-    provider="sldvexp",
-)
 
 
 def build(config: DictConfig) -> Experiment:

@@ -19,9 +19,8 @@ from hydra.errors import HydraException
 from hydra.types import RunMode
 from omegaconf import MISSING, DictConfig, OmegaConf
 
-from sldvexp.config import conf_files, registry
-from sldvexp.config.conf_files import displayed
-from sldvexp.config.paths import conf_dir
+from sldvexp.config import paths, registry
+from sldvexp.config.paths import conf_dir, displayed
 
 COMMAND_LINE = "command line"
 NOTHING = object()
@@ -171,9 +170,9 @@ class Origins:
         """
         for choice in (o for o in self.choices if o.key_or_group == group):
             swept = choice.sweep_string_iterator() if choice.is_sweep_override() else []
-            if name in [*swept, *conf_files.names(choice.value())]:
+            if name in [*swept, *paths.names(choice.value())]:
                 return COMMAND_LINE
-        choosing = [f for f in self.files if name in conf_files.choices(f).get(group, [])]
+        choosing = [f for f in self.files if name in paths.choices(f).get(group, [])]
         return displayed(choosing[0]) if len(choosing) == 1 else ""
 
     def shown(self, path: str) -> str:
@@ -202,7 +201,7 @@ class Origins:
         added = [self.options.config_dir] if self.options.config_dir else []
         for override in map(_read, self.settings):
             if override and override.key_or_group == "hydra.searchpath":
-                added += conf_files.names(override.value())
+                added += paths.names(override.value())
         return [a.removeprefix("file://") for a in added if "://" not in a.removeprefix("file://")]
 
     @cached_property

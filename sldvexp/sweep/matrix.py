@@ -13,7 +13,7 @@ import yaml
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from sldvexp.config.conf_files import displayed
+from sldvexp.config.paths import displayed
 from sldvexp.config.refusals import refusal
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import read_text

@@ -11,7 +11,7 @@ from hydra._internal.utils import create_config_search_path
 from hydra.types import RunMode
 from omegaconf import Container, OmegaConf
 
-from sldvexp.config import hydra_plugin, schema  # noqa: F401 (the root schema registers itself)
+from sldvexp.config import hydra_plugin
 from sldvexp.config.cached_loader import RememberingLoader, _copies
 from sldvexp.config.paths import conf_dir
 

@@ -1,0 +1,41 @@
+"""A refused value is told by the type of its place, wherever the place is."""
+
+from __future__ import annotations
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("setting", "told"),
+    {
+        "laser.board=[1]": "laser.board cannot be [1]; Valid: bits_12_sign, bits_16",
+        "laser.up_down.polynomial=[1,b]": "laser.up_down.polynomial[1] must be a number, not b",
+        "volume.size=[null,1]": "volume.size[0] must have a value, not null",
+        "laser.up_down.polynomial={a:1}": "laser.up_down.polynomial must be a list, as in [a, b]",
+        "pose.adjust={mirror_offset:null}": "pose.adjust.mirror_offset must have a value, not null",
+        "expect.x={at_most:{5:1}}": "expect.x.at_most.5 has a number where the others have names",
+        "overwrite=maybe": "overwrite must be true or false, not maybe",
+        "sweep.rank={a:1}": "sweep.rank must be text, not {'a': 1}",
+        "seed=${laser.board}": "seed must be a whole number, not Board.bits_12_sign",
+        "sweep.retry=x": "sweep.retry cannot be x; Valid: all, failed, missing, unfinished",
+        "~laser.up_down.gain": "laser.up_down.gain cannot be deleted, only changed",
+        "~pose.nope": "~pose.nope deletes what is not there",
+    }.items(),
+)
+def test_refused_value(sldvexp, setting, told):
+    done = sldvexp("experiment=pose", "volume=grid", setting)
+    assert (done.status, done.err) == (1, f"sldvexp: command line: {told}\n")
+
+
+@pytest.mark.parametrize(
+    ("entries", "told"),
+    {
+        "{a:{x:0,y:0}}": ".a has a name where the others have numbers",
+        "{1:5}": " has an entry 5 that must be a table, as in {name: value}",
+        "{1:null}": ".1 must have a value, not null",
+        "{1:{x:b}}": ".1.x must be a number, not b",
+    }.items(),
+)
+def test_refused_entry(sldvexp, entries, told):
+    done = sldvexp("~experiment", "target=fiducials", f"target.fiducials={entries}")
+    assert (done.status, done.err) == (1, f"sldvexp: command line: target.fiducials{told}\n")
