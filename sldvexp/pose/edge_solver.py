@@ -273,10 +273,8 @@ def solve_edges(
     circles = 1 + max(int(p.circle.max()) for p in points)
     _check_enough(points, adjust, names)
     none = np.zeros((circles, ERRORS))
-    if not starts:
-        starts = [
-            _start_from_centers(p, n, mirror_offset) for p, n in zip(points, names, strict=True)
-        ]
+    named_points = zip(points, names, strict=True)
+    starts = starts or [_start_from_centers(p, n, mirror_offset) for p, n in named_points]
     terms = [
         EdgeView.at_start(p, EdgeScene(*start, 0.0, nominal, none), adjust, common)
         for p, start in zip(points, starts, strict=True)
