@@ -43,7 +43,6 @@ def unit_named(kind: type[Unit], name: str, where: str) -> Unit:
 
     Parameters
     ----------
-    kind : LengthUnit or AngleUnit
     where : str
         What stated it, for the message.
 

@@ -80,7 +80,6 @@ class SweepSettings:
     rank : str
         Result that runs are ranked by, as in ``field.residual_std``; the smallest is the best, but
         the largest ``rcond``, ``efficiency``, ``passed``, ``covered`` and ``coverage``.
-    retry : Retry
     """
 
     rank: str = ""
@@ -95,7 +94,6 @@ class Experiment:
     ----------
     seed : int
         Seed of the run's one random generator.
-    target, laser, scene, scan, instrument, signal : plugin
     pose, volume, reconstruction, solver, stream : plugin
         A stage without a plugin is left out.
     compare_scan : dict of str to scan
@@ -125,7 +123,7 @@ class Experiment:
         "scene",
         {
             "calibration": "sldvexp.virtual_lab.calibration_scene",
-            "plate": "sldvexp.virtual_lab.plate_scene",
+            "plate": "sldvexp.virtual_lab.plate",
         },
     )
     scan: Any = one_of(

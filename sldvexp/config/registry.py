@@ -48,7 +48,6 @@ class Package:
 
     Parameters
     ----------
-    name, version : str
     conf : Path or None
         Its folder of configuration files, ``conf`` beside the module that registers the plugins.
     """

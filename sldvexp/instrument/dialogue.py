@@ -42,7 +42,6 @@ class Dialogue:
 
     Parameters
     ----------
-    profile : Profile
     connect : callable
         Opens the line to the device of that name.
     timeout : float, s

@@ -24,7 +24,6 @@ class Mark:
 
     Parameters
     ----------
-    number : int
     position : ndarray, shape (3,), m
         As measured.
     std : ndarray, shape (3,), m

@@ -85,7 +85,6 @@ class Recording:
     ----------
     folder : Path
         Of the run.
-    view : str
     """
 
     def __init__(self, folder: Path, view: str) -> None:

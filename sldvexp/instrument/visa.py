@@ -1,24 +1,40 @@
-"""`instrument=visa`: boards and instruments that PyVISA reaches, as a command profile says."""
+"""`instrument=visa`: an instrument that is spoken to as a profile says.
+
+The profile, a file of ``conf/profile/``, has the commands of each step and what is answered;
+`CommandedInstrument` goes through them and is the `Instrument` that the session knows.
+"""
 
 from __future__ import annotations
 
 import importlib.util
 import logging
+import time
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from omegaconf import MISSING
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError, nearest
-from sldvexp.instrument.command_instrument import CommandedInstrument
-from sldvexp.instrument.connection import Line, VisaLine
+from sldvexp.instrument.connection import DisturbanceError, Line, VisaLine
+from sldvexp.instrument.dialogue import Dialogue, Persistence, block_size, decoded
 from sldvexp.instrument.profile import Profile
 from sldvexp.instrument.profile_file import load_profile, profile_path
-from sldvexp.instrument.protocol import Instrument, ScanningPlugin
+from sldvexp.instrument.protocol import (
+    CHANNELS,
+    Acquisition,
+    Instrument,
+    InstrumentError,
+    RawSamples,
+    ScanningPlugin,
+    Status,
+)
 from sldvexp.laser import TwoMirror
 from sldvexp.targets import Target
+from sldvexp.typing import IntArray
 
 #: PyVISA's backends: in Python, and the VISA that a maker of interfaces has installed.
 BACKENDS = ("@py", "@ivi")
@@ -104,3 +120,255 @@ class Visa(ScanningPlugin):
     def _line(self, device: str) -> Line:
         named = self.resource[device] if isinstance(self.resource, dict) else self.resource
         return VisaLine(named, self.backend, self.timeout)
+
+
+log = logging.getLogger(__name__)
+#: How far a rate may be from a whole number of microseconds between samples, relative.
+WHOLE = 1e-9
+#: All bits that a pixel's status may have.
+KNOWN = np.uint8(Status.dropped_out | Status.over_range)
+
+
+class CommandedInstrument:
+    """A scanning vibrometer that speaks as a profile says.
+
+    After a time-out, a lost connection or garbage, the connection is made again, the instrument
+    is brought back to where it was, and the interrupted step is repeated as a whole.
+
+    Parameters
+    ----------
+    connect : callable
+        Opens the line to the device of that name.
+    timeout : float, s
+        How long an answer may take, besides the time that sampling takes.
+    retries : int
+        How often a step is repeated.
+    view : str
+        Where to stand, if the profile can go there; empty stays.
+    """
+
+    def __init__(
+        self,
+        profile: Profile,
+        connect: Callable[[str], Line],
+        timeout: float,
+        retries: int,
+        view: str = "",
+    ) -> None:
+        self.profile = profile
+        self._view = view
+        self._persistently = Persistence(
+            lambda: Dialogue(profile, connect, timeout), self._restore, retries
+        )
+        self._acquisition: Acquisition | None = None
+        self._position: tuple[int, int] | None = None
+        self._rate = 0.0
+        self._scale: list[float] = []
+
+    def __enter__(self) -> CommandedInstrument:
+        self._persistently("connecting", lambda dialogue: None)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        error = exception[1]
+        # Nothing that might be refused on the way: going home must not depend on it.
+        self._acquisition, self._position, self._view = None, None, ""
+        try:
+            self._persistently("going home", self._go_home)
+        except InstrumentError as left:
+            what = f"the mirrors may not be home and the generator may be on: {left}"
+            if error is None:
+                raise InstrumentError(what) from left
+            if isinstance(error, InstrumentError):
+                raise InstrumentError(f"{error}; {what}") from error
+            log.error(what)
+        finally:
+            self._persistently.hang_up()
+
+    def configure(self, acquisition: Acquisition) -> None:
+        """Set sampling and generator for all pixels that follow."""
+        numbers = (acquisition.rate, acquisition.amplitude, *acquisition.excitation)
+        if not (np.isfinite(numbers).all() and acquisition.rate > 0 and acquisition.samples > 0):
+            raise InstrumentError(
+                f"configuring: rate and samples must be positive numbers, not {acquisition}"
+            )
+        self._acquisition = acquisition
+        if acquisition.excitation and not self.profile.commands.generator_on:
+            tones = ", ".join(f"{f:g}" for f in acquisition.excitation)
+            log.warning(
+                "the generator is set by hand: %s Hz with %g V", tones, acquisition.amplitude
+            )
+        self._persistently("configuring", self._configure)
+
+    def move(self, dac: Sequence[int]) -> None:
+        """Point the beam at (up_down, left_right) in DAC steps."""
+        self._position = (int(dac[0]), int(dac[1]))
+        self._persistently("moving", self._move)
+
+    def acquire(self) -> RawSamples:
+        """Sample one pixel where the beam stands."""
+        return self._persistently("sampling", self._acquire)
+
+    def scan(self, dac: IntArray, stream: int | None = None) -> RawSamples:
+        """Move to and sample a list of pixels.
+
+        Parameters
+        ----------
+        dac : ndarray of int, shape (pixel, 2)
+        stream : int, optional
+            Number of the scan line, for an instrument that is a simulation.
+
+        Raises
+        ------
+        InstrumentError
+            If the instrument refuses, or is disturbed more often than steps are repeated.
+        """
+        steps = [(int(up_down), int(left_right)) for up_down, left_right in dac]
+        if not steps:
+            return self._samples(b"", b"", 0)
+        listed = bool(self.profile.commands.scan)
+        found = self._persistently(
+            f"scanning {len(steps)} pixels",
+            lambda dialogue: (self._scan_list if listed else self._scan_pixels)(
+                dialogue, steps, stream
+            ),
+        )
+        self._position = steps[-1]
+        return found
+
+    def _restore(self, dialogue: Dialogue) -> None:
+        """Bring the instrument to where the program believes it is."""
+        commands = self.profile.commands
+        dialogue.run(commands.setup)
+        if self._view:
+            self._go_to_view(dialogue)
+        if self._acquisition is not None:
+            self._configure(dialogue)
+        if self._position is not None:
+            self._move(dialogue)
+
+    def _go_to_view(self, dialogue: Dialogue) -> None:
+        """Go to the view, whose name the configuration and the instrument must share."""
+        try:
+            dialogue.run(self.profile.commands.view, {"view": self._view})
+        except DisturbanceError:
+            raise
+        except InstrumentError as error:
+            raise InstrumentError(
+                f"{error}; scan.views calls a view {self._view}: call it as the instrument does"
+            ) from error
+
+    def _configure(self, dialogue: Dialogue) -> None:
+        a, data, commands = self._acquisition, self.profile.data, self.profile.commands
+        assert a is not None
+        values = {
+            "rate": a.rate,
+            "interval": 1.0 / a.rate,
+            "interval_us": self._microseconds(a.rate),
+            "samples": a.samples,
+            "frequencies": ",".join(map(str, a.excitation)),
+            "amplitude": a.amplitude,
+        }
+        dialogue.run(commands.configure, values)
+        dialogue.run(commands.generator_on if a.excitation else commands.generator_off, values)
+        self._rate = a.rate
+        if data.rate:
+            (self._rate,) = dialogue.numbers(data.device, data.rate, 1)
+        in_block = [data.volts_per_count.get(channel, 0.0) for channel in data.channels]
+        if data.scale:
+            in_block = dialogue.numbers(data.device, data.scale, len(CHANNELS))
+        self._scale = [in_block[data.channels.index(channel)] for channel in CHANNELS]
+        dialogue.verify(playing=bool(a.excitation))
+
+    def _microseconds(self, rate: float) -> int:
+        """Count whole microseconds between samples, for a device that counts them."""
+        exact = 1e6 / rate
+        whole = max(1, round(exact))
+        texts = [t for ts in self.profile.commands.configure.values() for t in ts]
+        if abs(whole - exact) > WHOLE * exact and any("{interval_us" in t for t in texts):
+            raise InstrumentError(
+                f"{rate:.10g} samples a second are not a whole number of microseconds apart, as "
+                f"this instrument needs; the nearest rate that is so is {1e6 / whole:.10g}"
+            )
+        return whole
+
+    def _move(self, dialogue: Dialogue) -> None:
+        assert self._position is not None
+        up_down, left_right = self._position
+        dialogue.run(self.profile.commands.move, {"up_down": up_down, "left_right": left_right})
+
+    def _acquire(self, dialogue: Dialogue) -> RawSamples:
+        samples = self._configured().samples
+        time.sleep(self.profile.settle)
+        patience = self._duration(1)
+        dialogue.run(self.profile.commands.acquire, {"samples": samples}, patience)
+        return self._fetch(dialogue, 1)
+
+    def _scan_list(
+        self, dialogue: Dialogue, steps: list[tuple[int, int]], stream: int | None
+    ) -> RawSamples:
+        """Scan a list that the instrument goes through by itself."""
+        commands, samples = self.profile.commands, self._configured().samples
+        if stream is not None:
+            dialogue.run(commands.stream, {"stream": stream})
+        positions = ",".join(f"{up_down},{left_right}" for up_down, left_right in steps)
+        values = {"positions": positions, "pixels": len(steps), "samples": samples}
+        dialogue.run(commands.scan, values, self._duration(len(steps)))
+        found = self._fetch(dialogue, len(steps))
+        dialogue.verify(playing=bool(self._configured().excitation))
+        return found
+
+    def _scan_pixels(
+        self, dialogue: Dialogue, steps: list[tuple[int, int]], stream: int | None
+    ) -> RawSamples:
+        """Scan a list that the program goes through."""
+        if stream is not None:
+            dialogue.run(self.profile.commands.stream, {"stream": stream})
+        found = []
+        for self._position in steps:
+            self._move(dialogue)
+            found.append(self._acquire(dialogue))
+        dialogue.verify(playing=bool(self._configured().excitation))
+        counts = np.concatenate([s.counts for s in found])
+        status = np.concatenate([s.status for s in found])
+        return RawSamples(counts, found[0].volts_per_count, self._rate, status)
+
+    def _fetch(self, dialogue: Dialogue, pixels: int) -> RawSamples:
+        """Fetch the samples of the last pixels."""
+        data, patience = self.profile.data, self._duration(pixels)
+        size = block_size(data, pixels, self._configured().samples)
+        block = dialogue.block(data.ask, size, patience)
+        status = dialogue.block(data.status, pixels) if data.status else b""
+        dialogue.require_no_error(data.device, data.ask or "sending its samples")
+        return self._samples(block, status, pixels)
+
+    def _samples(self, block: bytes, status: bytes, pixels: int) -> RawSamples:
+        shape = (pixels, self._configured().samples)
+        found = decoded(self.profile.data, block, status, shape, self._scale, self._rate)
+        nonsense = np.flatnonzero(found.status & ~KNOWN)
+        if len(nonsense):
+            raise DisturbanceError(f"the status of pixel {nonsense[0]} is nonsense")
+        return found
+
+    def _duration(self, pixels: int) -> float:
+        """Say how long sampling takes, s."""
+        a = self._configured()
+        return pixels * (a.samples / a.rate + self.profile.settle)
+
+    def _configured(self) -> Acquisition:
+        if self._acquisition is None:
+            raise InstrumentError("the instrument was not configured; call configure first")
+        return self._acquisition
+
+    def _go_home(self, dialogue: Dialogue) -> None:
+        """Switch the generator off and send the mirrors home, each also if the other is refused."""
+        refused: list[str] = []
+        for commands in (self.profile.commands.generator_off, self.profile.commands.home):
+            try:
+                dialogue.run(commands)
+            except DisturbanceError:
+                raise
+            except InstrumentError as error:
+                refused.append(str(error))
+        if refused:
+            raise InstrumentError("; ".join(refused))

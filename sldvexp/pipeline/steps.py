@@ -36,10 +36,6 @@ class Run:
 
     Parameters
     ----------
-    experiment : Experiment
-    rng : Generator
-    folder : Path
-    operator : Operator
     tree : dict of str to Dataset
         Groups by their path.
     inputs : list of str
@@ -236,7 +232,7 @@ def _truth(run: Run) -> None:
     e = run.experiment
     field = run.tree["field"]
     images = [part for part in e.scan.parts(e.scan.view_names()[0]) if part.kind == "image"]
-    run.tree["truth"] = virtual_lab.plate_scene.truth_to_dataset(
+    run.tree["truth"] = virtual_lab.plate.truth_to_dataset(
         e.scene, field["position"].values, field["frequency"].values, images[0].sampling.amplitude
     )
 
@@ -281,7 +277,6 @@ class Step:
 
     Parameters
     ----------
-    name : str
     needed : callable
         Whether an experiment has it.
     work : callable

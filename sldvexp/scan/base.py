@@ -25,7 +25,6 @@ class Sampling:
     Parameters
     ----------
     rate : float, Hz
-    samples : int
     frequency : list of float, Hz
         Of the excitation.
     amplitude : float, V

@@ -22,7 +22,6 @@ class Spots:
 
     Parameters
     ----------
-    dac : list of pairs
     path : str
         A file of them (`Scan6pt`), instead.
     """
@@ -40,7 +39,6 @@ class ByDigitizer(PersonPart):
 
     Parameters
     ----------
-    views : dict of str to Spots
     samples : int
         How often every spot is digitised; their mean counts (Section 4.6.3).
     unit : LengthUnit

@@ -23,7 +23,6 @@ class PixelSequence:
 
     Parameters
     ----------
-    dac : list of pairs
     path : str
         A legacy file of them (`ScanList`), instead.
     """
@@ -35,13 +34,7 @@ class PixelSequence:
 @register("scan", "list")
 @dataclass
 class PixelList(ImageScan):
-    """A list of pixels for each view.
-
-    Parameters
-    ----------
-    views : dict of str to PixelSequence
-    sampling : Sampling
-    """
+    """A list of pixels for each view."""
 
     views: dict[str, PixelSequence] = field(default_factory=dict)
     sampling: Sampling = field(default_factory=Sampling)

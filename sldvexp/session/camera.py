@@ -66,7 +66,6 @@ class Camera:
     arrive : callable
         Opens the instrument in this view. Called when it is needed for the first time; a view
         that is in the journal as a whole needs none.
-    signal : SignalEstimator
     journal : Journal
         Of this view.
     """

@@ -69,7 +69,6 @@ class Matrix:
         What all combinations have in common.
     expect : dict of str to Expectation
         Of all combinations that must work.
-    rules : list of Rule
     """
 
     axes: dict[str, Any] = field(default_factory=dict)

@@ -15,7 +15,8 @@ from sldvexp.errors import UserError, nearest
 from sldvexp.files import whole_or_nothing
 from sldvexp.lazy import xarray as xr
 from sldvexp.report import LARGEST, first, fitted, number
-from sldvexp.sweep import headlines
+from sldvexp.sweep import collect
+from sldvexp.sweep.collect import FOLDER
 
 #: What runs are ranked by unless the user says: the first of these that they have.
 PREFERRED = (
@@ -36,8 +37,6 @@ FIELD_COLUMNS = {
 }
 #: Of every run, besides its results.
 ABOUT = ("state", "reason", "seconds")
-#: Coordinate of every run: its folder, in a file from there.
-FOLDER = "folder"
 
 
 def ranked_by(table: xr.Dataset, wanted: str = "") -> str:
@@ -67,8 +66,8 @@ def rows(table: xr.Dataset, keys: Sequence[str], by: str) -> list[dict[str, Any]
     for cell in cells(table, keys):
         row: dict[str, Any] = {k: cell[k].item() for k in keys}
         row |= {name: cell[name].item() for name in (*ABOUT, FOLDER) if name in cell.variables}
-        row[by] = headlines.number(cell[by]) if by else float("nan")
-        row |= {n: headlines.number(cell[n]) for n, _ in FIELD_COLUMNS.values() if n in cell}
+        row[by] = collect.headline_number(cell[by]) if by else float("nan")
+        row |= {n: collect.headline_number(cell[n]) for n, _ in FIELD_COLUMNS.values() if n in cell}
         found.append(row)
     sign = -1 if first(by) == LARGEST else 1
     return sorted(found, key=lambda row: (np.isnan(row[by]), sign * row[by]))

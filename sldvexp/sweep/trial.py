@@ -50,10 +50,8 @@ class Trials:
 
     Parameters
     ----------
-    cells : sequence of Cell
     arguments : list of str
         Options of the command line that say which configuration is meant.
-    folder : Path
     """
 
     def __init__(self, cells: Sequence[Cell], arguments: list[str], folder: Path):

@@ -27,7 +27,6 @@ class Slow(Fault):
     ----------
     delay : float, s
         Before each part.
-    parts : int
     """
 
     delay: float = 0.1
@@ -43,12 +42,7 @@ class Slow(Fault):
 
 @dataclass
 class Garbage(Fault):
-    """Random bytes in place of the answer, as many.
-
-    Parameters
-    ----------
-    seed : int
-    """
+    """Random bytes in place of the answer, as many."""
 
     seed: int = 0
 
@@ -59,12 +53,7 @@ class Garbage(Fault):
 
 @dataclass
 class Instead(Fault):
-    """A text in place of the answer, such as ``nan``.
-
-    Parameters
-    ----------
-    text : str
-    """
+    """A text in place of the answer, such as ``nan``."""
 
     text: str = "nan"
 
@@ -75,12 +64,7 @@ class Instead(Fault):
 
 @dataclass
 class Cut(Fault):
-    """Bytes are missing at the end of the answer.
-
-    Parameters
-    ----------
-    missing : int
-    """
+    """Bytes are missing at the end of the answer."""
 
     missing: int = 100
 
@@ -148,13 +132,7 @@ class ServerDies(Fault):
 
 @dataclass
 class Refusal(Fault):
-    """An entry in the queue of errors.
-
-    Parameters
-    ----------
-    code : int
-    text : str
-    """
+    """An entry in the queue of errors."""
 
     code: int = -240
     text: str = "Hardware error"

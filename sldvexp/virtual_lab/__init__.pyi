@@ -1,4 +1,4 @@
-from . import plate_scene as plate_scene
+from . import plate as plate
 from .beam import Beams as Beams
 from .beam import SceneObject as SceneObject
 from .lab import VirtualLab as VirtualLab

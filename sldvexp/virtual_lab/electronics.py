@@ -45,9 +45,6 @@ class Electronics:
 
     Parameters
     ----------
-    vibrometer : Vibrometer
-    digitizer : AnalogInput
-    acquisition : Acquisition
     frequency : ndarray, shape (tone,), Hz
         That the generator truly plays.
     """
@@ -196,13 +193,7 @@ LEVELS = 2**16
 
 
 class PixelNoise:
-    """Random numbers of one view.
-
-    Parameters
-    ----------
-    seed : sequence of int
-    view : str
-    """
+    """Random numbers of one view."""
 
     def __init__(self, seed: Sequence[int], view: str) -> None:
         entropy = [len(seed), *seed, *view.encode()]

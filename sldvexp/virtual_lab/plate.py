@@ -1,10 +1,9 @@
-"""Vibrating plate: what the beam sees of it, and its true velocity and strain.
+"""`scene=plate`: a vibrating plate or cylindrical panel, what the beam sees of it, and its truth.
 
-The flat plate.
-
-The panel of a cylinder.
-
-What every surface of a plate must tell: where it is, how it is turned, where a beam meets it.
+The plate's motion is a sum of damped modes in closed form (`sldvexp.virtual_lab.modes`), so that
+velocity and strain are known exactly at every point of the measured surface. That surface is flat
+or a part of a cylinder: a `PlateSurface` tells where it is, how it is turned and where beams meet
+it.
 """
 
 from __future__ import annotations
@@ -16,11 +15,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sldvexp import dataset
+from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.geometry import rotation_from_euler
+from sldvexp.lazy import xarray as xr
+from sldvexp.targets import Circles, Target
 from sldvexp.typing import Array, BoolArray, ComplexArray
 from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.beam import Beams, SceneObject
+from sldvexp.virtual_lab.calibration_scene import CalibrationScene
 from sldvexp.virtual_lab.modes import EdgeSupport, Mode, Modes
 
 
@@ -47,7 +51,6 @@ class Plate:
         the cylinder, negative towards it. Without it the plate is flat.
     edges : EdgeSupport
         How they are held; decides the shapes of bending.
-    modes : dict of str to Mode
     """
 
     unit: LengthUnit = LengthUnit.m
@@ -145,8 +148,6 @@ class VibratingPlate(SceneObject):
 
     Parameters
     ----------
-    surface : PlateSurface
-    modes : Modes
     rotation : ndarray, shape (3, 3)
         World to the plate's own axes.
     center : ndarray, shape (3,), m
@@ -352,3 +353,52 @@ class CylinderSurface(PlateSurface):
         """Compute sine and cosine of the angle from the panel's center."""
         angle = (coordinates[..., 0] - self.size[0] / 2) / self.radius
         return np.sin(angle), np.cos(angle)
+
+
+@register("scene", "plate")
+@dataclass
+class PlateScene(CalibrationScene):
+    """A vibrating plate; beside it the calibration object, if `target` has circles."""
+
+    plate: Plate = field(default_factory=Plate)
+
+    def check(self, checks: Checks) -> None:
+        """Note what is wrong with the plate, the speakers and washers."""
+        super().check(checks)
+        self.plate.check(checks, "plate")
+
+    def objects(self, target: Target | None, rng: np.random.Generator) -> list[SceneObject]:
+        """List the plate, and the calibration object if there is one."""
+        objects = super().objects(target, rng) if isinstance(target, Circles) else []
+        return [*objects, VibratingPlate.built(self.plate)]
+
+
+def truth_to_dataset(
+    scene: PlateScene, points: Array, frequency: ArrayLike, amplitude: float
+) -> xr.Dataset:
+    """Make the group ``truth``: true velocity of the plate near points.
+
+    Parameters
+    ----------
+    points : ndarray, shape (node, 3), m
+        In the world.
+    frequency : array_like, shape (frequency,), Hz
+    amplitude : float, V
+        Of the excitation at each frequency.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``velocity`` of the measured surface at the place nearest to each point, NaN beside the
+        plate, and the point's ``height`` above that surface.
+    """
+    plate = VibratingPlate.built(scene.plate)
+    hertz = np.atleast_1d(np.asarray(frequency, float))
+    velocity = np.stack([amplitude * plate.velocity(points, f) for f in hertz], axis=-1)
+    return dataset.group(
+        "truth",
+        {"node": np.arange(len(points)), "frequency": hertz},
+        velocity=velocity,
+        height=plate.height(points),
+        position=points,
+    )

@@ -6,9 +6,9 @@ from .grid import Diagonals as Diagonals
 from .grid import Grid as Grid
 from .mesh import MeshFile as MeshFile
 from .points import PointSurface as PointSurface
-from .prisms import Prisms as Prisms
-from .prisms import extruded as extruded
+from .samples import Prisms as Prisms
 from .samples import SampleRule as SampleRule
+from .samples import extruded as extruded
 from .samples import sample_positions as sample_positions
 from .samples import shape_matrix as shape_matrix
 from .samples import tensor_rule as tensor_rule

@@ -23,8 +23,7 @@ from sldvexp.image import Interpolation
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
 from sldvexp.units import LengthUnit
-from sldvexp.volume.prisms import Prisms, extruded
-from sldvexp.volume.samples import SampleRule, tensor_rule
+from sldvexp.volume.samples import Prisms, SampleRule, extruded, tensor_rule
 from sldvexp.volume.surface import (
     TriangulatedSurface,
     check_prisms,
@@ -135,8 +134,6 @@ class Volume(ABC):
         Instead of the three above: the depth of every layer, ascending.
     tangent : list of 3 float
         In the surface's own axes: its projection on the surface is the first tangent t1.
-    samples : SampleSettings
-    sight : VisibilitySettings
     coordinates : Coordinates
         Axes of the nodes' velocity components.
     """

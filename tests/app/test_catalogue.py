@@ -13,7 +13,7 @@ from typing import get_args, get_type_hints
 
 import pytest
 
-from sldvexp.cli import plugin_page
+from sldvexp.cli import show
 from sldvexp.config import docs, registry
 
 ROOT = Path(__file__).parents[2]
@@ -90,7 +90,7 @@ def test_show_has_what_a_file_sets_before_what_a_plugin_does(sldvexp):
 @pytest.mark.parametrize(("group", "name"), PLUGINS)
 def test_every_plugin_can_be_shown(group, name):
     plugin = registry.get(group, name)
-    page = "\n".join(plugin_page.lines(group, registry.schema_of(plugin), None))
+    page = "\n".join(show.plugin_lines(group, registry.schema_of(plugin), None))
     assert f"{name}, {plugin.__module__} (sldvexp" in page
     for one in fields(plugin):
         assert f"\n  {one.name}:" in page

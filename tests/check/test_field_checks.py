@@ -21,8 +21,7 @@ from sldvexp.laser import TwoMirror, direction_cosines, project
 from sldvexp.pose import Given
 from sldvexp.reconstruction import Absolute
 from sldvexp.virtual_lab.modes import Mode
-from sldvexp.virtual_lab.plate import Plate
-from sldvexp.virtual_lab.plate_scene import PlateScene, truth_to_dataset
+from sldvexp.virtual_lab.plate import Plate, PlateScene, truth_to_dataset
 from sldvexp.volume import Grid
 
 EULER, FREQUENCY = [0.3, 0.5, -0.2], [200.0, 230.0]

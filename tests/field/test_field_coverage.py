@@ -22,8 +22,7 @@ from sldvexp.laser import TwoMirror
 from sldvexp.signal import SineFit
 from sldvexp.virtual_lab import VirtualLab
 from sldvexp.virtual_lab.modes import EdgeSupport, Mode
-from sldvexp.virtual_lab.plate import Plate
-from sldvexp.virtual_lab.plate_scene import PlateScene
+from sldvexp.virtual_lab.plate import Plate, PlateScene
 from sldvexp.volume import Grid
 
 LASER = TwoMirror(mirror_offset=0.0)

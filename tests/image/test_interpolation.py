@@ -12,9 +12,8 @@ from sldvexp.errors import UserError
 from sldvexp.image import Interpolation, Interpolator
 from sldvexp.image.interpolation.base import PixelWeights
 from sldvexp.image.interpolation.cubic import CubicInterpolator
-from sldvexp.image.interpolation.lattice import Lattice, StraightLattice
+from sldvexp.image.interpolation.mesh import Lattice, StraightLattice, Triangles
 from sldvexp.image.interpolation.methods import LinearInterpolator, mesh_of
-from sldvexp.image.interpolation.scattered import Triangles
 
 HALF = 500.0
 

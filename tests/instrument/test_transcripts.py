@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from sldvexp.instrument import Acquisition, DisturbanceError, InstrumentError, Status
-from sldvexp.instrument.command_instrument import CommandedInstrument
 from sldvexp.instrument.dialogue import decoded
 from sldvexp.instrument.profile import SampleType
 from sldvexp.instrument.profile_file import load_profile
+from sldvexp.instrument.visa import CommandedInstrument
 
 CONF = Path(__file__).parents[2] / "conf"
 

@@ -51,7 +51,7 @@ KILLS = [
 #: Children are copies of a process that has imported the program; they begin in a moment.
 process = multiprocessing.get_context("forkserver")
 process.set_forkserver_preload(
-    ["sldvexp.cli.main", "sldvexp.pipeline.runner", "sldvexp.instrument.command_instrument"]
+    ["sldvexp.cli.main", "sldvexp.pipeline.runner", "sldvexp.instrument.visa"]
 )
 
 

@@ -10,7 +10,7 @@ import xarray as xr
 from rich.console import Console
 
 from sldvexp.sweep import ranking
-from sldvexp.sweep.headlines import headlines
+from sldvexp.sweep.collect import headlines
 
 KEYS = ["reconstruction", "reconstruction.rank_tolerance"]
 BY = "examined.truth.relative_error"

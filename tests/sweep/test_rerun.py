@@ -12,8 +12,8 @@ import pytest
 import xarray as xr
 import yaml
 
+from sldvexp.cli.rerun import AgreementLevel, compare
 from sldvexp.config.paths import conf_dir
-from sldvexp.sweep.repetition import AgreementLevel, compare
 
 FOLDER = conf_dir() / "experiment"
 EXPERIMENTS = sorted(str(p.relative_to(FOLDER).with_suffix("")) for p in FOLDER.rglob("*.yaml"))

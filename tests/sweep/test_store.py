@@ -14,6 +14,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from sldvexp import dataset
+from sldvexp.cli.rerun import AgreementLevel, compare
 from sldvexp.config import hydra_plugin, schema
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import conf_dir
@@ -21,7 +22,6 @@ from sldvexp.pipeline import provenance
 from sldvexp.pipeline.steps import STEPS, Run, Step, check_contracts
 from sldvexp.sweep import Store, shared_steps
 from sldvexp.sweep.plan import folder_name
-from sldvexp.sweep.repetition import AgreementLevel, compare
 
 POSES = ("experiment=dissertation/automated_pose", "expect={}")
 FIELDS = (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from sldvexp.sweep.headlines import headlines
+from sldvexp.sweep.collect import headlines
 
 METHODS = ("absolute", "absolute_full", "relative", "combined", "contravariant")
 EVERY = f"reconstruction={','.join(METHODS)}"

@@ -12,7 +12,7 @@ from omegaconf import OmegaConf
 
 from sldvexp.config import hydra_plugin
 from sldvexp.instrument import Acquisition, RawSamples
-from sldvexp.virtual_lab import VirtualLab, calibration_scene, plate_scene  # noqa: F401 (registers them)
+from sldvexp.virtual_lab import VirtualLab, calibration_scene, plate  # noqa: F401 (registers them)
 
 hydra_plugin.install()
 

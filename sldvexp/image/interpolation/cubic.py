@@ -19,12 +19,7 @@ BLOCK = 65536
 
 
 class CubicInterpolator(Interpolator):
-    """Blended patches: exact for functions of second order.
-
-    Parameters
-    ----------
-    mesh : ImageMesh
-    """
+    """Blended patches: exact for functions of second order."""
 
     def __init__(self, mesh: ImageMesh) -> None:
         self.mesh = mesh

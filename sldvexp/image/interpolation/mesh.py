@@ -1,4 +1,8 @@
-"""Cells between the pixels of an image: which one holds a place, and its corners' weights."""
+"""Cells between the pixels of an image: which one holds a place, and its corners' weights.
+
+Pixels in rows and columns make a `Lattice` of quadrilaterals, straight, uneven or oblique; pixels
+anywhere else make Delaunay's `Triangles`, in which the holes that flags leave stay open.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sldvexp.errors import UserError
 from sldvexp.geometry import Bins
+from sldvexp.image.interpolation.base import ImagePixels
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 
@@ -145,3 +151,265 @@ class ImageMesh(ABC):
 def cross(a: Array, b: Array) -> Array:
     """Compute the third component of a x b, shape (...)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+class Lattice(ImageMesh):
+    """Quadrilaterals between rows and columns; where pixels really are counts, rounding included.
+
+    Parameters
+    ----------
+    grid : ndarray, shape (rows, columns, 2), steps
+    usable : ndarray of bool, shape (rows * columns,)
+    """
+
+    biquadratic = True
+
+    def __init__(self, grid: Array, usable: BoolArray) -> None:
+        super().__init__(grid.reshape(-1, 2), corners_of_cells(grid), usable)
+        self.grid = grid
+
+    def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:
+        """Compute the corners' bilinear weights in a cell's own coordinates, with derivatives."""
+        u, v = _cell_coordinates(corners, places)
+        weight, by_u, by_v = _bilinear(u, v)
+        along_u, along_v = (np.einsum("nk,nki->ni", by, corners) for by in (by_u, by_v))
+        area = cross(along_u, along_v)
+        # Rows of the inverse of d(place)/d(u, v).
+        du = np.stack([along_v[:, 1], -along_v[:, 0]], axis=-1) / area[:, None]
+        dv = np.stack([-along_u[:, 1], along_u[:, 0]], axis=-1) / area[:, None]
+        return weight, by_u[..., None] * du[:, None] + by_v[..., None] * dv[:, None]
+
+    def neighbours(self) -> tuple[IndexArray, IndexArray]:
+        """List the eight around each pixel.
+
+        At the lattice's border of the 3 x 3 pixels next to it.
+        """
+        rows, columns = self.grid.shape[:2]
+        number = np.arange(rows * columns)
+        row, column = _block(number // columns, rows), _block(number % columns, columns)
+        near = (row[:, :, None] * columns + column[:, None, :]).reshape(len(number), -1)
+        first = np.repeat(number, near.shape[1])
+        second = near.ravel()
+        kept = (first != second) & self.usable[first] & self.usable[second]
+        return first[kept], second[kept]
+
+    def frames(self) -> Array:
+        """Compute inverses of the mean steps from row to row and from column to column."""
+        steps = np.stack([np.gradient(self.grid, axis=a) for a in (0, 1)], axis=-1)
+        return np.linalg.inv(steps.reshape(-1, 2, 2))
+
+
+class StraightLattice(Lattice):
+    """Rows of one up_down step each and columns of one left_right step each."""
+
+    def find(self, places: Array) -> IndexArray:
+        """Find the cell of each place, by bisection."""
+        rows, columns = self.grid[:, 0, 0], self.grid[0, :, 1]
+        (row, above), (column, beside) = (
+            _interval(axis, x) for axis, x in ((rows, places[:, 0]), (columns, places[:, 1]))
+        )
+        return np.where(above | beside, -1, row * (len(columns) - 1) + column)
+
+    def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:
+        """Compute the corners' bilinear weights in a cell's own coordinates, with derivatives."""
+        side = corners[:, 2] - corners[:, 0]
+        weight, *by_own = _bilinear(*((places - corners[:, 0]) / side).T)
+        return weight, np.stack(by_own, axis=-1) / side[:, None]
+
+
+def lattice_of(image: ImagePixels) -> Lattice | None:
+    """Find the lattice of an image.
+
+    None if it is not rectangular or has a cell that is not convex.
+    """
+    if image.shape is None or min(image.shape) < 2:
+        return None
+    grid = np.asarray(image.dac, float).reshape(*image.shape, 2)
+    corners = grid.reshape(-1, 2)[corners_of_cells(grid)]
+    edge = np.roll(corners, -1, axis=1) - corners
+    if (cross(edge, np.roll(edge, -1, axis=1)) <= 0).any():
+        return None
+    straight = np.ptp(grid[..., 0], axis=1).max() == 0 and np.ptp(grid[..., 1], axis=0).max() == 0
+    return (StraightLattice if straight else Lattice)(grid, image.usable)
+
+
+def corners_of_cells(grid: Array) -> IndexArray:
+    """List pixels round each cell, counterclockwise, shape (cell, 4)."""
+    rows, columns = grid.shape[:2]
+    number = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    cells = np.stack([a, b, c, d], axis=-1).reshape(-1, 4)
+    diagonals = grid[-1, -1] - grid[0, 0], grid[0, -1] - grid[-1, 0]
+    return cells if cross(*diagonals) > 0 else cells[:, ::-1]
+
+
+def _bilinear(u: Array, v: Array) -> tuple[Array, Array, Array]:
+    """Weight the corners (0, 0), (1, 0), (1, 1), (0, 1), with derivatives by u and by v."""
+    weight = np.stack([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v], axis=-1)
+    by_u = np.stack([v - 1, 1 - v, v, -v], axis=-1)
+    by_v = np.stack([u - 1, -u, u, 1 - u], axis=-1)
+    return weight, by_u, by_v
+
+
+def _cell_coordinates(corners: Array, places: Array) -> tuple[Array, Array]:
+    """Solve ``q = u a + v b + u v c`` for places in convex cells, q from the first corner.
+
+    Multiplied by a + v c it is quadratic in v; the root whose cell is not folded is taken, in the
+    form that holds for a parallelogram (c = 0) as well.
+    """
+    p = np.moveaxis(corners, 1, 0)
+    q, a, b, c = places - p[0], p[1] - p[0], p[3] - p[0], p[0] - p[1] + p[2] - p[3]
+    constant, slope, bend = cross(q, a), cross(q, c) + cross(a, b), -cross(b, c)
+    root = np.sqrt(np.maximum(slope**2 - 4 * bend * constant, 0.0))
+    v = -2 * constant / (slope + root)
+    side = a + v[:, None] * c
+    u = np.sum((q - v[:, None] * b) * side, axis=1) / np.square(side).sum(axis=1)
+    return u, v
+
+
+def _interval(axis: Array, x: Array) -> tuple[IndexArray, BoolArray]:
+    """Find the interval of a monotonic axis that holds each x, and whether none does."""
+    way = np.sign(axis[-1] - axis[0])
+    k = np.searchsorted(way * axis, way * x, side="right") - 1
+    beside = (way * x < way * axis[0]) | (way * x > way * axis[-1])
+    return np.clip(k, 0, len(axis) - 2), beside
+
+
+def _block(number: IndexArray, size: int) -> IndexArray:
+    """Acquire counts and status of at most BLOCK pixels."""
+    width = min(3, size)
+    return np.clip(number - 1, 0, size - width)[:, None] + np.arange(width)
+
+
+#: Triangles with a side this much longer than the median triangle's longest span a hole.
+HOLE = 3.0
+#: A triangle lower than this part of its longest side is none.
+SLIVER = 1e-9
+#: Pixels at one place may differ by this many standard errors; chance does in 1 of 10^7.
+AGREE = 6.0
+
+
+class Triangles(ImageMesh):
+    """Triangles between usable pixels.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (vertex, 2), steps
+    cells : ndarray of int, shape (triangle, 3)
+    merge : csr_array, shape (vertex, pixel)
+    pixels : ndarray, shape (pixel, 2), steps
+        All of them.
+    flagged : ndarray of bool, shape (pixel,)
+    """
+
+    def __init__(
+        self,
+        vertices: Array,
+        cells: IndexArray,
+        merge: scipy.sparse.csr_array,
+        pixels: Array,
+        flagged: BoolArray,
+    ) -> None:
+        super().__init__(vertices, cells, np.ones(len(vertices), bool), merge)
+        self._every_pixel = scipy.spatial.KDTree(pixels)
+        self._flagged_pixel = flagged
+
+    def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:
+        """Compute barycentric coordinates, with derivatives."""
+        opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
+        area = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        inward = np.stack([-opposite[..., 1], opposite[..., 0]], axis=-1)
+        gradient = inward / area[:, None, None]
+        aside = cross(opposite, places[:, None] - np.roll(corners, -1, axis=1))
+        return aside / area[:, None], gradient
+
+    def neighbours(self) -> tuple[IndexArray, IndexArray]:
+        """List all that are two sides of triangles away or less."""
+        sides = np.concatenate([self.cells, np.roll(self.cells, 1, axis=1)]).reshape(2, -1)
+        first, second = np.concatenate([sides, sides[::-1]], axis=1)
+        n = len(self.vertices)
+        near = scipy.sparse.csr_array(
+            (np.ones(len(first), np.int32), (first, second)), shape=(n, n)
+        )
+        near = (near + near @ near).tocsr()
+        near.sort_indices()
+        one, other = np.repeat(np.arange(n), np.diff(near.indptr)), near.indices.astype(np.intp)
+        return one[one != other], other[one != other]
+
+    def frames(self) -> Array:
+        """Compute one over the distance of the neighbours (root mean square)."""
+        first, second = self.neighbours()
+        square = np.square(self.vertices[first] - self.vertices[second]).sum(axis=1)
+        n = len(self.vertices)
+        many = np.bincount(first, minlength=n)
+        mean = np.bincount(first, square, n) / np.maximum(many, 1)
+        return np.eye(2) / np.sqrt(np.where(many > 0, mean, 1.0))[:, None, None]
+
+    def in_hole(self, places: Array) -> BoolArray:
+        """Find which places are nearest to a flagged pixel."""
+        return self._flagged_pixel[self._every_pixel.query(places)[1]]
+
+
+def triangulate(image: ImagePixels) -> Triangles:
+    """Triangulate an image; the triangles do not depend on the order of its pixels.
+
+    Raises
+    ------
+    UserError
+        If all usable pixels are on a line, or velocities at one place differ by more than their
+        errors explain.
+    """
+    # Sorted first: Delaunay's triangles are not unique on a lattice.
+    vertices, vertex = np.unique(image.dac[image.usable], axis=0, return_inverse=True)
+    merge = _merge(image, vertex.ravel(), len(vertices))
+    try:
+        cells = scipy.spatial.Delaunay(vertices - vertices.mean(axis=0)).simplices.astype(np.intp)
+    except (scipy.spatial.QhullError, ValueError):
+        cells = np.empty((0, 3), np.intp)
+    corners = vertices[cells]
+    edge = np.roll(corners, -1, axis=1) - corners
+    twice = cross(edge[:, 0], edge[:, 1])
+    longest = np.sqrt(np.square(edge).sum(axis=-1).max(axis=1, initial=0.0))
+    real = twice > SLIVER * longest**2
+    if not real.any():
+        raise UserError(
+            f"view {image.name}: its {len(vertices)} usable pixels all lie on one line of DAC "
+            "steps; nothing is known beside it"
+        )
+    kept = real & (longest <= HOLE * np.median(longest[real]))
+    return Triangles(vertices, cells[kept], merge, image.dac, ~image.usable)
+
+
+def _merge(image: ImagePixels, vertex: IndexArray, vertices: int) -> scipy.sparse.csr_array:
+    """Average the usable pixels at each vertex, weighted by their accuracy."""
+    pixel = np.flatnonzero(image.usable)
+    _require_agreement(image, pixel, vertex, vertices)
+    variance = np.square(image.std).reshape(len(image.std), -1).mean(axis=1)[pixel]
+    exact = np.bincount(vertex, variance == 0, vertices)[vertex] > 0
+    accuracy = np.where(exact, 1.0, 1.0 / np.where(exact, 1.0, variance))
+    share = accuracy / np.bincount(vertex, accuracy, vertices)[vertex]
+    return scipy.sparse.csr_array((share, (vertex, pixel)), shape=(vertices, len(image.dac)))
+
+
+def _require_agreement(
+    image: ImagePixels, pixel: IndexArray, vertex: IndexArray, vertices: int
+) -> None:
+    """Require that pixels at one place agree with the first of them within their errors."""
+    if vertices == len(pixel):
+        return
+    first = np.full(vertices, -1)
+    first[vertex[::-1]] = pixel[::-1]
+    other = first[vertex]
+    std = image.std.reshape(len(image.std), -1)
+    gap = np.abs(image.velocity[pixel] - image.velocity[other])
+    accepted = AGREE * np.hypot(std[pixel], std[other])
+    rounding = 1e-12 * np.abs(image.velocity[pixel])
+    wrong = np.flatnonzero((gap > accepted + rounding).any(axis=1))
+    if len(wrong):
+        k = wrong[0]
+        place = ", ".join(f"{x:g}" for x in image.dac[pixel[k]])
+        raise UserError(
+            f"view {image.name}: pixels {other[k]} and {pixel[k]} both stand at the DAC steps "
+            f"({place}), but their velocities differ by {gap[k].max():.3g} m/s, more than their "
+            "standard errors explain; remove or flag one"
+        )

@@ -12,9 +12,7 @@ import numpy as np
 from sldvexp.errors import UserError
 from sldvexp.image.interpolation.base import ImagePixels, Interpolator, PixelWeights
 from sldvexp.image.interpolation.cubic import CubicInterpolator
-from sldvexp.image.interpolation.lattice import lattice_of
-from sldvexp.image.interpolation.mesh import ImageMesh
-from sldvexp.image.interpolation.scattered import triangulate
+from sldvexp.image.interpolation.mesh import ImageMesh, lattice_of, triangulate
 from sldvexp.typing import Array
 
 
@@ -81,12 +79,7 @@ def mesh_of(image: ImagePixels) -> ImageMesh:
 
 
 class LinearInterpolator(Interpolator):
-    """Bilinear in quadrilaterals, linear in triangles.
-
-    Parameters
-    ----------
-    mesh : ImageMesh
-    """
+    """Bilinear in quadrilaterals, linear in triangles."""
 
     def __init__(self, mesh: ImageMesh) -> None:
         self.mesh = mesh

@@ -1,7 +1,11 @@
-"""A universal file as a whole: what is in it at once, what its functions say when asked."""
+"""Universal files as a whole: an index of their data sets, and each read when it is asked for.
+
+The index finds where data sets begin and end without reading what is in them.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -10,19 +14,213 @@ from pathlib import Path
 
 from numpy.typing import NDArray
 
+from sldvexp.errors import UserError
 from sldvexp.io.uff.functions import (
     NODAL,
     Function,
     Units,
+    bytes_needed,
     read_amplitude,
     read_header,
     read_units,
     read_values,
 )
 from sldvexp.io.uff.geometry import UniversalGeometry, read_geometry
-from sldvexp.io.uff.index import DataSet, index
 from sldvexp.io.uff.nodal import ShapeFunctions, read_nodal
-from sldvexp.io.uff.source import Source, opened
+from sldvexp.io.uff.source import ASCII_LINES, Binary, DataSet, Source, opened, shown
+
+#: The line that begins and ends every data set: -1 in columns 5 and 6, blanks up to its end.
+MARK = b"    -1"
+MARK_LINE = re.compile(rb"    -1[ \t]*(\r\n|\n|\r|\Z)")
+BLANK = re.compile(rb"[\s\0\x1a]*")
+IDENTIFIER = re.compile(rb"[ \t]*(\d{1,6})([ \t]|([bB])(?=[ \t]|\d|$)|$)")
+#: Formats of binary numbers by their number in the file.
+IEEE = 2
+OTHER_FORMATS = {1: "VAX floating-point", 3: "IBM floating-point"}
+#: Longest line that is looked at in search of its end; a line of a universal file has 80 columns.
+LONGEST_LINE = 4096
+#: Longest line of -1, with blanks to its end.
+SHORT = 512
+
+
+def index(source: Source) -> list[DataSet]:
+    """Find all data sets of a file, in its order.
+
+    Raises
+    ------
+    UserError
+        If it is no universal file, or a data set has no end or no number.
+    """
+    entries: list[DataSet] = []
+    position, binary = 0, False
+    while (begin := _begin(source, position, entries)) is not None:
+        entry, position = _entry(source, begin, len(entries) + 1, binary)
+        entries.append(entry)
+        binary |= entry.binary is not None
+    if not entries:
+        raise UserError(f"{source.path}: is empty; a universal file begins with the line '    -1'")
+    return entries
+
+
+def _begin(source: Source, position: int, entries: list[DataSet]) -> int | None:
+    """Find the byte after the next line of -1, None at the end of the file."""
+    while True:  # skip blank lines, also those of a whole window
+        piece = source.peek(position, LONGEST_LINE)
+        if not piece:
+            return None
+        blank = BLANK.match(piece).end()  # type: ignore[union-attr]
+        if blank < len(piece):
+            break
+        if blank < LONGEST_LINE:
+            return None
+        position += blank - len(MARK)  # a mark's own blanks may be the last of them
+    # The blanks of the mark itself were skipped as well.
+    start = position + (piece.rfind(b"\n", 0, blank) + 1)
+    if mark := MARK_LINE.match(source.peek(start, LONGEST_LINE)):
+        return start + mark.end()
+    if not entries:
+        raise UserError(
+            f"{source.path}, line {source.line(start)}: is not a universal file, which begins "
+            "with a line of four blanks and -1"
+        )
+    message = "after the end of this data set there must be a line '    -1' that begins another"
+    raise entries[-1].wrong(source, start, message)
+
+
+def _entry(source: Source, start: int, number: int, after_binary: bool) -> tuple[DataSet, int]:
+    """Find the data set whose identifier line begins at `start`, and the byte after its end."""
+    blind = DataSet(number, 0, start, start, start, None, after_binary)
+    line, first = _line(source, start)
+    found = IDENTIFIER.match(line)
+    if not found:
+        raise blind.wrong(
+            source, start, f"must begin with the data set's number, not {shown(line)}"
+        )
+    kind = int(found[1])
+    if not found[3]:
+        end, after = _end(
+            source, first, DataSet(number, kind, first, first, first, None, after_binary)
+        )
+        return DataSet(number, kind, first, first, end, None, after_binary), after
+    known = DataSet(number, kind, first, first, first, Binary("<", 0), after_binary)
+    if kind != 58:
+        raise known.wrong(source, start, "only data set 58 is known in binary form")
+    binary = _binary(source, start, line[found.end() :], known)
+    data = _after_header(source, known)
+    entry = DataSet(number, kind, first, data, data + binary.bytes, binary, after_binary)
+    return _closed(source, entry)
+
+
+def _after_header(source: Source, entry: DataSet) -> int:
+    """Find the byte after the header's eleven lines of a 58b."""
+    piece = source.peek(entry.first, LONGEST_LINE)
+    lines = piece.split(b"\n", ASCII_LINES)
+    if len(lines) <= ASCII_LINES or any(MARK_LINE.fullmatch(line) for line in lines[:-1]):
+        message = f"the header ends before its {ASCII_LINES} lines"
+        raise entry.wrong(source, entry.first, message)
+    return entry.first + len(piece) - len(lines[-1])
+
+
+def _binary(source: Source, start: int, rest: bytes, entry: DataSet) -> Binary:
+    """Read the identifier line of a 58b: I6, I6, I12 and I12."""
+    fields = rest.split()
+    if len(fields) < 4 or not all(f.isdigit() for f in fields[:4]):
+        fields = [rest[a:b].strip() for a, b in ((0, 6), (6, 12), (12, 24), (24, 36))]
+    if not all(f.isdigit() for f in fields[:4]):
+        raise entry.wrong(
+            source, start, f"must state byte order, format, lines and bytes, not {shown(rest)}"
+        )
+    order, form, lines, count = (int(f) for f in fields[:4])
+    if order not in (1, 2):
+        raise entry.wrong(source, start, f"the byte order must be 1 or 2, not {order}")
+    if form != IEEE:
+        whose = f"{OTHER_FORMATS.get(form, 'unknown')} numbers (format {form})"
+        raise entry.wrong(
+            source,
+            start,
+            f"its values are {whose}, and only IEEE numbers (format {IEEE}) can be read; write the "
+            "file anew with these, or as text (data set 58 without b)",
+        )
+    if lines != ASCII_LINES:
+        raise entry.wrong(source, start, f"the header must have {ASCII_LINES} lines, not {lines}")
+    return Binary("<" if order == 1 else ">", count)
+
+
+def _closed(source: Source, entry: DataSet) -> tuple[DataSet, int]:
+    """Give a 58b the end that its mark confirms, and find the byte after the mark.
+
+    Where the identifier line has a wrong number of bytes (some programs count a complex value as
+    one, others leave 0), the length that the header's number of values needs is tried.
+    """
+    after = _after_mark(source, entry.end) if entry.end > entry.data else None
+    if after is None:
+        for needed in bytes_needed(source, entry):
+            if (after := _after_mark(source, entry.data + needed)) is not None:
+                entry = entry._replace(end=entry.data + needed)
+                break
+    if after is not None:
+        return entry, after
+    claimed, left = entry.end - entry.data, source.size - entry.data
+    if claimed > left:
+        raise entry.wrong(
+            source,
+            entry.data,
+            f"its header claims {claimed} bytes of values, but only {left} are left; the file is "
+            "truncated or the header wrong",
+        )
+    message = (
+        f"after the {claimed} bytes of values that its header claims there is no line '    -1'"
+    )
+    raise entry.wrong(source, entry.end, message + _line_ends(source, entry))
+
+
+def _after_mark(source: Source, end: int) -> int | None:
+    """Find the byte after the line of -1 at the end of binary values, None if there is none.
+
+    Programs that write text put a line end before the mark.
+    """
+    tail = source.peek(end, SHORT) if end < source.size else b""
+    for ahead in (b"", b"\n", b"\r\n", b"\r"):
+        if tail.startswith(ahead) and (mark := MARK_LINE.match(tail, len(ahead))):
+            return end + mark.end()
+    return None
+
+
+def _line_ends(source: Source, entry: DataSet) -> str:
+    """Say more if a transfer as text turned LF of the values to CR LF."""
+    mark = source.find(b"\n" + MARK, entry.end)
+    later = source.find(MARK, entry.end) if mark < 0 else min(mark, source.find(MARK, entry.end))
+    extra = later - entry.end
+    turned, at = 0, entry.data
+    while 0 <= (at := source.find(b"\r\n", at)) < later:
+        turned, at = turned + 1, at + 2
+    if later < 0 or not 0 < extra <= turned + 2:
+        return ""
+    return (
+        f", but {extra} bytes later: CR LF stands where the values have LF; transfer the file "
+        "again, as a binary one"
+    )
+
+
+def _end(source: Source, first: int, entry: DataSet) -> tuple[int, int]:
+    """Find the end of a data set of text and the byte after the line of -1 that closes it."""
+    at = first - 1
+    while (at := source.find(b"\n" + MARK, at)) >= 0:
+        if mark := MARK_LINE.match(source.peek(at + 1, LONGEST_LINE)):
+            return at + 1, at + 1 + mark.end()
+        at += 1
+    raise entry.wrong(
+        source, max(first, source.size - 1), "the file ends before the line '    -1' that ends it"
+    )
+
+
+def _line(source: Source, start: int) -> tuple[bytes, int]:
+    """Read a line without its end, and find where the next one begins."""
+    piece = source.peek(start, LONGEST_LINE)
+    stop = piece.find(b"\n")
+    if stop < 0:
+        return piece, start + len(piece)
+    return piece[:stop].rstrip(b"\r"), start + stop + 1
 
 
 @dataclass(eq=False)
