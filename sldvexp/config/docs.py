@@ -54,7 +54,7 @@ def description(plugin: type) -> list[str]:
 
 
 def _plain(paragraph: str) -> str:
-    """A paragraph of a docstring on one line, without marks."""
+    """Write a paragraph of a docstring on one line, without marks."""
     return " ".join(paragraph.split()).replace("`", "")
 
 

@@ -1,4 +1,4 @@
-"""One combination of settings, tried: does it do what is expected of it?"""
+"""Trial of one combination of settings: whether it does what is expected of it."""
 
 from __future__ import annotations
 
