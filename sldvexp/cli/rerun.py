@@ -149,6 +149,7 @@ class Difference:
     ----------
     name : str
         ``group/variable`` or ``group@attribute``.
+    kind : AgreementLevel
     how : str
         The rest of the sentence about it.
     """

@@ -96,6 +96,7 @@ class Parameter:
         As a configuration file would have it; empty if the fields below say it.
     kind : str
         Type and unit.
+    meaning : str
     """
 
     key: str

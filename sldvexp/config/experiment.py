@@ -80,6 +80,7 @@ class SweepSettings:
     rank : str
         Result that runs are ranked by, as in ``field.residual_std``; the smallest is the best, but
         the largest ``rcond``, ``efficiency``, ``passed``, ``covered`` and ``coverage``.
+    retry : Retry
     """
 
     rank: str = ""
@@ -94,6 +95,7 @@ class Experiment:
     ----------
     seed : int
         Seed of the run's one random generator.
+    target, laser, scene, scan, instrument, signal : plugin
     pose, volume, reconstruction, solver, stream : plugin
         A stage without a plugin is left out.
     compare_scan : dict of str to scan

@@ -14,14 +14,16 @@ import importlib
 import sys
 import warnings
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from enum import Enum
 from pathlib import Path
-from typing import Any, TypeVar
+from types import UnionType
+from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from omegaconf import DictConfig, OmegaConf
 
 from sldvexp.config.experiment import FIELDS
-from sldvexp.errors import UserError, nearest
+from sldvexp.errors import ConfigError, Problem, UserError, nearest
 from sldvexp.lazy import metadata
 
 ENTRY_POINTS = "sldvexp.plugins"
@@ -48,6 +50,7 @@ class Package:
 
     Parameters
     ----------
+    name, version : str
     conf : Path or None
         Its folder of configuration files, ``conf`` beside the module that registers the plugins.
     """
@@ -90,9 +93,54 @@ def register(group: str, name: str) -> Callable[[P], P]:
                 f"two plugins are called {group}={name}: {owner} and {cls.__module__}; one of them "
                 "must be renamed"
             )
+        _take_names_of_members(cls)
         return cls
 
     return add
+
+
+def _take_names_of_members(cls: type) -> None:
+    """Let a plugin made in Python take names of enumerations' members, as configurations do.
+
+    A text in the place of a member would equal none of them, and so decide nothing without a word.
+    """
+
+    def convert(self: Any) -> None:
+        problems = []
+        for name, kind in _enumerations(self.__class__).items():
+            value = getattr(self, name)
+            if isinstance(value, str) and value in kind.__members__:
+                setattr(self, name, kind[value])
+            elif value is not None and not isinstance(value, kind):
+                told = f"cannot be {value}; {nearest(str(value), kind.__members__)}"
+                problems.append(Problem(name, told))
+        if problems:
+            raise ConfigError(problems)
+
+    checked = "__post_init__" if hasattr(cls, "__post_init__") else "__init__"
+    original = getattr(cls, checked)
+
+    @functools.wraps(original)
+    def convert_and_check(self: Any, *values: Any, **named: Any) -> None:
+        if checked == "__post_init__":
+            convert(self)
+        original(self, *values, **named)
+        if checked == "__init__":
+            convert(self)
+
+    setattr(cls, checked, convert_and_check)
+
+
+@functools.cache
+def _enumerations(cls: type) -> dict[str, type[Enum]]:
+    """Find the fields of a dataclass that are members of an enumeration, or None."""
+    found = {}
+    for name, hint in get_type_hints(cls).items():
+        optional = get_origin(hint) in (Union, UnionType)
+        kinds = [k for k in (get_args(hint) if optional else [hint]) if k is not type(None)]
+        if len(kinds) == 1 and isinstance(kinds[0], type) and issubclass(kinds[0], Enum):
+            found[name] = kinds[0]
+    return {f.name: found[f.name] for f in fields(cls) if f.name in found}
 
 
 def schema_of(cls: type) -> DictConfig:

@@ -11,7 +11,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, Protocol, TypeAlias, runtime_checkable
 
 import yaml
 
@@ -19,9 +19,20 @@ from sldvexp.dataset.store import load
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 
-#: What a run can be given as: an opened run.nc, its path, the groups of a run by their path, or a
-#: sweep's dataset.
-Source: TypeAlias = "xr.DataTree | Mapping[str, xr.Dataset] | xr.Dataset | str | Path"
+
+@runtime_checkable
+class Result(Protocol):
+    """Result of a room on arrays, which knows the group of a run that it would be."""
+
+    GROUP: ClassVar[str]
+
+    def to_dataset(self) -> xr.Dataset:
+        """Make that group."""
+
+
+#: What a run can be given as: an opened run.nc, its path, the groups of a run by their path, the
+#: result of a room (a pose, a field), or a sweep's dataset.
+Source: TypeAlias = "xr.DataTree | Mapping[str, xr.Dataset] | Result | xr.Dataset | str | Path"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -79,6 +90,8 @@ class RunData:
             file = Path(source)
             source = _opened(file.absolute(), file.stat().st_mtime_ns if file.is_file() else 0)
         known = Path(folder) if folder else None
+        if isinstance(source, Result):
+            source = {source.GROUP: source.to_dataset()}
         if isinstance(source, xr.Dataset):
             return RunData({"": source}, source.attrs)
         if isinstance(source, xr.DataTree):

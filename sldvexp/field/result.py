@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -88,6 +88,8 @@ class FieldResult:
         Rows, model, weights and confidence that were asked for.
     frequency : ndarray, shape (frequency,), Hz, optional
     """
+
+    GROUP: ClassVar[str] = "field"
 
     components: tuple[str, ...]
     velocity: ComplexArray

@@ -27,6 +27,8 @@ class Assignment:
 
     Parameters
     ----------
+    ellipse : dict of int to int
+    mirrored : bool
     residual : float, steps
         Root mean square of what the best projective map leaves at the bitangent points.
     upright : bool

@@ -203,6 +203,7 @@ class ScanLineEdges:
         Line and reason of every candidate that is no edge.
     lines : int
         How many lines were looked at.
+    name : str
     """
 
     position: Array

@@ -42,6 +42,7 @@ class Dialogue:
 
     Parameters
     ----------
+    profile : Profile
     connect : callable
         Opens the line to the device of that name.
     timeout : float, s

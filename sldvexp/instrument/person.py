@@ -24,6 +24,7 @@ class Mark:
 
     Parameters
     ----------
+    number : int
     position : ndarray, shape (3,), m
         As measured.
     std : ndarray, shape (3,), m

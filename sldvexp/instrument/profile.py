@@ -132,6 +132,7 @@ class Verify:
 
     Parameters
     ----------
+    device, ask : str
     answer : str
         The right one.
     otherwise : str
@@ -166,6 +167,8 @@ class Data:
         What follows the last byte of a block.
     type : SampleType
         Counts, from the middle of the range (int16) or from its lower end (uint16), or volts.
+    order : ByteOrder
+    layout : ChannelOrder
     channels : list of str
         The channels, in the block's order.
     rate : str
@@ -200,8 +203,11 @@ class Profile:
         Whether somebody did; the program warns if nobody did.
     settle : float, s
         From a mirror's move to the first good sample.
+    devices : dict of str to Device
+    commands : CommandGroups
     verify : list of Verify
         Asked after configuring and after every list of pixels.
+    data : Data
     """
 
     tried_on_hardware: bool

@@ -85,6 +85,7 @@ class Recording:
     ----------
     folder : Path
         Of the run.
+    view : str
     """
 
     def __init__(self, folder: Path, view: str) -> None:

@@ -137,6 +137,7 @@ class CommandedInstrument:
 
     Parameters
     ----------
+    profile : Profile
     connect : callable
         Opens the line to the device of that name.
     timeout : float, s

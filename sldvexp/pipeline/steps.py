@@ -36,6 +36,10 @@ class Run:
 
     Parameters
     ----------
+    experiment : Experiment
+    rng : Generator
+    folder : Path
+    operator : Operator
     tree : dict of str to Dataset
         Groups by their path.
     inputs : list of str
@@ -277,6 +281,7 @@ class Step:
 
     Parameters
     ----------
+    name : str
     needed : callable
         Whether an experiment has it.
     work : callable

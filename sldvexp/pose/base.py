@@ -11,7 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,6 +49,8 @@ class PoseResult:
     registration : xarray.Dataset, optional
         The group ``registration``: the points, and the angles they were solved from.
     """
+
+    GROUP: ClassVar[str] = "pose"
 
     pose: xr.Dataset
     registration: xr.Dataset | None = None

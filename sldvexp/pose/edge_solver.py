@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -177,6 +177,8 @@ class EdgePoses:
     joint : JointCovariance
         Names of the views, and the covariance of their poses and intrinsics.
     """
+
+    GROUP: ClassVar[str] = "pose"
 
     poses: list[EdgePose]
     joint: JointCovariance

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,6 +51,8 @@ class PoseSolution:
     other_rotation, other_origin, other_cost : ndarray, shapes (..., 3, 3), (..., 3) and (...)
         The second solution; NaN where `has_other` is false.
     """
+
+    GROUP: ClassVar[str] = "pose"
 
     rotation: Array
     origin: Array
@@ -145,6 +148,8 @@ class JointSolution:
     joint : JointCovariance
         Names of the views, and the covariance between them.
     """
+
+    GROUP: ClassVar[str] = "pose"
 
     solutions: list[PoseSolution]
     joint: JointCovariance

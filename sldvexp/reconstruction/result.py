@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -68,6 +68,8 @@ class PointVelocity:
     system : PointSystem
         The views, rows and model that this was computed from.
     """
+
+    GROUP: ClassVar[str] = "point"
 
     velocity: NDArray[np.inexact]
     std: Array

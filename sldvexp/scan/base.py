@@ -25,6 +25,7 @@ class Sampling:
     Parameters
     ----------
     rate : float, Hz
+    samples : int
     frequency : list of float, Hz
         Of the excitation.
     amplitude : float, V

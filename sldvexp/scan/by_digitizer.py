@@ -22,6 +22,7 @@ class Spots:
 
     Parameters
     ----------
+    dac : list of pairs
     path : str
         A file of them (`Scan6pt`), instead.
     """
@@ -39,6 +40,7 @@ class ByDigitizer(PersonPart):
 
     Parameters
     ----------
+    views : dict of str to Spots
     samples : int
         How often every spot is digitised; their mean counts (Section 4.6.3).
     unit : LengthUnit

@@ -35,6 +35,7 @@ class ByHand(PersonPart):
 
     Parameters
     ----------
+    views : dict of str to Marks
     fiducials : dict of int to FiducialPoint
         The marks. Without them, the points of the group ``target``.
     unit : LengthUnit

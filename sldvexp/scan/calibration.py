@@ -33,6 +33,7 @@ class CircleLines:
 
     Parameters
     ----------
+    lines : int
     pixels : int
         Of each line.
     window : int
@@ -66,6 +67,7 @@ class Centres:
 
     Parameters
     ----------
+    dac : list of pairs
     path : str
         A legacy file of them (`Scan6pt`), instead.
     """
@@ -90,6 +92,7 @@ class CalibrationScan(ScanPart):
     edge : EdgeMethod
         For the fine lines: the profile of a finite spot, a parabola around the pixel of the largest
         gradient, or that pixel itself, as the dissertation does.
+    sampling : Sampling
     """
 
     kind: ClassVar[str] = "circles"

@@ -23,6 +23,7 @@ class PixelSequence:
 
     Parameters
     ----------
+    dac : list of pairs
     path : str
         A legacy file of them (`ScanList`), instead.
     """
@@ -34,7 +35,13 @@ class PixelSequence:
 @register("scan", "list")
 @dataclass
 class PixelList(ImageScan):
-    """A list of pixels for each view."""
+    """A list of pixels for each view.
+
+    Parameters
+    ----------
+    views : dict of str to PixelSequence
+    sampling : Sampling
+    """
 
     views: dict[str, PixelSequence] = field(default_factory=dict)
     sampling: Sampling = field(default_factory=Sampling)

@@ -36,11 +36,13 @@ class Rectangle(ImageScan):
 
     Parameters
     ----------
+    views : dict of str to ScanRegion
     pixels : list of 2 int
         Rows and columns, spread evenly over the box.
     stride : int, optional
         Steps between neighbouring pixels, instead; 1 scans contiguously. With neither of the two
         each view's file says its rows and columns.
+    sampling : Sampling
     """
 
     views: dict[str, ScanRegion] = field(default_factory=dict)

@@ -158,6 +158,7 @@ class AtTerminal:
         Moves the beam.
     laser : TwoMirror
         Its board limits the beam.
+    view : str
     unit : LengthUnit
         In which the digitizer shows coordinates.
     taken : mapping of (up_down, left_right) to int, optional

@@ -66,6 +66,7 @@ class Camera:
     arrive : callable
         Opens the instrument in this view. Called when it is needed for the first time; a view
         that is in the journal as a whole needs none.
+    signal : SignalEstimator
     journal : Journal
         Of this view.
     """

@@ -227,6 +227,8 @@ class CoarseScan:
         As in "the circle around DAC steps (10, 20)".
     files : str
         Pattern of its scan lines' files.
+    image : ComplexImage
+    ellipse : Ellipse or None
     problem : str
         Why there is none.
     """

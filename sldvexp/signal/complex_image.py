@@ -26,7 +26,7 @@ from sldvexp.typing import Array, BoolArray, ComplexArray
 UNKNOWN_PHASE = np.pi**2 / 3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ComplexImage:
     """Pixels of one view, flagged ones included.
 
@@ -53,6 +53,15 @@ class ComplexImage:
     velocity_fit: ChannelFit
     reference_fit: ChannelFit
     refined: Refined | None = None
+
+    def __repr__(self) -> str:
+        count, hertz = self.velocity.shape
+        noise = float(np.median(self.std)) if self.velocity.size else float("nan")
+        flagged = int((self.flags != 0).sum())
+        return (
+            f"{count} complex pixels at {hertz} frequencies: standard error {noise:.2g} m/s "
+            f"(median), {flagged} flagged"
+        )
 
     @property
     def variance(self) -> Array:

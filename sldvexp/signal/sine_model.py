@@ -23,7 +23,7 @@ LARGEST_CONDITION = 100.0
 SAME_FREQUENCY = 1e-9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SineModel:
     """Orthonormal columns of the fit, shared by all pixels and both channels.
 
@@ -45,6 +45,11 @@ class SineModel:
     nuisance: Array
     columns: Array
     triangle: Array
+
+    def __repr__(self) -> str:
+        samples, columns = self.columns.shape
+        hertz = ", ".join(f"{f:g}" for f in self.frequencies)
+        return f"model of {hertz} Hz: {samples} samples, {columns} columns"
 
     @property
     def dof(self) -> int:

@@ -69,6 +69,7 @@ class Matrix:
         What all combinations have in common.
     expect : dict of str to Expectation
         Of all combinations that must work.
+    rules : list of Rule
     """
 
     axes: dict[str, Any] = field(default_factory=dict)

@@ -34,6 +34,7 @@ class Record:
 
     Parameters
     ----------
+    state : State
     identity : str
         Of everything that decides the result, see `sldvexp.pipeline.provenance.identity`.
     reason : str

@@ -50,8 +50,10 @@ class Trials:
 
     Parameters
     ----------
+    cells : sequence of Cell
     arguments : list of str
         Options of the command line that say which configuration is meant.
+    folder : Path
     """
 
     def __init__(self, cells: Sequence[Cell], arguments: list[str], folder: Path):

@@ -27,6 +27,7 @@ class Slow(Fault):
     ----------
     delay : float, s
         Before each part.
+    parts : int
     """
 
     delay: float = 0.1
@@ -42,7 +43,12 @@ class Slow(Fault):
 
 @dataclass
 class Garbage(Fault):
-    """Random bytes in place of the answer, as many."""
+    """Random bytes in place of the answer, as many.
+
+    Parameters
+    ----------
+    seed : int
+    """
 
     seed: int = 0
 
@@ -53,7 +59,12 @@ class Garbage(Fault):
 
 @dataclass
 class Instead(Fault):
-    """A text in place of the answer, such as ``nan``."""
+    """A text in place of the answer, such as ``nan``.
+
+    Parameters
+    ----------
+    text : str
+    """
 
     text: str = "nan"
 
@@ -64,7 +75,12 @@ class Instead(Fault):
 
 @dataclass
 class Cut(Fault):
-    """Bytes are missing at the end of the answer."""
+    """Bytes are missing at the end of the answer.
+
+    Parameters
+    ----------
+    missing : int
+    """
 
     missing: int = 100
 
@@ -132,7 +148,13 @@ class ServerDies(Fault):
 
 @dataclass
 class Refusal(Fault):
-    """An entry in the queue of errors."""
+    """An entry in the queue of errors.
+
+    Parameters
+    ----------
+    code : int
+    text : str
+    """
 
     code: int = -240
     text: str = "Hardware error"

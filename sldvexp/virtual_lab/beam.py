@@ -51,6 +51,7 @@ class Beams:
     ----------
     origin, direction : ndarray, shape (beam, 3), m and unit vectors
         From the instrument outwards; D of v = V . D is the opposite direction.
+    spot : Spot
     """
 
     origin: Array

@@ -45,6 +45,9 @@ class Electronics:
 
     Parameters
     ----------
+    vibrometer : Vibrometer
+    digitizer : AnalogInput
+    acquisition : Acquisition
     frequency : ndarray, shape (tone,), Hz
         That the generator truly plays.
     """
@@ -193,7 +196,13 @@ LEVELS = 2**16
 
 
 class PixelNoise:
-    """Random numbers of one view."""
+    """Random numbers of one view.
+
+    Parameters
+    ----------
+    seed : sequence of int
+    view : str
+    """
 
     def __init__(self, seed: Sequence[int], view: str) -> None:
         entropy = [len(seed), *seed, *view.encode()]

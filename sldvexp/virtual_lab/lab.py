@@ -35,6 +35,7 @@ class VirtualLab:
 
     Parameters
     ----------
+    scene : Scene
     laser : TwoMirror
         The mirrors as the experiment knows them; the scene says how the true ones differ.
     target : Target, optional
@@ -314,6 +315,10 @@ class SimulatedPerson:
     """A `Person` who knows the truth but for the errors that the scene states.
 
     Errors belong to the seed, the view and the mark or spot: who points again points the same.
+
+    Parameters
+    ----------
+    lab : VirtualLab
     """
 
     def __init__(self, lab: VirtualLab) -> None:

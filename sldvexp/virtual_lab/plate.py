@@ -51,6 +51,7 @@ class Plate:
         the cylinder, negative towards it. Without it the plate is flat.
     edges : EdgeSupport
         How they are held; decides the shapes of bending.
+    modes : dict of str to Mode
     """
 
     unit: LengthUnit = LengthUnit.m
@@ -148,6 +149,8 @@ class VibratingPlate(SceneObject):
 
     Parameters
     ----------
+    surface : PlateSurface
+    modes : Modes
     rotation : ndarray, shape (3, 3)
         World to the plate's own axes.
     center : ndarray, shape (3,), m
@@ -358,7 +361,12 @@ class CylinderSurface(PlateSurface):
 @register("scene", "plate")
 @dataclass
 class PlateScene(CalibrationScene):
-    """A vibrating plate; beside it the calibration object, if `target` has circles."""
+    """A vibrating plate; beside it the calibration object, if `target` has circles.
+
+    Parameters
+    ----------
+    plate : Plate
+    """
 
     plate: Plate = field(default_factory=Plate)
 

@@ -53,6 +53,7 @@ class MirrorErrors:
     ----------
     mirror_offset : float, m
         Added to the distance between the two axes.
+    up_down, left_right : MirrorError
     swapped : bool
         The cables from the D/A board to the two mirrors are crossed.
     """
@@ -204,6 +205,10 @@ class Scene(ABC):
         Where the instrument truly stands in each view; world axes are the calibration object's.
     mirrors : MirrorErrors
         How the true mirrors differ from those of the group ``laser``.
+    spot : Spot
+    vibrometer : Vibrometer
+    digitizer : AnalogInput
+    operator : SceneOperator
     noise : float
         Factor of the vibrometer's noise, with light and without, and of the reference channel's.
     generator_error : float

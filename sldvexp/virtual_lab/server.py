@@ -33,6 +33,8 @@ class LabServer:
 
     Parameters
     ----------
+    lab : VirtualLab
+    host : str
     port : int
         0 takes a free one.
     faults : sequence of Fault
@@ -124,7 +126,12 @@ DEFAULT = Acquisition(rate=10000.0, samples=256, excitation=())
 
 
 class Dialect:
-    """Answers command lines with a virtual lab behind them."""
+    """Answers command lines with a virtual lab behind them.
+
+    Parameters
+    ----------
+    lab : VirtualLab
+    """
 
     def __init__(self, lab: VirtualLab) -> None:
         self.lab = lab

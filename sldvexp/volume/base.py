@@ -134,6 +134,8 @@ class Volume(ABC):
         Instead of the three above: the depth of every layer, ascending.
     tangent : list of 3 float
         In the surface's own axes: its projection on the surface is the first tangent t1.
+    samples : SampleSettings
+    sight : VisibilitySettings
     coordinates : Coordinates
         Axes of the nodes' velocity components.
     """

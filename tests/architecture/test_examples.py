@@ -54,3 +54,10 @@ def test_examples_are_right(name, tmp_path, monkeypatch, capsys):
 
 def test_names_are_documented():
     assert [name for name, thing in NAMED.items() if not inspect.getdoc(thing)] == []
+
+
+def test_the_page_of_the_package_is_right(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    done = doctest.testmod(sldvexp, optionflags=doctest.ELLIPSIS)
+    assert done.failed == 0, capsys.readouterr().out
+    assert done.attempted > 10

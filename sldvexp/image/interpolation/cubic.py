@@ -19,7 +19,12 @@ BLOCK = 65536
 
 
 class CubicInterpolator(Interpolator):
-    """Blended patches: exact for functions of second order."""
+    """Blended patches: exact for functions of second order.
+
+    Parameters
+    ----------
+    mesh : ImageMesh
+    """
 
     def __init__(self, mesh: ImageMesh) -> None:
         self.mesh = mesh

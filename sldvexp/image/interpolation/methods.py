@@ -79,7 +79,12 @@ def mesh_of(image: ImagePixels) -> ImageMesh:
 
 
 class LinearInterpolator(Interpolator):
-    """Bilinear in quadrilaterals, linear in triangles."""
+    """Bilinear in quadrilaterals, linear in triangles.
+
+    Parameters
+    ----------
+    mesh : ImageMesh
+    """
 
     def __init__(self, mesh: ImageMesh) -> None:
         self.mesh = mesh
