@@ -35,7 +35,7 @@ def run(words: list[str], config_dir: str | None) -> int:
     UserError
         If a word names nothing, or a matrix is no such file.
     """
-    gc.enable()
+    gc.enable()  # which composing turned off: many runs in one process make garbage
     if not words:
         raise UserError(
             "command line: check takes experiments, matrices, or a folder of yours that has them"

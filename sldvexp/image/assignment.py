@@ -144,6 +144,7 @@ def _base(target: Circles, members: list[int]) -> list[int]:
 
 
 def _numbers(target: Circles, number: int) -> list[float]:
+    """Give a circle's centre x, y and its radius, in the target's unit and its plane's axes."""
     circle = target.circles[number]
     return [circle.x, circle.y, circle.diameter / 2]
 

@@ -260,6 +260,7 @@ class CommandedInstrument:
             ) from error
 
     def _configure(self, dialogue: Dialogue) -> None:
+        """Send the acquisition, and keep the rate (Hz) and scales that the device answers."""
         a, data, commands = self._acquisition, self.profile.data, self.profile.commands
         assert a is not None
         values = {

@@ -61,7 +61,7 @@ def true_angles(recorded: ArrayLike, intrinsics: Array) -> Array:
 
 
 def named(names: Sequence[str], share: Array) -> str:
-    """Join the names whose share in an undetermined direction is notable."""
+    """Join the names whose share (not negative) in a direction is notable; empty if none is."""
     return " and ".join(n for n, s in zip(names, share, strict=True) if s > NOTABLE)
 
 

@@ -120,7 +120,10 @@ def _shown(value: float) -> str:
 
 
 def write_csv(table: xr.Dataset, keys: Sequence[str], path: Path) -> None:
-    """Write every number of every run, one row a run, one column a number as ``pose.s[view=1]``."""
+    """Write every number of every run, one row a run, one column a number as ``pose.s[view=1]``.
+
+    The first columns are the swept `keys`, the run's state, seconds and the like, and its folder.
+    """
     written = []
     for cell in cells(table, keys):
         row: dict[str, Any] = {k: cell[k].item() for k in keys}

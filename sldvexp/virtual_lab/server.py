@@ -76,7 +76,10 @@ class LabServer:
         self._listener.close()
 
     def go_down(self) -> None:
-        """Stop listening, from within the server's own thread."""
+        """Stop listening, from within the server's own thread, which `__exit__` would wait for.
+
+        No new client is taken and `serve` ends; the client that is connected is left alone.
+        """
         self._listener.close()
         self.stopping.set()
 

@@ -176,11 +176,12 @@ def check_surface(surface: TriangulatedSurface) -> None:
     ------
     UserError
         If it has no triangles, or nodes twice or nowhere, or nodes in no triangle, or triangles
-        without area, or edges that more than two triangles share or pass in the same direction,
-        or parts that do not touch.
+        that name no node or without area, or edges that more than two triangles share or pass in
+        the same direction, or parts that do not touch.
     """
     if not len(surface.triangles):
         raise surface.wrong("the surface has no triangles")
+    # In this order: all others count on finite positions and on triangles that name nodes.
     _check_numbers(surface)
     _check_apart(surface)
     _check_used(surface)

@@ -118,13 +118,13 @@ def factorise(
 ) -> tuple[Equations, Solve]:
     """Factorise the equations, made solvable if they are not, and return both.
 
-    Directions that are not determined at their nodes are flagged; if they make the whole singular
-    they are held at zero, so firmly that the rest can be given.
+    Directions that are not determined at their nodes are in `found`; if they make the whole
+    singular they are held at zero, so firmly that the rest can be given.
 
     Raises
     ------
     UserError
-        If samples are missing; it says why.
+        If it stays singular: where samples are missing it says why, else in the solver's words.
     """
     try:
         return equations, solver.prepare(equations.system)

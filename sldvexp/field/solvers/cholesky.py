@@ -49,9 +49,10 @@ COLUMNS_AT_ONCE = 128
 
 
 def solve_with(factor: Any) -> Solve:
-    """Solve with factors of a system's matrix."""
+    """Solve with factors of a system's matrix; for shapes see `Solve`."""
 
     def solve(right: Array) -> Array:
+        # Both arrays that cholespy gets must be contiguous: it fills the second in place.
         flat = right.reshape(-1, right.shape[-1])
         solution = np.empty_like(flat)
         for first in range(0, flat.shape[1], COLUMNS_AT_ONCE):

@@ -180,7 +180,11 @@ def preset(group: str, plugin: str, values: Mapping[str, Any]) -> tuple[str, str
 
 
 def _root(file: Path, defaults: list[Any]) -> str:
-    """Find the choice at the root of what a file builds on; empty if that is a schema."""
+    """Find the choice at the root of what a file builds on; empty if that is a schema.
+
+    The first plain name of each defaults list is followed, in the folder of `file`; names with a
+    slash, and ``_self_``, are no files there.
+    """
     found = ""
     while based := [d for d in defaults if isinstance(d, str) and d.isidentifier() and d[0] != "_"]:
         found = based[0]
