@@ -40,3 +40,15 @@ def test_plugins_load_nothing_heavy(loaded_by):
     libraries, said = loaded_by(code)
     assert int(said) > 10
     assert libraries == ""
+
+
+def test_nothing_optional_is_needed_to_import_a_module(loaded_by):
+    """A plain installation has none of the extras; every module must load all the same."""
+    code = (
+        "import importlib, pkgutil, sys, sldvexp\n"
+        "for extra in ('dask', 'distributed', 'meshio', 'cholespy'): sys.modules[extra] = None\n"
+        "found = [m.name for m in pkgutil.walk_packages(sldvexp.__path__, 'sldvexp.')]\n"
+        "for name in found: importlib.import_module(name)\n"
+        "print(len(found))"
+    )
+    assert int(loaded_by(code)[1]) > 250

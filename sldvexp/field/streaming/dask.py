@@ -13,8 +13,6 @@ from importlib import import_module
 from itertools import islice
 from typing import Any
 
-import dask
-
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 
@@ -144,11 +142,15 @@ class Work:
 
         A cluster has it once a worker, and makes it again if a worker dies.
         """
+        import dask
+
         (shared,) = dask.persist(dask.delayed(what, traverse=False))
         return shared
 
     def map(self, function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
         """Compute ``function(*task)`` of every task in order; Dask arrays come as NumPy's."""
+        import dask
+
         waiting = iter(tasks)
         while some := [dask.delayed(function)(*task) for task in islice(waiting, self.at_once)]:
             yield from dask.compute(*some)
