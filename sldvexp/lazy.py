@@ -5,20 +5,16 @@ Composing a configuration, help and completion then load none of them, and a run
 needs: xarray, pandas and scipy.optimize take 0.3 to 0.5 s each.
 
 Only top packages are given: a part of one (``scipy.sparse``) is reached through its package, since
-asking for the part alone would import the package at once. Python's own `importlib` is there
-always, and its part `metadata` takes 0.01 s.
+asking for the part alone would import the package at once.
 """
 
 from __future__ import annotations
 
-import importlib
 from typing import TYPE_CHECKING
 
 import lazy_loader
 
 if TYPE_CHECKING:  # so that type checkers see the libraries' own types
-    from importlib import metadata
-
     import jinja2
     import markupsafe
     import netCDF4
@@ -30,8 +26,6 @@ if TYPE_CHECKING:  # so that type checkers see the libraries' own types
 else:
     jinja2 = lazy_loader.load("jinja2")
     markupsafe = lazy_loader.load("markupsafe")
-    # As an import of it would do: others write importlib.metadata.
-    metadata = importlib.metadata = lazy_loader.load("importlib.metadata", suppress_warning=True)
     netCDF4 = lazy_loader.load("netCDF4")
     pandas = lazy_loader.load("pandas")
     plotly = lazy_loader.load("plotly")
@@ -42,7 +36,6 @@ else:
 __all__ = [
     "jinja2",
     "markupsafe",
-    "metadata",
     "netCDF4",
     "pandas",
     "plotly",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -13,7 +12,8 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from sldvexp import dataset
-from sldvexp.cli.main import FULL_ERROR, Command
+from sldvexp.cli.commands import KEY
+from sldvexp.cli.main import Command, hydra_raises
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
@@ -54,20 +54,20 @@ def run(*settings: str, config_dir: str | Path | None = None, quiet: bool = Fals
     """
     for setting in settings:
         is_setting = isinstance(setting, str) and ("=" in setting or setting.startswith("~"))
-        if not is_setting or setting.startswith("-"):
+        if not is_setting or setting.startswith(("-", KEY)):
             raise UserError(
-                f"run: {setting!r} is no setting, as 'experiment=point' is; options and sweeps are "
-                "for the command, and folders of your own for config_dir="
+                f"run: {setting!r} is no setting, as 'experiment=point' is; options, sweeps and "
+                "resume= are for the command, and folders of your own for config_dir="
             )
     added = ["--config-dir", str(config_dir)] if config_dir is not None else []
     call = _Call([*settings, *added], quiet)
-    with _as_hydra_wants(call.arguments):
+    with hydra_raises(), _as_a_command(call.arguments):
         call.run()
     if call.told:
         raise UserError("\n".join(call.told))
+    assert call.folder is not None  # a call that is refused says so
     path = call.folder / RUN_FILE
-    with dataset.load(path) as tree:
-        found = tree.load()
+    found = dataset.open_run(path)
     found.encoding["source"] = str(path)
     return found
 
@@ -78,31 +78,31 @@ class _Call(Command):
     def __init__(self, arguments: list[str], quiet: bool):
         super().__init__(arguments, full_error=False, quiet=quiet)
         self.told: list[str] = []
-        self.folder = Path()
+        self.folder: Path | None = None
 
     def _before_run(self, cfg: DictConfig) -> None:
         super()._before_run(cfg)
         self.folder = Path(cfg.hydra.run.dir).resolve()
+
+    def _job(self, cfg: DictConfig) -> None:
+        if self.folder is None:
+            raise UserError("run: does one run; a sweep is for the command, sldvexp -m ...")
+        super()._job(cfg)
 
     def _say(self, told: str) -> None:
         self.told.append(told)
 
 
 @contextmanager
-def _as_hydra_wants(arguments: Sequence[str]) -> Iterator[None]:
-    """Let Hydra read these arguments and raise its errors; loggers are given back as they were."""
-    argv, wanted = sys.argv, os.environ.get(FULL_ERROR)
-    root = logging.getLogger()
+def _as_a_command(arguments: Sequence[str]) -> Iterator[None]:
+    """Let Hydra read these arguments; loggers are given back as they were."""
+    argv, root = sys.argv, logging.getLogger()
     handlers, level = list(root.handlers), root.level
     sys.argv = ["sldvexp", *arguments]
-    os.environ[FULL_ERROR] = "1"
     try:
         yield
     finally:
         sys.argv = argv
-        del os.environ[FULL_ERROR]
-        if wanted is not None:
-            os.environ[FULL_ERROR] = wanted
         for handler in list(root.handlers):
             if handler not in handlers:
                 root.removeHandler(handler)

@@ -11,8 +11,9 @@ import os
 import sys
 import warnings
 from argparse import Namespace
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from importlib import metadata
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -26,9 +27,9 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 from sldvexp import cli, config, pipeline, sweep
 from sldvexp.cli import commands
 from sldvexp.config import registry
+from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE, conf_dir
 from sldvexp.errors import UserError
-from sldvexp.lazy import metadata
 
 DONE, FAILED, MISSED, INTERRUPTED = 0, 1, 2, 130
 
@@ -50,20 +51,29 @@ def main() -> None:
     in the program it was found.
     """
     warnings.formatwarning = _warning
-    wanted = os.environ.get(FULL_ERROR)
-    os.environ[FULL_ERROR] = "1"  # Hydra then raises, and we choose the words
     gc.disable()  # composing makes many objects and no garbage; a job turns it on again
     try:
-        status = Command(sys.argv[1:], full_error=wanted == "1").run()
+        with hydra_raises() as full_error:
+            status = Command(sys.argv[1:], full_error).run()
     except KeyboardInterrupt as stop:
         print(f"sldvexp: {str(stop) or 'interrupted'}", file=sys.stderr)
         status = INTERRUPTED
     finally:
         gc.enable()
-        os.environ.pop(FULL_ERROR)
+    sys.exit(status)
+
+
+@contextmanager
+def hydra_raises() -> Iterator[bool]:
+    """Let Hydra raise its errors, which we put into words; True if they are wanted in full."""
+    wanted = os.environ.get(FULL_ERROR)
+    os.environ[FULL_ERROR] = "1"
+    try:
+        yield wanted == "1"
+    finally:
+        del os.environ[FULL_ERROR]
         if wanted is not None:
             os.environ[FULL_ERROR] = wanted
-    sys.exit(status)
 
 
 def _warning(message: Warning | str, category: type[Warning], *place: Any, **line: Any) -> str:
@@ -71,6 +81,15 @@ def _warning(message: Warning | str, category: type[Warning], *place: Any, **lin
     if issubclass(category, registry.PluginWarning):
         return f"sldvexp: {message}\n"
     return USUAL_WARNING(message, category, *place, **line)
+
+
+def _refuse_finished(folder: Path, experiment: Experiment) -> None:
+    """Complain about a folder with a finished run, unless it may be replaced."""
+    if (folder / RUN_FILE).is_file() and not experiment.overwrite:
+        raise UserError(
+            f"{folder}: has a finished run; overwrite=true puts this one in its place once it is "
+            "done"
+        )
 
 
 class Command:
@@ -94,6 +113,7 @@ class Command:
         self.defect: Exception | None = None
         self.sweep: sweep.Sweep | None = None
         self.recorded = False  # whether a run's folder says what is run
+        self.experiment: Experiment | None = None  # of a single run, checked before it begins
         self.held = ExitStack()  # the lock of a single run's folder
 
     def __getstate__(self) -> dict[str, Any]:
@@ -102,7 +122,6 @@ class Command:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
-
         config.hydra_plugin.install()
         sweep.plan.register_resolver()
 
@@ -209,28 +228,23 @@ class Command:
         with open_dict(task):
             del task["hydra"]
         try:
-            experiment = config.schema.build(task)
+            self.experiment = config.schema.build(task)
         except Exception as error:
             if config.messages.sentence(error, config.Origins(self.arguments)) is None:
                 self.defect = error
             raise
         folder = Path(cfg.hydra.run.dir)
-        if (folder / RUN_FILE).is_file() and not experiment.overwrite:
-            raise UserError(
-                f"{folder}: has a finished run; overwrite=true puts this one in its place once it "
-                "is done"
-            )
+        _refuse_finished(folder, self.experiment)
         self.held.enter_context(sweep.lock.alone(folder))
+        _refuse_finished(folder, self.experiment)  # by whoever had the lock until now
 
     def _job(self, cfg: DictConfig) -> None:
         """Do one job; its mistakes are told here, so that a sweep goes on with the next."""
         gc.enable()
-
         job = HydraConfig.get()
         lines: Any = OmegaConf.to_container(job.overrides, resolve=False)
 
         def told(error: Exception) -> str | None:
-
             return config.messages.sentence(
                 error, config.Origins(self.arguments, [*lines["hydra"], *lines["task"]])
             )
@@ -242,7 +256,10 @@ class Command:
             else:
                 with self.held:
                     passed = pipeline.runner.run(
-                        cfg, folder=job.runtime.output_dir, quiet=self.quiet
+                        cfg,
+                        folder=job.runtime.output_dir,
+                        quiet=self.quiet,
+                        experiment=self.experiment,
                     )
                 self.status = self.status or (DONE if passed else MISSED)
         except Exception as error:

@@ -16,6 +16,7 @@ import warnings
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, fields
 from enum import Enum
+from importlib import metadata
 from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -24,7 +25,6 @@ from omegaconf import DictConfig, OmegaConf
 
 from sldvexp.config.experiment import FIELDS
 from sldvexp.errors import ConfigError, Problem, UserError, nearest
-from sldvexp.lazy import metadata
 
 ENTRY_POINTS = "sldvexp.plugins"
 

@@ -1,8 +1,7 @@
 """Commands, questions and blocks of samples, as a profile says, over lines to its devices.
 
-Steps that are repeated over a new connection when something disturbs them.
-
-Blocks of bytes to samples.
+`Dialogue` speaks; `Persistence` repeats a step over a new connection when something disturbs it;
+`decoded` turns a block of bytes into samples.
 """
 
 from __future__ import annotations

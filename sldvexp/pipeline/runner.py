@@ -15,6 +15,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from sldvexp import dataset
 from sldvexp.config import schema
+from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE, locate
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import UserError
@@ -37,6 +38,7 @@ def run(
     folder: str,
     quiet: bool = False,
     share: Callable[[Step, Run], None] | None = None,
+    experiment: Experiment | None = None,
 ) -> bool:
     """Run one experiment.
 
@@ -50,6 +52,8 @@ def run(
         Neither a bar nor the closing table, as one of many runs.
     share : callable, optional
         Does a step, or takes over what another run did, see `sldvexp.sweep.shared_steps.Store`.
+    experiment : Experiment, optional
+        Its plugins, if they are made already; `cfg` is checked and they are made of it otherwise.
 
     Returns
     -------
@@ -62,7 +66,7 @@ def run(
         For any mistake in the configuration or the data; what was in the folder stays.
     """
     start = datetime.now(UTC)
-    experiment = schema.build(cfg)
+    experiment = experiment or schema.build(cfg)
     steps = [step for step in STEPS if step.needed(experiment)]
     if not steps:
         raise UserError(

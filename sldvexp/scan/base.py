@@ -1,8 +1,7 @@
-"""Base of every plugin of the group `scan`.
+"""Bases of the plugins of the group `scan`.
 
-What scans have in common that give a velocity image of each view.
-
-What scans have in common that a person does: points the beam, or measures where it falls.
+`ScanPart` is what all have in common, `ImageScan` what gives a velocity image of each view, and
+`PersonPart` what a person does: points the beam, or measures where it falls.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """An instrument at one view, seen as a camera: scan lines in, complex pixels out.
 
-What is at hand while a session is in one view.
-
-The person at the terminal: asked when something must be done by hand.
+`ViewContext` has what is at hand while a session is in one view, also the `Operator`: the person
+at the terminal, who is asked when something must be done by hand.
 """
 
 from __future__ import annotations

@@ -22,8 +22,6 @@ from sldvexp.sweep.plan import labels
 
 #: Coordinate of every run: its folder, in a file from there.
 FOLDER = "folder"
-
-
 #: Dimension of runs that do not fill a table of keys.
 RUN = "run"
 #: A table of keys has at most so many cells a run.

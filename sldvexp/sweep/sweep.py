@@ -1,8 +1,7 @@
 """A sweep from the command line: its folder, its lock, and what it leaves behind at the end.
 
-How far a sweep is: one line on the terminal after every run that was computed.
-
-How far a sweep is whose runs other processes do: each leaves a sign, which is watched for.
+`Progress` says how far it is after every run that was computed; for runs of other processes
+`Watch` waits for the sign that each leaves.
 """
 
 from __future__ import annotations

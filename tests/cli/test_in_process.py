@@ -90,3 +90,19 @@ def test_help_reads_as_a_page():
 
 def test_the_package_itself_is_light(loaded_by):
     assert loaded_by("import sldvexp; dir(sldvexp); sldvexp.pose")[0] == ""
+
+
+def test_one_run_and_no_sweep(here):
+    with pytest.raises(UserError, match="does one run; a sweep is for the command"):
+        package.run("experiment=point", "hydra.mode=MULTIRUN", "seed=1,2")
+    with pytest.raises(UserError, match="is no setting"):
+        package.run(f"resume={here}")
+
+
+def test_a_configuration_is_checked_once(here, monkeypatch):
+    from sldvexp.config import schema
+
+    build, built = schema.build, []
+    monkeypatch.setattr(schema, "build", lambda cfg: built.append(cfg) or build(cfg))
+    package.run("experiment=point", quiet=True)
+    assert len(built) == 1

@@ -74,8 +74,6 @@ class CubicInterpolator(Interpolator):
 
 #: Powers of the two coordinates, the constant first: linear, quadratic, biquadratic.
 POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (2, 1), (1, 2), (2, 2))
-
-
 TERMS = len(POWERS)
 
 
@@ -85,8 +83,6 @@ BIQUADRATIC, QUADRATIC, LINEAR = 9, 6, 3
 #: Least reciprocal condition number of a fit's (equilibrated) normal matrix. Worse ones are fitted
 #: with fewer terms: they would raise the pixels' noise more than a hundredfold.
 DETERMINED = 1e-4
-
-
 #: Coefficients below this are rounding errors of zero, in a frame where neighbours are at about 1.
 NOTHING = 1e-14
 
