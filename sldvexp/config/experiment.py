@@ -71,6 +71,21 @@ class Retry(Enum):
     all = "all"
 
 
+class OnDoubt(Enum):
+    """What a run does once its verdict is no longer ``trusted``.
+
+    Attributes
+    ----------
+    tell
+        It goes on and says so first.
+    stop
+        It ends after the step that found something; everything so far is kept, the page is made.
+    """
+
+    tell = "tell"
+    stop = "stop"
+
+
 @dataclass
 class SweepSettings:
     """How many runs of one command (`-m`) are treated.
@@ -112,6 +127,10 @@ class Experiment:
         What the run must reproduce.
     report : plugin
         The page that the run leaves for people.
+    on_doubt : OnDoubt
+    use_repair : list of str
+        Repairs that the verdict of an earlier run proposed, as ``[view_left.sign]``; they are done
+        where the data enters. Nothing is repaired that is not named here.
     overwrite : bool
         Whether a finished run in the folder is replaced, once this one is done.
     """
@@ -226,6 +245,8 @@ class Experiment:
     report: Any = one_of(
         "report", {"html": "sldvexp.report.html.page", "none": "sldvexp.report.base"}, chosen="html"
     )
+    on_doubt: OnDoubt = OnDoubt.tell
+    use_repair: list[str] = field(default_factory=list)
     overwrite: bool = False
     sweep: SweepSettings = field(default_factory=SweepSettings)
 

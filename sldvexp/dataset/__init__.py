@@ -6,6 +6,14 @@ again; `RunData` is what figures, checks and pages read. To add a variable, add 
 `VARIABLES`.
 """
 
+from sldvexp.dataset.findings import (
+    VERDICT,
+    Finding,
+    Severity,
+    findings_of,
+    findings_to_dataset,
+    verdict_of,
+)
 from sldvexp.dataset.run_data import RunData, Source, read_yaml
 from sldvexp.dataset.store import (
     UNREADABLE,
@@ -26,9 +34,14 @@ __all__ = [
     "FREQUENCY",
     "UNREADABLE",
     "VARIABLES",
+    "VERDICT",
+    "Finding",
     "RunData",
+    "Severity",
     "Source",
     "Variable",
+    "findings_of",
+    "findings_to_dataset",
     "group",
     "load",
     "load_some",
@@ -37,4 +50,5 @@ __all__ = [
     "read_yaml",
     "save",
     "save_table",
+    "verdict_of",
 ]

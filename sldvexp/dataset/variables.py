@@ -360,6 +360,16 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "f_statistic": _V("", "1", "F of the intercept by the printed convention"),
         "f_critical": _V("", "1", "critical F with 1 and n - 1 degrees of freedom"),
     },
+    "verdict": {
+        "kind": _V("finding", "", "kind of mistake"),
+        "subject": _V("finding", "", "view, point, circle or pixels that it is about"),
+        "severity": _V("finding", "", "note, doubtful or void"),
+        "statistic": _V("finding", "1", "of the test that found it"),
+        "p_value": _V("finding", "1", "probability of such a statistic without the mistake"),
+        "size": _V("finding", "1", "how large it is, in the unit of the text"),
+        "remedy": _V("finding", "", "setting that would repair it"),
+        "text": _V("finding", "", "the finding in a sentence"),
+    },
     "check": {
         "published": _V("quantity", "as the quantity", "published or demanded value"),
         "computed": _V("quantity", "as the quantity", "value of this run"),

@@ -15,8 +15,9 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from sldvexp import dataset
 from sldvexp.config import schema
-from sldvexp.config.experiment import Experiment
+from sldvexp.config.experiment import Experiment, OnDoubt
 from sldvexp.config.paths import RUN_FILE, locate
+from sldvexp.dataset import VERDICT, findings_of
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import UserError
 from sldvexp.export import export_all
@@ -58,7 +59,7 @@ def run(
     Returns
     -------
     bool
-        Whether every expectation was met.
+        Whether every step was done and every expectation met.
 
     Raises
     ------
@@ -83,9 +84,12 @@ def run(
     rng = np.random.default_rng(experiment.seed)
     run = Run(experiment, rng, Path(folder), Operator(lambda: _paused(bar)))
     with bar, _told_how_to_go_on(run.folder):
-        _do(steps, run, bar, share or (lambda step, run: step.perform(run)))
+        whole = _do(steps, run, bar, share or (lambda step, run: step.perform(run)))
+    run.conclude()
+    for finding in findings_of(run.tree):
+        log.info("%s: %s: %s", run.verdict, finding.severity.name, finding.text)
     path = Path(folder) / RUN_FILE
-    attributes = provenance.attributes(cfg, run.inputs, start)
+    attributes = {**provenance.attributes(cfg, run.inputs, start), VERDICT: run.verdict}
     if run.reused:
         attributes["reused_steps"] = ", ".join(run.reused)
     texts = {POSE_FILE: pose_text(run.tree["pose"])} if "pose" in run.tree else {}
@@ -99,12 +103,15 @@ def run(
     pages = attempt(lambda: report.of_run(path), path) if wanted else []
     exported = export_all(experiment.export, RunData(run.tree, attributes), path)
     if not quiet:
-        closing_table(run.kept, [path, *(path.with_name(n) for n in texts), *exported, *pages])
-    return "check" not in run.tree or bool(run.tree["check"]["passed"].all())
+        closing_table(
+            RunData(run.kept, attributes),
+            [path, *(path.with_name(n) for n in texts), *exported, *pages],
+        )
+    return whole and ("check" not in run.tree or bool(run.tree["check"]["passed"].all()))
 
 
-def _do(steps: Sequence[Step], run: Run, bar: Progress, do: Callable[[Step, Run], None]) -> None:
-    """Do one step after the other."""
+def _do(steps: Sequence[Step], run: Run, bar: Progress, do: Callable[[Step, Run], None]) -> bool:
+    """Do one step after the other; False if doubt has stopped the run."""
     task, scanned = bar.add_task("", total=len(steps)), False
     for step in steps:
         bar.update(task, description=step.name, advance=1)
@@ -112,6 +119,10 @@ def _do(steps: Sequence[Step], run: Run, bar: Progress, do: Callable[[Step, Run]
         with telling_of_the_scan(run.folder, scanned):
             do(step, run)
         scanned |= step.name == SCAN
+        if run.experiment.on_doubt is OnDoubt.stop and run.verdict != "trusted":
+            log.info("stopped: the verdict is %s", run.verdict)
+            return False
+    return True
 
 
 @contextmanager

@@ -17,6 +17,7 @@ from sldvexp import field as velocity_field
 from sldvexp import importers, session, virtual_lab
 from sldvexp.check import Examination, evaluate
 from sldvexp.config.experiment import Experiment
+from sldvexp.dataset import VERDICT, findings_of, findings_to_dataset, verdict_of
 from sldvexp.errors import UserError
 from sldvexp.instrument import InstrumentError, ScanningPlugin
 from sldvexp.instrument.recording import JOURNAL
@@ -61,8 +62,21 @@ class Run:
 
     @property
     def kept(self) -> dict[str, xr.Dataset]:
-        """Groups that the run's file gets."""
-        return {name: group for name, group in self.tree.items() if name not in self.elsewhere}
+        """Groups that the run's file gets; what stages found is in its verdict."""
+        return {
+            name: group
+            for name, group in self.tree.items()
+            if name not in self.elsewhere and not name.startswith(f"{VERDICT}/")
+        }
+
+    @property
+    def verdict(self) -> str:
+        """Trusted, doubtful or void, by what has been found so far."""
+        return verdict_of(findings_of(self.tree))
+
+    def conclude(self) -> None:
+        """Make the group of all findings."""
+        self.tree[VERDICT] = findings_to_dataset(findings_of(self.tree))
 
     def keep(self, name: str, group: xr.Dataset) -> xr.Dataset:
         """Keep a scanned group.
@@ -362,7 +376,7 @@ STEPS: tuple[Step, ...] = (
         POSE,
         lambda e: bool(e.pose or e.compare_pose),
         _pose,
-        makes=("pose", "registration", "compare_pose/"),
+        makes=("pose", "registration", "compare_pose/", f"{VERDICT}/pose"),
         needs=("target", *SCANNED),
         reads=POSING,
     ),

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sldvexp import dataset
+from sldvexp.dataset import Finding, findings_to_dataset
 from sldvexp.geometry import euler_from_rotation
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
@@ -36,6 +37,10 @@ PROMISED = (
 )
 
 
+#: Group of what pose methods find, until the run is over.
+FINDINGS = "verdict/pose"
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class PoseResult:
     """Poses of all views, as a method found them.
@@ -48,12 +53,15 @@ class PoseResult:
         Attributes: ``confidence_level``; ``notes``, one a line, for the reader of a report.
     registration : xarray.Dataset, optional
         The group ``registration``: the points, and the angles they were solved from.
+    findings : sequence of Finding
+        Where the data disagrees with the method's model.
     """
 
     GROUP: ClassVar[str] = "pose"
 
     pose: xr.Dataset
     registration: xr.Dataset | None = None
+    findings: Sequence[Finding] = ()
 
     @property
     def views(self) -> list[str]:
@@ -78,7 +86,8 @@ class PoseResult:
     def groups(self) -> dict[str, xr.Dataset]:
         """Name the groups that the method adds to the run."""
         own = {} if self.registration is None else {"registration": self.registration}
-        return {**own, "pose": self.pose}
+        told = {FINDINGS: findings_to_dataset(self.findings)} if self.findings else {}
+        return {**own, "pose": self.pose, **told}
 
     def to_dataset(self) -> xr.Dataset:
         """Give the group ``pose``."""

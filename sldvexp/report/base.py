@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from sldvexp.config.registry import register
-from sldvexp.dataset import RunData
+from sldvexp.dataset import VERDICT, Finding, RunData, findings_of
 from sldvexp.errors import UserError
 
 log = logging.getLogger(__name__)
@@ -124,6 +124,38 @@ class NoReport(Report):
 
     def of_sweep(self, path: Path, ranking: Sequence[Mapping[str, Any]]) -> None:
         """Make nothing, see `Report.of_sweep`."""
+
+
+#: What a verdict means, for people.
+MEANING = {
+    "trusted": "nothing that could be tested speaks against the results and their bounds",
+    "doubtful": "the bounds may be too small",
+    "void": "the bounds cannot be believed",
+}
+
+
+def verdict_text(run: RunData) -> tuple[str, list[Finding]]:
+    """Say the run's verdict in a line, and what it rests on.
+
+    Returns
+    -------
+    str
+        For example ``void: the bounds cannot be believed``; empty if the run has no verdict.
+    list of Finding
+        The worst first.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import Severity, findings_to_dataset
+    >>> sign = Finding("sign", "view left", "view left has the wrong sign", Severity.void)
+    >>> line, found = verdict_text(RunData({"verdict": findings_to_dataset([sign])}))
+    >>> line, found[0].text
+    ('void: the bounds cannot be believed', 'view left has the wrong sign')
+    """
+    if VERDICT not in run.groups:
+        return "", []
+    verdict = str(run.groups[VERDICT].attrs["verdict"])
+    return f"{verdict}: {MEANING[verdict]}", findings_of(run.groups)
 
 
 def notes(run: RunData) -> list[str]:

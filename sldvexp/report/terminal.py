@@ -20,7 +20,7 @@ from rich.text import Text
 
 from sldvexp.dataset import RunData, Source
 from sldvexp.lazy import xarray as xr
-from sldvexp.report.base import notes
+from sldvexp.report.base import notes, verdict_text
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.tables import POSE, VELOCITY, field_tables, image_text, pose_methods
 
@@ -34,7 +34,7 @@ ALONG_AXIS = 1 - 1e-9
 
 
 def closing_table(source: Source | RunData, files: Sequence[Path]) -> None:
-    """Print what was estimated, published and met, what to mind, and where the files lie.
+    """Print the verdict, what was estimated, published and met, and where the files lie.
 
     Examples
     --------
@@ -48,6 +48,7 @@ def closing_table(source: Source | RunData, files: Sequence[Path]) -> None:
     console = Console()
     if not console.is_terminal:
         console = Console(width=max(console.width, NARROWEST))
+    _print_verdict(run, console)
     table = Table("estimated", title="Estimates", title_justify="left")
     for column in ("value ± bound", "unit"):
         table.add_column(column, no_wrap=True)
@@ -70,6 +71,26 @@ def closing_table(source: Source | RunData, files: Sequence[Path]) -> None:
         console.print(f"[yellow]note:[/] {escape(note)}", highlight=False)
     for file in files:
         console.print(str(file), soft_wrap=True, highlight=False)
+
+
+#: Colours of a verdict and of a finding's severity.
+COLOURS = {"trusted": "green", "doubtful": "yellow", "void": "red"}
+
+
+def _print_verdict(run: RunData, console: Console) -> None:
+    """Print the verdict, then one line for each finding, with its remedy."""
+    line, findings = verdict_text(run)
+    if not line:
+        return
+    colour = COLOURS[line.partition(":")[0]]
+    console.print(f"[bold {colour}]verdict: {escape(line)}[/]", highlight=False)
+    for finding in findings:
+        remedy = f" (remedy: {finding.remedy})" if finding.remedy else ""
+        console.print(
+            f"[{COLOURS.get(finding.severity.name, 'cyan')}]{finding.severity.name}:[/] "
+            f"{escape(finding.text + remedy)}",
+            highlight=False,
+        )
 
 
 def estimates(run: RunData, most: int = MOST_VELOCITIES) -> Iterator[tuple[str, str, str, str]]:

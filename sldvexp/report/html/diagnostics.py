@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from sldvexp.config.paths import RUN_FILE
-from sldvexp.dataset import RunData
+from sldvexp.dataset import RunData, Severity
 from sldvexp.lazy import xarray as xr
-from sldvexp.report.base import notes
+from sldvexp.report.base import notes, verdict_text
 from sldvexp.report.html.blocks import (
     Code,
     Facts,
@@ -32,6 +32,26 @@ from sldvexp.report.terminal import published
 MOST_FLAGGED = 0.05
 #: Numbers of one check that a page shows; the dataset has all.
 MOST_NUMBERS = 200
+
+
+#: Looks of a line about a verdict or a finding.
+LOOKS = {"trusted": "good", "note": "", "doubtful": "warning", "void": "warning"}
+
+
+def verdict_section(run: RunData) -> Section | None:
+    """Say the verdict, and list what it rests on with the settings that would repair it."""
+    line, findings = verdict_text(run)
+    if not line:
+        return None
+    blocks: list[Any] = [Text(f"Verdict: {line}.", LOOKS[line.partition(":")[0]])]
+    told = [
+        f"{f.severity.name}: {f.text}" + (f" (remedy: {f.remedy})" if f.remedy else "")
+        for f in findings
+    ]
+    if told:
+        worst = findings[0].severity is not Severity.note
+        blocks.append(Listing(told, "warning" if worst else ""))
+    return Section("Verdict", blocks)
 
 
 def warnings_section(run: RunData) -> Section:

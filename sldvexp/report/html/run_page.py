@@ -13,6 +13,7 @@ from sldvexp.report.html.blocks import Section
 
 #: Each makes a section of what a run has, or none; another part of the page is a line here.
 SECTIONS: tuple[Callable[[RunData], Section | None], ...] = (
+    diagnostics.verdict_section,
     diagnostics.warnings_section,
     setup.setup_section,
     results.pose_section,

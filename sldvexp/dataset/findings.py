@@ -1,0 +1,152 @@
+"""Findings: where the data disagrees with the model, and what that makes of the results.
+
+A stage that finds something says so as a `Finding`: what kind of mistake, about which view, point,
+circle or pixels, how sure that is, how large it is, and which setting would repair it. Stages leave
+their findings as groups ``verdict/<stage>``; together they are the group ``verdict`` of a run, and
+the worst of them is the run's verdict:
+
+* ``trusted``: nothing that could be tested speaks against the results and their bounds,
+* ``doubtful``: something does, and the bounds may be too small,
+* ``void``: the bounds cannot be believed.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sldvexp.dataset.store import group
+from sldvexp.lazy import xarray as xr
+
+#: Group of all findings; those of a stage are below it until the run is over.
+VERDICT = "verdict"
+
+
+class Severity(enum.IntEnum):
+    """How much a finding weighs.
+
+    Attributes
+    ----------
+    note
+        Worth knowing: the results and their bounds stand.
+    doubtful
+        Bounds may be too small, or something had to be taken on trust that could be wrong.
+    void
+        Bounds leave out an error that is known to be there.
+    """
+
+    note = 0
+    doubtful = 1
+    void = 2
+
+
+#: The run's verdict by its worst finding.
+VERDICTS = {Severity.note: "trusted", Severity.doubtful: "doubtful", Severity.void: "void"}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was found about the data.
+
+    Parameters
+    ----------
+    kind : str
+        Of mistake, as ``sign`` or ``drop_outs``.
+    subject : str
+        What it is about, as ``view front``, ``point 7``, ``circle 3`` or ``pixels of view left``.
+    text : str
+        One sentence for people: what, where, and what would be right.
+    severity : Severity
+    statistic, p_value : float
+        Of the test that found it, if one did.
+    size : float
+        How large it is, in the unit that the text gives.
+    remedy : str
+        The setting that would repair it, as ``use_repair=[view_front.sign]``.
+
+    Examples
+    --------
+    >>> Finding("sign", "view left", "view left has the wrong sign", Severity.void).severity.name
+    'void'
+    """
+
+    kind: str
+    subject: str
+    text: str
+    severity: Severity = Severity.doubtful
+    statistic: float = np.nan
+    p_value: float = np.nan
+    size: float = np.nan
+    remedy: str = ""
+
+
+def verdict_of(findings: Iterable[Finding]) -> str:
+    """Tell the verdict: ``trusted``, ``doubtful`` or ``void``, by the worst finding.
+
+    Examples
+    --------
+    >>> verdict_of([]), verdict_of([Finding("noise", "run", "the stated noise is too small")])
+    ('trusted', 'doubtful')
+    """
+    return VERDICTS[max((f.severity for f in findings), default=Severity.note)]
+
+
+def findings_to_dataset(findings: Sequence[Finding]) -> xr.Dataset:
+    """Make a group of findings, the worst first.
+
+    Examples
+    --------
+    >>> found = findings_to_dataset([Finding("sign", "view left", "wrong sign", Severity.void)])
+    >>> found.attrs["verdict"], found["severity"].values.tolist()
+    ('void', ['void'])
+    """
+    ordered = sorted(findings, key=lambda f: -f.severity)
+    texts = {
+        name: np.array([str(getattr(f, name)) for f in ordered], dtype=str)
+        for name in ("kind", "subject", "text", "remedy")
+    }
+    numbers = {
+        name: np.array([getattr(f, name) for f in ordered], float)
+        for name in ("statistic", "p_value", "size")
+    }
+    severity = np.array([f.severity.name for f in ordered], dtype=str)
+    found = group(
+        VERDICT, {"finding": np.arange(len(ordered))}, **texts, severity=severity, **numbers
+    )
+    return found.assign_attrs(verdict=verdict_of(findings))
+
+
+def findings_of(groups: Mapping[str, xr.Dataset]) -> list[Finding]:
+    """Read the findings of a run, or those that its stages have left so far, the worst first.
+
+    Parameters
+    ----------
+    groups : mapping of str to xarray.Dataset
+        Of the run, by their path.
+
+    Examples
+    --------
+    >>> one = Finding("drop_outs", "pixels of view left", "3 pixels left out", Severity.note)
+    >>> findings_of({"verdict/images": findings_to_dataset([one])})[0].text
+    '3 pixels left out'
+    """
+    whole = [groups[VERDICT]] if VERDICT in groups else []
+    stages = whole or [g for k, g in groups.items() if k.startswith(f"{VERDICT}/")]
+    found = [
+        Finding(
+            kind=str(one["kind"].item()),
+            subject=str(one["subject"].item()),
+            text=str(one["text"].item()),
+            severity=Severity[str(one["severity"].item())],
+            statistic=float(one["statistic"]),
+            p_value=float(one["p_value"]),
+            size=float(one["size"]),
+            remedy=str(one["remedy"].item()),
+        )
+        for stage in stages
+        for one in (stage.isel(finding=i) for i in range(stage.sizes["finding"]))
+    ]
+    return sorted(found, key=lambda f: -f.severity)
