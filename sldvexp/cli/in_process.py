@@ -50,7 +50,7 @@ def run(*settings: str, config_dir: str | Path | None = None, quiet: bool = Fals
     >>> import sldvexp
     >>> tree = sldvexp.run("experiment=point", "report=none", quiet=True)
     >>> sorted(tree.children)
-    ['check', 'line_of_sight', 'point']
+    ['check', 'line_of_sight', 'point', 'verdict']
     """
     for setting in settings:
         is_setting = isinstance(setting, str) and ("=" in setting or setting.startswith("~"))

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from sldvexp import field as velocity_field
-from sldvexp import importers, session, virtual_lab
+from sldvexp import importers, session, verdict, virtual_lab
 from sldvexp.check import Examination, evaluate
 from sldvexp.config.experiment import Experiment
 from sldvexp.dataset import VERDICT, findings_of, findings_to_dataset, verdict_of
@@ -22,7 +22,9 @@ from sldvexp.errors import UserError
 from sldvexp.instrument import InstrumentError, ScanningPlugin
 from sldvexp.instrument.recording import JOURNAL
 from sldvexp.lazy import xarray as xr
+from sldvexp.pose.base import Refine
 from sldvexp.reconstruction import Reconstruction
+from sldvexp.reconstruction.system import Robust
 from sldvexp.session import Operator
 from sldvexp.session.camera import NobodyThereError
 from sldvexp.session.interruption import has_lines, how_to_go_on, stopping_once
@@ -164,6 +166,26 @@ def _volume(run: Run) -> None:
         run.tree["volume"] = run.experiment.volume.group()
     except UserError as error:
         raise UserError(f"volume: {error}") from None
+
+
+def _views(run: Run) -> None:
+    """Compare the views with one another, before a field is made of them."""
+    e = run.experiment
+    methods = {"reconstruction": e.reconstruction} if e.reconstruction else {}
+    methods |= {f"compare.{name}": method for name, method in e.compare.items()}
+    first, robust = next((name, method.robust) for name, method in methods.items())
+    for name, method in methods.items():
+        if method.robust is not robust:
+            raise UserError(
+                f"{name}.robust: must be that of {first}, {robust.name}, not {method.robust.name}: "
+                "pixels are left out before any field is made"
+            )
+    refined = e.pose is not None and e.pose.refine is Refine.images
+    examined = verdict.examine_views(
+        run.tree, e.laser, e.volume, robust is Robust.auto, e.use_repair, refined
+    )
+    run.tree |= examined.groups
+    run.tree[f"{VERDICT}/views"] = findings_to_dataset(examined.findings)
 
 
 def _line_of_sight(run: Run) -> None:
@@ -395,6 +417,14 @@ STEPS: tuple[Step, ...] = (
         makes=("image/",),
         needs=("pose",),
         reads=("laser", "instrument"),
+    ),
+    Step(
+        "comparison of the views",
+        lambda e: _reconstructs(e) and e.volume is not None and e.laser and e.stream is None,
+        _views,
+        makes=(f"{VERDICT}/views", "image/", "pose"),
+        needs=("pose", "volume", "image/"),
+        reads=("laser", "volume", "pose", "reconstruction", "compare", "use_repair"),
     ),
     Step(
         "velocity at points",

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from enum import Enum
 from typing import Any, ClassVar
 
 import numpy as np
@@ -103,6 +104,21 @@ class PoseResult:
         )
 
 
+class Refine(Enum):
+    """Further use of the velocity images for the poses.
+
+    Attributes
+    ----------
+    none
+        Poses are those of their method.
+    images
+        All poses are adjusted together to all velocity images, each with its own bounds as prior.
+    """
+
+    none = "none"
+    images = "images"
+
+
 @dataclass
 class PoseMethod(ABC):
     """A way to find where the instrument stood.
@@ -110,7 +126,14 @@ class PoseMethod(ABC):
     A method is a plugin: its fields are its configuration, checked in ``__post_init__``, and
     `estimate` does the work. It needs nothing but its own file and a line in
     `sldvexp.config.experiment`; `tests/pose/test_contract.py` tries every registered one.
+
+    Parameters
+    ----------
+    refine : Refine
+        Whether velocity images, if there are any, refine the poses.
     """
+
+    refine: Refine = field(default=Refine.none, kw_only=True)
 
     @abstractmethod
     def estimate(

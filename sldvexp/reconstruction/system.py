@@ -33,6 +33,21 @@ class Weights(Enum):
     noise = "noise"
 
 
+class Robust(Enum):
+    """Pixels of a field's images that dropped out unnoticed, and patches at rest.
+
+    Attributes
+    ----------
+    auto
+        They are found, left out and counted.
+    off
+        Every pixel without a flag counts.
+    """
+
+    auto = "auto"
+    off = "off"
+
+
 @dataclass
 class ReconstructionSettings:
     """Velocity vector from line-of-sight velocities, ``A v = A D V`` with a method's rows A.
@@ -49,6 +64,7 @@ class ReconstructionSettings:
         with a smaller std count more. `equal` is the dissertation's. Bounds are honest in both.
     confidence : float
         Two-sided level of the bounds.
+    robust : Robust
     rank_tolerance : float
         Relative singular value below which a direction counts as not determined. The default is
         the angle of one DAC step in rad: no view is known to point elsewhere than another by less.
@@ -59,6 +75,7 @@ class ReconstructionSettings:
     weights: Weights = Weights.noise
     confidence: float = 0.95
     rank_tolerance: float = 1e-4
+    robust: Robust = Robust.auto
 
     def __post_init__(self) -> None:
         checks = Checks()

@@ -36,6 +36,10 @@ class Flag(IntFlag):
         `poor_fit` times the sine (r.m.s.) and `reference_minimum`. The frequency is wrong or the
         generator does not give a sine. The velocity channel is not held to this, since at a node
         all of it is noise.
+    unlike
+        Neither its neighbours nor the other views confirm it: the signal dropped out unnoticed.
+    resting
+        Part of a patch that is at rest while what surrounds it moves, as a hole does.
     """
 
     saturated = 1
@@ -43,6 +47,8 @@ class Flag(IntFlag):
     reference_missing = 4
     non_finite = 8
     poor_fit = 16
+    unlike = 32
+    resting = 64
 
 
 @dataclass

@@ -27,7 +27,7 @@ def test_run_leaves_a_page_that_can_be_made_anew(sldvexp, pages):
         again = sldvexp("report", str(given))
         assert (again.status, again.err, again.out) == (0, "", f"{page}\n")
         assert page.read_bytes() == first
-    assert first.count(b"<section") == 5
+    assert first.count(b"<section") == 6
     assert b"data:image/svg+xml" in first
     text = first.decode()
     assert text.index("Warnings</h2>") < text.index("Velocity</h2>") < text.index("Checks</h2>")

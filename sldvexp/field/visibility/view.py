@@ -246,7 +246,11 @@ def views_of(tree: Mapping[str, xr.Dataset], laser: TwoMirror) -> list[View]:
     UserError
         If there is no image, an image has no pose, or units or frequencies differ between views.
     """
-    images = {k.split("/", 1)[1]: v for k, v in tree.items() if k.startswith("image/")}
+    images = {
+        k.split("/", 1)[1]: v
+        for k, v in tree.items()
+        if k.startswith("image/") and not v.attrs.get("left_out")
+    }
     if not images:
         raise UserError("field: there are no velocity images; scan the structure from some views")
     if "pose" not in tree:
@@ -371,6 +375,8 @@ REMEDIES = {
     Flag.reference_missing: "connect the reference to its channel, or lower "
     "signal.flags.reference_minimum if it really is so small",
     Flag.non_finite: "the instrument gave samples that are no numbers",
+    Flag.unlike: "look at the image; reconstruction.robust=off keeps these pixels",
+    Flag.resting: "look at the image; reconstruction.robust=off keeps these pixels",
     Flag.poor_fit: "is scan.sampling.frequency the one that is driven, and the reference a sine?",
 }
 

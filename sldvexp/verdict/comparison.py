@@ -1,0 +1,182 @@
+"""Comparison of all views with one smooth field, and the family of tests that tells a wrong one.
+
+Each view is tested for a complex factor of its own (gain and phase at once), for a pose further off
+than its bounds, and as a whole, by leaving it out; a family of three tests a view that is held to
+1 % together (Bonferroni). They are F-tests against the misfit that is left, so that noise stated
+5 % too low rejects no view; the misfit of all views together is a test of the stated noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sldvexp.field import View
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array
+from sldvexp.verdict.beams import MeasuredSurface
+from sldvexp.verdict.joint_fit import POSE, JointFit, PixelDesign
+from sldvexp.verdict.pixel_data import PixelData, pixel_data
+from sldvexp.verdict.smooth_field import SmoothField
+
+#: Probability of rejecting any view of a clean session.
+FAMILY = 0.01
+#: Views below which nothing can be tested between them: three components take three views.
+LEAST_VIEWS = 4
+#: Intervals of the smooth field along the longest side; more are tried while the misfit falls.
+INTERVALS = (3, 5, 7, 10)
+#: Relative fall of the misfit that a finer field must bring.
+FALL = 0.02
+#: Least number of pixels that a view is compared by.
+LEAST_PIXELS = 30
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """Pixels of all views with what a fit of them needs.
+
+    Attributes
+    ----------
+    prior : ndarray, shape (6 view + 1, error)
+        Factor L of the covariance of the poses and of the surface's height.
+    stated : bool
+        True if the views state their noise.
+    """
+
+    data: Sequence[PixelData]
+    surface: MeasuredSurface
+    smooth: SmoothField
+    prior: Array
+    stated: bool
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the views."""
+        return [d.view.name for d in self.data]
+
+    def design(self, k: int, errors: Array) -> PixelDesign:
+        """Trace a view whose pose and height are off by `errors`, shape (6 view + 1,)."""
+        surface = self.surface.raised(errors[-1])
+        pose = errors[POSE * k : POSE * (k + 1)]
+        return PixelDesign.at(self.data[k], surface, self.smooth, pose)
+
+    def designs(self, errors: Array) -> list[PixelDesign]:
+        """Trace all views."""
+        return [self.design(k, errors) for k in range(len(self.data))]
+
+    def fit(self) -> JointFit:
+        """Fit all views, the designs taken again at the estimated poses."""
+        at_stated = JointFit(self.data, self.designs(np.zeros(len(self.prior))), self.prior)
+        return self.again(at_stated)
+
+    def again(self, fit: JointFit) -> JointFit:
+        """Fit once more with the designs at the poses that a fit has found."""
+        standard = fit.standard + fit.step
+        designs = self.designs(self.prior @ standard)
+        return JointFit(self.data, designs, self.prior, standard, fit.views)
+
+
+def bench_of(
+    views: Sequence[View], surface: MeasuredSurface, covariance: Array | None
+) -> Bench | None:
+    """Lay out views for comparison; None if one sees too little.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (6 view, 6 view), optional
+        Of the poses; without it they are taken as exact.
+    """
+    data, stated = pixel_data(views, surface)
+    if min((len(d.pixel) for d in data), default=0) < LEAST_PIXELS:
+        return None
+    prior = prior_factor(covariance, len(data), surface.thickness)
+    best: Bench | None = None
+    misfit = np.inf
+    for intervals in INTERVALS:
+        tried = Bench(data, surface, SmoothField.on(surface.nodes, intervals), prior, stated)
+        fit = JointFit(data, tried.designs(np.zeros(len(prior))), prior)
+        found = fit.squares / max(fit.dof, 1)
+        if (best is not None and found > (1 - FALL) * misfit) or fit.dof <= 0:
+            break
+        best, misfit = tried, found
+    return best
+
+
+def prior_factor(covariance: Array | None, views: int, thickness: float) -> Array:
+    """Factor the covariance of poses and height, ``L L'``.
+
+    The surface's height is known to a sixth of the volume's thickness, since the volume was laid
+    around it to hold it for sure.
+    """
+    count = POSE * views
+    whole = np.zeros((count + 1, count + 1))
+    if covariance is not None:
+        whole[:count, :count] = covariance
+    whole[-1, -1] = (thickness / 6) ** 2
+    size = np.sqrt(np.where(np.diag(whole) > 0, np.diag(whole), 1.0))
+    values, vectors = np.linalg.eigh(whole / np.outer(size, size))
+    kept = values > 1e-12 * values.max()
+    return size[:, None] * vectors[:, kept] * np.sqrt(values[kept])
+
+
+@dataclass(frozen=True, eq=False)
+class ViewTests:
+    """ViewTests of every view.
+
+    Attributes
+    ----------
+    statistic, p_value : dict of str to ndarray, shape (view,)
+        ``factor``, ``pose`` and ``whole``: F statistics.
+    misfit : float
+        Squares over their expectation from the stated noise.
+    misfit_p_value : float
+        Two-sided, of the stated noise.
+    """
+
+    statistic: dict[str, Array]
+    p_value: dict[str, Array]
+    misfit: float
+    misfit_p_value: float
+
+    @property
+    def least(self) -> float:
+        """Smallest p-value of the family, times its number."""
+        all_of = np.concatenate(list(self.p_value.values()))
+        return float(min(1.0, all_of.min() * len(all_of)))
+
+    @property
+    def rejects(self) -> bool:
+        """True if a view is wrong."""
+        return self.least < FAMILY
+
+
+def compare_views(bench: Bench, fit: JointFit) -> ViewTests:
+    """Test every view; `fit` is of all, relinearised."""
+    variance = max(fit.squares / fit.dof, np.finfo(float).tiny)
+    found: dict[str, list[tuple[float, int, float]]] = {"factor": [], "pose": [], "whole": []}
+    for k in range(len(bench.data)):
+        for name, columns in (
+            ("factor", fit.factor_columns(k)),
+            ("pose", fit.own_pose_columns(k)),
+        ):
+            score = fit.score(k, columns)
+            found[name].append((score.statistic / score.dof / variance, score.dof, fit.dof))
+        others = JointFit(
+            bench.data,
+            fit.designs,
+            bench.prior,
+            fit.standard,
+            [i for i in fit.views if i != k],
+        )
+        freedom, q = max(others.dof, 1), fit.dof - others.dof
+        left = max(others.squares / freedom, np.finfo(float).tiny)
+        found["whole"].append(((fit.squares - others.squares) / q / left, q, freedom))
+    statistic = {name: np.array([f for f, *_ in of]) for name, of in found.items()}
+    p_value = {
+        name: np.array([scipy.special.fdtrc(q, n, max(f, 0.0)) for f, q, n in of])
+        for name, of in found.items()
+    }
+    above = scipy.special.chdtrc(fit.dof, fit.squares)
+    return ViewTests(statistic, p_value, fit.squares / fit.dof, float(2 * min(above, 1 - above)))

@@ -1,0 +1,266 @@
+"""Diagnosis of views that disagree: which view is wrong, and with what kind of mistake.
+
+For every view and every kind of mistake the whole is fitted again, the poses' prior integrated, and
+the fits are ranked by ``T/s2 + q ln n`` with q numbers that a kind adds (Schwarz' criterion). A
+view's factor c is found from the field of the others: its velocities are turned by ``-arg c`` and
+its *design* is scaled by ``|c|`` (scaling the velocities would scale their noise), then steps of
+the score. From the quadratic form about c follow the fits with a sign, with r.m.s. instead of peak,
+with a gain or a phase alone. A pose is freed by a prior so wide that it does not bind. Another
+field, or another frequency, is a view that is left out for a smooth scalar of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sldvexp.field import View
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, ComplexArray
+from sldvexp.verdict.comparison import Bench
+from sldvexp.verdict.joint_fit import POSE, JointFit
+from sldvexp.verdict.pixel_data import pixel_data
+
+#: Named factors that a view may be wrong by.
+NAMED = {"sign": -1.0, "rms": 0.5**0.5, "inverse_rms": 2.0**0.5}
+#: The same of a view that is conjugated.
+CONJUGATES = {"conjugate": 1.0, "conjugate_sign": -1.0}
+#: Gap of the criterion between two views below which it cannot be told which is wrong.
+CLEAR = 6.0
+#: Standard deviations of a freed pose: rotation (rad) and origin (m).
+FREE = np.repeat([0.1, 0.2], 3)
+#: Smallest modulus of a factor that a fit is started from.
+SMALLEST = 0.05
+STEPS = 3
+#: Misfit that no mistake of one view leaves; more, and views may be exchanged.
+UNEXPLAINED = 1.3
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """One way to explain the data.
+
+    Attributes
+    ----------
+    view : tuple of int
+        That are wrong; none for a clean session.
+    kind : str
+        ``clean``, ``sign``, ``conjugate``, ``rms``, ``inverse_rms``, ``gain``, ``phase``,
+        ``factor``, ``pose``, ``other_field`` or ``exchanged``.
+    criterion : float
+        The smaller, the better.
+    factor : complex
+        That the view's velocities stand to those that the others predict.
+    factor_std : tuple of float
+        Standard errors of its modulus, relative, and of its argument, rad.
+    pose : tuple of float
+        Rotation vector (rad) and displacement (m) by which a pose is off.
+    covariance : ndarray, shape (6, 6), optional
+        Of that.
+    """
+
+    view: tuple[int, ...]
+    kind: str
+    criterion: float
+    factor: complex = 1.0
+    factor_std: tuple[float, float] = (np.nan, np.nan)
+    pose: tuple[float, ...] = ()
+    covariance: Array | None = None
+
+
+def diagnose(bench: Bench, fit: JointFit, views: Sequence[int] | None = None) -> list[Explanation]:
+    """Rank explanations of a disagreement, the best first.
+
+    Parameters
+    ----------
+    fit : JointFit
+        Of all views, relinearised.
+    views : sequence of int, optional
+        Those that may be wrong; all without it.
+    """
+    found = [(Explanation((), "clean", fit.squares), 0.0)]
+    for k in range(len(bench.data)) if views is None else views:
+        found += _of_view(bench, k)
+    least = min(h.criterion for h, _ in found)
+    if least > UNEXPLAINED * fit.dof:
+        found += _exchanges(bench, fit)
+    # No kind that fits leaves more than the noise, whatever noise was stated.
+    scale = max(1.0, min(h.criterion for h, _ in found) / fit.dof)
+    penalty = float(np.log(fit.channels * fit.count))
+    told = [
+        replace(h, criterion=float(h.criterion / scale + numbers * penalty)) for h, numbers in found
+    ]
+    return sorted(told, key=lambda h: h.criterion)
+
+
+def _without(bench: Bench, k: int) -> JointFit:
+    """Fit all views but one, at the stated poses and once more at those found."""
+    others = [i for i in range(len(bench.data)) if i != k]
+    errors = np.zeros(len(bench.prior))
+    return bench.again(JointFit(bench.data, bench.designs(errors), bench.prior, views=others))
+
+
+def _of_view(bench: Bench, k: int) -> Iterator[tuple[Explanation, float]]:
+    """Yield all kinds of mistakes of one view, with how many numbers each has."""
+    others = _without(bench, k)
+    yield _free_pose(bench, k, others)
+    squares, count = _own_scalar(bench, k, others)
+    yield Explanation((k,), "other_field", others.squares + squares), count
+    velocity = bench.data[k].velocity
+    yield from _factors(bench, k, others, np.conj(velocity), CONJUGATES)
+    yield from _factors(bench, k, others, velocity, NAMED)
+
+
+def _factors(
+    bench: Bench, k: int, others: JointFit, values: ComplexArray, named: Mapping[str, float]
+) -> Iterator[tuple[Explanation, float]]:
+    """Yield named factors of one view; of velocities as they are, a gain, a phase and both too."""
+    squares, c, information = _free_factor(bench, k, others, values)
+    std = np.sqrt(np.diag(np.linalg.pinv(information)))
+    found = Explanation((k,), "factor", squares, c, (float(std[0]), float(std[1])))
+    for kind, factor in named.items():
+        off = np.array([np.log(abs(factor) / abs(c)), np.angle(factor / c)])
+        # Of a field without phase a conjugate is nothing: both at once must not tie with a sign.
+        numbers = 2 if kind == "conjugate_sign" else 1
+        yield replace(found, kind=kind, criterion=squares + float(off @ information @ off)), numbers
+    if named is NAMED:
+        gain, phase = _alone(information)
+        yield replace(found, kind="gain", criterion=squares + phase * np.angle(c) ** 2), 2
+        yield replace(found, kind="phase", criterion=squares + gain * np.log(abs(c)) ** 2), 2
+        yield found, 3
+
+
+def _alone(information: Array) -> tuple[float, float]:
+    """Find how much it costs to fix one of two numbers, the other left free (Schur)."""
+    a, b, c = information[0, 0], information[0, 1], information[1, 1]
+    tiny = np.finfo(float).tiny
+    return float(a - b * b / max(c, tiny)), float(c - b * b / max(a, tiny))
+
+
+def _free_factor(
+    bench: Bench, k: int, others: JointFit, values: ComplexArray
+) -> tuple[float, complex, Array]:
+    """Fit with a complex factor of one view: squares, the factor, its information."""
+    design = others.designs[k]
+    predicted = _complex(design.field @ others.m)
+    seen = values[design.present]
+    energy = float(np.vdot(predicted, predicted).real)
+    c = complex(np.vdot(predicted, seen)) / max(energy, np.finfo(float).tiny)
+    if not abs(c) > SMALLEST:
+        c = complex(SMALLEST)
+    for _ in range(STEPS):
+        turned = {k: values * np.exp(-1j * np.angle(c))}
+        fit = JointFit(
+            bench.data,
+            others.designs,
+            bench.prior,
+            others.standard,
+            factor={k: float(abs(c))},
+            velocity=turned,
+        )
+        score = fit.score(k, fit.factor_columns(k))
+        step = np.clip(score.estimate, -0.5, 0.5)
+        c *= complex((1 + step[0]) * np.exp(1j * step[1]))
+    return fit.squares - score.statistic, c, score.information
+
+
+def _complex(channels: Array) -> ComplexArray:
+    """Join real and imaginary channels."""
+    real, imaginary = np.split(channels, 2, axis=-1)
+    return np.asarray(real + 1j * imaginary)
+
+
+def _free_pose(bench: Bench, k: int, others: JointFit) -> tuple[Explanation, float]:
+    """Fit with a free pose of one view, the designs taken again at every step."""
+    wide, own = widened(bench, [k]), slice(POSE * k, POSE * (k + 1))
+    best, pixels = Explanation((k,), "pose", np.inf, pose=POSE * (0.0,)), len(bench.data[k].pixel)
+    numbers = 0.0
+    # Of the others' field and of the fit of all, whichever start leaves less.
+    for pose in (_first_step(bench, k, others), np.zeros(POSE)):
+        for _ in range(STEPS + 1):
+            errors = np.r_[np.zeros(len(wide.prior) - 1), others.poses[-1]]
+            errors[own] = pose
+            designs = [*others.designs]
+            designs[k] = wide.design(k, errors)
+            missing = pixels - int(designs[k].present.sum())
+            if 2 * missing > pixels:
+                break
+            standard = np.concatenate([others.standard, pose / FREE])
+            fit = JointFit(wide.data, designs, wide.prior, standard)
+            squares = fit.squares + fit.channels * missing * fit.squares / fit.dof
+            pose = fit.poses[own]
+            if squares < best.criterion:
+                covariance = fit.covariance[own, own]
+                numbers = POSE - float(np.trace(covariance / np.outer(FREE, FREE)))
+                moves = tuple(map(float, pose))
+                best = replace(best, criterion=squares, pose=moves, covariance=covariance)
+    return best, 1 + numbers
+
+
+def _first_step(bench: Bench, k: int, others: JointFit) -> Array:
+    """Fit a view's pose to the field of the others."""
+    design = others.designs[k]
+    values = bench.data[k].velocity[design.present]
+    left = np.concatenate([values.real, values.imag], axis=1) - design.field @ others.m
+    columns = design.pose_columns(others.m)[:, :POSE] * FREE[None, :, None]
+    flat = columns.transpose(0, 2, 1).reshape(-1, POSE)
+    return np.linalg.lstsq(flat, left.ravel(), rcond=1e-3)[0] * FREE
+
+
+def widened(bench: Bench, views: Sequence[int]) -> Bench:
+    """Free the poses of some views: their prior no longer binds, nor ties them to the others'."""
+    rows = np.concatenate([np.arange(POSE * k, POSE * (k + 1)) for k in views])
+    prior = bench.prior.copy()
+    prior[rows] = 0.0
+    free = np.zeros((len(prior), len(rows)))
+    free[rows, np.arange(len(rows))] = np.tile(FREE, len(views))
+    return replace(bench, prior=np.concatenate([prior, free], axis=1))
+
+
+def _own_scalar(bench: Bench, k: int, others: JointFit) -> tuple[float, int]:
+    """Fit one view by a smooth scalar alone: squares, and how many numbers that takes."""
+    design = others.designs[k]
+    basis = design.basis * design.weight[:, None]
+    values = bench.data[k].velocity[design.present]
+    values = np.concatenate([values.real, values.imag], axis=1)
+    normal = basis.T @ basis
+    normal += 1e-9 * np.trace(normal) / len(normal) * np.eye(len(normal))
+    left = values - basis @ scipy.linalg.solve(normal, basis.T @ values, assume_a="pos")
+    return float(np.vdot(left, left)), len(normal) * values.shape[1]
+
+
+def _exchanges(bench: Bench, fit: JointFit) -> Iterator[tuple[Explanation, float]]:
+    """Yield pairs of views whose images are exchanged: each was taken from the other's place."""
+    for i in range(len(bench.data)):
+        for j in range(i):
+            views = [d.view for d in bench.data]
+            views[i], views[j] = _image_of(views[i], views[j]), _image_of(views[j], views[i])
+            data, _ = pixel_data(views, bench.surface)
+            found = replace(bench, data=data).fit()
+            missing = fit.count - found.count
+            squares = found.squares + found.channels * missing * found.squares / found.dof
+            yield Explanation((j, i), "exchanged", squares), 1
+
+
+def _image_of(place: View, other: View) -> View:
+    """Give a place the image that another view took."""
+    image = {n: getattr(other, n) for n in ("dac", "velocity", "std", "flags", "shape")}
+    return replace(place, **image)
+
+
+def tells_views_apart(ranked: Sequence[Explanation]) -> tuple[Explanation, Explanation | None]:
+    """Take the best explanation and, if it is not clear which view is wrong, that of another.
+
+    Returns
+    -------
+    Explanation
+    Explanation or None
+        The best about another view, if its criterion is within `CLEAR`.
+    """
+    wrong = [h for h in ranked if h.view]
+    best = wrong[0]
+    other = next((h for h in wrong if set(h.view) != set(best.view)), None)
+    near = other is not None and other.criterion - best.criterion < CLEAR
+    return best, other if near else None

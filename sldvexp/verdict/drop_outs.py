@@ -1,0 +1,198 @@
+"""Pixels that dropped out without a flag, and patches at rest where there is a hole.
+
+Isolated drop-outs need no other view. A quadratic through a pixel's nearest neighbours, fitted
+with Cauchy's weights, predicts it; ``d2 = sum |y - prediction|^2 / (s^2 (1 + h))`` over all
+frequencies, h the leverage of the place, is a chi-square of a good pixel. A hole deceives its
+neighbours, and all views agree on it; it shows as a patch that does not move while what surrounds
+it does. What both leave is found by a robust fit of the smooth field to all views, after the views
+have been tested: a wrong view must never be taken apart pixel by pixel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sldvexp.field import View
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, BoolArray, IndexArray
+from sldvexp.verdict.joint_fit import JointFit, PixelDesign
+from sldvexp.verdict.pixel_data import PixelData
+
+#: Neighbours that predict a pixel, and reweightings of their fit.
+NEIGHBOURS, PASSES = 24, 6
+#: Probability of flagging any good pixel of an image.
+ANY = 0.01
+#: How far, over their r.m.s. distance, the middle of the neighbours may be from a pixel: at a rim
+#: they lie on one side, and a quadratic that leaves the field there tells nothing.
+ONE_SIDED = 0.25
+#: Residual, in standard errors, of which Cauchy's weight is one half.
+HALF = 2.5
+#: Probability above which a pixel may be at rest.
+AT_REST = 1e-4
+#: How much stronger than a pixel at rest the rim of a hole moves.
+RIM = 10.0
+#: Pixels around one, itself among them, that are at rest together.
+PATCH = 9
+#: Reweightings of the robust fit by Huber's and by Tukey's function.
+HUBER, TUKEY = 3, 4
+
+
+def drop_outs(view: View, among: IndexArray) -> BoolArray:
+    """Find pixels that their neighbours do not predict, shape (pixel,).
+
+    Parameters
+    ----------
+    among : ndarray of int
+        Usable pixels whose beams meet the surface; no other is judged, or judges.
+    """
+    found = np.zeros(len(view.dac), bool)
+    values, std = _channels(view, among)
+    if len(among) <= 2 * NEIGHBOURS or not std.all():
+        return found
+    dac = view.dac[among]
+    _, near = scipy.spatial.cKDTree(dac).query(dac, NEIGHBOURS + 1)
+    squares, channels = _off_neighbours(dac, values, std, near[:, 1:]), values.shape[1]
+    limit = scipy.special.chdtri(channels, ANY / len(among))
+    found[among] = squares > limit
+    return found
+
+
+def _channels(view: View, pixels: IndexArray) -> tuple[Array, Array]:
+    """Collect velocities of some pixels, real then imaginary, with their standard errors."""
+    values = view.velocity[pixels]
+    std = np.broadcast_to(view.std.reshape(len(view.std), -1)[pixels], values.shape)
+    return np.concatenate([values.real, values.imag], axis=1), np.concatenate([std, std], axis=1)
+
+
+def _off_neighbours(dac: Array, values: Array, std: Array, near: IndexArray) -> Array:
+    """Compare every pixel with the robust quadratic through its neighbours: d2.
+
+    Velocities are compared as they are and misfits divided by their noise afterwards: the noise
+    that is stated of a pixel is an estimate, and changes from one to the next. Where neighbours
+    do not follow their quadratic either, all misfits are divided by theirs; one-sided neighbours
+    tell nothing, which is 0.
+    """
+    noise = np.sqrt(np.mean(std[near] ** 2, axis=1, keepdims=True))  # (pixel, 1, channel)
+    away = dac[near] - dac[:, None]
+    size = np.sqrt(np.mean(away**2, axis=(1, 2), keepdims=True))
+    x, y = np.moveaxis(away / np.maximum(size, np.finfo(float).tiny), -1, 0)
+    design = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+    weight, seen = np.ones(near.shape), values[near]
+    for _ in range(PASSES):
+        weighted = weight[..., None] * design
+        normal = np.swapaxes(weighted, 1, 2) @ design
+        normal += 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(6)
+        inverse = np.linalg.inv(normal)
+        fitted = inverse @ (np.swapaxes(weighted, 1, 2) @ seen)
+        left = np.mean(((seen - design @ fitted) / noise) ** 2, axis=2)
+        typical = np.maximum(np.median(left, axis=1, keepdims=True), 1.0)
+        weight = 1.0 / (1.0 + left / (HALF**2 * typical))
+    # Of the neighbours' own noise, by which the prediction at the pixel varies.
+    estimator = inverse[:, :1] @ np.swapaxes(weighted, 1, 2)
+    leverage = np.sum(estimator[:, 0] ** 2, axis=1)
+    off = np.sum(((values - fitted[:, 0]) / noise[:, 0]) ** 2, axis=1) / (1.0 + leverage)
+    sided = np.linalg.norm(away.mean(axis=1), axis=1) > ONE_SIDED * size[:, 0, 0] * np.sqrt(2)
+    return np.asarray(np.where(sided, 0.0, off / typical[:, 0]))
+
+
+def resting(view: View, among: IndexArray) -> BoolArray:
+    """Find patches that do not move while what surrounds them does, shape (pixel,).
+
+    Parameters
+    ----------
+    among : ndarray of int
+        As of `drop_outs`.
+    """
+    found = np.zeros(len(view.dac), bool)
+    values, std = _channels(view, among)
+    if len(among) <= 2 * NEIGHBOURS or not std.all():
+        return found
+    squares, channels = np.sum((values / std) ** 2, axis=1), values.shape[1]
+    limit = scipy.special.chdtri(channels, AT_REST)
+    tree = scipy.spatial.cKDTree(view.dac[among])
+    _, near = tree.query(view.dac[among], NEIGHBOURS + 1)
+    still = squares < limit
+    core = still[near[:, :PATCH]].all(axis=1)
+    patch = core[near[:, :PATCH]].any(axis=1) & still  # opened: thin nodal lines are no patches
+    grown = patch[near[:, :PATCH]].any(axis=1)
+    for one in _connected(grown, near[:, :PATCH]):
+        rim = np.setdiff1d(near[one].ravel(), one)
+        if len(rim) and np.median(squares[rim]) > RIM * limit:
+            found[among[one]] = True
+    return found
+
+
+def _connected(marked: BoolArray, near: IndexArray) -> list[IndexArray]:
+    """Take marked pixels apart into patches of neighbours."""
+    at = np.flatnonzero(marked)
+    if not len(at):
+        return []
+    place = np.full(len(marked), -1)
+    place[at] = np.arange(len(at))
+    row = np.repeat(np.arange(len(at)), near.shape[1])
+    column = place[near[at]].ravel()
+    kept = column >= 0
+    graph = scipy.sparse.csr_array(
+        (np.ones(kept.sum()), (row[kept], column[kept])), shape=(len(at), len(at))
+    )
+    count, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    return [at[label == i] for i in range(count)]
+
+
+def disagreeing(fit: JointFit) -> list[BoolArray]:
+    """Find pixels that the field of all views does not fit, for each view's present ones.
+
+    Weights by Huber's function, then by Tukey's, whose scale is the noise or the median misfit,
+    whichever is larger; errors of the poses are taken out before. A pixel that ends without weight
+    is not fitted.
+    """
+    channels = fit.channels
+    soft = np.sqrt(scipy.special.chdtri(channels, 0.05))
+    hard = np.sqrt(scipy.special.chdtri(channels, 1e-5))
+    median = scipy.special.chdtri(channels, 0.5)
+    away = _distances(fit, fit)
+    weights: list[Array] = []
+    for turn in range(HUBER + TUKEY):
+        scale = max(1.0, float(np.sqrt(np.median(np.concatenate(away) ** 2) / median)))
+        if turn < HUBER:
+            weights = [np.minimum(1.0, scale * soft / np.maximum(d, 1e-12)) for d in away]
+        else:
+            weights = [np.maximum(0.0, 1 - (d / (scale * hard)) ** 2) ** 2 for d in away]
+        away = _distances(_weighted(fit, weights), fit)
+    return [w == 0 for w in weights]
+
+
+def _weighted(fit: JointFit, weights: Sequence[Array]) -> JointFit:
+    """Fit again with weights of the pixels, at the same designs."""
+    designs, data = [], []
+    for design, of, weight in zip(fit.designs, fit.data, weights, strict=True):
+        root = np.sqrt(weight)
+        designs.append(replace_weight(design, root))
+        velocity = of.velocity.copy()
+        velocity[design.present] *= root[:, None]
+        data.append(replace(of, velocity=velocity))
+    return JointFit(data, designs, fit.prior, fit.standard, fit.views)
+
+
+def replace_weight(design: PixelDesign, root: Array) -> PixelDesign:
+    """Multiply the rows of a design."""
+    return replace(design, field=design.field * root[:, None], weight=design.weight * root)
+
+
+def _distances(weighted: JointFit, fit: JointFit) -> list[Array]:
+    """Compute how far every pixel is from a weighted fit, in standard errors, shape (present,)."""
+    found = []
+    for k, design in enumerate(fit.designs):
+        shift = weighted.shift[weighted.places(k)]
+        moves = np.einsum("nqc,q->nc", design.pose_columns(weighted.m), shift)
+        left = fit.velocity(k) - design.field @ weighted.m - moves
+        found.append(np.sqrt(np.sum(left**2, axis=1)))
+    return found
+
+
+def outliers(data: PixelData, design: PixelDesign, bad: BoolArray) -> IndexArray:
+    """Give the image's numbers of pixels that were found among those present."""
+    return data.pixel[np.flatnonzero(design.present)[bad]]

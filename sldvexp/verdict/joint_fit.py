@@ -1,0 +1,325 @@
+"""Joint fit of a smooth field and of the poses to the pixels of all views, and tests upon it.
+
+``y_k = A_k m + G_k(m) p + e``: whitened pixels of view k, the field's coefficients m, and errors p
+of the poses (and of the surface's height) with the prior ``p ~ N(0, L L')`` that all frequencies
+share; G is the derivative of the prediction, because beams meet the surface elsewhere and from
+another direction. With the residuals ``r = y - A m0`` of the plain fit, ``H = A (A'A)^-1 A'``,
+``I = G'(1 - H) G``, ``b = G'r``, ``p = L z``, ``J = L'I L`` and ``c = L'b``
+
+    z = (1 + J)^-1 c,   m = m0 - (A'A)^-1 A'G p,   T = r'r - c'(1 + J)^-1 c,
+
+and T is a chi-square. Columns X of any alteration are tested by their score, the poses integrated:
+
+    I_x = X'(1 - H)X - (X'(1 - H)G) L (1 + J)^-1 L' (..)',   b_x = X'r - (..) L z,
+
+``b_x' I_x^-1 b_x`` is a chi-square of as many degrees as X has independent columns, and
+``I_x^-1 b_x`` estimates the alteration. Residuals must be those of the plain fit, which are
+orthogonal to A. Designs are taken again at the estimated poses (`relinearised`): G(m) p times the
+noise of m is bilinear, and tests at the stated poses would reject too much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from sldvexp.lazy import scipy
+from sldvexp.typing import Array, BoolArray, IndexArray
+from sldvexp.verdict.beams import PixelBeams, MeasuredSurface, moved
+from sldvexp.verdict.pixel_data import PixelData
+from sldvexp.verdict.smooth_field import SmoothField
+
+POSE = 6
+#: Ridge of the normal matrix over its mean diagonal, for functions that no pixel determines.
+RIDGE = 1e-9
+#: Information of a combination of columns, over the largest, below which it is not there.
+NOTHING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class PixelDesign:
+    """Design of one view at one pose.
+
+    Attributes
+    ----------
+    present : ndarray of bool, shape (pixel,)
+        Pixels of the data whose beams meet the surface from this pose.
+    field : ndarray, shape (present, 3 function)
+        A_k: component by component.
+    """
+
+    present: BoolArray
+    field: Array
+    beams: PixelBeams
+    basis: Array
+    slopes: list[tuple[Array, Array]]
+    weight: Array
+
+    @classmethod
+    def at(
+        cls,
+        data: PixelData,
+        surface: MeasuredSurface,
+        smooth: SmoothField,
+        pose: Array,
+    ) -> PixelDesign:
+        """Trace the beams of a view from a pose that is off by `pose`, shape (6,)."""
+        beams = PixelBeams.trace(moved(data.view, pose), surface, data.pixel)
+        present = np.isin(data.pixel, beams.pixel)
+        (basis, slopes), weight = smooth.evaluate(beams.point), data.weight[present]
+        field = np.hstack([(weight * d)[:, None] * basis for d in beams.direction.T])
+        return cls(present, field, beams, basis, slopes, weight)
+
+    @cached_property
+    def normal(self) -> Array:
+        """Normal matrix ``A_k' A_k``."""
+        return self.field.T @ self.field
+
+    def pose_columns(self, m: Array) -> Array:
+        """Differentiate the prediction by pose and height, shape (present, 6 + 1, channel).
+
+        Parameters
+        ----------
+        m : ndarray, shape (3 function, channel)
+        """
+        m = m.reshape(3, -1, m.shape[-1])
+        velocity = np.stack([self.basis @ of for of in m], axis=1)  # (present, axis, channel)
+        found = np.zeros((len(self.weight), POSE + 1, m.shape[-1]))
+        found[:, :POSE] = np.einsum("nip,nic->npc", self.beams.direction_by_pose, velocity)
+        for axis, slope in self.slopes:
+            change = sum(d[:, None] * (slope @ of) for d, of in zip(self.toward, m, strict=True))
+            moves = np.einsum("i,nip->np", axis, self.beams.point_by_pose)
+            found[:, :POSE] += moves[:, :, None] * change[:, None]
+            found[:, POSE] += (self.beams.point_by_height @ axis)[:, None] * change
+        return found * self.weight[:, None, None]
+
+    @property
+    def toward(self) -> Array:
+        """Direction cosines, shape (3, present)."""
+        return self.beams.direction.T
+
+
+class Score(NamedTuple):
+    """Test of columns that are added to the model.
+
+    Attributes
+    ----------
+    statistic : float
+        A chi-square of `dof` degrees of freedom if the columns are not needed.
+    estimate : ndarray, shape (column,)
+    information : ndarray, shape (column, column)
+        Inverse covariance of the estimate.
+    """
+
+    statistic: float
+    dof: int
+    estimate: Array
+    information: Array
+
+
+class JointFit:
+    """Fit of all views, or of some; see the module.
+
+    Parameters
+    ----------
+    data, designs : sequence
+        Of all views.
+    prior : ndarray, shape (6 view + 1, any)
+        L, a factor of the covariance of the poses' errors and of the height's.
+    offset : ndarray, shape (6 view + 1,), optional
+        Poses' errors that the designs are taken at.
+    standard : ndarray, optional
+        `offset` in standard deviations of the prior, ``offset = L standard``.
+    views : sequence of int, optional
+        Those that have a say; all without it.
+    factor : dict of int to float
+        What a view's prediction is multiplied by.
+    velocity : dict of int to ndarray
+        Velocities that take the place of a view's own.
+    """
+
+    def __init__(
+        self,
+        data: Sequence[PixelData],
+        designs: Sequence[PixelDesign],
+        prior: Array,
+        standard: Array | None = None,
+        views: Sequence[int] | None = None,
+        factor: dict[int, float] | None = None,
+        velocity: dict[int, Array] | None = None,
+    ) -> None:
+        self.data, self.designs, self.prior = data, designs, prior
+        self.views = list(range(len(data)) if views is None else views)
+        self.standard = np.zeros(prior.shape[1]) if standard is None else standard
+        self.factor = factor or {}
+        self._velocity = velocity or {}
+        self._solve()
+
+    def velocity(self, k: int) -> Array:
+        """Give a view's whitened velocities, shape (present, channel): real, then imaginary."""
+        values = self._velocity.get(k, self.data[k].velocity)[self.designs[k].present]
+        return np.concatenate([values.real, values.imag], axis=1)
+
+    def field(self, k: int) -> Array:
+        """Give the design A_k of a view, with its factor."""
+        of = self.designs[k].field
+        return of * self.factor[k] if k in self.factor else of
+
+    def _solve(self) -> None:
+        """Solve for field and poses."""
+        a = {k: self.field(k) for k in self.views}
+        y = {k: self.velocity(k) for k in self.views}
+        each = [self.factor.get(k, 1.0) ** 2 * self.designs[k].normal for k in self.views]
+        self._normal = np.sum(each, axis=0)
+        ridge = RIDGE * np.trace(self._normal) / len(self._normal)
+        self._factor = scipy.linalg.cho_factor(
+            self._normal + ridge * np.eye(len(self._normal)), overwrite_a=True, check_finite=False
+        )
+        plain = self._inverse(np.sum([a[k].T @ y[k] for k in self.views], axis=0))
+        self.residual = {k: y[k] - a[k] @ plain for k in self.views}
+        self.m = plain
+        for _ in range(2):  # once to have a field, once with the poses taken out of it
+            self.columns = {k: self._pose_columns(k) for k in self.views}
+            self._solve_poses(a)
+            self.m = plain - self._by_pose @ self.shift
+
+    def _pose_columns(self, k: int) -> Array:
+        """Differentiate a view's prediction by its pose and the height, (present, 7, channel)."""
+        return self.factor.get(k, 1.0) * self.designs[k].pose_columns(self.m)
+
+    def places(self, k: int) -> IndexArray:
+        """Find a view's pose and the height among all errors."""
+        return np.r_[POSE * k : POSE * (k + 1), len(self.prior) - 1]
+
+    def _solve_poses(self, a: dict[int, Array]) -> None:
+        """Solve for the poses' errors."""
+        count = len(self.prior)
+        self._across = np.zeros((len(self.m), self.channels, count))
+        information, b = np.zeros((count, count)), np.zeros(count)
+        for k in self.views:
+            of, own = self.places(k), self.columns[k]
+            self._across[..., of] += _across(a[k], own)
+            information[np.ix_(of, of)] += _inner(own, own)
+            b[of] += _against(own, self.residual[k])
+        self._by_pose = self._inverse(self._across)
+        self.information = information - _inner_across(self._across, self._by_pose)
+        c = self.prior.T @ b - self.standard
+        j = self.prior.T @ self.information @ self.prior
+        self.posterior = np.linalg.inv(np.eye(len(j)) + j)
+        self.step = self.posterior @ c
+        self.shift = self.prior @ self.step
+        self._explained = float(c @ self.step)
+
+    def _inverse(self, right: Array) -> Array:
+        """Apply ``(A'A)^-1`` along the first axis."""
+        flat = scipy.linalg.cho_solve(self._factor, right.reshape(len(right), -1))
+        return np.asarray(flat).reshape(right.shape)
+
+    @property
+    def poses(self) -> Array:
+        """Estimated errors of the poses and of the height, shape (6 view + 1,)."""
+        return np.asarray(self.prior @ (self.standard + self.step))
+
+    @property
+    def covariance(self) -> Array:
+        """Of these estimates."""
+        return np.asarray(self.prior @ self.posterior @ self.prior.T)
+
+    @property
+    def squares(self) -> float:
+        """T, a chi-square of `dof` degrees of freedom: misfit of the pixels and of the poses."""
+        plain = sum(float(np.vdot(r, r)) for r in self.residual.values())
+        return float(self.standard @ self.standard) + plain - self._explained
+
+    @property
+    def channels(self) -> int:
+        """Real numbers of a pixel."""
+        return next(iter(self.residual.values())).shape[1]
+
+    @property
+    def count(self) -> int:
+        """Pixels of all views that have a say."""
+        return sum(len(r) for r in self.residual.values())
+
+    @cached_property
+    def dof(self) -> int:
+        """Degrees of freedom of `squares`."""
+        unknowns = round(np.trace(self._inverse(self._normal)))
+        return int(self.channels * (self.count - unknowns))
+
+    def left(self, k: int) -> Array:
+        """Give what field and pose leave of a view, shape (present, channel)."""
+        found = self.velocity(k) - self.field(k) @ self.m
+        return found - np.einsum("nqc,q->nc", self.columns[k], self.shift[self.places(k)])
+
+    def factor_columns(self, k: int) -> Array:
+        """Give columns of a view's gain and phase, shape (present, 2, channel)."""
+        predicted = self.field(k) @ self.m
+        return np.stack([predicted, times_i(predicted)], axis=1)
+
+    def own_pose_columns(self, k: int) -> Array:
+        """Give columns of an error of a view's pose that its prior does not know of."""
+        return self.columns[k][:, :POSE]
+
+    def score(self, k: int, columns: Array, least: float = NOTHING) -> Score:
+        """Test columns that are added to the model of one view.
+
+        Parameters
+        ----------
+        columns : ndarray, shape (present, column, channel)
+        least : float
+            Combinations of columns with less information than this part of the largest, or less
+            than `least` in all, are not tested.
+        """
+        across = _across(self.field(k), columns)
+        solved = self._inverse(across)
+        information = _inner(columns, columns) - _inner_across(across, solved)
+        b = _against(columns, self.residual[k])
+        with_poses = -_inner_across(self._across, solved)
+        with_poses[self.places(k)] += _inner(self.columns[k], columns)
+        with_poses = self.prior.T @ with_poses
+        information = information - with_poses.T @ self.posterior @ with_poses
+        b = b - with_poses.T @ self.step
+        return _score(information, b, least)
+
+
+def _score(information: Array, b: Array, least: float) -> Score:
+    """Solve for the alteration where there is information."""
+    scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    there = values > least * max(values.max(), np.finfo(float).tiny)
+    along = vectors[:, there].T @ (b / scale)
+    estimate = vectors[:, there] @ (along / values[there]) / scale
+    return Score(float((along**2 / values[there]).sum()), int(there.sum()), estimate, information)
+
+
+def times_i(values: Array) -> Array:
+    """Multiply channels, real then imaginary, by the imaginary unit."""
+    real, imaginary = np.split(values, 2, axis=-1)
+    return np.concatenate([-imaginary, real], axis=-1)
+
+
+def _across(a: Array, columns: Array) -> Array:
+    """Compute ``A' X``, shape (function, channel, column)."""
+    pixels, count, channels = columns.shape
+    found = a.T @ columns.reshape(pixels, -1)
+    return np.asarray(found).reshape(-1, count, channels).transpose(0, 2, 1)
+
+
+def _inner(x: Array, z: Array) -> Array:
+    """Compute ``X' Z`` of columns, shape (pixel, column, channel)."""
+    return np.tensordot(x, z, axes=([0, 2], [0, 2]))
+
+
+def _inner_across(x: Array, z: Array) -> Array:
+    """Compute ``X' Z`` of arrays of shape (function, channel, column)."""
+    return x.reshape(-1, x.shape[-1]).T @ z.reshape(-1, z.shape[-1])
+
+
+def _against(columns: Array, values: Array) -> Array:
+    """Multiply columns, shape (pixel, column, channel), by values, shape (pixel, channel)."""
+    return np.einsum("nqc,nc->q", columns, values)

@@ -1,0 +1,103 @@
+"""Velocities of the pixels that views are compared on: whitened, and of few frequencies.
+
+Noise that differs by pixel and by frequency is taken as a product of both, so that after division
+every real number has the variance 1 and all frequencies share one design. The frequencies are then
+turned into their principal modes by a real orthogonal matrix, which leaves the noise white; a
+factor or a conjugate of a view stays one. Modes below the noise tell nothing and are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sldvexp.field import View
+from sldvexp.typing import Array, ComplexArray, IndexArray
+from sldvexp.verdict.beams import PixelBeams, MeasuredSurface
+
+#: Pixels of a view that are compared; of more, evenly chosen ones.
+MOST_PIXELS = 2500
+#: Modes of the frequencies that are compared.
+MOST_MODES = 12
+#: Standard error of a pixel, over the largest velocity, below which it is taken as unknown.
+EXACT = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class PixelData:
+    """Pixels of one view whose beams meet the surface.
+
+    Attributes
+    ----------
+    view : View
+    pixel : ndarray of int, shape (pixel,)
+        Of the view's image.
+    velocity : ndarray of complex, shape (pixel, mode)
+        Whitened: real and imaginary part have the variance 1 each.
+    weight : ndarray, shape (pixel,)
+        What the design's rows are multiplied by.
+    """
+
+    view: View
+    pixel: IndexArray
+    velocity: ComplexArray
+    weight: Array
+
+
+def pixel_data(views: Sequence[View], surface: MeasuredSurface) -> tuple[list[PixelData], bool]:
+    """Collect the pixels of all views that see the surface.
+
+    Returns
+    -------
+    list of PixelData
+    bool
+        True if the views state their noise; otherwise it is taken as even.
+    """
+    pixels = [_chosen(view, surface) for view in views]
+    noise = [_std(view, of) for view, of in zip(views, pixels, strict=True)]
+    size = max((np.abs(v.velocity[p]).max(initial=0.0) for v, p in _pairs(views, pixels)))
+    stated = all(n.size == 0 or n.min() > EXACT * size for n in noise)
+    if not stated:
+        noise = [np.full_like(n, max(size, np.finfo(float).tiny)) for n in noise]
+    by_frequency = np.sqrt(np.mean(np.concatenate(noise) ** 2, axis=0))
+    by_pixel = [np.sqrt(np.mean((n / by_frequency) ** 2, axis=1)) for n in noise]
+    white = [
+        v.velocity[p] / by_frequency / a[:, None]
+        for (v, p), a in zip(_pairs(views, pixels), by_pixel, strict=True)
+    ]
+    modes = _modes(np.concatenate(white))
+    scale = np.sqrt(np.mean(by_frequency**2))  # a number only: all rows alike
+    return [
+        PixelData(view, of, values @ modes, scale / a)
+        for (view, of), values, a in zip(_pairs(views, pixels), white, by_pixel, strict=True)
+    ], stated
+
+
+def _pairs(views: Sequence[View], pixels: Sequence[IndexArray]) -> list[tuple[View, IndexArray]]:
+    return list(zip(views, pixels, strict=True))
+
+
+def _chosen(view: View, surface: MeasuredSurface) -> IndexArray:
+    """Choose usable pixels whose beams meet the surface, evenly if they are many."""
+    usable = np.flatnonzero(view.usable)
+    met = PixelBeams.trace(view, surface, usable).pixel
+    step = max(1, int(np.ceil(len(met) / MOST_PIXELS)))
+    return met[::step]
+
+
+def _std(view: View, pixels: IndexArray) -> Array:
+    """Give the standard errors of some pixels, shape (pixel, frequency)."""
+    std = view.std.reshape(len(view.std), -1)[pixels]
+    return np.broadcast_to(std, view.velocity[pixels].shape)
+
+
+def _modes(white: ComplexArray) -> Array:
+    """Find the modes of the frequencies that rise above the noise, shape (frequency, mode)."""
+    both = np.concatenate([white.real, white.imag])
+    energy, vectors = np.linalg.eigh(both.T @ both)
+    # The largest eigenvalue that noise alone would have, by Marchenko and Pastur.
+    noise = (np.sqrt(len(both)) + np.sqrt(both.shape[1])) ** 2
+    kept = np.flatnonzero(energy > noise)[-MOST_MODES:]
+    return vectors[:, kept if len(kept) else [-1]]

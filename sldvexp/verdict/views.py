@@ -1,0 +1,305 @@
+"""Examination of the images of all views before a field is made of them.
+
+First pixels that dropped out and patches at rest are left out, view by view. Then the views are
+compared with one another (`sldvexp.verdict.comparison`). A view that disagrees is named with the
+kind of its mistake and with the repair that would take it away; nothing is repaired that
+`use_repair` does not name. When no view is wrong, pixels that the field of all views does not fit
+are left out too. Of fewer views than four there is nothing to compare, which is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sldvexp.dataset import Finding, Severity
+from sldvexp.errors import UserError, nearest
+from sldvexp.field import PoseErrors, View
+from sldvexp.field.visibility.view import views_of
+from sldvexp.laser import TwoMirror
+from sldvexp.lazy import scipy
+from sldvexp.lazy import xarray as xr
+from sldvexp.session.images import describe_flagged_pixels
+from sldvexp.signal import Flag
+from sldvexp.typing import BoolArray, IndexArray
+from sldvexp.verdict.beams import PixelBeams, MeasuredSurface
+from sldvexp.verdict.comparison import LEAST_VIEWS, Bench, bench_of, compare_views
+from sldvexp.verdict.diagnosis import diagnose, tells_views_apart
+from sldvexp.verdict.drop_outs import disagreeing, drop_outs, outliers, resting
+from sldvexp.verdict.joint_fit import POSE, JointFit
+from sldvexp.verdict.refinement import moved_poses, refine
+from sldvexp.verdict.repairs import Repair
+from sldvexp.verdict.wording import disagreement, noise_finding, untested
+from sldvexp.volume import Volume
+
+#: Share of a view's pixels above which they are no drop-outs.
+MOST_LEFT_OUT = 0.15
+#: Probability below which pixels beyond `FAR` standard errors are more than chance gives.
+CHANCE = 1e-4
+FAR = 5.0
+#: Views that a field of three components takes.
+LEAST = 3
+
+Groups = Mapping[str, xr.Dataset]
+
+
+@dataclass(frozen=True)
+class Examined:
+    """What an examination leaves.
+
+    Attributes
+    ----------
+    groups : dict of str to Dataset
+        Images whose pixels were flagged, images and poses that were repaired.
+    findings : list of Finding
+    """
+
+    groups: dict[str, xr.Dataset]
+    findings: list[Finding]
+
+
+def examine_views(
+    tree: Groups,
+    laser: TwoMirror,
+    volume: Volume,
+    robust: bool = True,
+    use_repair: Sequence[str] = (),
+    refined: bool = False,
+) -> Examined:
+    """Compare the views of a run with one another.
+
+    Parameters
+    ----------
+    tree : mapping of str to xarray.Dataset
+        With the groups ``pose`` and ``image/<view>``.
+    robust : bool
+        Leave out pixels that dropped out and patches at rest.
+    use_repair : sequence of str
+        Repairs to take, as ``view_left.sign``.
+    refined : bool
+        Adjust the poses to all images.
+
+    Raises
+    ------
+    UserError
+        If a repair is named that nothing proposes; or see `sldvexp.field.visibility.view.views_of`.
+
+    Examples
+    --------
+    Five views of a plate that bends a little; the last has the wrong sign:
+
+    >>> import numpy as np
+    >>> from sldvexp import dataset, volume
+    >>> from sldvexp.laser.two_mirror import TwoMirror
+    >>> from sldvexp.pose.base import pose_to_dataset
+    >>> rng, laser, flip = np.random.default_rng(1), TwoMirror(), np.diag([1.0, -1.0, -1.0])
+    >>> step = np.radians(np.linspace(-24, 24, 25))
+    >>> angle = np.stack(np.meshgrid(step, step), axis=-1).reshape(-1, 2)
+    >>> surface = MeasuredSurface.of(volume.Grid(size=[0.2, 0.2], shape=[5, 5]), laser)
+    >>> origins = [[-0.4, -0.3, 1.5], [0.4, -0.3, 1.5], [0, 0.4, 1.5], [0, 0, 1.5], [0.4, 0.3, 1.5]]
+    >>> origins, names, groups = np.array(origins) / 3, list("abcde"), {}
+    >>> covariance = np.diag([1e-4] * 3 + [1e-4] * 3) ** 2
+    >>> groups["pose"] = pose_to_dataset(
+    ...     names, [flip] * 5, origins, [covariance] * 5, [np.inf] * 5, 0.95
+    ... )
+    >>> for name, origin, sign in zip(names, origins, [1, 1, 1, 1, -1]):
+    ...     dac = laser.dac_from_angle(angle).round()
+    ...     place = View.from_arrays(name, flip, origin, np.zeros(625), 1e-6, dac=dac)
+    ...     beams = PixelBeams.trace(place, surface, np.arange(625))
+    ...     x, y, _ = beams.point.T
+    ...     seen = np.zeros((625, 1), complex)
+    ...     seen[beams.pixel, 0] = sign * 1e-3 * np.cos(8 * x) * np.cos(7 * y) * beams.direction[:, 2]
+    ...     seen += 1e-6 * (rng.normal(size=seen.shape) + 1j * rng.normal(size=seen.shape))
+    ...     groups[f"image/{name}"] = dataset.group(
+    ...         "image", {"frequency": [200.0]}, velocity=seen, velocity_std=np.full(seen.shape, 1e-6),
+    ...         dac=dac, flags=np.zeros(625, np.uint8)
+    ...     )
+    >>> found = examine_views(groups, laser, volume.Grid(size=[0.2, 0.2], shape=[5, 5]))
+    >>> [(f.kind, f.subject, f.remedy) for f in found.findings]
+    [('sign', 'view e', 'use_repair=[view_e.sign]')]
+    """
+    groups, wanted = dict(tree), list(use_repair)
+    surface, taken = MeasuredSurface.of(volume, laser), []
+    proposed: dict[str, Repair] = {}
+    while True:
+        found = _Examination(groups, surface, robust)
+        proposed |= {repair.name: repair for repair in found.repairs}
+        repair = next((r for r in found.repairs if r.name in wanted), None)
+        if repair is None:
+            break
+        wanted.remove(repair.name)
+        groups |= repair.apply(groups)
+        taken.append(_taken(repair))
+    if wanted:
+        known = f"; {nearest(wanted[0], list(proposed))}" if proposed else ""
+        raise UserError(
+            f"use_repair: nothing that was found proposes {wanted[0]}{known}; run without it and "
+            "read the verdict"
+        )
+    groups = found.groups
+    if refined:
+        groups |= found.refine()
+    told = [*taken, *found.findings, *_left_out(tree, groups)]
+    return Examined({k: g for k, g in groups.items() if g is not tree.get(k)}, told)
+
+
+class _Examination:
+    """One pass over images and poses as they are: flags, findings and repairs that would help."""
+
+    def __init__(self, groups: Groups, surface: MeasuredSurface, robust: bool) -> None:
+        self.groups, self.surface = dict(groups), surface
+        self.findings: list[Finding] = []
+        self.repairs: list[Repair] = []
+        self.agreeing: Bench | None = None
+        views = views_of(groups, surface.laser)
+        if robust:
+            for view in views:
+                self._flag(view, resting(view, self._seen(view)), Flag.resting)
+            for view in self.views:
+                self._flag(view, drop_outs(view, self._seen(view)), Flag.unlike)
+        views = self.views
+        bench = bench_of(views, surface, self._covariance(views)) if len(views) >= LEAST else None
+        if bench is None:
+            self.findings.append(untested(len(views)))
+            return
+        fit = bench.fit()
+        if len(views) < LEAST_VIEWS:
+            self.findings.append(untested(len(views)))
+        elif not self._agree(bench, fit):
+            return
+        self.agreeing = bench
+        if robust:
+            self._flag_disagreeing(bench, fit)
+
+    def refine(self) -> dict[str, xr.Dataset]:
+        """Adjust the poses to the images, unless that would make views disagree."""
+        bench = self.agreeing
+        if bench is None or not np.any(bench.prior[:-1]):
+            why = "the poses have no bounds" if bench else "the views do not agree, or are too few"
+            self._not_refined(why)
+            return {}
+        found = refine(bench)
+        if not found.agrees:
+            self._not_refined("the views would disagree after it")
+            return {}
+        pose, names = self.groups["pose"], bench.names
+        if [str(v) for v in pose["view"].values] != names:
+            self._not_refined("some views have a pose but no image")
+            return {}
+        before, after = (1e3 * np.sqrt(np.mean(h**2)) for h in (found.hit_before, found.hit_after))
+        self.findings.append(
+            Finding(
+                "poses_refined",
+                "poses",
+                f"poses are refined by the images: beams are known to hit within {after:.2g} mm "
+                f"(standard error) instead of {before:.2g}; of the motion that all views have in "
+                f"common {found.common:.0%} of what was uncertain remains",
+                Severity.note,
+                size=float(after / 1e3),
+            )
+        )
+        return {"pose": moved_poses(pose, found.moves, found.covariance)}
+
+    def _not_refined(self, why: str) -> None:
+        self.findings.append(
+            Finding("poses_not_refined", "poses", f"poses are not refined by the images: {why}")
+        )
+
+    @property
+    def views(self) -> list[View]:
+        """Views as they are now."""
+        return views_of(self.groups, self.surface.laser)
+
+    def _seen(self, view: View) -> IndexArray:
+        """Find a view's usable pixels whose beams meet the surface."""
+        return PixelBeams.trace(view, self.surface, np.flatnonzero(view.usable)).pixel
+
+    def _covariance(self, views: Sequence[View]) -> np.ndarray | None:
+        errors = PoseErrors.from_dataset(self.groups["pose"], [v.name for v in views])
+        if errors is None:
+            return None
+        of_intrinsics = errors.pose.reshape(len(errors.pose), POSE * len(views))
+        return np.asarray(errors.covariance + of_intrinsics.T @ of_intrinsics)
+
+    def _agree(self, bench: Bench, fit: JointFit) -> bool:
+        """Test the views; False if one is wrong, which is then named."""
+        tests = compare_views(bench, fit)
+        if not tests.rejects:
+            if bench.stated and (noise := noise_finding(tests)):
+                self.findings.append(noise)
+            return True
+        best, other = tells_views_apart(diagnose(bench, fit))
+        finding, self.repairs = disagreement(bench, tests, best, other)
+        self.findings.append(finding)
+        return False
+
+    def _flag_disagreeing(self, bench: Bench, fit: JointFit) -> None:
+        """Leave out pixels that the field of all views does not fit, if they are too many."""
+        left = np.concatenate([fit.left(k).ravel() for k in fit.views])
+        far = int(np.sum(np.abs(left) > FAR * max(1.0, np.median(np.abs(left)) / 0.6745)))
+        expected = len(left) * 2 * scipy.special.ndtr(-FAR)
+        if not scipy.special.pdtrc(far - 1, expected) < CHANCE:
+            return
+        for data, design, bad in zip(bench.data, fit.designs, disagreeing(fit), strict=True):
+            marked = np.zeros(len(data.view.dac), bool)
+            marked[outliers(data, design, bad)] = True
+            self._flag(data.view, marked, Flag.unlike)
+
+    def _flag(self, view: View, marked: BoolArray, flag: Flag) -> None:
+        """Flag pixels of a view, unless they are so many that the view as a whole is in doubt."""
+        share = float(np.mean(marked[view.usable])) if view.usable.any() else 0.0
+        if not share:
+            return
+        if share > MOST_LEFT_OUT:
+            self.findings.append(
+                Finding(
+                    "drop_outs",
+                    f"pixels of view {view.name}",
+                    f"{share:.0%} of the pixels of view {view.name} disagree with those around "
+                    "them or with the other views: too many to be drop-outs; they are kept, look "
+                    "at the image",
+                    size=share,
+                )
+            )
+            return
+        name = f"image/{view.name}"
+        image = self.groups[name]
+        flags = image["flags"].values.astype(np.uint8)
+        flags[marked] |= np.uint8(flag)
+        image = image.assign(flags=image["flags"].copy(data=flags))
+        image.attrs["summary"] = describe_flagged_pixels(flags)
+        self.groups[name] = image
+
+
+def _left_out(before: Groups, after: Groups) -> list[Finding]:
+    """Count the pixels that were left out, view by view."""
+    found = []
+    for name, image in after.items():
+        if not name.startswith("image/") or image is before.get(name):
+            continue
+        flags = image["flags"].values.astype(int)
+        usable = np.maximum(np.sum((flags & ~int(Flag.unlike | Flag.resting)) == 0), 1)
+        told = {
+            "drop_outs": (Flag.unlike, "that their neighbours or the other views do not confirm"),
+            "at_rest": (Flag.resting, "at rest while what surrounds them moves: a hole"),
+        }
+        for kind, (flag, why) in told.items():
+            if count := int(np.sum(flags & flag != 0)):
+                view = name.removeprefix("image/")
+                text = f"{count} pixels of view {view} ({count / usable:.2%}) are left out, {why}"
+                subject = f"pixels of view {view}"
+                found.append(Finding(kind, subject, text, Severity.note, size=count / usable))
+    return found
+
+
+def _taken(repair: Repair) -> Finding:
+    """Say that a repair was done."""
+    return Finding(
+        "repaired",
+        f"view {repair.view}",
+        f"repaired as asked: {repair.name}",
+        Severity.note,
+        remedy=repair.setting,
+    )

@@ -1,0 +1,187 @@
+"""Sentences about views that disagree: what, by how much, and what would be right."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sldvexp.dataset import Finding, Severity
+from sldvexp.verdict.comparison import LEAST_VIEWS, Bench, ViewTests
+from sldvexp.verdict.diagnosis import Explanation
+from sldvexp.verdict.repairs import Repair
+
+#: Misfit, over that of the stated noise, above which bounds are too small.
+LARGE_MISFIT = 1.21
+#: Probability below which the stated noise is not what the pixels have.
+OFF_NOISE = 1e-3
+#: Probability below which a small mistake too voids the bounds.
+SURE = 1e-6
+#: Kinds that void the bounds, however sure.
+GROSS = ("sign", "conjugate", "conjugate_sign", "rms", "inverse_rms", "other_field", "exchanged")
+
+
+def untested(views: int) -> Finding:
+    """Say that too few views see too little to be compared."""
+    return Finding(
+        "untested",
+        "views",
+        f"{views} views: a wrong sign, gain, phase or pose of a view cannot be seen; "
+        f"{LEAST_VIEWS} views can be compared, five tell which is wrong",
+        Severity.note,
+    )
+
+
+def noise_finding(tests: ViewTests) -> Finding | None:
+    """Judge the noise that the views state by the misfit of all, if no view is wrong."""
+    if tests.misfit > LARGE_MISFIT:
+        return Finding(
+            "noise",
+            "views",
+            f"the pixels lie {np.sqrt(tests.misfit):.2f} times their stated noise off a smooth "
+            "field of all views: the noise is larger than stated, or the field is finer than the "
+            "test can follow; bounds are as much too small",
+            Severity.doubtful,
+            tests.misfit,
+            tests.misfit_p_value,
+            float(np.sqrt(tests.misfit)),
+        )
+    if tests.misfit_p_value < OFF_NOISE:
+        return Finding(
+            "noise",
+            "views",
+            f"the pixels' noise is {np.sqrt(tests.misfit):.3f} times the stated one",
+            Severity.note,
+            tests.misfit,
+            tests.misfit_p_value,
+            float(np.sqrt(tests.misfit)),
+        )
+    return None
+
+
+def disagreement(
+    bench: Bench, tests: ViewTests, best: Explanation, other: Explanation | None
+) -> tuple[Finding, list[Repair]]:
+    """Name the view that disagrees, or the two that may, with the repair that would help."""
+    names = bench.names
+    repairs = [r for h in (best, other) if h for r in [repair_of(names, h)] if r]
+    which = " or ".join(_views(names, h.view) for h in (best, other) if h)
+    told = sentence(names, best)
+    if other is not None:
+        told = (
+            f"{which} disagrees with the others, and it cannot be told which: either {told}; or "
+            f"{sentence(names, other)}"
+        )
+    elif len(names) < LEAST_VIEWS + 1 and best.kind in ("other_field", "pose"):
+        which = "a view"
+        told = "a view disagrees with the others; four views cannot tell which"
+        repairs = []
+    gross = best.kind in GROSS or tests.least < SURE
+    test = min(tests.p_value, key=lambda name: float(tests.p_value[name].min()))
+    at = int(tests.p_value[test].argmin())
+    finding = Finding(
+        best.kind,
+        which,
+        told,
+        Severity.void if gross else Severity.doubtful,
+        float(tests.statistic[test][at]),
+        tests.least,
+        _size(best),
+        " or ".join(r.setting for r in repairs),
+    )
+    return finding, repairs
+
+
+def sentence(names: Sequence[str], of: Explanation) -> str:
+    """Say what is wrong with a view."""
+    view, c = _views(names, of.view), of.factor
+    gain, phase = abs(c) - 1, np.degrees(np.angle(c))
+    gain_std, phase_std = of.factor_std[0], np.degrees(of.factor_std[1])
+    factor = f"{_complex(c)} +- {gain_std:.1g}"
+    match of.kind:
+        case "sign":
+            return f"{view} has the wrong sign: it is {factor} times what the others predict"
+        case "conjugate":
+            return f"{view} is conjugated: it has the opposite phase of what the others predict"
+        case "conjugate_sign":
+            return f"{view} is conjugated and has the wrong sign"
+        case "rms":
+            return f"{view} gives r.m.s. for peak: it is {factor} times what the others predict"
+        case "inverse_rms":
+            return f"{view} is {factor} times what the others predict: the others give r.m.s."
+        case "gain":
+            more = "larger" if gain > 0 else "smaller"
+            return (
+                f"{view} is {abs(gain):.2%} +- {gain_std:.2%} {more} than the others predict: "
+                "is its range or calibration another?"
+            )
+        case "phase":
+            late = "ahead of" if phase > 0 else "behind"
+            return (
+                f"{view} is {abs(phase):.2f} +- {phase_std:.1g} deg {late} what the others "
+                "predict: is its reference or delay another?"
+            )
+        case "factor":
+            return f"{view} is {factor} times what the others predict"
+        case "pose":
+            turned = 1e3 * np.linalg.norm(of.pose[:3])
+            away = 1e3 * np.linalg.norm(of.pose[3:])
+            return (
+                f"{view} was not taken from where its pose says: it fits turned by "
+                f"{turned:.2g} mrad and moved by {away:.2g} mm; was the tripod knocked?"
+            )
+        case "exchanged":
+            return f"{view} are exchanged: each has the image of the other"
+        case _:
+            return (
+                f"{view} shows another field: another frequency, another excitation, or a pose "
+                "far off"
+            )
+
+
+def repair_of(names: Sequence[str], of: Explanation) -> Repair | None:
+    """Make the repair that a explanation proposes."""
+    if not of.view:
+        return None
+    view = names[of.view[0]]
+    match of.kind:
+        case "sign" | "conjugate_sign":
+            return Repair(of.kind, view, factor=-1.0)
+        case "conjugate":
+            return Repair(of.kind, view)
+        case "rms":
+            return Repair(of.kind, view, factor=0.5**0.5)
+        case "inverse_rms":
+            return Repair(of.kind, view, factor=2.0**0.5)
+        case "gain":
+            return Repair(of.kind, view, factor=abs(of.factor))
+        case "phase":
+            return Repair(of.kind, view, factor=of.factor / abs(of.factor))
+        case "factor":
+            return Repair(of.kind, view, factor=of.factor)
+        case "pose":
+            return Repair(of.kind, view, pose=of.pose, covariance=of.covariance)
+        case "exchanged":
+            return Repair(of.kind, view, names[of.view[1]])
+        case _:
+            return Repair("left_out", view)
+
+
+def _views(names: Sequence[str], of: Sequence[int]) -> str:
+    """Name one view or two."""
+    told = " and ".join(names[k] for k in of)
+    return f"view{'s' * (len(of) > 1)} {told}"
+
+
+def _size(of: Explanation) -> float:
+    """Give the size of a mistake: of a factor the distance from one, of a pose the turn, rad."""
+    if of.kind == "pose":
+        return float(np.linalg.norm(of.pose[:3]))
+    return float(abs(of.factor - 1))
+
+
+def _complex(c: complex) -> str:
+    """Write a factor, without a part that is nothing."""
+    if abs(c.imag) < 0.02 * abs(c.real):
+        return f"{c.real:.4f}"
+    return f"{c.real:.3f}{c.imag:+.3f}i"

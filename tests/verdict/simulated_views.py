@@ -1,0 +1,132 @@
+"""Views of a shallow panel with known mistakes, made without any lab, for many sessions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sldvexp.field import View
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.verdict.beams import PixelBeams, MeasuredSurface, moved
+from sldvexp.volume import Grid
+
+LASER = TwoMirror()
+#: Standard errors of rotation (rad) and origin (m) of poses, and of the velocity (m/s).
+LOOSE, TIGHT = (3e-4, 1e-3), (2e-5, 5e-5)
+NOISE = 1e-4
+DISTANCE, TILT = 1.7, np.radians(27.0)
+
+
+def surface(elements: int = 8) -> Grid:
+    """Make a panel of a cylinder, 0.24 by 0.19 m."""
+    return Grid(
+        radius=0.6, size=[0.24, 0.19], shape=[elements + 1, elements - 1], layers=3, thickness=0.006
+    )
+
+
+def poses(views: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Stand around the panel, one view in front and the others inclined."""
+    found = []
+    for k in range(views):
+        tilt = 0.0 if k == 0 else TILT
+        turn = 2 * np.pi * k / max(views - 1, 1)
+        toward = np.array([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)])
+        origin = DISTANCE * toward
+        up = np.array([0.0, 1.0, 0.0])
+        z = -toward
+        x = np.cross(up, z)
+        x /= np.linalg.norm(x)
+        found.append((np.stack([x, np.cross(z, x), z]), origin))
+    return found
+
+
+def velocity(point: np.ndarray, frequency: int = 0) -> np.ndarray:
+    """Give a bending wave of 20 mm/s with some motion in the plane, shape (point, 3)."""
+    x, y, _ = point.T
+    a, b = (2 * np.pi * (0.9 + 0.3 * frequency), 2 * np.pi * (0.7 + 0.2 * frequency))
+    w = 0.02 * np.cos(a * x + 0.3) * np.cos(b * y - 0.2) * np.exp(0.4j * frequency)
+    u = 0.003 * np.sin(a * x) * (1 + 0.5j)
+    v = 0.002 * np.cos(b * y) * (0.7 - 0.4j)
+    return np.stack([u, v, w], axis=1)
+
+
+def other_velocity(point: np.ndarray, frequency: int = 0) -> np.ndarray:
+    """Give another field, as of another frequency."""
+    x, y, _ = point.T
+    w = 0.02 * np.sin(2 * np.pi * 1.1 * x) * np.sin(2 * np.pi * 1.3 * y + 0.4) * (0.8 + 0.6j)
+    return np.stack([0.1 * w, -0.05 * w, w], axis=1)
+
+
+@dataclass
+class Session:
+    """Views as stated, at poses that truly are a little off."""
+
+    views: list[View]
+    surface: MeasuredSurface
+    truth: np.ndarray
+
+
+def session(
+    rng: np.random.Generator,
+    views: int = 5,
+    std: tuple[float, float] = LOOSE,
+    noise: float = NOISE,
+    pixels: int = 31,
+    frequencies: int = 2,
+    mistakes: dict[int, str] | None = None,
+    size: float = 0.0,
+    elements: int = 8,
+) -> Session:
+    """Image the panel from all views, with mistakes of some."""
+    volume = surface(elements)
+    truth = rng.standard_normal((views, 6)) * np.repeat(std, 3)
+    step = np.linspace(-4.6, 4.6, pixels)
+    angle = np.radians(np.stack(np.meshgrid(step, step, indexing="ij"), -1).reshape(-1, 2))
+    measured = MeasuredSurface.of(volume, LASER)
+    found = []
+    for k, (rotation, origin) in enumerate(poses(views)):
+        mistake = (mistakes or {}).get(k, "")
+        zero = np.zeros((len(angle), frequencies), complex)
+        stated = View.from_arrays(
+            f"v{k + 1}",
+            rotation,
+            origin,
+            zero,
+            noise,
+            angle=angle,
+            laser=LASER,
+            covariance=np.diag(np.repeat(std, 3) ** 2),
+            shape=(pixels, pixels),
+        )
+        stated = replace(stated, dac=np.round(stated.dac))
+        off = truth[k].copy()
+        direction = rng.standard_normal(3)
+        direction /= np.linalg.norm(direction)
+        if mistake == "rotation":
+            off[:3] += size * direction
+        if mistake == "origin":
+            off[3:] += size * direction
+        true = moved(stated, off)
+        beams = PixelBeams.trace(true, measured, np.arange(len(angle)))
+        field = other_velocity if mistake == "other" else velocity
+        values = np.stack(
+            [
+                np.einsum("pi,pi->p", field(beams.point, f), beams.direction)
+                for f in range(frequencies)
+            ],
+            axis=1,
+        )
+        factor = {
+            "sign": -1.0,
+            "rms": 0.5**0.5,
+            "gain": 1 + size,
+            "phase": np.exp(1j * size),
+        }.get(mistake, 1.0)
+        values = np.conj(values) if mistake == "conjugate" else values * factor
+        image = np.full_like(zero, np.nan)
+        image[beams.pixel] = values
+        image += NOISE * (rng.standard_normal(zero.shape) + 1j * rng.standard_normal(zero.shape))
+        flags = (~np.isfinite(image).all(axis=1)).astype(int)
+        found.append(replace(stated, velocity=image, flags=flags))
+    return Session(found, measured, truth)
