@@ -19,10 +19,11 @@ from sldvexp.instrument.person import Mark, Place, Steps
 from sldvexp.laser import MIRRORS, TwoMirror, project
 from sldvexp.targets import Target
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
-from sldvexp.virtual_lab.beam import Beams, beams
+from sldvexp.virtual_lab.beam import Beams, SceneObject, beams
 from sldvexp.virtual_lab.calibration_scene import CalibrationObject
 from sldvexp.virtual_lab.electronics import Electronics, PixelNoise
 from sldvexp.virtual_lab.plate import VibratingPlate
+from sldvexp.virtual_lab.pointing import MirrorPath
 from sldvexp.virtual_lab.scene import Scene
 
 #: Pixels computed at once, filled up if they are fewer: arithmetic in arrays of one shape gives a
@@ -58,6 +59,7 @@ class VirtualLab:
     ) -> None:
         self.scene = scene
         self.mirrors = scene.mirrors.applied(laser)
+        self._pointing = scene.pointing_terms
         self.position = (0, 0)
         self.shutter_open = scene.shutter_open
         self._seed = [seed] if isinstance(seed, int) else list(seed)
@@ -79,6 +81,9 @@ class VirtualLab:
         self.view = name
         self._rotation, self._origin = rotation, origin
         self._noise = PixelNoise(self._seed, name)
+        self._jitter = PixelNoise(self._seed, f"{name}\0jitter")
+        self._speckle = PixelNoise(self._seed, f"{name}\0speckle")
+        self._mistakes = self.scene.mistakes.get(name)
 
     def start_stream(self, stream: int) -> None:
         """Let the pixels that follow be those of a scan line, counted from 0.
@@ -93,6 +98,7 @@ class VirtualLab:
             From 0 to 2^64 - 1.
         """
         self._stream, self._pixel = stream, 0
+        self._path = MirrorPath(self._pointing, self.mirrors, stream)
 
     def configure(self, acquisition: Acquisition) -> None:
         """Set sampling and generator for all pixels that follow."""
@@ -146,11 +152,13 @@ class VirtualLab:
         steps = self._checked(np.asarray(dac))
         if stream is not None:
             self.start_stream(stream)
+        error = self._pointing_error(steps)
         counts = np.empty((len(steps), 2, self._acquisition.samples), np.int16)
         status = np.empty(len(steps), np.uint8)
         for begin in range(0, len(steps), BLOCK):
             part = slice(begin, min(begin + BLOCK, len(steps)))
-            counts[part], status[part] = self._block(steps[part])
+            own = None if error is None else error[part]
+            counts[part], status[part] = self._block(steps[part], own)
         if len(steps):
             self.position = (int(steps[-1, 0]), int(steps[-1, 1]))
         scales = self._electronics.volts_per_count
@@ -198,9 +206,7 @@ class VirtualLab:
 
     def light(self, dac: ArrayLike) -> Beams:
         """Send the beams of DAC steps, whole or not, shape (beam, 2), from this view."""
-        steps = np.asarray(dac)
-        wired = steps[:, ::-1] if self.scene.mirrors.swapped else steps
-        return beams(self.mirrors, wired, self._rotation, self._origin, self.scene.spot)
+        return self._beams(np.asarray(dac), (self._rotation, self._origin))
 
     def spot(self) -> Array:
         """Find where the beam falls now, shape (3,), m; UserError if on no object."""
@@ -257,28 +263,82 @@ class VirtualLab:
             )
         return dac
 
-    def _block(self, dac: IntArray) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
+    def _wired(self, dac: NDArray[Any]) -> NDArray[Any]:
+        """Give the steps as the mirrors get them."""
+        return dac[:, ::-1] if self.scene.mirrors.swapped else dac
+
+    def _beams(
+        self, dac: NDArray[Any], pose: tuple[Array, Array], error: Array | None = None
+    ) -> Beams:
+        return beams(self.mirrors, self._wired(dac), *pose, self.scene.spot, error)
+
+    def _pointing_error(self, dac: IntArray) -> Array | None:
+        """Find how far the mirrors' angles are off at the pixels that follow, rad."""
+        if not self._pointing.moves:
+            return None
+        _, normal = self._jitter.draw(self._stream, self._pixel, len(dac), 1)
+        return self._path.error(self._wired(dac), normal[:, :, 0].astype(float))
+
+    def _block(
+        self, dac: IntArray, error: Array | None
+    ) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
         """Acquire counts and status of at most BLOCK pixels."""
         assert self._acquisition is not None
         n, samples = len(dac), self._acquisition.samples
-        filled = dac[np.minimum(np.arange(BLOCK), n - 1)]
-        velocity, lit = self._look(filled)
+        filled = np.minimum(np.arange(BLOCK), n - 1)
+        velocity, lit, distance = self._look(dac[filled], None if error is None else error[filled])
         uniform, normal = self._noise.draw(self._stream, self._pixel, n, samples)
-        self._pixel += n
         velocity *= self._acquisition.amplitude
-        return self._electronics.record(velocity, lit, uniform, normal)
+        self._spoil_by_speckle(velocity[:n])
+        self._pixel += n
+        optics, worst = self.scene.vibrometer.distance, self._pointing.worst
+        noisier = optics.factor(distance[:n], worst) if worst != 1 else None
+        return self._electronics.record(velocity, lit, uniform, normal, noisier)
 
-    def _look(self, dac: IntArray) -> tuple[ComplexArray, BoolArray]:
-        """Look along the beams: velocity (pixel, tone), m/s per V, and whether light comes back."""
-        light = self.light(dac)
-        seen = [o.seen(light, self._frequency) for o in self.objects]
-        distance = np.stack([d for d, _ in seen])
-        first = distance.argmin(axis=0)
-        hit = np.isfinite(distance.min(axis=0))
+    def _spoil_by_speckle(self, velocity: ComplexArray) -> None:
+        """Replace the velocities (pixel, tone) of some pixels by random ones."""
+        v = self.scene.vibrometer
+        if not v.unflagged:
+            return
+        uniform, normal = self._speckle.draw(self._stream, self._pixel, *velocity.shape)
+        wrong = uniform[:, 0] < v.unflagged
+        random = (normal[:, 0] + 1j * normal[:, 1]) * v.unflagged_velocity / math.sqrt(2.0)
+        velocity[wrong] = random[wrong]
+
+    def _look(self, dac: IntArray, error: Array | None) -> tuple[ComplexArray, BoolArray, Array]:
+        """Look along the beams.
+
+        Returns
+        -------
+        velocity : ndarray of complex, shape (pixel, tone), m/s per V
+        lit : ndarray of bool, shape (pixel,)
+            Whether light comes back.
+        distance : ndarray, shape (pixel,), m
+            Infinite where the beam falls beside all objects.
+        """
+        light = self._beams(dac, (self._rotation, self._origin), error)
+        seen = [self._seen(o, light, dac, error) for o in self.objects]
+        distances = np.stack([d for d, _ in seen])
+        first = distances.argmin(axis=0)
+        distance = distances.min(axis=0)
+        hit = np.isfinite(distance)
         resting = -light.direction[:, 2] * self.scene.residual
         velocity = np.stack([v for _, v in seen])[first, np.arange(len(dac))]
         velocity = np.where(hit[:, None], velocity, resting[:, None])
-        return velocity, (hit | self.scene.backdrop) & self.shutter_open
+        if self._mistakes is not None:
+            velocity = self._mistakes.recorded(velocity, self._frequency)
+        return velocity, (hit | self.scene.backdrop) & self.shutter_open, distance
+
+    def _seen(
+        self, thing: SceneObject, light: Beams, dac: IntArray, error: Array | None
+    ) -> tuple[Array, ComplexArray]:
+        """Compute distance and velocity of one object; mistakes are made with the structure."""
+        mistakes = self._mistakes
+        if mistakes is None or thing.calibrates:
+            return thing.seen(light, self._frequency)
+        pose = mistakes.knocked(*self.true_pose(mistakes.seen_from or self.view))
+        light = self._beams(dac, pose, error)
+        return thing.in_modes(mistakes.modes).seen(light, mistakes.frequency * self._frequency)
 
 
 @register("instrument", "simulated")
