@@ -152,13 +152,11 @@ class VirtualLab:
         steps = self._checked(np.asarray(dac))
         if stream is not None:
             self.start_stream(stream)
-        error = self._pointing_error(steps)
         counts = np.empty((len(steps), 2, self._acquisition.samples), np.int16)
         status = np.empty(len(steps), np.uint8)
         for begin in range(0, len(steps), BLOCK):
             part = slice(begin, min(begin + BLOCK, len(steps)))
-            own = None if error is None else error[part]
-            counts[part], status[part] = self._block(steps[part], own)
+            counts[part], status[part] = self._block(steps[part])
         if len(steps):
             self.position = (int(steps[-1, 0]), int(steps[-1, 1]))
         scales = self._electronics.volts_per_count
@@ -272,28 +270,36 @@ class VirtualLab:
     ) -> Beams:
         return beams(self.mirrors, self._wired(dac), *pose, self.scene.spot, error)
 
-    def _pointing_error(self, dac: IntArray) -> Array | None:
-        """Find how far the mirrors' angles are off at the pixels that follow, rad."""
-        if not self._pointing.moves:
-            return None
-        _, normal = self._jitter.draw(self._stream, self._pixel, len(dac), 1)
-        return self._path.error(self._wired(dac), normal[:, :, 0].astype(float))
-
-    def _block(
-        self, dac: IntArray, error: Array | None
-    ) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
+    def _block(self, dac: IntArray) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
         """Acquire counts and status of at most BLOCK pixels."""
         assert self._acquisition is not None
         n, samples = len(dac), self._acquisition.samples
-        filled = np.minimum(np.arange(BLOCK), n - 1)
-        velocity, lit, distance = self._look(dac[filled], None if error is None else error[filled])
+        filled = dac[np.minimum(np.arange(BLOCK), n - 1)]
+        noisier = self._noisier(filled)
+        velocity, lit = self._look(filled, self._pointing_error(filled, n, noisier))
         uniform, normal = self._noise.draw(self._stream, self._pixel, n, samples)
         velocity *= self._acquisition.amplitude
         self._spoil_by_speckle(velocity[:n])
         self._pixel += n
-        optics, worst = self.scene.vibrometer.distance, self._pointing.worst
-        noisier = optics.factor(distance[:n], worst) if worst != 1 else None
-        return self._electronics.record(velocity, lit, uniform, normal, noisier)
+        own = None if noisier is None else noisier[:n]
+        return self._electronics.record(velocity, lit, uniform, normal, own)
+
+    def _noisier(self, dac: IntArray) -> Array | None:
+        """Compute the factor of noise by the distance of what the beams hit, shape (pixel,)."""
+        if self._pointing.worst == 1:
+            return None
+        light = self.light(dac)
+        distance = np.min([o.seen(light, np.zeros(0))[0] for o in self.objects], axis=0)
+        return self.scene.vibrometer.distance.factor(distance, self._pointing.worst)
+
+    def _pointing_error(self, dac: IntArray, n: int, noisier: Array | None) -> Array | None:
+        """Find how far the angles are off at the first n of the pixels, the rest as the last."""
+        if not self._pointing.moves:
+            return None
+        normal = self._jitter.draw(self._stream, self._pixel, n, 1)[1].astype(float)
+        jitter = normal[:, :, 0] * (1.0 if noisier is None else noisier[:n, None])
+        error = self._path.error(self._wired(dac[:n]), jitter)
+        return error[np.minimum(np.arange(len(dac)), n - 1)]
 
     def _spoil_by_speckle(self, velocity: ComplexArray) -> None:
         """Replace the velocities (pixel, tone) of some pixels by random ones."""
@@ -305,29 +311,19 @@ class VirtualLab:
         random = (normal[:, 0] + 1j * normal[:, 1]) * v.unflagged_velocity / math.sqrt(2.0)
         velocity[wrong] = random[wrong]
 
-    def _look(self, dac: IntArray, error: Array | None) -> tuple[ComplexArray, BoolArray, Array]:
-        """Look along the beams.
-
-        Returns
-        -------
-        velocity : ndarray of complex, shape (pixel, tone), m/s per V
-        lit : ndarray of bool, shape (pixel,)
-            Whether light comes back.
-        distance : ndarray, shape (pixel,), m
-            Infinite where the beam falls beside all objects.
-        """
+    def _look(self, dac: IntArray, error: Array | None) -> tuple[ComplexArray, BoolArray]:
+        """Look along the beams: velocity (pixel, tone), m/s per V, and whether light comes back."""
         light = self._beams(dac, (self._rotation, self._origin), error)
         seen = [self._seen(o, light, dac, error) for o in self.objects]
-        distances = np.stack([d for d, _ in seen])
-        first = distances.argmin(axis=0)
-        distance = distances.min(axis=0)
-        hit = np.isfinite(distance)
+        distance = np.stack([d for d, _ in seen])
+        first = distance.argmin(axis=0)
+        hit = np.isfinite(distance.min(axis=0))
         resting = -light.direction[:, 2] * self.scene.residual
         velocity = np.stack([v for _, v in seen])[first, np.arange(len(dac))]
         velocity = np.where(hit[:, None], velocity, resting[:, None])
         if self._mistakes is not None:
             velocity = self._mistakes.recorded(velocity, self._frequency)
-        return velocity, (hit | self.scene.backdrop) & self.shutter_open, distance
+        return velocity, (hit | self.scene.backdrop) & self.shutter_open
 
     def _seen(
         self, thing: SceneObject, light: Beams, dac: IntArray, error: Array | None

@@ -38,7 +38,7 @@ class PointingTerms:
     drift : float, rad
         Of both mirrors' angles in a hundred scan lines of a view.
     worst : float
-        Factor of the laser's noise at the worst optical distance.
+        Factor of the jitter and of the laser's noise at the worst optical distance.
     """
 
     jitter: float = 0.0
@@ -68,7 +68,7 @@ class Pointing(Enum):
 
     ideal = PointingTerms()
     modern = PointingTerms(jitter=10e-6, hysteresis=5e-6)
-    chapter_4 = PointingTerms(jitter=43e-6, worst=60.0)
+    chapter_4 = PointingTerms(jitter=50e-6, worst=3.0)
 
 
 class MirrorPath:
@@ -98,7 +98,7 @@ class MirrorPath:
         dac : array_like, shape (pixel, 2), steps
             As the mirrors get them.
         normal : ndarray, shape (pixel, 2)
-            Random numbers of unit variance.
+            Random numbers that multiply the jitter.
 
         Returns
         -------

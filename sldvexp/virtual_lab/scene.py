@@ -104,17 +104,18 @@ class MirrorErrors:
 
 @dataclass
 class OpticalDistance:
-    """Noise of the laser by the distance that it looks over.
+    """Noise by the distance that the laser looks over.
 
     The modes of a laser tube come back in step only over certain distances, a tube's length apart.
-    Between them the noise grows to ``worst ** sin(pi (distance - best) / period)**2`` times that
-    at the best ones.
+    Between them fewer speckles send light back: the laser's noise and the pointing noise, as the
+    place under the spot that is measured wanders, grow to
+    ``worst ** sin(pi (distance - best) / period)**2`` times those at the best distances.
 
     Parameters
     ----------
     worst : float, optional
-        Factor of the noise in the middle between two best distances; by default as the scene's
-        ``pointing`` says.
+        That factor in the middle between two best distances; by default as the scene's ``pointing``
+        says.
     best : float, m
         One of the best distances from the scanning mirror.
     period : float, m
@@ -122,7 +123,7 @@ class OpticalDistance:
     """
 
     worst: float | None = None
-    best: float = 1.8
+    best: float = 1.79
     period: float = 0.2
 
     def check(self, checks: Checks, name: str) -> None:
@@ -134,7 +135,7 @@ class OpticalDistance:
         checks.positive(f"{name}.period", self.period)
 
     def factor(self, distance: Array, worst: float) -> Array:
-        """Compute the factor of the noise at each distance, m; 1 where the beam hits nothing."""
+        """Compute the factor at each distance, m; 1 where the beam hits nothing."""
         away = np.where(np.isfinite(distance), distance - self.best, 0.0)
         return np.asarray(worst ** np.sin(np.pi * away / self.period) ** 2)
 
