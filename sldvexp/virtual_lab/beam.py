@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -64,7 +66,12 @@ class Beams:
 
 
 def beams(
-    mirrors: TwoMirror, dac: ArrayLike, rotation: ArrayLike, origin: ArrayLike, spot: Spot
+    mirrors: TwoMirror,
+    dac: ArrayLike,
+    rotation: ArrayLike,
+    origin: ArrayLike,
+    spot: Spot,
+    error: Array | None = None,
 ) -> Beams:
     """Send the beams of DAC steps, by the true mirrors and the true pose.
 
@@ -75,8 +82,11 @@ def beams(
         World to laser.
     origin : array_like, shape (3,), m
         Of the laser frame, in the world.
+    error : ndarray, shape (beam, 2), rad, optional
+        Of the mirrors' angles.
     """
-    start, along = rays(mirrors.angle_from_dac(dac), mirrors.mirror_offset)
+    angle = mirrors.angle_from_dac(dac)
+    start, along = rays(angle if error is None else angle + error, mirrors.mirror_offset)
     r = np.asarray(rotation, float)
     return Beams(np.asarray(origin, float) + start @ r, along @ r, spot)
 
@@ -124,7 +134,19 @@ def part_inside(
 
 
 class SceneObject(ABC):
-    """Something that the beam can hit. A new object implements the one hook `seen`."""
+    """Something that the beam can hit. A new object implements the one hook `seen`.
+
+    Attributes
+    ----------
+    calibrates : bool
+        Whether it tells where the instrument stands; mistakes of a view spoil the other objects.
+    """
+
+    calibrates: ClassVar[bool] = False
+
+    def in_modes(self, factors: Mapping[str, float]) -> SceneObject:
+        """Give this object with the velocities of its modes multiplied, by the modes' names."""
+        return self
 
     @abstractmethod
     def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:

@@ -39,6 +39,28 @@ class Speaker:
         checks.finite(f"{name}.phase", self.phase)
 
 
+@dataclass
+class CircleError:
+    """True circle minus the one that the target describes.
+
+    Parameters
+    ----------
+    x, y, height : float, m
+        Of its center, along its plane's own axes.
+    diameter : float, m
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    height: float = 0.0
+    diameter: float = 0.0
+
+    def check(self, checks: Checks, name: str) -> None:
+        """Note under `name` what is no number."""
+        for key in ("x", "y", "height", "diameter"):
+            checks.finite(f"{name}.{key}", getattr(self, key))
+
+
 @register("scene", "calibration")
 @dataclass
 class CalibrationScene(Scene):
@@ -55,6 +77,10 @@ class CalibrationScene(Scene):
     machine_error : bool
         Whether the true circles differ from the configured ones by as much as the machine that
         measured them may err: every coordinate, diameter and height, uniformly within +-accuracy.
+    circle_errors : dict of int to CircleError
+        By how much more single circles differ from the configured ones, by their numbers.
+    scale : float
+        True size of the object over that of ``target``, about the origin of the world.
     mirrored : bool
         The true object is the mirror image of ``target``, left and right of its middle.
     """
@@ -63,6 +89,8 @@ class CalibrationScene(Scene):
     speakers: dict[int, Speaker] = field(default_factory=dict)
     washer: float = 0.01
     machine_error: bool = True
+    circle_errors: dict[int, CircleError] = field(default_factory=dict)
+    scale: float = 1.0
     mirrored: bool = False
 
     def check(self, checks: Checks) -> None:
@@ -70,7 +98,10 @@ class CalibrationScene(Scene):
         self.speaker.check(checks, "speaker")
         for number, speaker in self.speakers.items():
             speaker.check(checks, f"speakers.{number}")
+        for number, error in self.circle_errors.items():
+            error.check(checks, f"circle_errors.{number}")
         checks.non_negative("washer", self.washer)
+        checks.positive("scale", self.scale)
 
     def objects(self, target: Target | None, rng: np.random.Generator) -> list[SceneObject]:
         """Make the calibration object."""
@@ -80,16 +111,23 @@ class CalibrationScene(Scene):
                 f"the virtual lab's calibration object needs circles, but target is {found}; "
                 "choose target=dissertation or another target of circles"
             )
-        for number in self.speakers:
-            if number not in target.circles:
-                numbers = (str(n) for n in target.circles)
-                raise UserError(
-                    f"scene.speakers.{number}: the calibration object has no circle {number}; "
-                    f"{nearest(str(number), numbers)}"
-                )
+        for key in ("speakers", "circle_errors"):
+            for number in getattr(self, key):
+                if number not in target.circles:
+                    numbers = (str(n) for n in target.circles)
+                    raise UserError(
+                        f"scene.{key}.{number}: the calibration object has no circle {number}; "
+                        f"{nearest(str(number), numbers)}"
+                    )
         speakers = {n: self.speakers.get(n, self.speaker) for n in target.circles}
         errors = rng if self.machine_error else None
         built = CalibrationObject.built(target, speakers, self.washer, self.residual, errors)
+        if self.circle_errors:
+            built = built.with_errors(self.circle_errors)
+        if self.scale != 1:
+            built = replace(
+                built, center=self.scale * built.center, radius=self.scale * built.radius
+            )
         return [built.mirror_image() if self.mirrored else built]
 
 
@@ -112,6 +150,8 @@ class CalibrationObject(SceneObject):
     residual : float, m/s per V
         Of the rims, along the world's z.
     """
+
+    calibrates = True
 
     number: IntArray
     center: Array
@@ -171,6 +211,14 @@ class CalibrationObject(SceneObject):
         resting = self.residual * to_instrument[:, 2]
         mean = moving * piston + (1.0 - moving) * resting
         return distance, np.repeat(mean[:, None], len(frequency), axis=1)
+
+    def with_errors(self, errors: Mapping[int, CircleError]) -> CalibrationObject:
+        """Move and widen single circles, by their numbers."""
+        off = [errors.get(int(n), CircleError()) for n in self.number]
+        moved = np.array([[e.x, e.y, e.height] for e in off])
+        wider = np.array([e.diameter for e in off]) / 2
+        center = self.center + np.einsum("ck,ckj->cj", moved, self.axes)
+        return replace(self, center=center, radius=self.radius + wider)
 
     def mirror_image(self) -> CalibrationObject:
         """Exchange left and right of the object about the middle of its circles."""

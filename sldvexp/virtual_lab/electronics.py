@@ -72,7 +72,12 @@ class Electronics:
         self.volts_per_count: Array = ranges / HALF_COUNTS
 
     def record(
-        self, velocity: ComplexArray, lit: BoolArray, uniform: Array, normal: Array32
+        self,
+        velocity: ComplexArray,
+        lit: BoolArray,
+        uniform: Array,
+        normal: Array32,
+        noisier: Array | None = None,
     ) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
         """Sample some pixels; their counts.
 
@@ -85,6 +90,8 @@ class Electronics:
             Whether light comes back.
         uniform : ndarray, shape (pixel, 4)
         normal : ndarray of float32, shape (pixel, channel, sample)
+        noisier : ndarray, shape (pixel,), optional
+            Factor of the laser's noise.
 
         Returns
         -------
@@ -101,9 +108,10 @@ class Electronics:
         amplitude = np.full(velocity.shape, played)
         reference = _sum_of_tones(amplitude, self._reference_tones, start, self._reference_carrier)
         noise = self._band_limited(normal[:, 0], len(velocity))
+        with_light = noise if noisier is None else noise * noisier[:, None].astype(np.float32)
         full_scale = v.sensitivity * v.full_scale
         volts = np.empty(normal.shape, np.float32)
-        volts[:, 0] = signal[:n] + np.float32(v.noise * full_scale) * noise
+        volts[:, 0] = signal[:n] + np.float32(v.noise * full_scale) * with_light
         volts[:, 1] = reference[:n] + np.float32(self._digitizer.reference_noise) * normal[:, 1]
         lost = self._lost(lit[:n], uniform)
         np.copyto(volts[:, 0], np.float32(v.burst * full_scale) * noise, where=lost)

@@ -19,10 +19,11 @@ from sldvexp.instrument.person import Mark, Place, Steps
 from sldvexp.laser import MIRRORS, TwoMirror, project
 from sldvexp.targets import Target
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
-from sldvexp.virtual_lab.beam import Beams, beams
+from sldvexp.virtual_lab.beam import Beams, SceneObject, beams
 from sldvexp.virtual_lab.calibration_scene import CalibrationObject
 from sldvexp.virtual_lab.electronics import Electronics, PixelNoise
 from sldvexp.virtual_lab.plate import VibratingPlate
+from sldvexp.virtual_lab.pointing import MirrorPath
 from sldvexp.virtual_lab.scene import Scene
 
 #: Pixels computed at once, filled up if they are fewer: arithmetic in arrays of one shape gives a
@@ -58,6 +59,7 @@ class VirtualLab:
     ) -> None:
         self.scene = scene
         self.mirrors = scene.mirrors.applied(laser)
+        self._pointing = scene.pointing_terms
         self.position = (0, 0)
         self.shutter_open = scene.shutter_open
         self._seed = [seed] if isinstance(seed, int) else list(seed)
@@ -79,6 +81,9 @@ class VirtualLab:
         self.view = name
         self._rotation, self._origin = rotation, origin
         self._noise = PixelNoise(self._seed, name)
+        self._jitter = PixelNoise(self._seed, f"{name}\0jitter")
+        self._speckle = PixelNoise(self._seed, f"{name}\0speckle")
+        self._mistakes = self.scene.mistakes.get(name)
 
     def start_stream(self, stream: int) -> None:
         """Let the pixels that follow be those of a scan line, counted from 0.
@@ -93,6 +98,7 @@ class VirtualLab:
             From 0 to 2^64 - 1.
         """
         self._stream, self._pixel = stream, 0
+        self._path = MirrorPath(self._pointing, self.mirrors, stream)
 
     def configure(self, acquisition: Acquisition) -> None:
         """Set sampling and generator for all pixels that follow."""
@@ -198,9 +204,7 @@ class VirtualLab:
 
     def light(self, dac: ArrayLike) -> Beams:
         """Send the beams of DAC steps, whole or not, shape (beam, 2), from this view."""
-        steps = np.asarray(dac)
-        wired = steps[:, ::-1] if self.scene.mirrors.swapped else steps
-        return beams(self.mirrors, wired, self._rotation, self._origin, self.scene.spot)
+        return self._beams(np.asarray(dac), (self._rotation, self._origin))
 
     def spot(self) -> Array:
         """Find where the beam falls now, shape (3,), m; UserError if on no object."""
@@ -257,28 +261,80 @@ class VirtualLab:
             )
         return dac
 
+    def _wired(self, dac: NDArray[Any]) -> NDArray[Any]:
+        """Give the steps as the mirrors get them."""
+        return dac[:, ::-1] if self.scene.mirrors.swapped else dac
+
+    def _beams(
+        self, dac: NDArray[Any], pose: tuple[Array, Array], error: Array | None = None
+    ) -> Beams:
+        return beams(self.mirrors, self._wired(dac), *pose, self.scene.spot, error)
+
     def _block(self, dac: IntArray) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
         """Acquire counts and status of at most BLOCK pixels."""
         assert self._acquisition is not None
         n, samples = len(dac), self._acquisition.samples
         filled = dac[np.minimum(np.arange(BLOCK), n - 1)]
-        velocity, lit = self._look(filled)
+        noisier = self._noisier(filled)
+        velocity, lit = self._look(filled, self._pointing_error(filled, n, noisier))
         uniform, normal = self._noise.draw(self._stream, self._pixel, n, samples)
-        self._pixel += n
         velocity *= self._acquisition.amplitude
-        return self._electronics.record(velocity, lit, uniform, normal)
+        self._spoil_by_speckle(velocity[:n])
+        self._pixel += n
+        own = None if noisier is None else noisier[:n]
+        return self._electronics.record(velocity, lit, uniform, normal, own)
 
-    def _look(self, dac: IntArray) -> tuple[ComplexArray, BoolArray]:
-        """Look along the beams: velocity (pixel, tone), m/s per V, and whether light comes back."""
+    def _noisier(self, dac: IntArray) -> Array | None:
+        """Compute the factor of noise by the distance of what the beams hit, shape (pixel,)."""
+        if self._pointing.worst == 1:
+            return None
         light = self.light(dac)
-        seen = [o.seen(light, self._frequency) for o in self.objects]
+        distance = np.min([o.seen(light, np.zeros(0))[0] for o in self.objects], axis=0)
+        return self.scene.vibrometer.distance.factor(distance, self._pointing.worst)
+
+    def _pointing_error(self, dac: IntArray, n: int, noisier: Array | None) -> Array | None:
+        """Find how far the angles are off at the first n of the pixels, the rest as the last."""
+        if not self._pointing.moves:
+            return None
+        normal = self._jitter.draw(self._stream, self._pixel, n, 1)[1].astype(float)
+        jitter = normal[:, :, 0] * (1.0 if noisier is None else noisier[:n, None])
+        error = self._path.error(self._wired(dac[:n]), jitter)
+        return error[np.minimum(np.arange(len(dac)), n - 1)]
+
+    def _spoil_by_speckle(self, velocity: ComplexArray) -> None:
+        """Replace the velocities (pixel, tone) of some pixels by random ones."""
+        v = self.scene.vibrometer
+        if not v.unflagged:
+            return
+        uniform, normal = self._speckle.draw(self._stream, self._pixel, *velocity.shape)
+        wrong = uniform[:, 0] < v.unflagged
+        random = (normal[:, 0] + 1j * normal[:, 1]) * v.unflagged_velocity / math.sqrt(2.0)
+        velocity[wrong] = random[wrong]
+
+    def _look(self, dac: IntArray, error: Array | None) -> tuple[ComplexArray, BoolArray]:
+        """Look along the beams: velocity (pixel, tone), m/s per V, and whether light comes back."""
+        light = self._beams(dac, (self._rotation, self._origin), error)
+        seen = [self._seen(o, light, dac, error) for o in self.objects]
         distance = np.stack([d for d, _ in seen])
         first = distance.argmin(axis=0)
         hit = np.isfinite(distance.min(axis=0))
         resting = -light.direction[:, 2] * self.scene.residual
         velocity = np.stack([v for _, v in seen])[first, np.arange(len(dac))]
         velocity = np.where(hit[:, None], velocity, resting[:, None])
+        if self._mistakes is not None:
+            velocity = self._mistakes.recorded(velocity, self._frequency)
         return velocity, (hit | self.scene.backdrop) & self.shutter_open
+
+    def _seen(
+        self, thing: SceneObject, light: Beams, dac: IntArray, error: Array | None
+    ) -> tuple[Array, ComplexArray]:
+        """Compute distance and velocity of one object; mistakes are made with the structure."""
+        mistakes = self._mistakes
+        if mistakes is None or thing.calibrates:
+            return thing.seen(light, self._frequency)
+        pose = mistakes.knocked(*self.true_pose(mistakes.seen_from or self.view))
+        light = self._beams(dac, pose, error)
+        return thing.in_modes(mistakes.modes).seen(light, mistakes.frequency * self._frequency)
 
 
 @register("instrument", "simulated")

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +27,31 @@ from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.beam import Beams, SceneObject
 from sldvexp.virtual_lab.calibration_scene import CalibrationScene
 from sldvexp.virtual_lab.modes import EdgeSupport, Mode, Modes
+
+
+@dataclass
+class Hole:
+    """A rectangular hole in a plate; behind it something rests, or nothing if no backdrop is there.
+
+    Parameters
+    ----------
+    center : list of 2 float, the plate's unit
+        From the plate's center along its own x (the arc, if it is curved) and y.
+    size : list of 2 float, the plate's unit
+    """
+
+    center: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    size: list[float] = field(default_factory=lambda: [0.04, 0.04])
+
+    def check(self, checks: Checks, name: str) -> None:
+        """Note under `name` what no hole can be."""
+        for key in ("center", "size"):
+            values = getattr(self, key)
+            message = f"must be 2 numbers, not {len(values)}"
+            checks.require(len(values) == 2, f"{name}.{key}", message)
+            checks.finite(f"{name}.{key}", *values)
+        for side in self.size:
+            checks.positive(f"{name}.size", side)
 
 
 @dataclass
@@ -52,6 +78,8 @@ class Plate:
     edges : EdgeSupport
         How they are held; decides the shapes of bending.
     modes : dict of str to Mode
+    holes : dict of str to Hole
+        Cut out of the whole plate, whose modes they do not change.
     """
 
     unit: LengthUnit = LengthUnit.m
@@ -62,6 +90,7 @@ class Plate:
     radius: float | None = None
     edges: EdgeSupport = EdgeSupport.supported
     modes: dict[str, Mode] = field(default_factory=dict)
+    holes: dict[str, Hole] = field(default_factory=dict)
 
     def check(self, checks: Checks, name: str) -> None:
         """Note under `name` what no plate can be."""
@@ -77,6 +106,8 @@ class Plate:
         checks.require(bool(self.modes), f"{name}.modes", "give at least one mode")
         for mode_name, mode in self.modes.items():
             mode.check(checks, f"{name}.modes.{mode_name}", self.edges)
+        for hole_name, hole in self.holes.items():
+            hole.check(checks, f"{name}.holes.{hole_name}")
         if self.radius is not None and len(checks.problems) == known:
             self._check_radius(checks, f"{name}.radius", self.radius)
 
@@ -100,10 +131,13 @@ class PlateSurface(ABC):
         Coordinates (s, t) run from 0 to these.
     height : float, m
         Of the upper surface above the middle one, along the normal.
+    holes : ndarray, shape (hole, 2, 2), m
+        Lowest and highest coordinates of each.
     """
 
     size: Array
     height: float
+    holes: Array
 
     @property
     @abstractmethod
@@ -140,7 +174,10 @@ class PlateSurface(ABC):
 
     def inside(self, coordinates: Array) -> BoolArray:
         """Tell whether coordinates are on the plate, shape (...)."""
-        return np.all((coordinates >= 0) & (coordinates <= self.size), axis=-1)
+        on_it = np.all((coordinates >= 0) & (coordinates <= self.size), axis=-1)
+        for low, high in self.holes:
+            on_it &= ~np.all((coordinates > low) & (coordinates < high), axis=-1)
+        return on_it
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +188,7 @@ class VibratingPlate(SceneObject):
     ----------
     surface : PlateSurface
     modes : Modes
+    mode_names : tuple of str
     rotation : ndarray, shape (3, 3)
         World to the plate's own axes.
     center : ndarray, shape (3,), m
@@ -158,6 +196,7 @@ class VibratingPlate(SceneObject):
 
     surface: PlateSurface
     modes: Modes
+    mode_names: tuple[str, ...]
     rotation: Array
     center: Array
 
@@ -166,12 +205,17 @@ class VibratingPlate(SceneObject):
         """Make the plate of a configuration."""
         unit = plate.unit.value
         size, height = unit * np.array(plate.size), unit * plate.thickness / 2
-        surface: PlateSurface = FlatSurface(size, height)
+        middles = [np.array(hole.center) for hole in plate.holes.values()]
+        halves = [np.array(hole.size) / 2 for hole in plate.holes.values()]
+        limits = [[m - h, m + h] for m, h in zip(middles, halves, strict=True)]
+        holes = unit * np.array(limits).reshape(-1, 2, 2) + size / 2
+        surface: PlateSurface = FlatSurface(size, height, holes)
         if plate.radius is not None:
-            surface = CylinderSurface(size, height, unit * plate.radius)
+            surface = CylinderSurface(size, height, holes, unit * plate.radius)
         return cls(
             surface=surface,
             modes=Modes.built(plate.modes.values(), size, plate.edges),
+            mode_names=tuple(plate.modes),
             rotation=rotation_from_euler(plate.euler),
             center=unit * np.array(plate.center),
         )
@@ -189,6 +233,11 @@ class VibratingPlate(SceneObject):
         response = self.modes.response(frequency)
         return distance, np.einsum("bm,mf->bf", along_sight, response)
 
+    def in_modes(self, factors: Mapping[str, float]) -> VibratingPlate:
+        """See `SceneObject`."""
+        factor = np.array([factors.get(name, 1.0) for name in self.mode_names])
+        return replace(self, modes=replace(self.modes, velocity=factor * self.modes.velocity))
+
     def velocity(self, points: ArrayLike, frequency: float) -> ComplexArray:
         """Compute the measured surface's true velocity, nearest to points of the world.
 
@@ -200,7 +249,7 @@ class VibratingPlate(SceneObject):
         Returns
         -------
         ndarray of complex, shape (point, 3), m/s per V of excitation
-            Along the world's axes; NaN beside the plate.
+            Along the world's axes; NaN beside the plate and over its holes.
         """
         place = self._place(points)
         local = np.einsum("pmi,m->pi", self._motion(place), self._response(frequency))
@@ -253,12 +302,13 @@ class VibratingPlate(SceneObject):
         return self.surface.position(np.asarray(coordinates, float)) @ self.rotation + self.center
 
     def _place(self, points: ArrayLike) -> Array:
-        """Read three coordinates in m, None if the answer has not three finite numbers."""
+        """Find the nearest places of points, shape (point, 2), m; NaN beside the plate."""
         own = (np.atleast_2d(np.asarray(points, float)) - self.center) @ self.rotation.T
         place = self.surface.coordinates(own)
         rounding = 1e-9 * self.surface.size
         clipped = np.clip(place, 0.0, self.surface.size)
         beside = (np.abs(place - clipped) > rounding).any(axis=-1, keepdims=True)
+        beside |= ~self.surface.inside(clipped)[..., None]
         return np.where(beside, np.nan, clipped)
 
     def _motion(self, place: Array) -> Array:
@@ -374,6 +424,11 @@ class PlateScene(CalibrationScene):
         """Note what is wrong with the plate, the speakers and washers."""
         super().check(checks)
         self.plate.check(checks, "plate")
+
+    @property
+    def mode_names(self) -> list[str]:
+        """Names of the plate's modes."""
+        return list(self.plate.modes)
 
     def objects(self, target: Target | None, rng: np.random.Generator) -> list[SceneObject]:
         """List the plate, and the calibration object if there is one."""

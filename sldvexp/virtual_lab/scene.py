@@ -9,12 +9,15 @@ from itertools import zip_longest
 
 import numpy as np
 
-from sldvexp.errors import Checks, ConfigError, UserError
+from sldvexp.errors import Checks, ConfigError, UserError, nearest
 from sldvexp.geometry import KnownPose
 from sldvexp.laser import MIRRORS, Mirror, TwoMirror
 from sldvexp.targets import Target
+from sldvexp.typing import Array
 from sldvexp.units import AngleUnit
 from sldvexp.virtual_lab.beam import SceneObject, Spot
+from sldvexp.virtual_lab.mistakes import ViewMistakes
+from sldvexp.virtual_lab.pointing import Pointing, PointingTerms
 
 
 @dataclass
@@ -27,7 +30,8 @@ class MirrorError:
         Relative, of the gain and of all powers; -2 is a mirror wired the other way round.
     zero : float, rad
     polynomial : list of float, rad
-        Added to the coefficients of u^2, u^3 and so on.
+        Added to the coefficients of u^2, u^3 and so on, u the DAC step over the board's largest: a
+        mirror that is not linear.
     """
 
     gain: float = 0.0
@@ -47,7 +51,7 @@ class MirrorError:
 
 @dataclass
 class MirrorErrors:
-    """True mirrors minus nominal ones, all zero for a perfect calibration.
+    """True mirrors minus nominal ones, and how they are off in a way that no calibration knows.
 
     Parameters
     ----------
@@ -56,16 +60,29 @@ class MirrorErrors:
     up_down, left_right : MirrorError
     swapped : bool
         The cables from the D/A board to the two mirrors are crossed.
+    jitter : float, rad, optional
+        Standard deviation of each mirror's angle, new at every pixel; by default as the scene's
+        ``pointing`` says, as the next two.
+    hysteresis : float, rad, optional
+        By how much the angles differ that a mirror takes at one step from the two sides.
+    drift : float, rad, optional
+        Of both mirrors' angles in a hundred scan lines of a view.
     """
 
     mirror_offset: float = 0.0
     up_down: MirrorError = field(default_factory=MirrorError)
     left_right: MirrorError = field(default_factory=MirrorError)
     swapped: bool = False
+    jitter: float | None = None
+    hysteresis: float | None = None
+    drift: float | None = None
 
     def check(self, checks: Checks, name: str) -> None:
         """Note under `name` what is no number."""
         checks.finite(f"{name}.mirror_offset", self.mirror_offset)
+        checks.non_negative(f"{name}.jitter", self.jitter or 0.0)
+        for key in ("hysteresis", "drift"):
+            checks.finite(f"{name}.{key}", getattr(self, key) or 0.0)
         for mirror in MIRRORS:
             error = getattr(self, mirror)
             for key in ("gain", "zero"):
@@ -83,6 +100,44 @@ class MirrorErrors:
             )
         except ConfigError as error:
             raise UserError(f"scene.mirrors makes true mirrors that cannot be: {error}") from None
+
+
+@dataclass
+class OpticalDistance:
+    """Noise by the distance that the laser looks over.
+
+    The modes of a laser tube come back in step only over certain distances, a tube's length apart.
+    Between them fewer speckles send light back: the laser's noise and the pointing noise, as the
+    place under the spot that is measured wanders, grow to
+    ``worst ** sin(pi (distance - best) / period)**2`` times those at the best distances.
+
+    Parameters
+    ----------
+    worst : float, optional
+        That factor in the middle between two best distances; by default as the scene's ``pointing``
+        says.
+    best : float, m
+        One of the best distances from the scanning mirror.
+    period : float, m
+        From one best distance to the next.
+    """
+
+    worst: float | None = None
+    best: float = 1.79
+    period: float = 0.2
+
+    def check(self, checks: Checks, name: str) -> None:
+        """Note under `name` what no laser can be."""
+        worst = 1.0 if self.worst is None else self.worst
+        message = f"must be 1 or more, not {worst}"
+        checks.require(math.isfinite(worst) and worst >= 1, f"{name}.worst", message)
+        checks.finite(f"{name}.best", self.best)
+        checks.positive(f"{name}.period", self.period)
+
+    def factor(self, distance: Array, worst: float) -> Array:
+        """Compute the factor at each distance, m; 1 where the beam hits nothing."""
+        away = np.where(np.isfinite(distance), distance - self.best, 0.0)
+        return np.asarray(worst ** np.sin(np.pi * away / self.period) ** 2)
 
 
 @dataclass
@@ -106,6 +161,12 @@ class Vibrometer:
         Noise without light, root mean square over full scale.
     drop_out_reported : bool
         Whether the instrument says so in the pixel's status.
+    unflagged : float
+        Probability that speckle makes a pixel's velocity a wrong one, of a random size and phase at
+        every frequency, and nothing in its samples shows it.
+    unflagged_velocity : float, m/s
+        Root mean square of the peak of such a velocity.
+    distance : OpticalDistance
     harmonics : list of float
         Amplitudes of the second, third... harmonic over that of the fundamental.
     hum : float, V
@@ -119,6 +180,9 @@ class Vibrometer:
     drop_out: float = 0.0
     burst: float = 0.2
     drop_out_reported: bool = True
+    unflagged: float = 0.0
+    unflagged_velocity: float = 0.02
+    distance: OpticalDistance = field(default_factory=OpticalDistance)
     harmonics: list[float] = field(default_factory=list)
     hum: float = 0.0
 
@@ -126,13 +190,15 @@ class Vibrometer:
         """Note under `name` what no vibrometer can be."""
         for key in ("sensitivity", "full_scale", "bandwidth"):
             checks.positive(f"{name}.{key}", getattr(self, key))
-        for key in ("noise", "burst", "hum"):
+        for key in ("noise", "burst", "hum", "unflagged_velocity"):
             checks.non_negative(f"{name}.{key}", getattr(self, key))
         for i, value in enumerate(self.harmonics):
             checks.non_negative(f"{name}.harmonics[{i}]", value)
-        possible = 0 <= self.drop_out <= 1
-        message = f"must be a probability from 0 to 1, not {self.drop_out}"
-        checks.require(possible, f"{name}.drop_out", message)
+        for key in ("drop_out", "unflagged"):
+            value = getattr(self, key)
+            message = f"must be a probability from 0 to 1, not {value}"
+            checks.require(0 <= value <= 1, f"{name}.{key}", message)
+        self.distance.check(checks, f"{name}.distance")
 
 
 @dataclass
@@ -203,12 +269,17 @@ class Scene(ABC):
     ----------
     views : dict of str to KnownPose
         Where the instrument truly stands in each view; world axes are the calibration object's.
+    pointing : Pointing
+        How well the scanner points; a term given in ``mirrors`` or ``vibrometer.distance`` takes
+        the place of its own.
     mirrors : MirrorErrors
         How the true mirrors differ from those of the group ``laser``.
     spot : Spot
     vibrometer : Vibrometer
     digitizer : AnalogInput
     operator : SceneOperator
+    mistakes : dict of str to ViewMistakes
+        Mistakes in single views, by the view's name.
     noise : float
         Factor of the vibrometer's noise, with light and without, and of the reference channel's.
     generator_error : float
@@ -224,11 +295,13 @@ class Scene(ABC):
     """
 
     views: dict[str, KnownPose] = field(default_factory=dict)
+    pointing: Pointing = Pointing.ideal
     mirrors: MirrorErrors = field(default_factory=MirrorErrors)
     spot: Spot = field(default_factory=Spot)
     vibrometer: Vibrometer = field(default_factory=Vibrometer)
     digitizer: AnalogInput = field(default_factory=AnalogInput)
     operator: SceneOperator = field(default_factory=SceneOperator)
+    mistakes: dict[str, ViewMistakes] = field(default_factory=dict)
     noise: float = 1.0
     generator_error: float = 0.0
     generator_gain: float = 1.0
@@ -248,6 +321,7 @@ class Scene(ABC):
         self.vibrometer.check(checks, "vibrometer")
         self.digitizer.check(checks, "digitizer")
         self.operator.check(checks, "operator")
+        self._check_mistakes(checks)
         slow = math.isfinite(self.generator_error) and self.generator_error > -1
         message = f"must be a finite number above -1, not {self.generator_error}"
         checks.require(slow, "generator_error", message)
@@ -256,6 +330,19 @@ class Scene(ABC):
         checks.finite("residual", self.residual)
         self.check(checks)
         checks.done()
+
+    @property
+    def pointing_terms(self) -> PointingTerms:
+        """Terms of ``pointing``, those given one by one in their places."""
+        own = {key: getattr(self.mirrors, key) for key in ("jitter", "hysteresis", "drift")}
+        own["worst"] = self.vibrometer.distance.worst
+        given = {key: value for key, value in own.items() if value is not None}
+        return replace(self.pointing.value, **given)
+
+    @property
+    def mode_names(self) -> list[str]:
+        """Names of the modes of what vibrates; none if it has no modes."""
+        return []
 
     @property
     def noisy_vibrometer(self) -> Vibrometer:
@@ -271,6 +358,19 @@ class Scene(ABC):
 
     def check(self, checks: Checks) -> None:  # noqa: B027 (a scene need not have more to check)
         """Note what is wrong with the fields that a scene adds."""
+
+    def _check_mistakes(self, checks: Checks) -> None:
+        for view, mistakes in self.mistakes.items():
+            name = f"mistakes.{view}"
+            there = f"the scene has no view {view}; {nearest(view, self.views)}"
+            checks.require(view in self.views, name, there)
+            mistakes.check(checks, name)
+            other = mistakes.seen_from
+            there = f"the scene has no view {other}; {nearest(other, self.views)}"
+            checks.require(not other or other in self.views, f"{name}.seen_from", there)
+            for mode in mistakes.modes:
+                there = f"the scene has no mode {mode}; {nearest(mode, self.mode_names)}"
+                checks.require(mode in self.mode_names, f"{name}.modes", there)
 
     @abstractmethod
     def objects(self, target: Target | None, rng: np.random.Generator) -> list[SceneObject]:
