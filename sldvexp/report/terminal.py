@@ -90,6 +90,7 @@ def _print_verdict(run: RunData, console: Console) -> None:
             f"[{COLOURS.get(finding.severity.name, 'cyan')}]{finding.severity.name}:[/] "
             f"{escape(finding.text + remedy)}",
             highlight=False,
+            soft_wrap=True,
         )
 
 

@@ -84,7 +84,8 @@ def diagnose(bench: Bench, fit: JointFit, views: Sequence[int] | None = None) ->
     for k in range(len(bench.data)) if views is None else views:
         found += _of_view(bench, k)
     least = min(h.criterion for h, _ in found)
-    if least > UNEXPLAINED * fit.dof:
+    far = any(h.criterion == least and h.kind in ("pose", "other_field") for h, _ in found)
+    if far or least > UNEXPLAINED * fit.dof:
         found += _exchanges(bench, fit)
     # No kind that fits leaves more than the noise, whatever noise was stated.
     scale = max(1.0, min(h.criterion for h, _ in found) / fit.dof)

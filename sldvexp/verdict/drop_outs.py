@@ -19,7 +19,8 @@ from sldvexp.field import View
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 from sldvexp.verdict.joint_fit import JointFit, PixelDesign
-from sldvexp.verdict.pixel_data import PixelData
+from sldvexp.verdict.pixel_data import PixelData, local_std
+from sldvexp.verdict.smooth_field import SmoothField
 
 #: Neighbours that predict a pixel, and reweightings of their fit.
 NEIGHBOURS, PASSES = 24, 6
@@ -28,6 +29,8 @@ ANY = 0.01
 #: How far, over their r.m.s. distance, the middle of the neighbours may be from a pixel: at a rim
 #: they lie on one side, and a quadratic that leaves the field there tells nothing.
 ONE_SIDED = 0.25
+#: Pixels between the knots of a smooth image, and most knots along a side.
+PIXELS_A_KNOT, MOST_KNOTS = 5.0, 8
 #: Residual, in standard errors, of which Cauchy's weight is one half.
 HALF = 2.5
 #: Probability above which a pixel may be at rest.
@@ -54,7 +57,9 @@ def drop_outs(view: View, among: IndexArray) -> BoolArray:
         return found
     dac = view.dac[among]
     _, near = scipy.spatial.cKDTree(dac).query(dac, NEIGHBOURS + 1)
-    squares, channels = _off_neighbours(dac, values, std, near[:, 1:]), values.shape[1]
+    off, channels = _off_neighbours(dac, values, std, near[:, 1:]), values.shape[1]
+    sided = np.isnan(off)
+    squares = np.where(sided, _off_spline(dac, values / std, sided), off)
     limit = scipy.special.chdtri(channels, ANY / len(among))
     found[among] = squares > limit
     return found
@@ -62,8 +67,7 @@ def drop_outs(view: View, among: IndexArray) -> BoolArray:
 
 def _channels(view: View, pixels: IndexArray) -> tuple[Array, Array]:
     """Collect velocities of some pixels, real then imaginary, with their standard errors."""
-    values = view.velocity[pixels]
-    std = np.broadcast_to(view.std.reshape(len(view.std), -1)[pixels], values.shape)
+    values, std = view.velocity[pixels], local_std(view, pixels)
     return np.concatenate([values.real, values.imag], axis=1), np.concatenate([std, std], axis=1)
 
 
@@ -73,9 +77,9 @@ def _off_neighbours(dac: Array, values: Array, std: Array, near: IndexArray) -> 
     Velocities are compared as they are and misfits divided by their noise afterwards: the noise
     that is stated of a pixel is an estimate, and changes from one to the next. Where neighbours
     do not follow their quadratic either, all misfits are divided by theirs; one-sided neighbours
-    tell nothing, which is 0.
+    tell nothing, which is NaN.
     """
-    noise = np.sqrt(np.mean(std[near] ** 2, axis=1, keepdims=True))  # (pixel, 1, channel)
+    noise = std[:, None]
     away = dac[near] - dac[:, None]
     size = np.sqrt(np.mean(away**2, axis=(1, 2), keepdims=True))
     x, y = np.moveaxis(away / np.maximum(size, np.finfo(float).tiny), -1, 0)
@@ -95,7 +99,41 @@ def _off_neighbours(dac: Array, values: Array, std: Array, near: IndexArray) -> 
     leverage = np.sum(estimator[:, 0] ** 2, axis=1)
     off = np.sum(((values - fitted[:, 0]) / noise[:, 0]) ** 2, axis=1) / (1.0 + leverage)
     sided = np.linalg.norm(away.mean(axis=1), axis=1) > ONE_SIDED * size[:, 0, 0] * np.sqrt(2)
-    return np.asarray(np.where(sided, 0.0, off / typical[:, 0]))
+    return np.asarray(np.where(sided, np.nan, off / typical[:, 0]))
+
+
+def _off_spline(dac: Array, white: Array, rim: BoolArray) -> Array:
+    """Compare every pixel with a robust smooth image of its view alone: d2.
+
+    Misfits are divided by those of the rim, where the smooth image is least sure, if it fits there
+    worse than the noise.
+    """
+    place = np.concatenate([dac, np.zeros((len(dac), 1))], axis=1)
+    intervals = int(np.clip(np.sqrt(len(dac)) / PIXELS_A_KNOT, 2, MOST_KNOTS))
+    design, _ = SmoothField.on(place, intervals).evaluate(place)
+    channels, weight = white.shape[1], np.ones(len(dac))
+    median = scipy.special.chdtri(channels, 0.5)
+    for turn in range(HUBER + TUKEY):
+        weighted = weight[:, None] * design
+        normal = weighted.T @ design
+        normal += 1e-9 * np.trace(normal) / len(normal) * np.eye(len(normal))
+        inverse = np.linalg.inv(normal)
+        left = white - design @ (inverse @ (weighted.T @ white))
+        leverage = np.clip(weight * np.sum((design @ inverse) * design, axis=1), 0.0, 0.9)
+        squares = np.sum(left**2, axis=1) / (1.0 - leverage)
+        typical = max(np.median(squares), np.median(squares[rim]) if rim.any() else 0.0)
+        scale = max(1.0, float(np.sqrt(typical / median)))
+        weight = _weights(np.sqrt(squares), scale, channels, turn)
+    return np.asarray(squares / scale**2)
+
+
+def _weights(distance: Array, scale: float, channels: int, turn: int) -> Array:
+    """Weigh pixels by Huber's function in the first turns, by Tukey's in the others."""
+    soft = scale * np.sqrt(scipy.special.chdtri(channels, 0.05))
+    hard = scale * np.sqrt(scipy.special.chdtri(channels, 1e-5))
+    if turn < HUBER:
+        return np.asarray(np.minimum(1.0, soft / np.maximum(distance, np.finfo(float).tiny)))
+    return np.asarray(np.maximum(0.0, 1 - (distance / hard) ** 2) ** 2)
 
 
 def resting(view: View, among: IndexArray) -> BoolArray:
@@ -150,17 +188,12 @@ def disagreeing(fit: JointFit) -> list[BoolArray]:
     is not fitted.
     """
     channels = fit.channels
-    soft = np.sqrt(scipy.special.chdtri(channels, 0.05))
-    hard = np.sqrt(scipy.special.chdtri(channels, 1e-5))
     median = scipy.special.chdtri(channels, 0.5)
     away = _distances(fit, fit)
     weights: list[Array] = []
     for turn in range(HUBER + TUKEY):
         scale = max(1.0, float(np.sqrt(np.median(np.concatenate(away) ** 2) / median)))
-        if turn < HUBER:
-            weights = [np.minimum(1.0, scale * soft / np.maximum(d, 1e-12)) for d in away]
-        else:
-            weights = [np.maximum(0.0, 1 - (d / (scale * hard)) ** 2) ** 2 for d in away]
+        weights = [_weights(d, scale, channels, turn) for d in away]
         away = _distances(_weighted(fit, weights), fit)
     return [w == 0 for w in weights]
 

@@ -29,7 +29,7 @@ import numpy as np
 
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
-from sldvexp.verdict.beams import PixelBeams, MeasuredSurface, moved
+from sldvexp.verdict.beams import MeasuredSurface, PixelBeams, moved
 from sldvexp.verdict.pixel_data import PixelData
 from sldvexp.verdict.smooth_field import SmoothField
 

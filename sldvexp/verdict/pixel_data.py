@@ -14,13 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.field import View
+from sldvexp.lazy import scipy
 from sldvexp.typing import Array, ComplexArray, IndexArray
-from sldvexp.verdict.beams import PixelBeams, MeasuredSurface
+from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
 
 #: Pixels of a view that are compared; of more, evenly chosen ones.
 MOST_PIXELS = 2500
 #: Modes of the frequencies that are compared.
 MOST_MODES = 12
+#: Pixels whose standard errors are averaged.
+AROUND = 25
 #: Standard error of a pixel, over the largest velocity, below which it is taken as unknown.
 EXACT = 1e-9
 
@@ -56,7 +59,7 @@ def pixel_data(views: Sequence[View], surface: MeasuredSurface) -> tuple[list[Pi
         True if the views state their noise; otherwise it is taken as even.
     """
     pixels = [_chosen(view, surface) for view in views]
-    noise = [_std(view, of) for view, of in zip(views, pixels, strict=True)]
+    noise = [local_std(view, of) for view, of in zip(views, pixels, strict=True)]
     size = max((np.abs(v.velocity[p]).max(initial=0.0) for v, p in _pairs(views, pixels)))
     stated = all(n.size == 0 or n.min() > EXACT * size for n in noise)
     if not stated:
@@ -87,10 +90,17 @@ def _chosen(view: View, surface: MeasuredSurface) -> IndexArray:
     return met[::step]
 
 
-def _std(view: View, pixels: IndexArray) -> Array:
-    """Give the standard errors of some pixels, shape (pixel, frequency)."""
-    std = view.std.reshape(len(view.std), -1)[pixels]
-    return np.broadcast_to(std, view.velocity[pixels].shape)
+def local_std(view: View, pixels: IndexArray) -> Array:
+    """Average the standard errors around some pixels, shape (pixel, frequency).
+
+    Those of single pixels are often estimates themselves, and dividing by an estimate from few
+    samples makes residuals larger than they are.
+    """
+    square = np.square(view.std).reshape(len(view.std), -1)[pixels]
+    if len(pixels) > AROUND and np.ptp(square) > 0:
+        _, near = scipy.spatial.cKDTree(view.dac[pixels]).query(view.dac[pixels], AROUND)
+        square = square[near].mean(axis=1)
+    return np.broadcast_to(np.sqrt(square), view.velocity[pixels].shape)
 
 
 def _modes(white: ComplexArray) -> Array:

@@ -24,7 +24,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.session.images import describe_flagged_pixels
 from sldvexp.signal import Flag
 from sldvexp.typing import BoolArray, IndexArray
-from sldvexp.verdict.beams import PixelBeams, MeasuredSurface
+from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
 from sldvexp.verdict.comparison import LEAST_VIEWS, Bench, bench_of, compare_views
 from sldvexp.verdict.diagnosis import diagnose, tells_views_apart
 from sldvexp.verdict.drop_outs import disagreeing, drop_outs, outliers, resting
@@ -110,11 +110,12 @@ def examine_views(
     ...     beams = PixelBeams.trace(place, surface, np.arange(625))
     ...     x, y, _ = beams.point.T
     ...     seen = np.zeros((625, 1), complex)
-    ...     seen[beams.pixel, 0] = sign * 1e-3 * np.cos(8 * x) * np.cos(7 * y) * beams.direction[:, 2]
+    ...     moves = 1e-3 * np.cos(8 * x) * np.cos(7 * y)
+    ...     seen[beams.pixel, 0] = sign * moves * beams.direction[:, 2]
     ...     seen += 1e-6 * (rng.normal(size=seen.shape) + 1j * rng.normal(size=seen.shape))
     ...     groups[f"image/{name}"] = dataset.group(
-    ...         "image", {"frequency": [200.0]}, velocity=seen, velocity_std=np.full(seen.shape, 1e-6),
-    ...         dac=dac, flags=np.zeros(625, np.uint8)
+    ...         "image", {"frequency": [200.0]}, velocity=seen, dac=dac,
+    ...         velocity_std=np.full(seen.shape, 1e-6), flags=np.zeros(625, np.uint8),
     ...     )
     >>> found = examine_views(groups, laser, volume.Grid(size=[0.2, 0.2], shape=[5, 5]))
     >>> [(f.kind, f.subject, f.remedy) for f in found.findings]

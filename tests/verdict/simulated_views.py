@@ -8,7 +8,7 @@ import numpy as np
 
 from sldvexp.field import View
 from sldvexp.laser.two_mirror import TwoMirror
-from sldvexp.verdict.beams import PixelBeams, MeasuredSurface, moved
+from sldvexp.verdict.beams import MeasuredSurface, PixelBeams, moved
 from sldvexp.volume import Grid
 
 LASER = TwoMirror()
