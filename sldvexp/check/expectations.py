@@ -10,6 +10,7 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.config.schema import Expectation
+from sldvexp.dataset import findings_of, verdict_of
 from sldvexp.errors import ConfigError, Problem, UserError, nearest
 from sldvexp.lazy import xarray as xr
 
@@ -62,6 +63,7 @@ def evaluate(
     for name, expectation in expect.items():
         try:
             rows += _compare(name, expectation, tree)
+            rows += _found(name, expectation, tree)
         except UserError as error:
             raise ConfigError([Problem(f"expect.{name}", str(error))]) from None
     if not rows:
@@ -163,6 +165,19 @@ def _compare(name: str, expectation: Expectation, tree: Mapping[str, xr.Dataset]
                 passed = _passes(got, relation, wanted, expectation.tolerance)
                 numbers = (f"{name}: {of}{label}", wanted, got, right, expectation.tolerance)
                 yield Row(*numbers, relation, passed, expectation.source)
+
+
+def _found(name: str, expectation: Expectation, tree: Mapping[str, xr.Dataset]) -> Iterator[Row]:
+    """Make the rows of what the verdict must be and must have found."""
+    findings = findings_of(tree)
+    demanded = {text: text for text in expectation.finds}
+    of_findings = {f"{f.kind} of {f.subject}" for f in findings}
+    if expectation.verdict:
+        demanded["verdict"] = f"verdict {expectation.verdict}"
+        of_findings.add(f"verdict {verdict_of(findings)}")
+    for text in demanded.values():
+        met = text in of_findings
+        yield Row(f"{name}: {text}", 1.0, float(met), np.nan, 0.0, "=", met, expectation.source)
 
 
 def _require_shape(of: str, what: str, given: np.ndarray, computed: np.ndarray) -> None:

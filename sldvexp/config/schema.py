@@ -210,6 +210,10 @@ class Expectation:
     correct : dict of str to str
         Where the dataset has the same quantity by the correct formula, when what is compared
         follows the convention of the print.
+    verdict : str
+        ``trusted``, ``doubtful`` or ``void``.
+    finds : list of str
+        Findings that the verdict must have, by kind and subject: ``sign of view 4``.
     """
 
     source: str = ""
@@ -218,12 +222,22 @@ class Expectation:
     at_most: dict[str, float] = field(default_factory=dict)
     at_least: dict[str, float] = field(default_factory=dict)
     correct: dict[str, str] = field(default_factory=dict)
+    verdict: str = ""
+    finds: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         checks = Checks()
         checks.non_negative("tolerance", self.tolerance)
         compared = self.compared
-        checks.require(bool(compared), "", "says nothing: give published, at_most or at_least")
+        says = bool(compared or self.verdict or self.finds)
+        message = "says nothing: give published, at_most, at_least, verdict or finds"
+        checks.require(says, "", message)
+        message = f"must be trusted, doubtful or void, not {self.verdict}"
+        known = ("", "trusted", "doubtful", "void")
+        checks.require(self.verdict in known, "verdict", message)
+        for i, text in enumerate(self.finds):
+            message = f"must be a kind and a subject as in 'sign of view 4', not {text!r}"
+            checks.require(" of " in text, f"finds[{i}]", message)
         for name in ("at_most", "at_least"):
             for of, bound in getattr(self, name).items():
                 number = isinstance(bound, int | float) and bound == bound

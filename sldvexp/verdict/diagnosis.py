@@ -29,8 +29,9 @@ NAMED = {"sign": -1.0, "rms": 0.5**0.5, "inverse_rms": 2.0**0.5}
 CONJUGATES = {"conjugate": 1.0, "conjugate_sign": -1.0}
 #: Gap of the criterion between two views below which it cannot be told which is wrong.
 CLEAR = 6.0
-#: Standard deviations of a freed pose: rotation (rad) and origin (m).
-FREE = np.repeat([0.1, 0.2], 3)
+#: Standard deviations of a freed pose, rotation (rad) and origin (m): of small and of large moves
+#: that explain as much the small one is taken.
+FREE = np.repeat([0.02, 0.02], 3)
 #: Smallest modulus of a factor that a fit is started from.
 SMALLEST = 0.05
 STEPS = 3
