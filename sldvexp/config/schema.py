@@ -65,7 +65,11 @@ def build(config: DictConfig) -> Experiment:
     if problems:
         raise ConfigError(problems)
     sweep = _object(config.sweep, "sweep", problems)
-    settings = {"seed": config.seed, "overwrite": config.overwrite}
+    made = {*values, "expect", "sweep"}
+    plain = OmegaConf.masked_copy(
+        config, [f.name for f in fields(Experiment) if f.name not in made]
+    )
+    settings: Any = OmegaConf.to_container(plain, resolve=True)
     return Experiment(**settings, expect=expect, sweep=sweep, **values)
 
 

@@ -188,6 +188,15 @@ def _views(run: Run) -> None:
     run.tree[f"{VERDICT}/views"] = findings_to_dataset(examined.findings)
 
 
+def _views_of_points(run: Run) -> None:
+    """Compare the views of single points with one another."""
+    if "line_of_sight" not in run.tree:
+        return  # the reconstruction says what is missing
+    points, findings = verdict.examine_points(run.tree["line_of_sight"], run.experiment.use_repair)
+    run.tree["line_of_sight"] = points
+    run.tree[f"{VERDICT}/views"] = findings_to_dataset(findings)
+
+
 def _line_of_sight(run: Run) -> None:
     """Read velocities along the lines of sight."""
     e = run.experiment
@@ -425,6 +434,13 @@ STEPS: tuple[Step, ...] = (
         makes=(f"{VERDICT}/views", "image/", "pose"),
         needs=("pose", "volume", "image/"),
         reads=("laser", "volume", "pose", "reconstruction", "compare", "use_repair"),
+    ),
+    Step(
+        "comparison of the views of points",
+        lambda e: _reconstructs(e) and e.volume is None,
+        _views_of_points,
+        makes=(f"{VERDICT}/views", "line_of_sight"),
+        needs=("line_of_sight",),
     ),
     Step(
         "velocity at points",

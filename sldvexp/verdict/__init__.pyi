@@ -1,2 +1,3 @@
+from .points import examine_points as examine_points
 from .views import Examined as Examined
 from .views import examine_views as examine_views

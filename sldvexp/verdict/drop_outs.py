@@ -60,8 +60,10 @@ def drop_outs(view: View, among: IndexArray) -> BoolArray:
     off, channels = _off_neighbours(dac, values, std, near[:, 1:]), values.shape[1]
     sided = np.isnan(off)
     squares = np.where(sided, _off_spline(dac, values / std, sided), off)
+    # Where pixels around are not predicted either, the prediction is to blame.
+    around = np.median(squares[near[:, 1:PATCH]], axis=1) / scipy.special.chdtri(channels, 0.5)
     limit = scipy.special.chdtri(channels, ANY / len(among))
-    found[among] = squares > limit
+    found[among] = squares > limit * np.maximum(1.0, around)
     return found
 
 

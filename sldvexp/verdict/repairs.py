@@ -6,11 +6,13 @@ groups that it changes say so in their attribute ``repaired``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from sldvexp.dataset import Finding, Severity
+from sldvexp.errors import UserError, nearest
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import cross_covariance
 from sldvexp.typing import Array
@@ -59,6 +61,8 @@ class Repair:
     def apply(self, groups: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
         """Change the groups of a run: those that come out otherwise."""
         image = f"image/{self.view}"
+        if "line_of_sight" in groups:
+            return {"line_of_sight": self._of_points(groups["line_of_sight"])}
         if self.kind == "pose":
             pose = moved_pose(groups["pose"], self.view, np.array(self.pose), self.covariance)
             return {"pose": _marked(pose, groups["pose"], self.name)}
@@ -75,6 +79,55 @@ class Repair:
         values = np.conj(velocity.values) if self.kind in CONJUGATES else velocity.values
         repaired = groups[image].assign(velocity=velocity.copy(data=values / self.factor))
         return {image: _marked(repaired, groups[image], self.name)}
+
+    def _of_points(self, points: xr.Dataset) -> xr.Dataset:
+        """Change one view of single points."""
+        if self.kind == "left_out":
+            return _marked(points.drop_sel(view=self.view), points, self.name)
+        velocity = points["velocity"].copy(deep=True)
+        names = [str(v) for v in points["view"].values]
+        along = velocity.get_axis_num("view")
+        values = np.moveaxis(velocity.values, along, 0)
+        k = names.index(self.view)
+        if self.kind == "exchanged":
+            other = names.index(self.other)
+            values[[k, other]] = values[[other, k]]
+        else:
+            values[k] = (np.conj(values[k]) if self.kind in CONJUGATES else values[k]) / self.factor
+        return _marked(points.assign(velocity=velocity), points, self.name)
+
+
+def examined_repairs(
+    groups: dict[str, xr.Dataset],
+    use_repair: Sequence[str],
+    examine: Callable[[dict[str, xr.Dataset]], tuple[list[Finding], list[Repair]]],
+) -> tuple[dict[str, xr.Dataset], list[Finding]]:
+    """Examine groups, and again after every repair that is asked for.
+
+    Raises
+    ------
+    UserError
+        If a repair is named that nothing proposes.
+    """
+    wanted, taken = list(use_repair), []
+    proposed: list[str] = []
+    while True:
+        findings, repairs = examine(groups)
+        proposed += [repair.name for repair in repairs]
+        repair = next((r for r in repairs if r.name in wanted), None)
+        if repair is None:
+            break
+        wanted.remove(repair.name)
+        groups = groups | repair.apply(groups)
+        done = f"repaired as asked: {repair.name}"
+        taken.append(Finding("repaired", f"view {repair.view}", done, Severity.note))
+    if wanted:
+        known = f"; {nearest(wanted[0], proposed)}" if proposed else ""
+        raise UserError(
+            f"use_repair: nothing that was found proposes {wanted[0]}{known}; run without it and "
+            "read the verdict"
+        )
+    return groups, [*taken, *findings]
 
 
 def _marked(repaired: xr.Dataset, before: xr.Dataset, name: str) -> xr.Dataset:

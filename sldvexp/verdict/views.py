@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.dataset import Finding, Severity
-from sldvexp.errors import UserError, nearest
 from sldvexp.field import PoseErrors, View
 from sldvexp.field.visibility.view import views_of
 from sldvexp.laser import TwoMirror
@@ -30,7 +29,7 @@ from sldvexp.verdict.diagnosis import diagnose, tells_views_apart
 from sldvexp.verdict.drop_outs import disagreeing, drop_outs, outliers, resting
 from sldvexp.verdict.joint_fit import POSE, JointFit
 from sldvexp.verdict.refinement import moved_poses, refine
-from sldvexp.verdict.repairs import Repair
+from sldvexp.verdict.repairs import Repair, examined_repairs
 from sldvexp.verdict.wording import disagreement, noise_finding, untested
 from sldvexp.volume import Volume
 
@@ -112,37 +111,29 @@ def examine_views(
     ...     seen = np.zeros((625, 1), complex)
     ...     moves = 1e-3 * np.cos(8 * x) * np.cos(7 * y)
     ...     seen[beams.pixel, 0] = sign * moves * beams.direction[:, 2]
-    ...     seen += 1e-6 * (rng.normal(size=seen.shape) + 1j * rng.normal(size=seen.shape))
+    ...     seen += 1e-5 * (rng.normal(size=seen.shape) + 1j * rng.normal(size=seen.shape))
     ...     groups[f"image/{name}"] = dataset.group(
     ...         "image", {"frequency": [200.0]}, velocity=seen, dac=dac,
-    ...         velocity_std=np.full(seen.shape, 1e-6), flags=np.zeros(625, np.uint8),
+    ...         velocity_std=np.full(seen.shape, 1e-5), flags=np.zeros(625, np.uint8),
     ...     )
     >>> found = examine_views(groups, laser, volume.Grid(size=[0.2, 0.2], shape=[5, 5]))
     >>> [(f.kind, f.subject, f.remedy) for f in found.findings]
     [('sign', 'view e', 'use_repair=[view_e.sign]')]
     """
-    groups, wanted = dict(tree), list(use_repair)
-    surface, taken = MeasuredSurface.of(volume, laser), []
-    proposed: dict[str, Repair] = {}
-    while True:
-        found = _Examination(groups, surface, robust)
-        proposed |= {repair.name: repair for repair in found.repairs}
-        repair = next((r for r in found.repairs if r.name in wanted), None)
-        if repair is None:
-            break
-        wanted.remove(repair.name)
-        groups |= repair.apply(groups)
-        taken.append(_taken(repair))
-    if wanted:
-        known = f"; {nearest(wanted[0], list(proposed))}" if proposed else ""
-        raise UserError(
-            f"use_repair: nothing that was found proposes {wanted[0]}{known}; run without it and "
-            "read the verdict"
-        )
-    groups = found.groups
+    surface = MeasuredSurface.of(volume, laser)
+    passes: list[_Examination] = []
+
+    def examine(groups: dict[str, xr.Dataset]) -> tuple[list[Finding], list[Repair]]:
+        passes.append(_Examination(groups, surface, robust))
+        return passes[-1].findings, passes[-1].repairs
+
+    _, findings = examined_repairs(dict(tree), use_repair, examine)
+    groups = passes[-1].groups
     if refined:
-        groups |= found.refine()
-    told = [*taken, *found.findings, *_left_out(tree, groups)]
+        moved, refinement = passes[-1].refine()
+        groups |= moved
+        findings += refinement
+    told = [*findings, *_left_out(tree, groups)]
     return Examined({k: g for k, g in groups.items() if g is not tree.get(k)}, told)
 
 
@@ -174,39 +165,29 @@ class _Examination:
         if robust:
             self._flag_disagreeing(bench, fit)
 
-    def refine(self) -> dict[str, xr.Dataset]:
+    def refine(self) -> tuple[dict[str, xr.Dataset], list[Finding]]:
         """Adjust the poses to the images, unless that would make views disagree."""
-        bench = self.agreeing
-        if bench is None or not np.any(bench.prior[:-1]):
-            why = "the poses have no bounds" if bench else "the views do not agree, or are too few"
-            self._not_refined(why)
-            return {}
+        bench, pose = self.agreeing, self.groups["pose"]
+        if bench is None:
+            return {}, [_not_refined("the views do not agree, or are too few")]
+        if not np.any(bench.prior[:-1]):
+            return {}, [_not_refined("they have no bounds")]
+        if [str(v) for v in pose["view"].values] != bench.names:
+            return {}, [_not_refined("a view has a pose but no image")]
         found = refine(bench)
         if not found.agrees:
-            self._not_refined("the views would disagree after it")
-            return {}
-        pose, names = self.groups["pose"], bench.names
-        if [str(v) for v in pose["view"].values] != names:
-            self._not_refined("some views have a pose but no image")
-            return {}
+            return {}, [_not_refined("the views would disagree after it")]
         before, after = (1e3 * np.sqrt(np.mean(h**2)) for h in (found.hit_before, found.hit_after))
-        self.findings.append(
-            Finding(
-                "poses_refined",
-                "poses",
-                f"poses are refined by the images: beams are known to hit within {after:.2g} mm "
-                f"(standard error) instead of {before:.2g}; of the motion that all views have in "
-                f"common {found.common:.0%} of what was uncertain remains",
-                Severity.note,
-                size=float(after / 1e3),
-            )
+        told = Finding(
+            "poses_refined",
+            "poses",
+            f"poses are refined by the images: beams are known to hit within {after:.2g} mm "
+            f"(standard error) instead of {before:.2g}; of the motion that all views have in "
+            f"common {found.common:.0%} of what was uncertain remains",
+            Severity.note,
+            size=float(after / 1e3),
         )
-        return {"pose": moved_poses(pose, found.moves, found.covariance)}
-
-    def _not_refined(self, why: str) -> None:
-        self.findings.append(
-            Finding("poses_not_refined", "poses", f"poses are not refined by the images: {why}")
-        )
+        return {"pose": moved_poses(pose, found.moves, found.covariance)}, [told]
 
     @property
     def views(self) -> list[View]:
@@ -232,7 +213,7 @@ class _Examination:
                 self.findings.append(noise)
             return True
         best, other = tells_views_apart(diagnose(bench, fit))
-        finding, self.repairs = disagreement(bench, tests, best, other)
+        finding, self.repairs = disagreement(bench.names, tests, best, other)
         self.findings.append(finding)
         return False
 
@@ -283,24 +264,18 @@ def _left_out(before: Groups, after: Groups) -> list[Finding]:
         flags = image["flags"].values.astype(int)
         usable = np.maximum(np.sum((flags & ~int(Flag.unlike | Flag.resting)) == 0), 1)
         told = {
-            "drop_outs": (Flag.unlike, "that their neighbours or the other views do not confirm"),
-            "at_rest": (Flag.resting, "at rest while what surrounds them moves: a hole"),
+            "drop_outs": (Flag.unlike, "which neither neighbours nor other views confirm"),
+            "at_rest": (Flag.resting, "at rest while what surrounds it moves: a hole"),
         }
         for kind, (flag, why) in told.items():
             if count := int(np.sum(flags & flag != 0)):
                 view = name.removeprefix("image/")
-                text = f"{count} pixels of view {view} ({count / usable:.2%}) are left out, {why}"
+                many = f"{count} pixels" if count > 1 else "one pixel"
+                text = f"{many} of view {view} ({count / usable:.2%}) left out, {why}"
                 subject = f"pixels of view {view}"
                 found.append(Finding(kind, subject, text, Severity.note, size=count / usable))
     return found
 
 
-def _taken(repair: Repair) -> Finding:
-    """Say that a repair was done."""
-    return Finding(
-        "repaired",
-        f"view {repair.view}",
-        f"repaired as asked: {repair.name}",
-        Severity.note,
-        remedy=repair.setting,
-    )
+def _not_refined(why: str) -> Finding:
+    return Finding("poses_not_refined", "poses", f"poses are not refined by the images: {why}")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sldvexp.dataset import Finding, Severity
-from sldvexp.verdict.comparison import LEAST_VIEWS, Bench, ViewTests
+from sldvexp.verdict.comparison import LEAST_VIEWS, ViewTests
 from sldvexp.verdict.diagnosis import Explanation
 from sldvexp.verdict.repairs import Repair
 
@@ -60,10 +60,18 @@ def noise_finding(tests: ViewTests) -> Finding | None:
 
 
 def disagreement(
-    bench: Bench, tests: ViewTests, best: Explanation, other: Explanation | None
+    names: Sequence[str],
+    tests: ViewTests,
+    best: Explanation,
+    other: Explanation | None,
 ) -> tuple[Finding, list[Repair]]:
-    """Name the view that disagrees, or the two that may, with the repair that would help."""
-    names = bench.names
+    """Name the view that disagrees, or the two that may, with the repair that would help.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of all views.
+    """
     repairs = [r for h in (best, other) if h for r in [repair_of(names, h)] if r]
     which = " or ".join(_views(names, h.view) for h in (best, other) if h)
     told = sentence(names, best)
@@ -72,7 +80,7 @@ def disagreement(
             f"{which} disagrees with the others, and it cannot be told which: either {told}; or "
             f"{sentence(names, other)}"
         )
-    elif len(names) < LEAST_VIEWS + 1 and best.kind in ("other_field", "pose"):
+    if len(names) <= LEAST_VIEWS and best.kind in ("other_field", "pose"):
         which = "a view"
         told = "a view disagrees with the others; four views cannot tell which"
         repairs = []
@@ -130,8 +138,11 @@ def sentence(names: Sequence[str], of: Explanation) -> str:
                 f"{view} was not taken from where its pose says: it fits turned by "
                 f"{turned:.2g} mrad and moved by {away:.2g} mm; was the tripod knocked?"
             )
+        case "direction":
+            told = "looks from another direction than is stated: is the sign of an angle wrong?"
+            return f"{view} {told}"
         case "exchanged":
-            return f"{view} are exchanged: each has the image of the other"
+            return f"{view} are exchanged: each has the velocities of the other"
         case _:
             return (
                 f"{view} shows another field: another frequency, another excitation, or a pose "
@@ -141,7 +152,7 @@ def sentence(names: Sequence[str], of: Explanation) -> str:
 
 def repair_of(names: Sequence[str], of: Explanation) -> Repair | None:
     """Make the repair that a explanation proposes."""
-    if not of.view:
+    if not of.view or of.kind == "direction":
         return None
     view = names[of.view[0]]
     match of.kind:

@@ -1,0 +1,364 @@
+"""Comparison of views at single points: without images only the points themselves can tell.
+
+At every point and frequency ``y_k = D_k . V + e_k``; with more than three views residuals remain,
+``r = (1 - H) y``, all divided by their noise. T = sum |r|^2 is a chi-square of two degrees for
+every residual direction, and ``|r_k|^2 / (1 - h_kk)``, summed over points and frequencies, one of
+two degrees each if view k is as the others: what leaving it out would take off T. All points and
+frequencies are tested together, since a mistake of a view is the same in all of them.
+
+A mistake is named by refits: view k against what the others predict, ``p = D_k . V_-k`` with the
+variance g, gives ``T_-k + sum |y_k - c p|^2 / (1 + |c|^2 g)`` for a factor c, and the like for a
+conjugate, for turned directions, for exchanged views.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from sldvexp.dataset import Finding
+from sldvexp.lazy import scipy
+from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array, ComplexArray, IndexArray
+from sldvexp.verdict.comparison import LEAST_VIEWS, ViewTests
+from sldvexp.verdict.diagnosis import CONJUGATES, NAMED, SMALLEST, Explanation, tells_views_apart
+from sldvexp.verdict.repairs import Repair, examined_repairs
+from sldvexp.verdict.wording import disagreement, noise_finding, untested
+
+#: Points and frequencies that are compared; of more, evenly chosen ones.
+MOST_SAMPLES = 20_000
+#: Least reciprocal condition number of the directions of a sample that is compared.
+DETERMINED = 1e-3
+STEPS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class PointData:
+    """Samples, each a point at a frequency, as all views see them.
+
+    Attributes
+    ----------
+    directions : ndarray, shape (sample, view, 3)
+    velocity : ndarray of complex, shape (sample, view), m/s
+    noise : ndarray, shape (sample, view), m/s
+        Of real and imaginary part each; infinite where a velocity is missing.
+    stated : bool
+        True if the noise is known; otherwise it is even, and its size is not.
+    """
+
+    names: tuple[str, ...]
+    directions: Array
+    velocity: ComplexArray
+    noise: Array
+    stated: bool
+
+    @classmethod
+    def from_dataset(cls, line_of_sight: xr.Dataset) -> PointData:
+        """Collect the samples of a group ``line_of_sight``."""
+        one = line_of_sight["velocity"]
+        cases = [d for d in ("point", "frequency") if d in one.dims]
+        full = one.transpose("view", *cases)
+        shape = full.shape
+        values = full.values.reshape(shape[0], -1).T.astype(complex)
+        cosines = line_of_sight["direction_cosines"]
+        spread = cosines.broadcast_like(one).transpose("view", *cases, "axis")
+        directions = np.moveaxis(spread.values.reshape(shape[0], -1, 3), 0, 1)
+        stated = "velocity_std" in line_of_sight
+        noise = np.ones(values.shape)
+        if stated:
+            std = line_of_sight["velocity_std"].broadcast_like(one).transpose("view", *cases)
+            noise = std.values.reshape(shape[0], -1).T.astype(float)
+        missing = ~np.isfinite(values) | ~np.isfinite(noise)
+        values, noise = np.where(missing, 0.0, values), np.where(missing, np.inf, noise)
+        stated = stated and bool((noise > 0).all())
+        if not stated:
+            noise = np.where(missing, np.inf, 1.0)
+        step = max(1, int(np.ceil(len(values) / MOST_SAMPLES)))
+        names = tuple(str(v) for v in line_of_sight["view"].values)
+        found = cls(names, directions, values, noise, stated).take(slice(None, None, step))
+        return found.take(found.determined)
+
+    def take(self, kept: slice | Array) -> PointData:
+        """Keep some samples."""
+        return replace(
+            self,
+            directions=self.directions[kept],
+            velocity=self.velocity[kept],
+            noise=self.noise[kept],
+        )
+
+    @property
+    def determined(self) -> Array:
+        """Samples that all views together determine."""
+        values = np.linalg.eigvalsh(np.swapaxes(self.design, 1, 2) @ self.design)
+        return np.asarray(values[:, 0] > DETERMINED**2 * values[:, -1])
+
+    @cached_property
+    def design(self) -> Array:
+        """Directions over noise, shape (sample, view, 3)."""
+        return self.directions / self.noise[..., None]
+
+    @cached_property
+    def white(self) -> ComplexArray:
+        """Velocities over noise, shape (sample, view)."""
+        return np.asarray(self.velocity / self.noise)
+
+    @property
+    def seen(self) -> Array:
+        """Samples that a view has, shape (sample, view)."""
+        return np.isfinite(self.noise)
+
+
+@dataclass(frozen=True, eq=False)
+class PointFit:
+    """Velocities of all samples from some views, by least squares.
+
+    Attributes
+    ----------
+    velocity : ndarray of complex, shape (sample, 3), m/s
+    covariance : ndarray, shape (sample, 3, 3), m2/s2
+        Of real and imaginary part each.
+    squares : float
+        T.
+    dof : int
+    """
+
+    velocity: ComplexArray
+    covariance: Array
+    squares: float
+    dof: int
+
+    @classmethod
+    def of(cls, data: PointData, views: Sequence[int]) -> PointFit:
+        """Fit some views; where they do not determine a sample, it is left out."""
+        design, white = data.design[:, views], data.white[:, views]
+        normal = np.swapaxes(design, 1, 2) @ design
+        values, vectors = np.linalg.eigh(normal)
+        there = values > DETERMINED**2 * np.maximum(values[:, -1:], np.finfo(float).tiny)
+        inverse = np.where(there, 1 / np.where(there, values, 1.0), 0.0)
+        covariance = (vectors * inverse[:, None]) @ np.swapaxes(vectors, 1, 2)
+        velocity = (covariance @ np.swapaxes(design, 1, 2) @ white[..., None])[..., 0]
+        left = white - (design @ velocity[..., None])[..., 0]
+        freedom = data.seen[:, views].sum() - there.sum()
+        return cls(velocity, covariance, float(np.sum(np.abs(left) ** 2)), 2 * int(freedom))
+
+    def predict(self, directions: Array) -> tuple[ComplexArray, Array]:
+        """Predict a view: values (sample,) and their variances, of directions (sample, 3)."""
+        value = np.einsum("si,si->s", directions, self.velocity)
+        return value, np.einsum("si,sij,sj->s", directions, self.covariance, directions)
+
+
+def examine_points(
+    line_of_sight: xr.Dataset, use_repair: Sequence[str] = ()
+) -> tuple[xr.Dataset, list[Finding]]:
+    """Compare the views of single points with one another.
+
+    Parameters
+    ----------
+    line_of_sight : xarray.Dataset
+        The group of a run.
+    use_repair : sequence of str
+        Repairs to take, as ``view_left.sign``.
+
+    Returns
+    -------
+    xarray.Dataset
+        The group, repaired as asked.
+    list of Finding
+
+    Raises
+    ------
+    UserError
+        If a repair is named that nothing proposes.
+
+    Examples
+    --------
+    Five views of a point, the third with the wrong sign:
+
+    >>> import numpy as np
+    >>> from sldvexp import dataset
+    >>> from sldvexp.verdict import examine_points
+    >>> directions = np.array([[6, 0, 8], [-5, 2, 8], [1, 6, 8], [-3, -6, 7], [0, 1, 9.0]])
+    >>> directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    >>> velocity = directions @ np.outer([1e-3, 2e-3, 1e-2], np.exp(1j * np.arange(20)))
+    >>> velocity[2] *= -1
+    >>> group = dataset.group(
+    ...     "line_of_sight", {"view": list("abcde"), "frequency": np.arange(20.0)},
+    ...     direction_cosines=directions, velocity=velocity,
+    ...     velocity_std=np.full(velocity.shape, 1e-5),
+    ... )
+    >>> [(f.kind, f.subject) for f in examine_points(group)[1]]
+    [('sign', 'view c')]
+    """
+
+    def examine(groups: dict[str, xr.Dataset]) -> tuple[list[Finding], list[Repair]]:
+        return _examine(PointData.from_dataset(groups["line_of_sight"]))
+
+    groups, findings = examined_repairs({"line_of_sight": line_of_sight}, use_repair, examine)
+    return groups["line_of_sight"], findings
+
+
+def _examine(data: PointData) -> tuple[list[Finding], list[Repair]]:
+    """Test the views, and name one that is wrong."""
+    views = len(data.names)
+    if views < LEAST_VIEWS or not len(data.white):
+        return [untested(views)], []
+    fit = PointFit.of(data, range(views))
+    if fit.dof <= 0:
+        return [untested(views)], []
+    others = [PointFit.of(data, [i for i in range(views) if i != k]) for k in range(views)]
+    tests = _tests(data, fit, others)
+    if not tests.rejects:
+        noise = noise_finding(tests) if data.stated else None
+        return [noise] if noise else [], []
+    ranked = _ranked(data, fit, others)
+    best, other = tells_views_apart(ranked)
+    return _named(data.names, tests, best, other)
+
+
+def _named(
+    names: Sequence[str], tests: ViewTests, best: Explanation, other: Explanation | None
+) -> tuple[list[Finding], list[Repair]]:
+    finding, repairs = disagreement(names, tests, best, other)
+    return [finding], repairs
+
+
+def _tests(data: PointData, fit: PointFit, others: Sequence[PointFit]) -> ViewTests:
+    """Test every view as a whole, by what leaving it out takes off the misfit."""
+    statistic, p_value = [], []
+    for left in others:
+        drop, q = fit.squares - left.squares, fit.dof - left.dof
+        if q <= 0:
+            statistic.append(0.0)
+            p_value.append(1.0)
+        elif data.stated or left.dof <= 0:
+            statistic.append(drop / q)
+            p_value.append(float(scipy.special.chdtrc(q, drop)) if data.stated else 1.0)
+        else:
+            f = (drop / q) / max(left.squares / left.dof, np.finfo(float).tiny)
+            statistic.append(f)
+            p_value.append(float(scipy.special.fdtrc(q, left.dof, f)))
+    above = float(scipy.special.chdtrc(fit.dof, fit.squares)) if data.stated else 0.5
+    return ViewTests(
+        {"whole": np.array(statistic)},
+        {"whole": np.array(p_value)},
+        fit.squares / fit.dof,
+        2 * min(above, 1 - above),
+    )
+
+
+def _ranked(data: PointData, fit: PointFit, others: Sequence[PointFit]) -> list[Explanation]:
+    """Rank explanations, the best first."""
+    found = [(Explanation((), "clean", fit.squares), 0.0, fit.dof)]
+    for k, left in enumerate(others):
+        found += _of_view(data, k, left)
+    for i in range(len(data.names)):
+        for j in range(i):
+            swapped = data.velocity.copy()
+            swapped[:, [i, j]] = swapped[:, [j, i]]
+            tried = PointFit.of(replace(data, velocity=swapped), range(len(data.names)))
+            found.append((Explanation((j, i), "exchanged", tried.squares), 1.0, fit.dof))
+    scale = 1.0
+    if not data.stated:
+        scale = max(min(h.criterion / max(dof, 1) for h, _, dof in found), np.finfo(float).tiny)
+    penalty = float(np.log(2 * max(data.seen.sum(), 2)))
+    told = [replace(h, criterion=h.criterion / scale + q * penalty) for h, q, _ in found]
+    return sorted(told, key=lambda h: h.criterion)
+
+
+def _of_view(data: PointData, k: int, left: PointFit) -> Iterator[tuple[Explanation, float, int]]:
+    """Yield all kinds of mistakes of one view, with the numbers that they add."""
+    samples = np.flatnonzero(data.seen[:, k])
+    seen, noise = data.velocity[samples, k], data.noise[samples, k]
+    own = data.directions[samples, k]
+    at = replace(left, velocity=left.velocity[samples], covariance=left.covariance[samples])
+    predicted, variance = at.predict(own)
+    dof = left.dof + 2 * len(samples)
+    yield Explanation((k,), "other_field", left.squares), 2.0 * len(samples), left.dof
+    for values, named in ((np.conj(seen), CONJUGATES), (seen, NAMED)):
+        for kind, factor in named.items():
+            squares = left.squares + _misfit(values, complex(factor), predicted, variance, noise)
+            # Of velocities without phase a conjugate is nothing: it must not tie with a sign.
+            q = 2.0 if kind == "conjugate_sign" else 1.0
+            yield Explanation((k,), kind, squares, complex(factor)), q, dof
+        if named is not NAMED:
+            continue
+        for kind, c in _fitted(values, predicted, variance, noise):
+            squares = left.squares + _misfit(values, c, predicted, variance, noise)
+            weight = np.sum(np.abs(predicted) ** 2 / (noise**2 + abs(c) ** 2 * variance))
+            std = 1 / np.sqrt(max(weight, np.finfo(float).tiny))
+            told = Explanation((k,), kind, squares, c, (std, std))
+            yield told, 3.0 if kind == "factor" else 2.0, dof
+    yield from _directions(data, k, at, left, samples, dof)
+
+
+def _misfit(
+    seen: ComplexArray, c: complex, predicted: ComplexArray, variance: Array, noise: Array
+) -> float:
+    """Compute ``sum |y - c p|^2 / (s^2 + |c|^2 g)``."""
+    off = np.abs(seen - c * predicted) ** 2
+    return float(np.sum(off / (noise**2 + abs(c) ** 2 * variance)))
+
+
+def _fitted(
+    seen: ComplexArray, predicted: ComplexArray, variance: Array, noise: Array
+) -> Iterator[tuple[str, complex]]:
+    """Yield the gain, the phase and the factor that fit a view best."""
+    c = complex(1.0)
+    for _ in range(STEPS):
+        weight = 1 / (noise**2 + abs(c) ** 2 * variance)
+        power = float(np.sum(weight * (np.abs(predicted) ** 2 - 2 * variance)))
+        across = complex(np.sum(weight * np.conj(predicted) * seen))
+        if power <= 0:  # all that is predicted is noise
+            return
+        c = across / power
+        if not abs(c) > SMALLEST:
+            c = complex(SMALLEST)
+    yield "factor", c
+    if across.real > 0:
+        yield "gain", complex(across.real / power)
+    yield "phase", c / abs(c)
+
+
+def _directions(
+    data: PointData,
+    k: int,
+    at: PointFit,
+    left: PointFit,
+    samples: IndexArray,
+    dof: int,
+) -> Iterator[tuple[Explanation, float, int]]:
+    """Yield directions with a wrong sign along an axis, and turned ones."""
+    seen, noise, own = (
+        data.velocity[samples, k],
+        data.noise[samples, k],
+        data.directions[samples, k],
+    )
+    for axis in range(3):
+        flipped = own.copy()
+        flipped[:, axis] *= -1
+        if np.allclose(flipped, own):
+            continue
+        predicted, variance = at.predict(flipped)
+        squares = left.squares + _misfit(seen, 1.0 + 0j, predicted, variance, noise)
+        yield Explanation((k,), "direction", squares), 1.0, dof
+    turned = own
+    for _ in range(2):  # D turns by w x D: three real numbers for all points
+        predicted, variance = at.predict(turned)
+        root = 1 / np.sqrt(noise**2 + variance)
+        columns = np.cross(turned, at.velocity.real) + 1j * np.cross(turned, at.velocity.imag)
+        design = columns * root[:, None]
+        right = (seen - predicted) * root
+        w = np.linalg.lstsq(
+            np.concatenate([design.real, design.imag]),
+            np.concatenate([right.real, right.imag]),
+            rcond=1e-6,
+        )[0]
+        turned = turned + np.cross(w, turned)
+        turned = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    predicted, variance = at.predict(turned)
+    squares = left.squares + _misfit(seen, 1.0 + 0j, predicted, variance, noise)
+    yield Explanation((k,), "direction", squares, pose=(*map(float, w), 0.0, 0.0, 0.0)), 3.0, dof
