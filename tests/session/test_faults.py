@@ -39,6 +39,8 @@ SMALL = (
 #: Over the socket: nobody waits long, and steps are repeated twice.
 SOCKET = ("instrument=visa", "instrument.timeout=0.3", "instrument.retries=2")
 ALWAYS = 10**6
+#: A fault must be found where nothing else is wrong.
+IDEAL = "scene.pointing=ideal"
 #: Largest error of a right pose, in its standard errors.
 WITHIN = 4.0
 
@@ -224,7 +226,7 @@ def experiment(*settings):
 
 def laboratory(*settings):
     """The virtual lab of some settings."""
-    e = experiment(*settings)
+    e = experiment(IDEAL, *settings)
     return VirtualLab(e.scene, e.laser, e.target, e.seed)
 
 
@@ -260,7 +262,7 @@ def test_fault_ends_in_a_right_result_or_names_its_cause(row, sldvexp):
         assert behind.position == (0, 0)
         assert not server.dialect.playing
     else:
-        done = sldvexp(*SMALL, *row.lab, *where, *row.settings)
+        done = sldvexp(*SMALL, IDEAL, *row.lab, *where, *row.settings)
     if row.told:
         assert done.status == 1
         (sentence,) = done.err.splitlines()

@@ -123,7 +123,7 @@ def test_terms_that_are_zero_leave_the_lab_as_it_is(lab):
     """To the bit; and the scanner's own terms do not move what the noise is."""
     dac = np.random.default_rng(1).integers(-900, 900, (100, 2))
     zero = [f"scene.mirrors.{term}=0" for term in ("jitter", "hysteresis", "drift")]
-    plain = lab("plate").scan(dac)
+    plain = lab("plate", "scene.pointing=ideal").scan(dac)
     none = lab("plate", "scene.pointing=chapter_4", "scene.vibrometer.distance.worst=1", *zero)
     assert (none.scan(dac).counts == plain.counts).all()
     other = lab("plate", "scene.pointing=modern").scan(dac)
@@ -133,7 +133,7 @@ def test_terms_that_are_zero_leave_the_lab_as_it_is(lab):
 
 
 def test_one_setting_chooses_the_scanner(lab):
-    assert lab("plate").scene.pointing_terms == PointingTerms()
+    assert lab("plate", "scene.pointing=ideal").scene.pointing_terms == PointingTerms()
     chosen = lab("plate", "scene.pointing=chapter_4", "scene.mirrors.hysteresis=2e-5").scene
     own = Pointing.chapter_4.value
     assert chosen.pointing_terms == PointingTerms(own.jitter, 2e-5, 0.0, own.worst)
