@@ -114,12 +114,14 @@ class PoseEffect:
         count, parameters, views = at.estimator.shape
         shape = (part.patch.layers, len(part.patch.nodes), parameters)
         v = part.velocities(data)
-        u = part.field(self.theta) if at.inverse is None else at.estimator @ v
+        u = part.field(self.theta) if at.inverse is None else at.solution @ v
         balance = at.pointwise.weight @ (v - at.pointwise.design @ u)
         found = np.zeros((*shape, views, POSE * data[0].shape[1]))
         for k, change, turn in self.changes(part, u):
             side = at.estimator[:, :, k, None, None] * change[:, None]
-            before = turn if at.inverse is None else at.inverse[:, :, :3] @ turn
+            before = turn
+            if at.inverse is not None:
+                before = at.information * at.inverse[:, :, :3] @ turn
             side[:, : before.shape[1]] += before[..., None] * balance[:, k, None, None]
             found[:, :, :, k] = part.patch.to_nodes(side.reshape(count, -1)).reshape(*shape, -1)
         return found.reshape(*shape, -1)

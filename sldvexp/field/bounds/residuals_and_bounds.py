@@ -104,9 +104,9 @@ class Residuals:
         of_rows = (part.model.rows.matrix @ left) * has_row[..., None]
         self.by_row[:, some] += np.einsum("src,src->rc", of_rows, of_rows)
         if part.model.contravariant:
-            own = part.at.information[here, :, 0] * part.owned[here, None]
-            off = (part.at.estimator[here] @ v - u) * own[..., None]
-            self.squares[:, some] += np.einsum("spc,spc->pc", off, off)
+            own = part.at.information[here] * part.owned[here, None, None]
+            off = part.at.solution[here] @ v - u
+            self.squares[:, some] += np.einsum("spc,spc->pc", own * off, off)
         else:
             weighted = part.at.pointwise.weight[here] @ left
             self.squares[0, some] += np.einsum("skc,skc->c", left, weighted)
@@ -307,7 +307,7 @@ def _of_samples(part: RegionSamples, k: int, variance: Array) -> Array:
     """Sum the variances of a view's samples that the part owns, in every equation."""
     of_samples = (part.samples.by_view[k].weights.power(2) @ variance) * part.owned
     if part.model.contravariant:
-        found: Array = of_samples @ part.at.estimator[:, :, k] ** 2
+        found: Array = of_samples @ (part.at.estimator * part.at.solution)[:, :, k]
         return found
     return np.array([of_samples @ part.at.pointwise.weight[:, k, k]])
 
@@ -322,9 +322,10 @@ def sample_variances(part: RegionSamples) -> tuple[Array, Array]:
     good = at.pointwise.kept & (at.pointwise.rank == part.model.parameters)
     good &= np.all((at.std > 0) | ~part.samples.valid, axis=1)
     std, valid = at.std[good], part.samples.valid[good]
-    estimator = at.estimator[good]
     if at.inverse is None:
-        estimator = np.linalg.solve(at.pointwise.information[good], estimator)
+        estimator = np.linalg.solve(at.pointwise.information[good], at.estimator[good])
+    else:
+        estimator = at.solution[good]
     weight = valid / np.where(valid, std, 1.0) ** 2
     x = at.pointwise.design[good, :, :3]
     least, own = np.zeros((2, len(good), 3))
