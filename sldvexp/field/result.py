@@ -76,7 +76,7 @@ class FieldResult:
         Of all intercepts together, in the covariance that pixels and poses give them; see
         `sldvexp.field.bounds.intercept_test`.
     efficiency : ndarray, shape (node, component), optional
-        Gauss-Markov bound of all views over this method's variance, at a node's samples.
+        Least variance that all views allow in these elements, over this method's; of the noise.
     bounds_error : float
         Largest relative error of `std_noise` found where it was computed exactly.
     coverage : tuple of Coverage
