@@ -197,17 +197,24 @@ def solve_field(
     model, messages = fit.parts.model, fit.messages
     if not bounds:
         left = residuals_only(fit.parts, fit.theta, fit.data)
-        return FieldEstimate.from_fit(fit, left, solver).result(messages)
+        return FieldEstimate.from_fit(fit, left).result(messages)
     factor = variance_factors(visibility.views, model.pixel_std)
     effect = pose_effect(model, fit.theta, fit.data, factor, poses)
     found = fit.with_bounds(factor, effect)
+    test = fit.intercept_test(found, effect)
     if errors is not None and len(errors.pose) and found.pose is not None:
-        added = errors.variance(visibility.views, solved_with(visibility, model, solver))
-        found = replace(found, pose=found.pose + added)
+        changes = errors.changes(visibility.views, solved_with(visibility, model, solver))
+        found = replace(found, pose=found.pose + np.sum(changes**2, axis=0))
+        if test is not None and effect is not None:
+            test = test.with_changes(effect.modes.of_columns(changes))
     if poses is None:
         messages.append(NO_COVARIANCE)
     condition = condition_numbers(fit.equations.system, fit.solve)
-    return FieldEstimate.from_fit(fit, found, solver).result(messages, condition)
+    modes = None if effect is None else effect.modes
+    tested = None
+    if test is not None:
+        tested = test.test(fit.theta, fit.data, found, factor, modes, method.confidence)
+    return FieldEstimate.from_fit(fit, found, tested).result(messages, condition)
 
 
 def solved_with(

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from sldvexp.errors import UserError
+from sldvexp.field.bounds.intercept_test import INTERCEPT, InterceptTest
 from sldvexp.field.bounds.pose_uncertainty import PoseEffect
 from sldvexp.field.bounds.residuals_and_bounds import FieldBounds, with_bounds
 from sldvexp.field.equations.assembly import Equations, normal_equations
@@ -31,7 +32,7 @@ from sldvexp.field.visibility.coverage import flagged
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.reconstruction import Reconstruction
 from sldvexp.reconstruction.observability import blank
-from sldvexp.statistics import FTest, nested_f_test, student_factor
+from sldvexp.statistics import FTest, student_factor
 from sldvexp.typing import Array, BoolArray
 
 
@@ -94,6 +95,19 @@ class FieldFit:
             self.parts, system, self.solve, self.theta, self.data, determined, factor, pose
         )
 
+    def intercept_test(self, found: FieldBounds, pose: PoseEffect | None) -> InterceptTest | None:
+        """Prepare the test of the intercepts; None if there is none.
+
+        Samples that are solved one by one have no residuals that tell their noise.
+        """
+        model, system = self.parts.model, self.equations.system
+        if not model.intercept or model.contravariant or not np.any(found.noise):
+            return None
+        assert found.noise is not None
+        known = self.flags.determined[:, INTERCEPT].reshape(system.active.shape)
+        variance = found.noise[:, :, INTERCEPT].mean(axis=-1)
+        return InterceptTest.prepare(self.parts, system, self.solve, known, variance, pose)
+
 
 def _messages(parts: RegionIterator, equations: Equations, found: Observability) -> list[str]:
     axes = LOCAL if parts.model.local else WORLD
@@ -121,13 +135,15 @@ class FieldEstimate:
     flags: Observability
     theta: Array
     bounds: FieldBounds
-    solver: Solver
+    intercept_test: FTest | None = None
 
     @classmethod
-    def from_fit(cls, fit: FieldFit, bounds: FieldBounds, solver: Solver) -> FieldEstimate:
+    def from_fit(
+        cls, fit: FieldFit, bounds: FieldBounds, test: FTest | None = None
+    ) -> FieldEstimate:
         """Take over a fit."""
         parts, equations = fit.parts, fit.equations
-        return cls(parts.visibility, parts.model, equations, fit.flags, fit.theta, bounds, solver)
+        return cls(parts.visibility, parts.model, equations, fit.flags, fit.theta, bounds, test)
 
     def result(
         self, messages: list[str], condition: tuple[float, float] = (np.nan, np.nan)
@@ -151,7 +167,7 @@ class FieldEstimate:
             intercept=nodal[:, 3] if self.model.intercept else None,
             cond=condition[0],
             rcond=condition[1],
-            intercept_test=self._intercept_test(),
+            intercept_test=self.intercept_test,
             efficiency=self._efficiency(),
             bounds_error=error,
             coverage=self.equations.coverage,
@@ -212,26 +228,6 @@ class FieldEstimate:
                 "residual_std_by_row": np.sqrt(by_row / left.row_count[:, None]),
                 "chi2_ratio": None if expected is None else sse / expected,
             }
-
-    def _intercept_test(self) -> FTest | None:
-        """Test the full against the partial model (Eq 5.17); None if there is no such test.
-
-        ``SSE_partial - SSE_full = theta_full . b - theta_partial . b``: a least-squares fit takes
-        ``theta . b`` off the sum of squares of the data.
-        """
-        equations, model = self.equations, self.model
-        if not model.intercept or model.contravariant:
-            return None
-        partial = equations.system.part(3)
-        right = np.ascontiguousarray(equations.right[:, :, :3])
-        without = solution(right, partial, self.solver.prepare(partial))
-        drop = np.einsum("lnpc,lnpc->c", self.theta, equations.right)
-        drop -= np.einsum("lnpc,lnpc->c", without, right)
-        sse, fewer = _by_frequency(self.bounds.residuals.squares)[0], _by_frequency(drop)
-        added = 2 * int(equations.system.active.sum())
-        freedom = 2 * equations.rows - 4 * added
-        with np.errstate(divide="ignore", invalid="ignore"):  # velocities may all be zero
-            return nested_f_test(sse + fewer, sse, added, freedom, model.method.confidence)
 
 
 def _by_frequency(squares: Array) -> Array:

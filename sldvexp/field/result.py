@@ -73,9 +73,10 @@ class FieldResult:
         Of the normal equations' matrix: largest over smallest eigenvalue, and the reciprocal
         condition number in the 1-norm.
     intercept_test : FTest, optional
-        Full against partial model, as if samples were independent.
+        Of all intercepts together, in the covariance that pixels and poses give them; see
+        `sldvexp.field.bounds.intercept_test`.
     efficiency : ndarray, shape (node, component), optional
-        Gauss-Markov bound of all views over this method's variance, at a node's samples.
+        Least variance that all views allow in these elements, over this method's; of the noise.
     bounds_error : float
         Largest relative error of `std_noise` found where it was computed exactly.
     coverage : tuple of Coverage

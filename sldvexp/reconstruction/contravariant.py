@@ -24,6 +24,11 @@ class Contravariant(Reconstruction):
     ``all`` it is the least squares of all views, whose solution at a point is the same as that of
     `absolute`.
 
+    A field takes the velocity at every sample by itself. With ``weights=noise`` samples count by
+    the inverse of its variance, those that few or nearly parallel views see for less, and where a
+    view of the best three does not see a sample all that do stand in. With ``weights=equal``, the
+    dissertation's, all samples count alike.
+
     Examples
     --------
     >>> import numpy as np

@@ -16,7 +16,7 @@ from sldvexp.field import FieldResult, View, VolumeVisibility
 from sldvexp.field.estimate import solve_field
 from sldvexp.geometry import rotation_from_vector
 from sldvexp.laser import TwoMirror
-from sldvexp.reconstruction import Model, Reconstruction
+from sldvexp.reconstruction import Model, Reconstruction, Weights
 from sldvexp.volume import SampleRule
 
 Make = Callable[..., Any]
@@ -170,7 +170,10 @@ def test_large_fields(
     assert np.sqrt(np.mean(pose**2)) < 0.01
     assert 0 < near.bounds_error < 0.1
     np.testing.assert_allclose(near.chi2_ratio, exact.chi2_ratio, rtol=2e-3)
-    np.testing.assert_allclose(near.efficiency, exact.efficiency)
+    np.testing.assert_allclose(near.efficiency[known], exact.efficiency[known], rtol=0.1)
+    np.testing.assert_allclose(
+        np.median(near.efficiency[known]), np.median(exact.efficiency[known]), rtol=0.01
+    )
 
 
 @pytest.mark.parametrize(("name", "fields"), METHODS[:1] + METHODS[4:])
@@ -242,14 +245,17 @@ def test_efficiency(
 ) -> None:
     """Absolute with noise weights is the best; the ratio of variances is the efficiency."""
     prisms = make_plate((5, 5), 3)
-    views = make_views(5, pixels=20)
+    rng, views = np.random.default_rng(10), make_views(5, pixels=20)
+    views = [replace(v, flags=(rng.random(len(v.flags)) < 0.05).astype(int)) for v in views]
     looks = VolumeVisibility(views, laser, prisms, six_points)
     best = estimate(looks, method_of("absolute", {}))
-    np.testing.assert_allclose(best.efficiency, 1.0, rtol=1e-9)
-    for name, fields in METHODS[1:]:
+    np.testing.assert_array_equal(best.efficiency, 1.0)
+    trusting = ("contravariant", {"rows": "all", "weights": Weights.equal})
+    for name, fields in [*METHODS[1:], trusting]:
         other = estimate(looks, method_of(name, fields))
-        assert np.all((other.efficiency > 0) & (other.efficiency < 1 + 1e-9))
-        # The mesh has the same part in both, but for how it mixes the samples around a node.
         ratio = (best.std_noise / other.std_noise)[..., 0] ** 2
-        middle = np.median(other.efficiency / ratio, axis=0)
-        np.testing.assert_allclose(middle, 1.0, atol=0.08)
+        np.testing.assert_allclose(other.efficiency, ratio, rtol=1e-6)
+        # Samples' errors are shared, so that another method may be better by little.
+        assert np.median(other.efficiency) < 1.02
+    # Samples that few views see spoil their nodes, and it says so.
+    assert np.nanmin(other.efficiency) < 0.2

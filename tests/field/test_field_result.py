@@ -106,7 +106,7 @@ def test_structural_numbers(volume_of_section_5_4: PointSurface, make_every_samp
 
 
 def test_intercepts(make_plate: Make, make_every_sample: Make, six_points: SampleRule) -> None:
-    """F compares the sums of squares of both models; it grows with the intercepts."""
+    """Of independent samples F compares both models' sums of squares; it grows with intercepts."""
     prisms = make_plate((4, 4), 3)
     samples = prisms.gaps * len(prisms.triangles) * 6
     found = {}
@@ -114,13 +114,15 @@ def test_intercepts(make_plate: Make, make_every_sample: Make, six_points: Sampl
         nodal = np.ones((prisms.nodes, 4, 3)) * [[1], [2], [3], [size]]
         noise = 1e-3 * np.random.default_rng(3).normal(size=(6, samples, 3, 2)) @ [1, 1j]
         looks = make_every_sample(prisms, six_points, 6, nodal, noise=noise)
-        full = estimate(looks, method_of("absolute", model=Model.full), bounds=False)
+        full = estimate(looks, method_of("absolute", model=Model.full))
         partial = estimate(looks, method_of("absolute"), bounds=False)
         test = full.intercept_test
         assert test is not None
         added, left = 2 * prisms.nodes, 2 * (full.samples - 4 * prisms.nodes)
         drop = (partial.sse - full.sse)[0] / added
         np.testing.assert_allclose(test.statistic, drop / (full.sse[0] / left), rtol=1e-6)
+        # Random images tell the residuals' degrees of freedom to a few percent.
+        np.testing.assert_allclose(test.dof[1], left, rtol=0.1)
         found[size] = test
         assert partial.intercept_test is None
     assert np.all(found[0.0].p_value > 1e-3)

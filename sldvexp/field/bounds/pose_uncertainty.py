@@ -69,6 +69,35 @@ class PoseEffect:
         gram = np.swapaxes(j, -1, -2) @ (self.covariance @ j)
         return np.maximum(self.modes.quadratic(gram), 0.0)
 
+    def changes(self, part: RegionSamples, u: Array) -> Iterator[tuple[int, Array, Array]]:
+        """Differentiate samples' velocities, less ``X u``, by the pose of the view that sees them.
+
+        Parameters
+        ----------
+        u : ndarray, shape (sample, parameter, mode)
+
+        Yields
+        ------
+        k : int
+            The view; those that the rows leave out are left out.
+        change : ndarray, shape (sample, 6, mode)
+            ``dv - dx . u``.
+        turn : ndarray, shape (sample, 3, 6)
+            The directions' derivatives dx, in the components' axes.
+        """
+        samples = part.samples
+        for k, (view, of_view) in enumerate(
+            zip(part.visibility.views, samples.by_view, strict=True)
+        ):
+            if not part.at.pointwise.weight[:, k].any():
+                continue
+            by_dac, turn = of_view.pose_derivative(view, part.visibility.laser, samples.position)
+            if part.model.local:
+                turn = samples.frame @ turn
+            slope = np.stack([g @ self.data[k] for g in of_view.gradient], axis=1)
+            change = np.swapaxes(by_dac, 1, 2) @ slope - np.swapaxes(turn, 1, 2) @ u[:, :3]
+            yield k, change, turn
+
     def right_sides(self, part: RegionSamples) -> Array:
         """Set up right-hand sides of the derivatives by all poses, ``M dtheta = ...``.
 
@@ -81,24 +110,18 @@ class PoseEffect:
         -------
         ndarray, shape (layer, patch_node, parameter, 6 views * mode)
         """
-        at, samples, data = part.at, part.samples, self.data
+        at, data = part.at, self.data
         count, parameters, views = at.estimator.shape
         shape = (part.patch.layers, len(part.patch.nodes), parameters)
         v = part.velocities(data)
-        u = part.field(self.theta) if at.inverse is None else at.estimator @ v
+        u = part.field(self.theta) if at.inverse is None else at.solution @ v
         balance = at.pointwise.weight @ (v - at.pointwise.design @ u)
         found = np.zeros((*shape, views, POSE * data[0].shape[1]))
-        views_samples = zip(part.visibility.views, samples.by_view, strict=True)
-        for k, (view, of_view) in enumerate(views_samples):
-            if not at.pointwise.weight[:, k].any():  # the rows leave this view out
-                continue
-            by_dac, turn = of_view.pose_derivative(view, part.visibility.laser, samples.position)
-            if part.model.local:
-                turn = samples.frame @ turn
-            slope = np.stack([g @ data[k] for g in of_view.gradient], axis=1)
-            change = np.swapaxes(by_dac, 1, 2) @ slope - np.swapaxes(turn, 1, 2) @ u[:, :3]
+        for k, change, turn in self.changes(part, u):
             side = at.estimator[:, :, k, None, None] * change[:, None]
-            before = turn if at.inverse is None else at.inverse[:, :, :3] @ turn
+            before = turn
+            if at.inverse is not None:
+                before = at.information * at.inverse[:, :, :3] @ turn
             side[:, : before.shape[1]] += before[..., None] * balance[:, k, None, None]
             found[:, :, :, k] = part.patch.to_nodes(side.reshape(count, -1)).reshape(*shape, -1)
         return found.reshape(*shape, -1)
@@ -216,16 +239,15 @@ class PoseErrors:
             each = list(zip(views, pose, intrinsic, strict=True))
             yield [_moved(v, p, e) for v, p, e in each], [_moved(v, -p, -e) for v, p, e in each]
 
-    def variance(self, views: Sequence[View], solved: Callable[[list[View]], Array]) -> Array:
-        """Compute the solution's variance from its change between plus and minus one deviation.
+    def changes(self, views: Sequence[View], solved: Callable[[list[View]], Array]) -> Array:
+        """Compute half the solution's change between plus and minus one deviation of each error.
 
         Parameters
         ----------
         solved : callable
             From views to the solution.
         """
-        changes = [(solved(more) - solved(less)) / 2 for more, less in self.moved(views)]
-        return np.asarray(sum(change**2 for change in changes))
+        return np.stack([(solved(more) - solved(less)) / 2 for more, less in self.moved(views)])
 
 
 def _moved(view: View, pose: Array, intrinsic: Array) -> View:

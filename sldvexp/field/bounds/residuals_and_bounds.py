@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sldvexp.field.bounds.efficiency import LeastVariance, is_best
 from sldvexp.field.bounds.inverse import InverseRows, NearInverse, NearRows, WholeInverse
 from sldvexp.field.bounds.pose_uncertainty import PoseEffect, column_variances, kept_columns
 from sldvexp.field.bounds.sparse_inverse_rows import rings_of
@@ -104,9 +105,9 @@ class Residuals:
         of_rows = (part.model.rows.matrix @ left) * has_row[..., None]
         self.by_row[:, some] += np.einsum("src,src->rc", of_rows, of_rows)
         if part.model.contravariant:
-            own = part.at.information[here, :, 0] * part.owned[here, None]
-            off = (part.at.estimator[here] @ v - u) * own[..., None]
-            self.squares[:, some] += np.einsum("spc,spc->pc", off, off)
+            own = part.at.information[here] * part.owned[here, None, None]
+            off = part.at.solution[here] @ v - u
+            self.squares[:, some] += np.einsum("spc,spc->pc", own * off, off)
         else:
             weighted = part.at.pointwise.weight[here] @ left
             self.squares[0, some] += np.einsum("skc,skc->c", left, weighted)
@@ -131,7 +132,7 @@ class FieldBounds:
     error : float
         Largest relative error of a standard error found where it was computed exactly.
     efficiency : ndarray, shape (layer, surface_node, component), optional
-        Gauss-Markov bound over variance.
+        Least possible variance over this one, of the noise; see `sldvexp.field.bounds.efficiency`.
     """
 
     residuals: Residuals
@@ -183,12 +184,15 @@ def with_bounds(
         if small
         else NearInverse.from_system(system, rings)
     )
+    best = None if is_best(model) else LeastVariance.from_parts(parts, rings)
+    least = np.full((*found.noise.shape[:2], 3), np.nan)
     errors: list[float] = [0.0] if small else []
     for part in parts.overlapping(rings, whole=small):
         left.add(part, theta, data)
         rows = whole.of_part(part)
         found.add_noise(part, rows)
-        found.add_efficiency(part)
+        if best is not None:
+            least[:, part.region.own] = best.of_part(part)
         right = None if pose is None else pose.right_sides(part)
         if pose is not None and right is not None:
             found.pose[:, part.region.own] = pose.variance(rows.times(right))
@@ -198,9 +202,10 @@ def with_bounds(
             errors.append(check.largest_error(rows, system, solve))
     variance = None if pose is None else found.pose
     expected = 2 * found.expected @ factors
-    return FieldBounds(
-        left, found.noise @ factors, variance, expected, max(errors), found.efficiency
-    )
+    own = found.noise[:, :, :3].sum(axis=3)
+    least = own if is_best(model) else least
+    efficiency = np.divide(least, own, out=np.full_like(own, np.nan), where=own > 0)
+    return FieldBounds(left, found.noise @ factors, variance, expected, max(errors), efficiency)
 
 
 def variance_factors(views: Sequence[View], pixel_std: tuple[Array, ...]) -> Array:
@@ -250,15 +255,12 @@ class Bounds:
         From the poses.
     expected : ndarray, shape (equation, group)
         Sum of squared residuals of one real part that the noise lets expect.
-    pointwise : ndarray, shape (2, layer, surface_node, 3)
-        Variances at the samples around a node, summed: the least possible, and the method's.
     """
 
     group: IndexArray
     noise: Array
     pose: Array
     expected: Array
-    pointwise: Array
 
     @classmethod
     def empty(
@@ -272,14 +274,7 @@ class Bounds:
             np.zeros((*shape, group.max() + 1)),
             np.zeros((*shape, columns)),
             np.zeros((equations, group.max() + 1)),
-            np.zeros((2, *shape[:2], 3)),
         )
-
-    @property
-    def efficiency(self) -> Array:
-        """Gauss-Markov bound over variance, shape (layer, surface_node, component)."""
-        least, own = self.pointwise
-        return np.divide(least, own, out=np.full_like(own, np.nan), where=own > 0)
 
     def add_noise(self, part: RegionSamples, rows: InverseRows) -> None:
         """Add the noise of the part's own nodes, and of the residuals of the samples it owns."""
@@ -295,43 +290,14 @@ class Bounds:
             for k in views:
                 self.expected[:, group] += _of_samples(part, k, variances[k])
 
-    def add_efficiency(self, part: RegionSamples) -> None:
-        """Add the variances of the samples around the part's own nodes."""
-        sums = part.patch.to_nodes(np.concatenate(sample_variances(part), axis=1))
-        here = np.searchsorted(part.patch.nodes, part.region.own)
-        self.pointwise[0][:, part.region.own] = sums[:, here, :3]
-        self.pointwise[1][:, part.region.own] = sums[:, here, 3:]
-
 
 def _of_samples(part: RegionSamples, k: int, variance: Array) -> Array:
     """Sum the variances of a view's samples that the part owns, in every equation."""
     of_samples = (part.samples.by_view[k].weights.power(2) @ variance) * part.owned
     if part.model.contravariant:
-        found: Array = of_samples @ part.at.estimator[:, :, k] ** 2
+        found: Array = of_samples @ (part.at.estimator * part.at.solution)[:, :, k]
         return found
     return np.array([of_samples @ part.at.pointwise.weight[:, k, k]])
-
-
-def sample_variances(part: RegionSamples) -> tuple[Array, Array]:
-    """Compute variances of the components at each sample by itself, both (sample, 3).
-
-    The least that is possible with all views that see it (Gauss and Markov, no intercept), and that
-    of the method's rows; 0 where these do not determine the velocity, or there is no noise.
-    """
-    at = part.at
-    good = at.pointwise.kept & (at.pointwise.rank == part.model.parameters)
-    good &= np.all((at.std > 0) | ~part.samples.valid, axis=1)
-    std, valid = at.std[good], part.samples.valid[good]
-    estimator = at.estimator[good]
-    if at.inverse is None:
-        estimator = np.linalg.solve(at.pointwise.information[good], estimator)
-    weight = valid / np.where(valid, std, 1.0) ** 2
-    x = at.pointwise.design[good, :, :3]
-    least, own = np.zeros((2, len(good), 3))
-    inverse = np.linalg.inv(np.swapaxes(x, 1, 2) @ (x * weight[..., None]))
-    least[good] = np.diagonal(inverse, axis1=1, axis2=2)
-    own[good] = np.einsum("spk,sk->sp", estimator[:, :3] ** 2, std**2)
-    return least, own
 
 
 #: Surface nodes of a part that are verified, each in one layer.

@@ -9,7 +9,8 @@ N^-1 T v``, and fits the field to these vectors; the others fit it to all rows t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +78,8 @@ class RowModel:
         Relative singular value below which a direction counts as not determined.
     complete : bool
         Keep only samples whose rows determine all parameters.
+    instead : bool
+        Where a view of the rows does not see a sample, take all that do, weighted by their noise.
     """
 
     rows: Array
@@ -84,6 +87,7 @@ class RowModel:
     generalised: bool
     tolerance: float
     complete: bool
+    instead: bool = False
 
     @property
     def parameters(self) -> int:
@@ -124,6 +128,10 @@ class RowModel:
         if self.complete:
             rows[rank < self.parameters] = 0
         weight[rows == 0] = 0
+        if self.instead and (lost := rows == 0).any():
+            by_all = replace(self, rows=np.eye(views), generalised=True, instead=False)
+            other = by_all.at(directions[lost], valid[lost], std[lost])
+            weight[lost], rank[lost], rows[lost] = other.weight, other.rank, other.rows
         return SampleLeastSquares(design, weight, rank, rows)
 
     def _rows_of(self, seen: BoolArray) -> Array:
@@ -158,6 +166,8 @@ class RowModel:
         return weight - np.swapaxes(scaled, 1, 2) @ np.linalg.solve(scaled @ unseen.T, scaled)
 
 
+#: Ratio of the weights of samples that are told apart.
+STEP = np.sqrt(2)
 #: Triangles that are looked at to choose the best rows.
 TRIANGLES_FOR_ROWS = 200
 
@@ -169,9 +179,10 @@ class SampleContributions:
     Attributes
     ----------
     information : ndarray, shape (sample, block, block)
-        N_s. The contravariant method's is 1 or 0: all components have the same equations.
+        N_s. The contravariant method's is the sample's weight w: all components have the same
+        equations.
     estimator : ndarray, shape (sample, parameter, view)
-        T_s.
+        T_s. The contravariant method's is ``w H`` with the sample's own solution ``u = H v``.
     inverse : ndarray, shape (sample, parameter, parameter), optional
         Contravariant only: of the sample's own normal equations.
     std : ndarray, shape (sample, view), m/s
@@ -184,6 +195,14 @@ class SampleContributions:
     estimator: Array
     inverse: Array | None
     std: Array
+
+    @cached_property
+    def solution(self) -> Array:
+        """Contravariant only: the matrix H, shape (sample, parameter, view)."""
+        weight = self.information
+        return np.divide(
+            self.estimator, weight, out=np.zeros_like(self.estimator), where=weight > 0
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,6 +279,7 @@ class FieldModel:
             self.generalised and not exact,
             self.method.rank_tolerance,
             complete=self.contravariant,
+            instead=exact and self.generalised and self.method.rows.strip() == "best",
         )
 
     def directions(self, samples: SampleVisibility) -> Array:
@@ -273,18 +293,35 @@ class FieldModel:
             [_mean_std(*each) for each in zip(samples.by_view, self.pixel_std, strict=True)], 1
         )
         relative = std / np.sqrt(self.variance) if self.generalised else std
-        pointwise = self.row_model.at(self.directions(samples), samples.valid, relative)
+        directions = self.directions(samples)
+        pointwise = self.row_model.at(directions, samples.valid, relative)
         if not self.contravariant:
             return SampleContributions(
                 pointwise, pointwise.information, pointwise.estimator, None, std
             )
-        kept = pointwise.kept
-        inverse = np.zeros((len(kept), self.parameters, self.parameters))
-        inverse[kept] = np.linalg.inv(pointwise.information[kept])
-        estimator = inverse @ pointwise.estimator
-        return SampleContributions(
-            pointwise, kept.astype(float)[:, None, None], estimator, inverse, std
+        inverse, solution = _solutions(pointwise)
+        weight = pointwise.kept.astype(float)
+        if self.generalised:
+            weight *= self._weights(directions, _variance(solution, relative))
+        weight = weight[:, None, None]
+        return SampleContributions(pointwise, weight, weight * solution, inverse, std)
+
+    def _weights(self, directions: Array, variance: Array) -> Array:
+        """Weigh samples by the inverse of their variance, shape (sample,).
+
+        It is that over what the same rows had there if all views saw the sample, each with its
+        mean noise; in steps, so that samples that are all seen weigh exactly alike and the matrix
+        stays a Kronecker product.
+        """
+        std = np.array([np.sqrt(np.mean(s[s > 0] ** 2)) for s in self.pixel_std])
+        shape = directions.shape[:2]
+        relative = np.broadcast_to(std / np.sqrt(self.variance), shape)
+        by_all = self.row_model.at(directions, np.ones(shape, bool), relative)
+        usual = _variance(_solutions(by_all)[1], relative)
+        ratio = np.divide(
+            usual, variance, out=np.ones_like(usual), where=(usual > 0) & (variance > 0)
         )
+        return np.asarray(STEP ** np.round(np.log(ratio) / np.log(STEP)))
 
     def _check_rows(self) -> None:
         independent = int(np.linalg.matrix_rank(self.rows.matrix))
@@ -305,6 +342,19 @@ class FieldModel:
                     f"view {view.name}: the standard error of pixel {zero[0]} is 0, so that "
                     "weights=noise would trust it beyond all others; use weights=equal"
                 )
+
+
+def _solutions(pointwise: SampleLeastSquares) -> tuple[Array, Array]:
+    """Solve each sample by itself: the inverse of N, and H of ``u = H v``; 0 where not kept."""
+    kept, parameters = pointwise.kept, pointwise.design.shape[2]
+    inverse = np.zeros((len(kept), parameters, parameters))
+    inverse[kept] = np.linalg.inv(pointwise.information[kept])
+    return inverse, inverse @ pointwise.estimator
+
+
+def _variance(solution: Array, std: Array) -> Array:
+    """Average the variance of a sample's components, shape (sample,)."""
+    return np.einsum("spk,sk->s", solution[:, :3] ** 2, std**2) / 3
 
 
 def _pixel_std(view: View) -> Array:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from sldvexp import dataset
 from sldvexp.field.bounds.element_error import mean_squares, told
+from sldvexp.field.bounds.intercept_test import InterceptTest
 from sldvexp.field.bounds.pose_uncertainty import ModeEffect, PoseErrors, of_modes, pose_covariance
 from sldvexp.field.bounds.residuals_and_bounds import FieldBounds, residuals_only
 from sldvexp.field.equations.assembly import Equations, real_columns, right_sides
@@ -28,7 +29,7 @@ from sldvexp.field.estimate import NO_COVARIANCE, check_views, solved_with
 from sldvexp.field.fit import FieldEstimate, FieldFit
 from sldvexp.field.result import pooled
 from sldvexp.field.solvers.base import Solver
-from sldvexp.field.streaming.compression import Compressed, slices
+from sldvexp.field.streaming.compression import Compressed, FrequencyModes, slices
 from sldvexp.field.streaming.dask import Work
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.lazy import xarray as xr
@@ -45,6 +46,7 @@ class Ready:
     ----------
     bounds : FieldBounds
         Variances from the noise of each view, and the covariance of the modes from the poses.
+    intercepts : InterceptTest, optional
     compressed : Compressed
         Without images.
     """
@@ -55,6 +57,7 @@ class Ready:
     equations: Equations
     flags: Observability
     bounds: FieldBounds
+    intercepts: InterceptTest | None
     compressed: Compressed
     condition: tuple[float, float]
     messages: tuple[str, ...]
@@ -79,11 +82,13 @@ class Ready:
         if effect is None:
             messages.append(NO_COVARIANCE)
         bounds = fit.with_bounds(np.eye(len(visibility.views)), effect)
-        if errors is not None and bounds.pose is not None:
+        test = fit.intercept_test(bounds, effect)
+        if errors is not None and len(errors.pose) and bounds.pose is not None:
             solved = solved_with(visibility, fit.parts.model, solver)
-            for more, less in errors.moved(visibility.views):
-                change = (solved(more) - solved(less))[..., ::2] / 2  # modes have no imaginary part
-                bounds.pose[...] += _products(change)
+            # Modes have no imaginary part.
+            changes = errors.changes(visibility.views, solved)[..., ::2]
+            bounds.pose[...] += _products(changes).sum(axis=0)
+            test = test and test.with_changes(changes)
         return cls(
             method,
             solver,
@@ -91,6 +96,7 @@ class Ready:
             fit.equations,
             fit.flags,
             bounds,
+            test,
             replace(compressed, images={}),
             condition_numbers(fit.equations.system, fit.solve),
             tuple(messages),
@@ -124,18 +130,25 @@ class Ready:
         bounds = replace(
             self._bounds_of(some), residuals=residuals_only(self.parts, theta, data).residuals
         )
-        outcome = FieldEstimate(
-            visibility, model, equations, self.flags, theta, bounds, self.solver
-        )
+        modes = None if self.bounds.pose is None else self._modes_of(some)
+        factor, test = self.compressed.factor[:, some], None
+        if self.intercepts is not None:
+            confidence = self.method.confidence
+            test = self.intercepts.test(theta, data, bounds, factor, modes, confidence)
+        outcome = FieldEstimate(visibility, model, equations, self.flags, theta, bounds, test)
         result = outcome.result(list(self.messages), self.condition)
         result = replace(result, frequency=self.compressed.frequency[some])
         assert result.confidence is not None
         return result.to_dataset(), mean_squares(result.element_error, result.confidence)
 
+    def _modes_of(self, some: slice) -> FrequencyModes:
+        """Keep the modes of some frequencies' columns."""
+        return self.compressed.modes.of_part(slice(2 * some.start, 2 * some.stop))
+
     def _bounds_of(self, some: slice) -> FieldBounds:
         """Select the bounds of some frequencies."""
         bounds, factor = self.bounds, self.compressed.factor[:, some]
-        modes = self.compressed.modes.of_part(slice(2 * some.start, 2 * some.stop))
+        modes = self._modes_of(some)
         assert bounds.noise is not None
         assert bounds.expected is not None
         return replace(

@@ -1,0 +1,72 @@
+"""Efficiency of a field: the least variance that its views allow, over that of the method.
+
+The least is that of Gauss and Markov: all views by least squares, weighted by their noise, in the
+same elements at the same samples. Nodes are compared with all that is around them, so that one
+sample whose views are nearly parallel, and which spoils a node of a method that trusts it, shows.
+Of a small field the least variance is exact. Of a large one it comes from the nearest Kronecker
+product: right to a few percent where all views see all; with a twentieth of the pixels lost, at
+random, to a quarter at three of four nodes, and in the median as before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sldvexp.field.bounds.inverse import NearInverse, WholeInverse
+from sldvexp.field.equations.assembly import normal_equations
+from sldvexp.field.equations.regions import RegionIterator, RegionSamples
+from sldvexp.field.equations.sample_model import FieldModel
+from sldvexp.field.equations.undetermined import constrain_undetermined, find_undetermined
+from sldvexp.reconstruction import Absolute, Model, Weights, rows
+from sldvexp.typing import Array
+
+
+@dataclass(frozen=True, eq=False)
+class LeastVariance:
+    """Field of all views by weighted least squares, of which only the variance is wanted."""
+
+    model: FieldModel
+    inverse: WholeInverse | NearInverse
+
+    @classmethod
+    def from_parts(cls, parts: RegionIterator, rings: int) -> LeastVariance | None:
+        """Set up its equations; None if a pixel has no noise, which would be trusted beyond all.
+
+        Parameters
+        ----------
+        rings : int
+            Of neighbours that the regions have around their own nodes.
+        """
+        visibility, model = parts.visibility, parts.model
+        views = zip(visibility.views, model.pixel_std, strict=True)
+        if any(np.any(std[view.usable] <= 0) for view, std in views):
+            return None
+        best = replace(model, method=Absolute(), rows=rows.views(visibility.names))
+        nothing = [np.zeros((len(view.dac), 1)) for view in visibility.views]
+        equations = normal_equations(RegionIterator(visibility, best), nothing)
+        system, found = equations.system, find_undetermined(equations)
+        if len(found.node):
+            system = constrain_undetermined(system, found)
+        if system.is_small:
+            return cls(best, WholeInverse.from_system(system, best.parameters))
+        near = NearInverse.from_system(system, rings)
+        return cls(best, replace(near, odd=np.zeros_like(near.odd)))
+
+    def of_part(self, part: RegionSamples) -> Array:
+        """Compute the variance of a part's own nodes, shape (layer, own, component)."""
+        same = replace(part, model=self.model, at=self.model.at(part.samples))
+        variances = [std**2 for std in self.model.pixel_std]
+        return self.inverse.of_part(same).variances(same.influences, variances)[0]
+
+
+def is_best(model: FieldModel) -> bool:
+    """Tell whether the method itself has the least variance."""
+    method = model.method
+    return (
+        isinstance(method, Absolute)
+        and method.model is Model.partial
+        and method.weights is Weights.noise
+        and len(model.rows) == len(model.pixel_std)
+    )
