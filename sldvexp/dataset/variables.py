@@ -357,8 +357,8 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "linpack_rcond": _V("method", "1", "reciprocal condition number as LINPACK estimates it"),
         "std": _V("method", "m/s", "sample standard deviation of the residuals"),
         "half_width": _V("method component", "m/s", "1.96 s v_ii, as printed"),
-        "f_statistic": _V("", "1", "F of the intercept by the printed convention"),
-        "f_critical": _V("", "1", "critical F with 1 and n - 1 degrees of freedom"),
+        "f_statistic": _V("[frequency]", "1", "F of the intercept by the printed convention"),
+        "f_critical": _V("", "1", "critical F by that convention's degrees of freedom"),
     },
     "verdict": {
         "kind": _V("finding", "", "kind of mistake"),

@@ -13,6 +13,7 @@ from sldvexp.check import Examination
 from sldvexp.check.field_pattern import FieldPattern
 from sldvexp.check.left_out import LeftOut
 from sldvexp.check.love import Love
+from sldvexp.check.printed import Printed
 from sldvexp.check.truth import Columns, Truth
 from sldvexp.errors import UserError
 from sldvexp.field import Iterative
@@ -262,3 +263,22 @@ def test_local_pattern_is_relative_to_the_normal():
     found = FieldPattern().examine(examined({"field": group}))
     np.testing.assert_allclose(found["std_ratio"].sel(field="field"), [2, 3, 1])
     np.testing.assert_allclose(found["residual_ratio"].sel(field="field"), [1.5, 2, 1])
+
+
+def test_the_print_counts_every_sample_of_a_field_as_a_measurement():
+    """Experiment 1 of Table 5.7: F = (16.28 - 12.48) / 441 / (12.48 / 18186)."""
+
+    def fitted(sse, dof):
+        coords = {"equation": ["all components"], "frequency": FREQUENCY}
+        group = dataset.group("field", coords, sse=[sse])
+        return group.assign_attrs(dof=dof, samples=19950)
+
+    tree = {
+        "field": fitted([16.28, 28.44], 1323),
+        "compare/full": fitted([12.48, 24.50], 1764),
+    }
+    found = Printed(partial="field", full="compare/full").examine(examined(tree))
+    np.testing.assert_allclose(found["f_statistic"], [12.5565, 6.6317], atol=1e-4)
+    assert found["f_critical"].item() == pytest.approx(1.1149, abs=5e-5)
+    with pytest.raises(UserError, match="there is no compare/ful; did you mean compare/full"):
+        Printed(partial="field", full="compare/ful").examine(examined(tree))
