@@ -217,9 +217,12 @@ class Experiment:
         {
             "bitangents": "sldvexp.check.bitangents",
             "cross_ratio": "sldvexp.check.cross_ratio",
+            "equivalent_methods": "sldvexp.check.equivalent_methods",
             "field_pattern": "sldvexp.check.field_pattern",
+            "kreis": "sldvexp.check.kreis",
             "left_out": "sldvexp.check.left_out",
             "love": "sldvexp.check.love",
+            "needed_components": "sldvexp.check.needed_components",
             "phase_image": "sldvexp.check.phase_image",
             "pose_equivalence": "sldvexp.check.pose_equivalence",
             "pose_methods": "sldvexp.check.pose_methods",

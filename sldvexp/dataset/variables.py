@@ -266,11 +266,32 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "up_down": _V("kind", "1", "cross-ratio of the up-down mirror's planes"),
         "left_right": _V("kind", "1", "cross-ratio of the left-right mirror's planes"),
     },
+    "examined/equivalent_methods": {
+        "difference": _V("component [frequency]", "m/s", "the other method's velocity minus this"),
+        "inside": _V("component [frequency]", "1", "1 where the other is within the intervals"),
+        "f_statistic": _V("component [frequency]", "1", "F of the difference against none"),
+        "f_critical": _V("component [frequency]", "1", "critical value of F"),
+        "f_p_value": _V("component [frequency]", "1", "probability of such an F without one"),
+        "reject": _V("component [frequency]", "1", "1 where the two differ significantly"),
+    },
     "examined/field_pattern": {
         "std_ratio": _V("field component", "1", "r.m.s. standard error over the out-of-plane one"),
         "residual_ratio": _V("field component", "1", "residual std over the out-of-plane one"),
         "view_ratio": _V("field view", "1", "residual std of a view over the median view's"),
         "cond_ratio": _V("field", "1", "condition number of the chosen field over this one's"),
+    },
+    "examined/kreis": {
+        "rcond": _V("method", "1", "reciprocal condition number in the 1-norm"),
+        "hadamard": _V("method", "1", "Hadamard condition number"),
+        "judged": _V("method", "1", "1 where there are as many rows as unknowns"),
+        "meets_by_rcond": _V("method", "1", "1 where the reciprocal number is above the limit"),
+        "meets_by_hadamard": _V("method", "1", "1 where the Hadamard number is above the limit"),
+    },
+    "examined/needed_components": {
+        "f_statistic": _V("[frequency]", "1", "F of the components against none"),
+        "f_critical": _V("[frequency]", "1", "critical value of F"),
+        "f_p_value": _V("[frequency]", "1", "probability of such an F without them"),
+        "reject": _V("[frequency]", "1", "1 where the components are significant"),
     },
     "examined/phase_image": {
         "phase": _V("view stage frequency", "rad", "mean phase, but for half a turn"),
