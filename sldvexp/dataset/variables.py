@@ -100,6 +100,16 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "dac": _V("view point mirror", "1", "DAC step of that angle", DAC),
         "used": _V("view point", "1", "1 where the view has the point"),
     },
+    "conic": {
+        "coefficient": _V(
+            "view circle term", "1", "coefficients A to F of the circle's image, A + B = 1"
+        ),
+        "bitangent": _V(
+            "view bitangent_point mirror", "1", f"bitangent point of two images, {DAC}", DAC
+        ),
+        "registered": _V("bitangent_point", "1", "number in the registration; 0 if not used"),
+        "touched": _V("bitangent_point", "", "circle, pair and line of the point"),
+    },
     "edge": {
         "dac": _V("edge mirror", "1", f"edge of a circle on a scan line, {DAC}", DAC),
         "dac_std": _V("edge", "1", f"its standard error along the scan line, {DAC}", DAC),
