@@ -122,7 +122,7 @@ class Experiment:
     check : dict of str to check
         What is examined after the estimates, ``{plugin: pose_repeats, repeats: 1000}``.
     export : dict of str to export
-        Files of the velocities for other programs, ``{plugin: vtu}``; the name is that of the file.
+        Files of the results for other programs, ``{plugin: vtu}``; the name is that of the file.
     expect : dict of str to Expectation
         What the run must reproduce.
     report : plugin
@@ -239,6 +239,8 @@ class Experiment:
         {
             "csv": "sldvexp.export.csv",
             "mat": "sldvexp.export.mat",
+            "reg": "sldvexp.export.reg",
+            "scanlist": "sldvexp.export.scanlist",
             "uff": "sldvexp.export.uff",
             "ugrid": "sldvexp.export.ugrid",
             "vtu": "sldvexp.export.vtu",
