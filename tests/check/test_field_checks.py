@@ -366,7 +366,8 @@ def seen_bending(given, offset):
 @pytest.mark.parametrize("given", [-0.004, 0.004])
 def test_the_real_surface_is_found_on_both_sides_of_the_given_one(given, offset):
     found = SurfaceDepth().examine(seen_bending(given, offset))
-    # 0.03 mm is what pixels 17 mm apart leave, a quarter with twice as many; views disagree by the fourth power of depth.
+    # Pixels 17 mm apart leave 0.03 mm, a quarter of it with twice as many. Views disagree by the
+    # fourth power of the depth, which says less.
     assert found["depth"].item() == pytest.approx(-given, abs=0.00005)
     assert found["agreement_depth"].item() == pytest.approx(-given, abs=0.003)
     assert found.attrs["notes"] == ""
