@@ -42,7 +42,7 @@ class FieldPattern(Check):
         """
         if "field" not in run.groups:
             raise UserError("check=field_pattern needs a field: choose a volume, a reconstruction")
-        fields = {"field": run.groups["field"]} | run.below("compare")
+        fields = {"field": run.groups["field"]} | run.below("compare", "residual_std_by_view")
         components = list(map(str, run.groups["field"]["component"].values))
         views = list(map(str, run.groups["field"]["view"].values))
         each = fields.values()

@@ -1,7 +1,9 @@
-"""`check=printed`: numbers of Section 5.2 by the conventions that explain the print.
+"""`check=printed`: numbers of Chapter 5 by the conventions that explain the print.
 
 None is used for a result: LINPACK's estimate of the reciprocal condition number, sample deviations
-of complex residuals, an F that counts a complex intercept once, and half-widths without a root.
+of complex residuals, an F that counts a complex intercept once, and half-widths without a root. The
+F of a field, ``(drop of SSE / q) / (SSE / (n - p))`` with n samples, p unknowns and q intercepts,
+counts every sample as a measurement of its own, although samples interpolate far fewer pixels.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ class Printed(Check):
     Parameters
     ----------
     partial, full : str
-        Groups of the model without and with the intercept, for Eq 5.17.
+        Groups of the model without and with the intercept, for Eq 5.17. Those of a field, as
+        ``field`` and ``compare/full``, have Table 5.7's F.
     decimals : int
         Eq 5.17 is computed from numbers as tabulated, with so many decimals.
     """
@@ -41,9 +44,12 @@ class Printed(Check):
     def examine(self, run: Examination) -> xr.Dataset:
         """Find one entry of each for every reconstruction of the run."""
         methods = [name for name in run.groups if name.split("/")[0] in ("point", "compare")]
+        every = [*methods, "field"] if "field" in run.groups else methods
         for name in (self.partial, self.full):
-            if name and name not in methods:
-                raise UserError(f"check.printed: there is no {name}; {nearest(name, methods)}")
+            if name and name not in every:
+                raise UserError(f"check.printed: there is no {name}; {nearest(name, every)}")
+        if self.full and self.partial in run.groups and "samples" in run.groups[self.partial].attrs:
+            return _of_fields(run.groups[self.partial], run.groups[self.full])
         rows = {name: _conventions(run.groups[name]) for name in methods}
         columns = {
             key: np.array([row[key] for row in rows.values()]) for key in next(iter(rows.values()))
@@ -55,6 +61,19 @@ class Printed(Check):
             more["f_statistic"] = printed_f(*(round(x, self.decimals) for x in tabulated))
             more["f_critical"] = float(scipy.special.fdtri(1, full.sizes["row"] - 1, 0.95))
         return dataset.group("examined/printed", {"method": methods}, **columns, **more)
+
+
+def _of_fields(partial: xr.Dataset, full: xr.Dataset) -> xr.Dataset:
+    """Test the intercepts of all nodes as Section 5.4 does, each sample taken for a measurement."""
+    added = full.attrs["dof"] - partial.attrs["dof"]
+    freedom = full.attrs["samples"] - full.attrs["dof"]
+    sse_partial, sse_full = (g["sse"].sum("equation") for g in (partial, full))
+    return dataset.group(
+        "examined/printed",
+        {"frequency": full["frequency"].values},
+        f_statistic=((sse_partial - sse_full) / added / (sse_full / freedom)).values,
+        f_critical=float(scipy.special.fdtri(added, freedom, 0.95)),
+    )
 
 
 def _conventions(point: xr.Dataset) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""`sldvexp export <run> <formats>`: velocities of runs that exist already, for other programs."""
+"""`sldvexp export <run> <formats>`: results of runs that exist already, for other programs."""
 
 from __future__ import annotations
 
@@ -15,14 +15,10 @@ from sldvexp.config.refusals import refusal
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.export import Export
-from sldvexp.export.velocities import GROUPS
-
-#: What the files are called, but for their suffix.
-NAME = "velocity"
 
 
 def run(words: list[str], config_dir: str | None) -> int:
-    """Write a run's velocities beside it, in every format named.
+    """Write a run's results beside it, in every format named.
 
     Raises
     ------
@@ -44,10 +40,15 @@ def run(words: list[str], config_dir: str | None) -> int:
         raise UserError(f"command line: {unused[0]} must begin with a format that is exported")
     with dataset.load(path) as tree:
         nodes = {node.path.strip("/"): node for node in tree.subtree}
-        groups = {n: nodes[n].to_dataset(inherit=False).load() for n in GROUPS if n in nodes}
+        asked = tuple(group for export in exports for group in export.groups)
+        groups = {
+            name: node.to_dataset(inherit=False).load()
+            for name, node in nodes.items()
+            if name in asked or name.startswith(tuple(g for g in asked if g.endswith("/")))
+        }
         found = RunData(groups, dict(tree.attrs), path.parent)
     for export in exports:
-        print(export.export(found, path.parent, NAME))
+        print(export.export(found, path.parent, export.called))
     return 0
 
 

@@ -122,7 +122,7 @@ class Experiment:
     check : dict of str to check
         What is examined after the estimates, ``{plugin: pose_repeats, repeats: 1000}``.
     export : dict of str to export
-        Files of the velocities for other programs, ``{plugin: vtu}``; the name is that of the file.
+        Files of the results for other programs, ``{plugin: vtu}``; the name is that of the file.
     expect : dict of str to Expectation
         What the run must reproduce.
     report : plugin
@@ -217,9 +217,12 @@ class Experiment:
         {
             "bitangents": "sldvexp.check.bitangents",
             "cross_ratio": "sldvexp.check.cross_ratio",
+            "equivalent_methods": "sldvexp.check.equivalent_methods",
             "field_pattern": "sldvexp.check.field_pattern",
+            "kreis": "sldvexp.check.kreis",
             "left_out": "sldvexp.check.left_out",
             "love": "sldvexp.check.love",
+            "needed_components": "sldvexp.check.needed_components",
             "phase_image": "sldvexp.check.phase_image",
             "pose_equivalence": "sldvexp.check.pose_equivalence",
             "pose_methods": "sldvexp.check.pose_methods",
@@ -236,6 +239,8 @@ class Experiment:
         {
             "csv": "sldvexp.export.csv",
             "mat": "sldvexp.export.mat",
+            "reg": "sldvexp.export.reg",
+            "scanlist": "sldvexp.export.scanlist",
             "uff": "sldvexp.export.uff",
             "ugrid": "sldvexp.export.ugrid",
             "vtu": "sldvexp.export.vtu",

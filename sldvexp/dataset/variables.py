@@ -100,6 +100,16 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "dac": _V("view point mirror", "1", "DAC step of that angle", DAC),
         "used": _V("view point", "1", "1 where the view has the point"),
     },
+    "conic": {
+        "coefficient": _V(
+            "view circle term", "1", "coefficients A to F of the circle's image, A + B = 1"
+        ),
+        "bitangent": _V(
+            "view bitangent_point mirror", "1", f"bitangent point of two images, {DAC}", DAC
+        ),
+        "registered": _V("bitangent_point", "1", "number in the registration; 0 if not used"),
+        "touched": _V("bitangent_point", "", "circle, pair and line of the point"),
+    },
     "edge": {
         "dac": _V("edge mirror", "1", f"edge of a circle on a scan line, {DAC}", DAC),
         "dac_std": _V("edge", "1", f"its standard error along the scan line, {DAC}", DAC),
@@ -266,11 +276,32 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "up_down": _V("kind", "1", "cross-ratio of the up-down mirror's planes"),
         "left_right": _V("kind", "1", "cross-ratio of the left-right mirror's planes"),
     },
+    "examined/equivalent_methods": {
+        "difference": _V("component [frequency]", "m/s", "the other method's velocity minus this"),
+        "inside": _V("component [frequency]", "1", "1 where the other is within the intervals"),
+        "f_statistic": _V("component [frequency]", "1", "F of the difference against none"),
+        "f_critical": _V("component [frequency]", "1", "critical value of F"),
+        "f_p_value": _V("component [frequency]", "1", "probability of such an F without one"),
+        "reject": _V("component [frequency]", "1", "1 where the two differ significantly"),
+    },
     "examined/field_pattern": {
         "std_ratio": _V("field component", "1", "r.m.s. standard error over the out-of-plane one"),
         "residual_ratio": _V("field component", "1", "residual std over the out-of-plane one"),
         "view_ratio": _V("field view", "1", "residual std of a view over the median view's"),
         "cond_ratio": _V("field", "1", "condition number of the chosen field over this one's"),
+    },
+    "examined/kreis": {
+        "rcond": _V("method", "1", "reciprocal condition number in the 1-norm"),
+        "hadamard": _V("method", "1", "Hadamard condition number"),
+        "judged": _V("method", "1", "1 where there are as many rows as unknowns"),
+        "meets_by_rcond": _V("method", "1", "1 where the reciprocal number is above the limit"),
+        "meets_by_hadamard": _V("method", "1", "1 where the Hadamard number is above the limit"),
+    },
+    "examined/needed_components": {
+        "f_statistic": _V("[frequency]", "1", "F of the components against none"),
+        "f_critical": _V("[frequency]", "1", "critical value of F"),
+        "f_p_value": _V("[frequency]", "1", "probability of such an F without them"),
+        "reject": _V("[frequency]", "1", "1 where the components are significant"),
     },
     "examined/phase_image": {
         "phase": _V("view stage frequency", "rad", "mean phase, but for half a turn"),
@@ -357,8 +388,8 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "linpack_rcond": _V("method", "1", "reciprocal condition number as LINPACK estimates it"),
         "std": _V("method", "m/s", "sample standard deviation of the residuals"),
         "half_width": _V("method component", "m/s", "1.96 s v_ii, as printed"),
-        "f_statistic": _V("", "1", "F of the intercept by the printed convention"),
-        "f_critical": _V("", "1", "critical F with 1 and n - 1 degrees of freedom"),
+        "f_statistic": _V("[frequency]", "1", "F of the intercept by the printed convention"),
+        "f_critical": _V("", "1", "critical F by that convention's degrees of freedom"),
     },
     "verdict": {
         "kind": _V("finding", "", "kind of mistake"),

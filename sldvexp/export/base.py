@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import ClassVar
 
 from sldvexp.dataset.run_data import RunData
-from sldvexp.errors import UserError
+from sldvexp.errors import UserError, nearest
+from sldvexp.export.velocities import GROUPS
 
 
 class Export(ABC):
-    """Base of the formats, each of which writes a run's velocities for other programs."""
+    """Base of the formats, each of which writes results of a run, mostly its velocities.
 
-    #: How the file's name ends.
+    Attributes
+    ----------
+    suffix : str
+        How the file's name ends.
+    called : str
+        Name of the file where nobody gives another.
+    groups : tuple of str
+        Groups of the run that it looks at; with a slash at the end, all below.
+    """
+
     suffix: ClassVar[str]
+    called: ClassVar[str] = "velocity"
+    groups: ClassVar[tuple[str, ...]] = GROUPS
 
     @abstractmethod
     def write(self, run: RunData, path: Path) -> None:
@@ -33,7 +45,7 @@ class Export(ABC):
         """
 
     def export(self, run: RunData, folder: Path, name: str) -> Path:
-        """Write a run's velocities into a folder.
+        """Write a run's results into a folder.
 
         Parameters
         ----------
@@ -50,7 +62,7 @@ class Export(ABC):
         Raises
         ------
         UserError
-            If the name is none of a file, the run has no velocities, `write` refuses them, or the
+            If the name is none of a file, `write` refuses what the run has, or the
             file cannot be written.
         """
         if Path(name).name != name or name.startswith("."):
@@ -58,6 +70,37 @@ class Export(ABC):
         path = folder / f"{name}{self.suffix}"
         self.write(run, path)
         return path
+
+
+def one_view(format_name: str, chosen: str, views: Collection[str]) -> str:
+    """Choose the view of a format that holds one.
+
+    Parameters
+    ----------
+    chosen : str
+        As it was asked for; may be empty if there is one only.
+
+    Raises
+    ------
+    UserError
+        If there is no such view, or several and none is chosen.
+
+    Examples
+    --------
+    >>> one_view("reg", "", ["front"]), one_view("reg", "left", ["front", "left"])
+    ('front', 'left')
+    """
+    if chosen in views:
+        return chosen
+    if chosen:
+        raise UserError(
+            f"export={format_name}: there is no view {chosen}; {nearest(chosen, views)}"
+        )
+    if len(views) > 1:
+        raise UserError(
+            f"export={format_name} holds one view; say which with view, of {', '.join(views)}"
+        )
+    return next(iter(views))
 
 
 def export_all(exports: Mapping[str, Export], run: RunData, run_file: Path) -> list[Path]:

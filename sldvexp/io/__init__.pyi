@@ -2,6 +2,7 @@ from .mesh_files import read_mesh as read_mesh
 from .scan_files import read_centres as read_centres
 from .scan_files import read_list as read_list
 from .scan_files import read_rectangle as read_rectangle
+from .scan_files import write_list as write_list
 from .tables import TextTable as TextTable
 from .tables import read_points as read_points
 from .tables import read_table as read_table

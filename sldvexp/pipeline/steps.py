@@ -407,7 +407,7 @@ STEPS: tuple[Step, ...] = (
         POSE,
         lambda e: bool(e.pose or e.compare_pose),
         _pose,
-        makes=("pose", "registration", "compare_pose/", f"{VERDICT}/pose"),
+        makes=("pose", "registration", "conic", "compare_pose/", f"{VERDICT}/pose"),
         needs=("target", *SCANNED),
         reads=POSING,
     ),

@@ -56,6 +56,8 @@ class PoseResult:
         The group ``registration``: the points, and the angles they were solved from.
     findings : sequence of Finding
         Where the data disagrees with the method's model.
+    conic : xarray.Dataset, optional
+        The group ``conic``: what was fitted to the circles' images.
     """
 
     GROUP: ClassVar[str] = "pose"
@@ -63,6 +65,7 @@ class PoseResult:
     pose: xr.Dataset
     registration: xr.Dataset | None = None
     findings: Sequence[Finding] = ()
+    conic: xr.Dataset | None = None
 
     @property
     def views(self) -> list[str]:
@@ -86,7 +89,8 @@ class PoseResult:
 
     def groups(self) -> dict[str, xr.Dataset]:
         """Name the groups that the method adds to the run."""
-        own = {} if self.registration is None else {"registration": self.registration}
+        kept = {"registration": self.registration, "conic": self.conic}
+        own = {name: group for name, group in kept.items() if group is not None}
         told = {FINDINGS: findings_to_dataset(self.findings)} if self.findings else {}
         return {**own, "pose": self.pose, **told}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from sldvexp.config.registry import register
@@ -16,6 +16,7 @@ from sldvexp.pose.circle_images import (
     bitangent_errors,
     registration_table,
 )
+from sldvexp.pose.conics import conics_to_dataset
 from sldvexp.pose.correlated_errors import with_errors
 from sldvexp.pose.from_points import CovarianceModel, require_laser
 from sldvexp.pose.from_scans import FromScans, circles_of
@@ -48,7 +49,8 @@ class Bitangent(FromScans):
         tables = [registration_table(i, circles) for i in images]
         found = self.solve(tables, laser, None, model=self._errors_of(images, circles, laser))
         found.pose.attrs["notes"] = "\n".join([*self.notes(images), *found.notes])
-        return found
+        kept = conics_to_dataset(images, circles, laser, self.pinhole)
+        return replace(found, conic=kept)
 
     def _errors_of(
         self, images: Sequence[CircleImages], circles: Circles, laser: TwoMirror

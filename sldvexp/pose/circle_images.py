@@ -10,12 +10,12 @@ pose's bounds too small by a factor of two; see `sldvexp.pose.correlated_errors`
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.geometry import BitangentPoints
+from sldvexp.geometry import BitangentPoints, Ellipse
 from sldvexp.image import ScanLineEdges, fit_circle, pinhole_edges
 from sldvexp.image.matching import Match, bitangent_images, match_circles
 from sldvexp.image.pinhole import dac_bitangents, dac_edges
@@ -46,6 +46,8 @@ class CircleImages:
         Image points of the selected pairs, DAC steps.
     misfit : float
         Root mean square of the conics' residuals over their standard errors.
+    ellipses : dict of int to Ellipse
+        The conics by the circle's number, in the coordinates in which they were fitted.
     """
 
     view: str
@@ -53,6 +55,7 @@ class CircleImages:
     bitangents: BitangentPoints
     match: Match
     misfit: float
+    ellipses: dict[int, Ellipse] = field(default_factory=dict)
 
 
 def match_images(
@@ -91,6 +94,7 @@ def match_images(
         found,
         match,
         float(np.sqrt(square / freedom)),
+        {n: ellipses[k] for n, k in match.ellipse.items()},
     )
 
 

@@ -122,7 +122,7 @@ class Circles(Target):
             plane.check(checks, f"planes.{name}")
         for number, circle in self.circles.items():
             self._check_circle(checks, number, circle)
-        for one, other in self._same_plane():
+        for one, other in self.all_pairs():
             self._check_apart(checks, one, other)
         self._check_pairs(checks)
         checks.done()
@@ -147,7 +147,7 @@ class Circles(Target):
         Numbered from 1 (Section 4.5.2); pairs by circle number, lines in the order of
         `sldvexp.geometry.circles.LINES`, on each line first the point on the first circle.
         """
-        return _numbered(*self._bitangents(self._same_plane()))
+        return _numbered(*self._bitangents(self.all_pairs()))
 
     def selected_pairs(self) -> list[tuple[int, int]]:
         """List the pairs whose points are used, in the order of the points' numbers."""
@@ -165,7 +165,8 @@ class Circles(Target):
             members.setdefault(self.circles[number].plane, []).append(number)
         return members
 
-    def _same_plane(self) -> list[tuple[int, int]]:
+    def all_pairs(self) -> list[tuple[int, int]]:
+        """List every pair on a common plane, in the order of `all_bitangents`."""
         planes = self._by_plane().values()
         return [pair for members in planes for pair in itertools.combinations(members, 2)]
 

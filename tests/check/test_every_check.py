@@ -33,6 +33,7 @@ SETTINGS = {
         "up_down_points": LINE,
         "left_right_points": [[y, x, z] for x, y, z in LINE],
     },
+    "equivalent_methods": {"other": "compare/three"},
     "pose_equivalence": {"views": OTHER},
     "pose_methods": {"methods": {"bitangent": "pose"}},
     "pose_repeats": {"repeats": 10},
@@ -50,11 +51,14 @@ def run(tmp_path_factory) -> dataset.RunData:
     """A small session, and a point besides."""
     folder = tmp_path_factory.mktemp("runs")
     call = "from sldvexp.cli.main import main; main()"
-    for name, words in (("session", SMALL), ("point", ["experiment=point", "report=none"])):
+    point = ["experiment=point", "report=none", "compare={three: {plugin: combined}}"]
+    for name, words in (("session", SMALL), ("point", point)):
         command = [sys.executable, "-c", call, *words, f"hydra.run.dir={folder}/{name}"]
         subprocess.run(command, cwd=folder, capture_output=True, check=False)
     session = dataset.RunData.from_source(open_run(folder / "session"))
-    session.groups["point"] = open_run(folder / "point")["point"].to_dataset()
+    points = open_run(folder / "point")
+    for one in ("point", "line_of_sight", "compare/three"):
+        session.groups[one] = points[one].to_dataset()
     return session
 
 

@@ -23,7 +23,9 @@ from sldvexp.export.uff import GeometryDataSets, ShapeNames, UffExport
 from sldvexp.export.velocities import mesh_of, velocity_in_world
 from sldvexp.export.vtu import Vtu
 
-FORMATS = sorted(registry.BUILT_IN["export"])
+#: What other programs need of a session, and not its velocities: tests/export/test_scan_files.py.
+OF_THE_SESSION = {"reg", "scanlist"}
+FORMATS = sorted(set(registry.BUILT_IN["export"]) - OF_THE_SESSION)
 RUNS = ["world", "local", "points"]
 #: Formats of fields only.
 FIELDS_ONLY = {"ugrid", "vtu"}
@@ -327,7 +329,7 @@ def test_command_exports_a_run_that_exists(sldvexp, points):
     ("words", "answer"),
     [
         ([], "export takes a run.nc, or the folder of one, and formats"),
-        (["{run}"], "formats: csv, mat, uff, ugrid, vtu"),
+        (["{run}"], "formats: csv, mat, reg, scanlist, uff, ugrid, vtu"),
         (["{run}", "vtk"], "there is no export=vtk; did you mean vtu? Valid: csv, mat, "),
         (["nowhere", "csv"], "nowhere: there is no such file"),
         (["{run}", "csv", "vtu.phases=3"], "vtu.phases=3 must begin with a format that is"),

@@ -112,7 +112,7 @@ def test_the_group_keeps_its_promises(world, name, tmp_path):
     assert pose.attrs["confidence_level"] == 0.95
     assert all(isinstance(note, str) and note for note in found.notes)
     assert list(found.groups())[-1] == "pose"
-    assert set(found.groups()) <= {"pose", "registration"}
+    assert set(found.groups()) <= {"pose", "registration", "conic"}
 
 
 @pytest.mark.parametrize("name", METHODS)
