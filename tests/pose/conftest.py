@@ -103,7 +103,7 @@ class EdgeLab:
     def points(self, rng) -> list[EdgePoints]:
         """Of all views, as the solver takes them."""
         return [
-            edge_points(CircleImages(n, found, None, None, 0.0), self.laser, self.target)
+            edge_points(CircleImages(n, found, None, None, None), self.laser, self.target)
             for n, found in self.edges(rng).items()
         ]
 
