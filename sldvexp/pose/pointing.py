@@ -86,6 +86,15 @@ class EllipseResiduals:
         residual = root * self.distance
         return weight, residual - base @ (base.T @ residual), base
 
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom."""
+        return self.design.shape[0] - self.design.shape[1]
+
+    def square(self, variance: float) -> float:
+        """Sum the squared residuals over their variances."""
+        return float(np.sum(self.whitened(variance)[1] ** 2))
+
     def with_harmonics(self) -> EllipseResiduals:
         """Let the edges bend in ways that no ellipse does."""
         bent = [f(k * self.turn) for k in HARMONICS for f in (np.cos, np.sin)]
@@ -108,8 +117,8 @@ class Pointing:
         Probability of larger residuals if the stated errors were all.
     differ : float
         Probability of circles that differ as much if all had the same noise.
-    bent : float
-        Probability of edges as far from ellipses, in a way that has a shape, if all were noise.
+    bent : ndarray, shape (circle,)
+        Probability, for each circle, of edges that bend as far from the ellipse if all were noise.
     """
 
     std: Array
@@ -118,7 +127,7 @@ class Pointing:
     freedom: float
     stated: float
     differ: float
-    bent: float
+    bent: Array
 
     @property
     def whole(self) -> float:
@@ -241,28 +250,29 @@ def _levene(residuals: Sequence[EllipseResiduals], std: Array) -> float:
 
 def _describe(residuals: Sequence[EllipseResiduals], std: Array, differ: float) -> Pointing:
     """Test the ellipses without pointing noise, and with it."""
-    freedom = float(sum(r.design.shape[0] - r.design.shape[1] for r in residuals))
-    before, after = _square(residuals, 0 * std), _square(residuals, std)
-    bent = [r.with_harmonics() for r in residuals]
-    freer, added = float(sum(b.design.shape[0] - b.design.shape[1] for b in bent)), len(bent)
-    added *= 2 * len(HARMONICS)
-    left = _square(bent, std)
+    freedom = float(sum(r.freedom for r in residuals))
+    before = sum(r.square(0.0) for r in residuals)
     return Pointing(
         std=std,
         dof=_noise_dof(residuals, std),
-        chi_square=after,
+        chi_square=sum(r.square(s**2) for r, s in zip(residuals, std, strict=True)),
         freedom=freedom,
         stated=float(scipy.special.chdtrc(freedom, before)) if freedom else 1.0,
         differ=differ,
-        bent=float(scipy.special.fdtrc(added, freer, (after - left) / added / max(left / freer, 1)))
-        if freer > 0
-        else 1.0,
+        bent=np.array([_bent(r) for r in residuals]),
     )
 
 
-def _square(residuals: Sequence[EllipseResiduals], std: Array) -> float:
-    each = zip(residuals, std, strict=True)
-    return float(sum(np.sum(r.whitened(s**2)[1] ** 2) for r, s in each))
+def _bent(ellipse: EllipseResiduals) -> float:
+    """Test harmonics of the turn that no ellipse has, with the noise that they leave."""
+    bent = ellipse.with_harmonics()
+    added = bent.design.shape[1] - ellipse.design.shape[1]
+    if bent.freedom <= 0:
+        return 1.0
+    variance = pointing_variance([bent])
+    left = bent.square(variance)
+    statistic = (ellipse.square(variance) - left) / added / max(left / bent.freedom, 1.0)
+    return float(scipy.special.fdtrc(added, bent.freedom, statistic))
 
 
 def _noise_dof(residuals: Sequence[EllipseResiduals], std: Array) -> float:
@@ -371,13 +381,13 @@ def pointing_findings(view: str, found: Pointing, ellipse: Mapping[int, int]) ->
                 p_value=found.differ,
                 size=float(found.std[place]),
             )
-    if found.bent < UNLIKELY:
-        yield Finding(
-            "edges",
-            where,
-            f"{where}: the edges lie beside their ellipses in a way that is no noise, and the "
-            "bounds may be too small; circles that hide one another, or that move unevenly, look "
-            "like this",
-            Severity.doubtful,
-            p_value=found.bent,
-        )
+        if found.bent[place] < UNLIKELY / len(ellipse):
+            yield Finding(
+                "edges",
+                f"circle {number}",
+                f"{where}: the edges of circle {number} lie beside its ellipse in a way that is no "
+                "noise, and the bounds may be too small; circles that hide one another, or that "
+                "move unevenly, look like this",
+                Severity.doubtful,
+                p_value=float(found.bent[place]),
+            )
