@@ -34,9 +34,9 @@ from sldvexp.typing import Array
 
 #: Probability below which residuals are not what errors explain.
 UNLIKELY = 1e-4
-#: Probability, for all circles of a view together, that alike ones are found to differ.
-FALSE_ALARM = 0.01
-#: Times as noisy as the median of the view's circles is much.
+#: Probability that circles which are alike are found to differ: 1 % in a session of five views.
+FALSE_ALARM = 0.002
+#: Edges so many times as noisy as those of the view's median circle are named.
 MUCH = 2.0
 #: Rounds in which noise and rejected outliers settle, and how closely, relative to an edge's error.
 ROUNDS, SETTLED = 20, 1e-3
@@ -95,6 +95,10 @@ class EllipseResiduals:
         """Sum the squared residuals over their variances."""
         return float(np.sum(self.whitened(variance)[1] ** 2))
 
+    def typical(self, variance: float) -> float:
+        """Average standard deviations as weights do, DAC steps."""
+        return float(np.mean(1.0 / (self.std**2 + variance)) ** -0.5)
+
     def with_harmonics(self) -> EllipseResiduals:
         """Let the edges bend in ways that no ellipse does."""
         bent = [f(k * self.turn) for k in HARMONICS for f in (np.cos, np.sin)]
@@ -109,6 +113,8 @@ class Pointing:
     ----------
     std : ndarray, shape (circle,), DAC steps
         In the order of the edges that it was found in; alike unless the circles differ.
+    noise : ndarray, shape (circle,), DAC steps
+        Standard error of a typical edge along its scan line, stated and of pointing.
     dof : float
         Degrees of freedom behind the edges' variance, after Satterthwaite.
     chi_square, freedom : float
@@ -122,6 +128,7 @@ class Pointing:
     """
 
     std: Array
+    noise: Array
     dof: float
     chi_square: float
     freedom: float
@@ -254,6 +261,7 @@ def _describe(residuals: Sequence[EllipseResiduals], std: Array, differ: float) 
     before = sum(r.square(0.0) for r in residuals)
     return Pointing(
         std=std,
+        noise=np.array([r.typical(s**2) for r, s in zip(residuals, std, strict=True)]),
         dof=_noise_dof(residuals, std),
         chi_square=sum(r.square(s**2) for r, s in zip(residuals, std, strict=True)),
         freedom=freedom,
@@ -368,18 +376,18 @@ def pointing_findings(view: str, found: Pointing, ellipse: Mapping[int, int]) ->
             p_value=found.stated,
             size=whole,
         )
-    middle = float(np.median(found.std))
+    middle = float(np.median(found.noise))
     for number, place in ellipse.items():
-        if found.std[place] > MUCH * middle:
+        if found.differ < FALSE_ALARM and found.noise[place] > MUCH * middle:
             yield Finding(
                 "noisy_circle",
                 f"circle {number}",
-                f"{where}: the edges of circle {number} scatter by {found.std[place]:.2g} DAC "
-                f"steps, those of the others by {middle:.2g}, as where the beam is not well "
+                f"{where}: the edges of circle {number} scatter by {found.noise[place]:.2g} "
+                f"DAC steps, those of the others by {middle:.2g}, as where the beam is not well "
                 "focused; they are weighed accordingly",
                 Severity.note,
                 p_value=found.differ,
-                size=float(found.std[place]),
+                size=float(found.noise[place]),
             )
         if found.bent[place] < UNLIKELY / len(ellipse):
             yield Finding(
