@@ -144,9 +144,7 @@ def _pose(run: Run) -> None:
             found = method.estimate(e.laser, e.target, scanned or run.tree)
         except UserError as error:
             raise UserError(f"compare_pose.{name}: {error}") from None
-        # The verdict is about the chosen method's result; what others found is told beside theirs.
-        told = "\n".join([*found.notes, *(f.text for f in found.findings)])
-        run.tree[f"compare_pose/{name}"] = found.pose.assign_attrs(notes=told)
+        run.tree[f"compare_pose/{name}"] = found.pose
 
 
 def _images(run: Run) -> None:

@@ -58,7 +58,7 @@ class Bitangent(FromScans):
         found = self.solve(tables, laser, None, model=model)
         pose = with_pointing(found.pose, images)
         pose.attrs["notes"] = "\n".join([*self.notes(images), *found.notes])
-        return replace(found, pose=pose, findings=findings)
+        return replace(found, pose=pose, findings=[*findings, *found.findings])
 
     def _errors_of(
         self,

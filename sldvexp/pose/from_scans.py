@@ -81,8 +81,10 @@ class FromScans(FromPoints):
 
 def with_pointing(pose: xr.Dataset, images: Sequence[CircleImages]) -> xr.Dataset:
     """Add the mirrors' pointing noise in every view to the group ``pose``."""
-    whole = [i.pointing.whole for i in images]
-    return pose.merge(dataset.group("pose", {"view": pose["view"].values}, pointing_std=whole))
+    whole = {i.view: i.pointing.whole for i in images}
+    views = pose["view"].values
+    noise = dataset.group("pose", {"view": views}, pointing_std=[whole[str(v)] for v in views])
+    return pose.merge(noise)
 
 
 def edge_views(tree: Mapping[str, xr.Dataset], method: str) -> dict[str, xr.Dataset]:
