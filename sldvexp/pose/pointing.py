@@ -154,7 +154,8 @@ def find_pointing(
 
     Ellipses are fitted in pinhole coordinates. One noise is taken for all circles, unless the
     scatter of residuals differs between them (Levene's test, which minds heavy tails less than the
-    likelihood ratio does), as where the beam is not well focused on some (Figure 4.27).
+    likelihood ratio does), as where the beam is not well focused on some (Figure 4.27). Circles
+    that do not differ from each other go on sharing theirs: few edges tell one's own badly.
 
     Parameters
     ----------
@@ -166,17 +167,27 @@ def find_pointing(
     UserError
         If the edges of a circle make no ellipse.
     """
-    alike, fits, residuals = _settle(edges, laser, together=True)
-    differ = _levene(residuals, alike)
+    groups = [list(range(len(edges)))]
+    std, fits, residuals = _settle(edges, laser, groups)
+    differ = _levene(residuals, pointing_variance(residuals))
     if differ < FALSE_ALARM:
-        alike, fits, residuals = _settle(edges, laser, together=False)
-    return _describe(residuals, alike, differ), fits
+        groups = _split(groups[0], residuals)
+        std, fits, residuals = _settle(edges, laser, groups)
+    return _describe(residuals, std, groups, differ), fits
 
 
 def _settle(
-    edges: Sequence[ScanLineEdges], laser: TwoMirror, together: bool
+    edges: Sequence[ScanLineEdges], laser: TwoMirror, groups: Sequence[Sequence[int]]
 ) -> tuple[Array, list[CircleFit], list[EllipseResiduals]]:
-    """Fit ellipses and find noise until both, and the outliers, agree; the noise by circle."""
+    """Fit ellipses and find noise until both, and the outliers, agree.
+
+    Returns
+    -------
+    std : ndarray, shape (circle,), DAC steps
+        Noise of each, common to the circles of a group.
+    fits, residuals
+        Of each circle.
+    """
     # Outliers are first told with equal weights: noise that is not known yet makes outliers of
     # edges that state small errors.
     typical = float(np.median(np.concatenate([e.std for e in edges])))
@@ -186,7 +197,9 @@ def _settle(
         fits = [fit_circle(pinhole_edges(laser, e)) for e in tried]
         each = zip(edges, tried, fits, strict=True)
         residuals = [_beside_ellipse(stated, e, *fit) for stated, e, fit in each]
-        before, std = std, np.sqrt(_variances(residuals, together))
+        before, std = std, np.empty(len(edges))
+        for group in groups:
+            std[group] = np.sqrt(pointing_variance([residuals[k] for k in group]))
         if np.all(np.abs(std - before) <= SETTLED * np.hypot(std, typical)):
             break
         tried = widen_edges(edges, std)
@@ -210,11 +223,16 @@ def _beside_ellipse(
     return EllipseResiduals(*(getattr(found, n)[fit.used] for n in found.__dataclass_fields__))
 
 
-def _variances(residuals: Sequence[EllipseResiduals], together: bool) -> Array:
-    """Estimate the variance of pointing, squared DAC steps, of all circles or of each."""
-    if together:
-        return np.full(len(residuals), pointing_variance(residuals))
-    return np.array([pointing_variance([r]) for r in residuals])
+def _split(group: list[int], residuals: Sequence[EllipseResiduals]) -> list[list[int]]:
+    """Part circles, where their noise differs most, until those that share one are alike."""
+    own = [residuals[k] for k in group]
+    if len(group) == 1 or _levene(own, pointing_variance(own)) >= FALSE_ALARM:
+        return [group]
+    noise = np.array([r.typical(pointing_variance([r])) for r in own])
+    order = np.argsort(noise)
+    cut = int(np.argmax(np.diff(np.log(noise[order])))) + 1
+    quiet, noisy = ([group[k] for k in part] for part in (order[:cut], order[cut:]))
+    return [*_split(quiet, residuals), *_split(noisy, residuals)]
 
 
 def pointing_variance(residuals: Sequence[EllipseResiduals]) -> float:
@@ -241,11 +259,11 @@ def pointing_variance(residuals: Sequence[EllipseResiduals]) -> float:
     return float(scipy.optimize.brentq(excess, 0.0, most))
 
 
-def _levene(residuals: Sequence[EllipseResiduals], std: Array) -> float:
+def _levene(residuals: Sequence[EllipseResiduals], variance: float) -> float:
     """Give the probability of sizes of residuals that differ as much between the circles."""
     sizes = []
-    for r, s in zip(residuals, std, strict=True):
-        _, residual, base = r.whitened(s**2)
+    for r in residuals:
+        _, residual, base = r.whitened(variance)
         free = 1.0 - (base**2).sum(axis=1)
         sizes.append(np.abs(residual) / np.sqrt(np.maximum(free, np.finfo(float).eps)))
     count = np.array([len(s) for s in sizes])
@@ -255,14 +273,19 @@ def _levene(residuals: Sequence[EllipseResiduals], std: Array) -> float:
     return float(scipy.special.fdtrc(p, q, between / p / (inside / q))) if p and inside else 1.0
 
 
-def _describe(residuals: Sequence[EllipseResiduals], std: Array, differ: float) -> Pointing:
+def _describe(
+    residuals: Sequence[EllipseResiduals],
+    std: Array,
+    groups: Sequence[Sequence[int]],
+    differ: float,
+) -> Pointing:
     """Test the ellipses without pointing noise, and with it."""
     freedom = float(sum(r.freedom for r in residuals))
     before = sum(r.square(0.0) for r in residuals)
     return Pointing(
         std=std,
         noise=np.array([r.typical(s**2) for r, s in zip(residuals, std, strict=True)]),
-        dof=_noise_dof(residuals, std),
+        dof=_noise_dof(residuals, std, groups),
         chi_square=sum(r.square(s**2) for r, s in zip(residuals, std, strict=True)),
         freedom=freedom,
         stated=float(scipy.special.chdtrc(freedom, before)) if freedom else 1.0,
@@ -283,21 +306,23 @@ def _bent(ellipse: EllipseResiduals) -> float:
     return float(scipy.special.fdtrc(added, bent.freedom, statistic))
 
 
-def _noise_dof(residuals: Sequence[EllipseResiduals], std: Array) -> float:
-    """Count degrees of freedom behind the variance of a typical edge, after Satterthwaite.
+def _noise_dof(
+    residuals: Sequence[EllipseResiduals], std: Array, groups: Sequence[Sequence[int]]
+) -> float:
+    """Count degrees of freedom behind the edges' variances, after Satterthwaite.
 
-    The variance component errs by ``2 / tr(P P)``; components of circles are independent.
+    A variance component errs by ``2 / tr(P P)``. A group of circles that has the part f of all
+    weights moves the logarithm of the pose's covariance by about f of its own.
     """
-    alike = np.ptp(std) == 0.0
-    parts = [residuals] if alike else [[r] for r in residuals]
-    size, square = 0.0, 0.0
-    for part, s in zip(parts, std, strict=False):
-        solved = [r.whitened(s**2) for r in part]
-        information = sum(_trace_of_square(weight, base) for weight, _, base in solved)
-        typical = 1.0 / float(np.mean(np.concatenate([weight for weight, _, _ in solved])))
-        size += typical
-        square += 1.0 / information if information > 0 else np.inf
-    return size**2 / square
+    total, squares = 0.0, 0.0
+    for group in groups:
+        solved = [residuals[k].whitened(std[k] ** 2) for k in group]
+        weight = np.concatenate([w for w, _, _ in solved])
+        information = sum(_trace_of_square(w, base) for w, _, base in solved)
+        dof = information / float(np.mean(weight)) ** 2
+        total += float(np.sum(weight))
+        squares += float(np.sum(weight)) ** 2 / dof if dof > 0 else np.inf
+    return total**2 / squares
 
 
 def _trace_of_square(weight: Array, base: Array) -> float:
