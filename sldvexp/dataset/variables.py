@@ -152,6 +152,9 @@ VARIABLES: dict[str, dict[str, Variable]] = {
             "view", "1", f"root mean square of the residuals, {DAC}", DAC, "residual r.m.s."
         ),
         "s": _V("view", "1", f"standard deviation of a mirror reading, {DAC}", DAC, "s"),
+        "pointing_std": _V(
+            "view", "1", f"pointing noise of the mirrors, {DAC}", DAC, "pointing noise"
+        ),
         "s_deg": _V("view", "deg", "standard deviation of a mirror reading"),
         "rim": _V("view", "m", "by how much edges are seen outside of their circles"),
         "sse": _V("view", "deg2", "sum of the squared residuals"),

@@ -27,6 +27,9 @@ NARROWEST = 0.3
 REJECT = 5.0
 #: Stands for zero where a division needs a number.
 TINY = 1e-30
+#: Least damping, relative to the curvature: a row that has settled goes on while others have not,
+#: and what its pixels do not determine must not become singular.
+LEAST_DAMPING = 1e-12
 #: Median of the absolute value of a standard normal variable.
 NORMAL_MEDIAN = 0.6745
 
@@ -179,7 +182,7 @@ def _least_squares(
         trial_cost = np.sum((weight * (magnitude - trial_model)) ** 2, axis=1)
         better = trial_cost <= cost
         settled |= np.abs(cost - trial_cost) <= SETTLED * (cost + 1.0)
-        damping = np.where(better, damping / 10.0, damping * 10.0)
+        damping = np.where(better, np.maximum(damping / 10.0, LEAST_DAMPING), damping * 10.0)
         numbers = np.where(better[:, None], trial, numbers)
         model = np.where(better[:, None], trial_model, model)
         jacobian = np.where(better[:, None, None], trial_jacobian, jacobian)

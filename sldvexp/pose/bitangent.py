@@ -6,12 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import numpy as np
+
 from sldvexp.config.registry import register
+from sldvexp.dataset import Finding
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import JointCovariance, PoseResult
 from sldvexp.pose.circle_images import (
-    UNLIKELY,
     CircleImages,
     bitangent_errors,
     registration_table,
@@ -19,7 +21,8 @@ from sldvexp.pose.circle_images import (
 from sldvexp.pose.conics import conics_to_dataset
 from sldvexp.pose.correlated_errors import with_errors
 from sldvexp.pose.from_points import CovarianceModel, require_laser
-from sldvexp.pose.from_scans import FromScans, circles_of
+from sldvexp.pose.from_scans import FromScans, circles_of, with_pointing
+from sldvexp.pose.pointing import misfit_finding
 from sldvexp.pose.solution import PoseSolution
 from sldvexp.targets import Circles, Target
 
@@ -28,6 +31,10 @@ from sldvexp.targets import Circles, Target
 @dataclass
 class Bitangent(FromScans):
     """Conics through the edges, their bitangent points, and the pose from these (4.4.4.2).
+
+    Conics are weighed by the edges' stated errors and the mirrors' pointing noise; see
+    `sldvexp.pose.pointing` for how it is found and for what is not included (drift, hysteresis, a
+    common zero error).
 
     Parameters
     ----------
@@ -47,30 +54,33 @@ class Bitangent(FromScans):
         circles, laser = circles_of(target, self.name), require_laser(laser)
         images = self.images(circles, laser, tree, self.pinhole)
         tables = [registration_table(i, circles) for i in images]
-        found = self.solve(tables, laser, None, model=self._errors_of(images, circles, laser))
-        found.pose.attrs["notes"] = "\n".join([*self.notes(images), *found.notes])
+        findings = self.findings(images)
+        model = self._errors_of(images, circles, laser, findings)
+        found = self.solve(tables, laser, None, model=model)
+        pose = with_pointing(found.pose, images)
+        pose.attrs["notes"] = "\n".join([*self.notes(images), *found.notes])
         kept = conics_to_dataset(images, circles, laser, self.pinhole)
-        return replace(found, conic=kept)
+        told = [*findings, *found.findings]
+        return replace(found, pose=pose, findings=told, conic=kept)
 
     def _errors_of(
-        self, images: Sequence[CircleImages], circles: Circles, laser: TwoMirror
+        self,
+        images: Sequence[CircleImages],
+        circles: Circles,
+        laser: TwoMirror,
+        findings: list[Finding],
     ) -> CovarianceModel:
-        """Make the model of errors that come from ellipses and circles."""
+        """Make the model of errors that come from ellipses and circles, which adds its findings."""
 
         def covariance_model(
             solutions: Sequence[PoseSolution],
         ) -> tuple[list[PoseSolution], JointCovariance, list[str]]:
-            errors = [bitangent_errors(i.view, i.bitangents, circles) for i in images]
+            errors = [bitangent_errors(i, circles) for i in images]
             known, joint, probability = with_errors(
                 solutions, errors, laser, self.adjust, self.shared
             )
-            unlikely = [e.view for e, p in zip(errors, probability, strict=True) if p < UNLIKELY]
-            notes = [
-                f"view {view}: the residuals are larger than the edges' noise and the circles' "
-                "accuracy explain, so that the bounds are too small; a mirror offset or "
-                "calibration that is not the true one, or pinhole: false, looks like this"
-                for view in unlikely
-            ]
-            return known, joint, notes
+            for e, s, p in zip(errors, known, probability, strict=True):
+                findings.extend(misfit_finding(e.view, float(s.residual_rms), np.nan, p))
+            return known, joint, []
 
         return covariance_model

@@ -16,22 +16,19 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.geometry import BitangentPoints, Ellipse
-from sldvexp.image import ScanLineEdges, fit_circle, pinhole_edges
+from sldvexp.image import ScanLineEdges, fit_circle
 from sldvexp.image.matching import Match, bitangent_images, match_circles
 from sldvexp.image.pinhole import dac_bitangents, dac_edges
 from sldvexp.io.registration import RegistrationTable
 from sldvexp.laser import TwoMirror
 from sldvexp.pose.correlated_errors import Errors, with_errors
+from sldvexp.pose.pointing import CircleFit, Pointing, find_pointing, widen_edges
 from sldvexp.pose.solution import PoseSolution
 from sldvexp.targets import Circles, std_of_bound
-from sldvexp.typing import Array, BoolArray
+from sldvexp.typing import Array
 
-#: Probability of residuals below which they are noted.
-UNLIKELY = 1e-4
 #: Change of a circle's number for its derivative, as a part of the circle's diameter.
 SMALL = 1e-5
-#: Residual of the conics, in standard errors of the edges, that is noted.
-MISFIT = 3.0
 
 
 @dataclass(frozen=True)
@@ -41,11 +38,12 @@ class CircleImages:
     Parameters
     ----------
     edges : dict of int to ScanLineEdges
-        By the circle's number, in DAC steps, freed from the spot's size; outliers left out.
+        By the circle's number, in DAC steps, freed from the spot's size; outliers left out. Their
+        standard errors have pointing noise in them.
     bitangents : BitangentPoints
         Image points of the selected pairs, DAC steps.
-    misfit : float
-        Root mean square of the conics' residuals over their standard errors.
+    pointing : Pointing
+        Noise of the mirrors, in the order of the ellipses that `match` has.
     ellipses : dict of int to Ellipse
         The conics by the circle's number, in the coordinates in which they were fitted.
     """
@@ -54,12 +52,16 @@ class CircleImages:
     edges: dict[int, ScanLineEdges]
     bitangents: BitangentPoints
     match: Match
-    misfit: float
+    pointing: Pointing
     ellipses: dict[int, Ellipse] = field(default_factory=dict)
 
 
 def match_images(
-    view: str, edges: list[ScanLineEdges], target: Circles, laser: TwoMirror, pinhole: bool
+    view: str,
+    edges: list[ScanLineEdges],
+    target: Circles,
+    laser: TwoMirror,
+    pointing: Pointing | None = None,
 ) -> CircleImages:
     """Fit a conic to each circle's image and find out which circle it is.
 
@@ -67,17 +69,21 @@ def match_images(
     ----------
     edges : list of ScanLineEdges
         Of the circles in any order, DAC steps.
-    pinhole : bool
-        Fit in coordinates where the image of a circle is an ellipse, instead of in DAC steps.
+    pointing : Pointing, optional
+        Noise of the mirrors, if it is known already. Conics are then fitted in DAC steps, else in
+        coordinates where the image of a circle is an ellipse.
 
     Raises
     ------
     UserError
         If a circle makes no ellipse or the ellipses fit the object in no way or in two.
     """
-    image = [pinhole_edges(laser, e) for e in edges] if pinhole else edges
+    pinhole = pointing is None
     try:
-        fits = [fit_circle(e) for e in image]
+        if pointing is None:
+            pointing, fits = find_pointing(edges, laser)
+        else:
+            fits = [fit_circle(e) for e in widen_edges(edges, pointing.std)]
         ellipses = [fit.ellipse for fit, _ in fits]
         match = match_circles(target, ellipses)
         found = bitangent_images(ellipses, match, target.selected_pairs())
@@ -85,15 +91,13 @@ def match_images(
         raise UserError(f"view {view}: {error}") from None
     if pinhole:
         found = dac_bitangents(laser, found)
-    square = sum(fit.chi_square for fit, _ in fits)
-    freedom = sum(fit.dof for fit, _ in fits)
-    freed = {n: _used(fits[k][1], fits[k][0].used) for n, k in match.ellipse.items()}
+    freed = {n: _used(fits[k]) for n, k in match.ellipse.items()}
     return CircleImages(
         view,
         {n: dac_edges(laser, e) for n, e in freed.items()} if pinhole else freed,
         found,
         match,
-        float(np.sqrt(square / freedom)),
+        pointing,
         {n: ellipses[k] for n, k in match.ellipse.items()},
     )
 
@@ -108,41 +112,26 @@ def registration_table(images: CircleImages, target: Circles) -> RegistrationTab
     )
 
 
-def image_notes(images: CircleImages) -> list[str]:
-    """Say what to mind about a view's images."""
-    notes = []
-    if images.misfit > MISFIT:
-        notes.append(
-            f"view {images.view}: the edges lie {images.misfit:.1f} standard errors beside their "
-            "ellipses; circles that hide one another, or that move unevenly, look like this"
-        )
-    return notes
-
-
-def _used(edges: ScanLineEdges, used: BoolArray) -> ScanLineEdges:
+def _used(fitted: CircleFit) -> ScanLineEdges:
     """Keep the edges that are no outliers."""
+    fit, edges = fitted
     parts = ("position", "std", "direction", "width", "line", "rising", "phase")
-    return replace(edges, **{p: getattr(edges, p)[used] for p in parts})
+    return replace(edges, **{p: getattr(edges, p)[fit.used] for p in parts})
 
 
-def bitangent_errors(view: str, bitangents: BitangentPoints, target: Circles) -> Errors:
-    """Say where one view's selected points err: by its ellipses and by the circles.
-
-    Parameters
-    ----------
-    bitangents : BitangentPoints
-        Of the selected pairs, DAC steps.
-    """
+def bitangent_errors(images: CircleImages, target: Circles) -> Errors:
+    """Say where one view's selected points err: by its ellipses and by the circles."""
     return Errors(
-        view=view,
+        view=images.view,
         points=target.points().position,
-        of_image=_of_images(bitangents),
+        of_image=_of_images(images.bitangents),
         of_object=std_of_bound(target.accuracy) * _by_circles(target),
+        noise_dof=images.pointing.dof,
     )
 
 
 def with_shared_errors(
-    solution: PoseSolution, bitangents: BitangentPoints, target: Circles, laser: TwoMirror
+    solution: PoseSolution, images: CircleImages, target: Circles, laser: TwoMirror
 ) -> tuple[PoseSolution, float]:
     """Give one view's pose the covariance that follows from ellipses and circles.
 
@@ -150,8 +139,6 @@ def with_shared_errors(
     ----------
     solution : PoseSolution
         From the target's selected points; adjusted intrinsics are taken as free.
-    bitangents : BitangentPoints
-        Of the selected pairs, DAC steps.
 
     Returns
     -------
@@ -160,7 +147,7 @@ def with_shared_errors(
     probability : float
         Of residuals this large, if ellipses and circles are the only sources of error.
     """
-    errors = bitangent_errors("", bitangents, target)
+    errors = bitangent_errors(images, target)
     adjust = dict.fromkeys(solution.parameters[6:], np.inf)
     known, _, probability = with_errors([solution], [errors], laser, adjust, {})
     return known[0], probability[0]

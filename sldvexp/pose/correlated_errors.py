@@ -43,6 +43,8 @@ class Errors:
         independent of each other and the same in every view.
     std : ndarray, shape (N,), DAC steps, optional
         Standard deviations that the pose was solved with.
+    noise_dof : float
+        Degrees of freedom behind `of_image`; infinite if it is known.
     """
 
     view: str
@@ -50,6 +52,7 @@ class Errors:
     of_image: Array
     of_object: Array
     std: Array | None = None
+    noise_dof: float = np.inf
 
 
 def with_errors(
@@ -96,8 +99,8 @@ def with_errors(
     of_residual = left @ of_angles @ left.T + jacobian @ of_prior @ jacobian.T
     joint = replace(joint, matrix=covariance)
     known = [
-        replace(solution, covariance=own, noise_known=True)
-        for solution, own in zip(solutions, joint.of_views(), strict=True)
+        replace(solution, covariance=own, noise_known=True, noise_dof=e.noise_dof)
+        for solution, own, e in zip(solutions, joint.of_views(), errors, strict=True)
     ]
     return known, joint, _probabilities(solutions, of_residual)
 

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from sldvexp.config.registry import register
+from sldvexp.dataset import Finding
 from sldvexp.errors import UserError
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import PoseResult
-from sldvexp.pose.circle_images import MISFIT, CircleImages, registration_table
+from sldvexp.pose.circle_images import CircleImages, registration_table
 from sldvexp.pose.edge_solver import EdgePoints, EdgePoses, solve_edges
 from sldvexp.pose.from_points import require_laser
-from sldvexp.pose.from_scans import FromScans, circles_of
+from sldvexp.pose.from_scans import FromScans, circles_of, with_pointing
 from sldvexp.pose.intrinsics import adjusted_notes
+from sldvexp.pose.pointing import lack_of_fit, misfit_finding
 from sldvexp.pose.single_view import solve_points
 from sldvexp.targets import Circles, Target, std_of_bound
 from sldvexp.typing import Array
@@ -30,7 +32,9 @@ class Edge(FromScans):
     """Every edge point's beam must meet its circle's rim; the poses that do so best.
 
     The two-mirror model is exact here, while the image of a circle is a conic only nearly. All
-    views are adjusted together, since they share the circles and their machining errors.
+    views are adjusted together, since they share the circles and their machining errors. Edges are
+    weighed by their stated errors and the mirrors' pointing noise; see `sldvexp.pose.pointing` for
+    how it is found and for what is not included (drift, hysteresis, a common zero error).
     """
 
     name: ClassVar[str] = "edge"
@@ -51,13 +55,14 @@ class Edge(FromScans):
             circle_std=circles.unit.value * std_of_bound(circles.accuracy),
             max_iterations=self.max_iterations,
         )
-        pose = found.to_dataset(self.confidence)
+        pose = found.to_dataset(self.confidence, [i.pointing.dof for i in images])
+        pose = with_pointing(pose, images)
         pose.attrs["mirror_offset"], pose.attrs["step"] = laser.mirror_offset, laser.step
         pose.attrs["shared"] = json.dumps(self.shared)
-        notes = [*self.notes(images), *_misfit_notes(found)]
-        notes += adjusted_notes(self.adjust, self.shared, pose)
+        notes = [*self.notes(images), *adjusted_notes(self.adjust, self.shared, pose)]
         pose.attrs["notes"] = "\n".join(notes)
-        return PoseResult(pose)
+        findings = [*self.findings(images), *_misfits(found, images)]
+        return PoseResult(pose, findings=findings)
 
 
 def edge_points(images: CircleImages, laser: TwoMirror, circles: Circles) -> EdgePoints:
@@ -89,12 +94,9 @@ def _start(images: CircleImages, laser: TwoMirror, circles: Circles) -> tuple[Ar
     return start.rotation, start.origin
 
 
-def _misfit_notes(found: EdgePoses) -> Iterator[str]:
-    """Find views whose edges lie farther from their circles than their standard errors explain."""
-    for view, pose in zip(found.joint.views, found.poses, strict=True):
-        rms = float(np.sqrt(np.mean(pose.residual**2)))
-        if rms > MISFIT:
-            yield (
-                f"view {view}: the edges lie {rms:.1f} standard errors beside their circles; "
-                "a mirror offset or calibration that is not the true one looks like this"
-            )
+def _misfits(found: EdgePoses, images: Sequence[CircleImages]) -> Iterator[Finding]:
+    """Find views whose circles, as ellipses show them, are not those of the object."""
+    for image, pose in zip(images, found.poses, strict=True):
+        square = float(pose.residual @ pose.residual)
+        statistic, probability = lack_of_fit(image.pointing, square, pose.dof)
+        yield from misfit_finding(image.view, pose.residual_rms, statistic, probability)

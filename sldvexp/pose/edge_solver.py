@@ -6,7 +6,8 @@ Everything is in the laser frame: a circle of centre M, unit normal N and radius
 own error along its scan line makes of it.
 
 The views have the object in common: the errors of its circles are the same in each, and so are the
-intrinsics that are said to be shared. The noise of the edges is estimated for every view.
+intrinsics that are said to be shared. The errors of the edges are taken as normal, independent and
+as large as they are said to be, pointing noise included (`sldvexp.pose.pointing` finds that).
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ class EdgePoints:
     circle : ndarray of int, shape (n,)
         Index of the circle, from 0, the same in all views.
     std : ndarray, shape (n,), DAC steps
-        Standard error of each edge along its scan line.
+        Standard error of each edge along its scan line, with the mirrors' pointing noise.
     step : ndarray, shape (2,), rad
         Angle of one DAC step of each mirror.
     """
@@ -147,8 +148,8 @@ class EdgePose:
         Distance of each edge over its standard error.
     sse : float, squared DAC steps
         Sum of the squared residuals, each as a distance along its scan line.
-    s : float
-        Standard deviation of the residuals; the covariance is for errors larger by it.
+    dof : float
+        Degrees of freedom of the residuals.
     """
 
     rotation: Array
@@ -157,7 +158,6 @@ class EdgePose:
     rim: float
     residual: Array
     sse: float
-    s: float
     dof: float
 
     @property
@@ -191,11 +191,19 @@ class EdgePoses:
             for name, p, own in each
         )
 
-    def to_dataset(self, confidence: float = 0.95) -> xr.Dataset:
-        """Make the group ``pose`` of a run, with intervals of a level."""
+    def to_dataset(
+        self, confidence: float = 0.95, noise_dof: Sequence[float] | None = None
+    ) -> xr.Dataset:
+        """Make the group ``pose`` of a run, with intervals of a level.
+
+        Parameters
+        ----------
+        noise_dof : sequence of float, optional
+            Degrees of freedom behind each view's edges' errors; without it they are known.
+        """
         poses, joint = self.poses, self.joint
-        dof = np.array([p.dof for p in poses])
-        square = [p.sse for p in poses]
+        dof = np.full(len(poses), np.inf) if noise_dof is None else np.asarray(noise_dof)
+        variance = [p.sse / p.dof for p in poses]
         return pose_to_dataset(
             joint.views,
             np.array([p.rotation for p in poses]),
@@ -207,7 +215,7 @@ class EdgePoses:
             intrinsic=np.array([p.intrinsics[places(joint.adjusted)] for p in poses]),
             joint=joint,
             residual_rms=np.array([p.residual_rms for p in poses]),
-            s=np.sqrt(np.divide(square, dof)),
+            s=np.sqrt(variance),
             rim=np.array([p.rim for p in poses]),
         )
 
@@ -225,10 +233,9 @@ def solve_edges(
 ) -> EdgePoses:
     """Adjust the poses until every edge point lies on its circle as well as its error allows.
 
-    The noise of the edges is estimated, in each view for itself; that of the circles themselves (a
-    coordinate measuring machine's) enters as errors of each circle's centre and radius with a
-    prior, the same in all views. All edges of a view may be seen outside or inside of the circles
-    by one free amount, the rim.
+    The circles' own errors (a coordinate measuring machine's) enter as errors of each circle's
+    centre and radius with a prior, the same in all views. All edges of a view may be seen outside
+    or inside of the circles by one free amount, the rim.
 
     Parameters
     ----------
@@ -284,7 +291,10 @@ def solve_edges(
     errors = np.tile(circle_std * CIRCLE, circles if circle_std > 0 else 0)
     expected = np.append(nominal[common], np.zeros(len(errors)))
     prior_std = np.append(np.array(list(shared.values())), errors)
-    found = adjust_views(terms, Common(expected, expected, prior_std), False, False, max_iterations)
+    given = Common(expected, expected, prior_std)
+    found = adjust_views(
+        terms, given, noise_known=True, pooled=False, max_iterations=max_iterations
+    )
     _check(found, list(adjust), list(shared), names, max_iterations)
     return _poses(found, JointCovariance(names, [*adjust], [*shared], found.covariance))
 
@@ -331,11 +341,10 @@ def _poses(found: Adjusted[EdgeView], joint: JointCovariance) -> EdgePoses:
             s.rim,
             residual,
             float(np.sum((residual * view.points.std) ** 2)),
-            float(np.sqrt(variance)),
             float(dof),
         )
-        for s, view, residual, variance, dof in zip(
-            scenes, found.views, found.residual, found.variance, found.dof, strict=True
+        for s, view, residual, dof in zip(
+            scenes, found.views, found.residual, found.dof, strict=True
         )
     ]
     return EdgePoses(poses, replace(joint, matrix=found.covariance[np.ix_(wanted, wanted)]))

@@ -6,11 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from sldvexp import dataset
+from sldvexp.dataset import Finding
 from sldvexp.errors import UserError
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
-from sldvexp.pose.circle_images import CircleImages, image_notes, match_images
+from sldvexp.pose.circle_images import CircleImages, match_images
 from sldvexp.pose.from_points import FromPoints
+from sldvexp.pose.pointing import pointing_findings
 from sldvexp.pose.wiring import check_wiring, phase_notes
 from sldvexp.session.circles import edges_of
 from sldvexp.targets import Circles, Target
@@ -50,7 +53,7 @@ class FromScans(FromPoints):
         tree : mapping of str to xarray.Dataset
             With the groups ``edge/<view>``.
         pinhole : bool
-            See `sldvexp.pose.circle_images.match_images`.
+            Fit in coordinates where the image of a circle is an ellipse, instead of in DAC steps.
 
         Raises
         ------
@@ -63,13 +66,25 @@ class FromScans(FromPoints):
             edges, adjusted = edges_of(group), self.adjust | self.shared
             images = check_wiring(view, edges, circles, laser, adjusted, self.upright)
             if not pinhole:
-                images = match_images(view, edges, circles, laser, pinhole)
+                images = match_images(view, edges, circles, laser, images.pointing)
             found.append(images)
         return found
 
     def notes(self, images: Sequence[CircleImages]) -> list[str]:
         """Say what to mind about the images of all views."""
-        return [*(n for i in images for n in image_notes(i)), *phase_notes(images)]
+        return phase_notes(images)
+
+    def findings(self, images: Sequence[CircleImages]) -> list[Finding]:
+        """Say what the edges of all views tell about the mirrors and the circles."""
+        return [f for i in images for f in pointing_findings(i.view, i.pointing, i.match.ellipse)]
+
+
+def with_pointing(pose: xr.Dataset, images: Sequence[CircleImages]) -> xr.Dataset:
+    """Add the mirrors' pointing noise in every view to the group ``pose``."""
+    whole = {i.view: i.pointing.whole for i in images}
+    views = pose["view"].values
+    noise = dataset.group("pose", {"view": views}, pointing_std=[whole[str(v)] for v in views])
+    return pose.merge(noise)
 
 
 def edge_views(tree: Mapping[str, xr.Dataset], method: str) -> dict[str, xr.Dataset]:

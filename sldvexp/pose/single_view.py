@@ -98,6 +98,7 @@ def solve_points(
         intrinsics=dict(zip(INTRINSICS, np.moveaxis(fields.pop("intrinsics"), -1, 0), strict=True)),
         parameters=EXTRINSICS + tuple(INTRINSICS[k] for k in given.prior_std),
         noise_known=given.noise_known,
+        noise_dof=np.inf,
         **fields,
     )
 

@@ -50,6 +50,8 @@ class PoseSolution:
         True where there is a second, distinct local minimum: a plane object has one as a rule.
     other_rotation, other_origin, other_cost : ndarray, shapes (..., 3, 3), (..., 3) and (...)
         The second solution; NaN where `has_other` is false.
+    noise_dof : float
+        Degrees of freedom behind the given standard deviations, if `noise_known`.
     """
 
     GROUP: ClassVar[str] = "pose"
@@ -70,11 +72,12 @@ class PoseSolution:
     other_rotation: Array
     other_origin: Array
     other_cost: Array
+    noise_dof: float = np.inf
 
     @property
     def covariance_dof(self) -> Array:
-        """Degrees of freedom behind the covariance; infinite if the noise is known."""
-        return np.where(self.noise_known, np.inf, self.dof)
+        """Degrees of freedom behind the covariance."""
+        return np.where(self.noise_known, self.noise_dof, self.dof)
 
     @property
     def origin_std(self) -> Array:
@@ -102,7 +105,7 @@ class PoseSolution:
         """Each pose of a batch as a solution of its own."""
         if self.origin.ndim == 1:
             return [self]
-        whole = ("intrinsics", "parameters", "noise_known")
+        whole = ("intrinsics", "parameters", "noise_known", "noise_dof")
         names = [f.name for f in fields(self) if f.name not in whole]
         return [
             replace(

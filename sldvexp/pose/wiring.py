@@ -25,12 +25,12 @@ from sldvexp.geometry import BitangentPoints
 from sldvexp.image import ScanLineEdges
 from sldvexp.laser import MIRRORS, TwoMirror
 from sldvexp.pose.circle_images import (
-    UNLIKELY,
     CircleImages,
     match_images,
     registration_table,
     with_shared_errors,
 )
+from sldvexp.pose.pointing import UNLIKELY
 from sldvexp.pose.single_view import solve_points
 from sldvexp.targets import Circles
 
@@ -167,7 +167,7 @@ def _images(
 ) -> tuple[CircleImages | None, UserError | None]:
     """Match the images of the circles, or give the reason why there are none."""
     try:
-        return match_images(view, list(edges), target, laser, pinhole=True), None
+        return match_images(view, list(edges), target, laser), None
     except UserError as error:
         return None, error
 
@@ -200,7 +200,8 @@ def _hypothesis(
         return None
     points, covariance = images.bitangents
     turned = BitangentPoints(points * turns, covariance * turns[:, None, None, None, None] * turns)
-    _, probability = with_shared_errors(solution, turned, target, laser)
+    seen = replace(images, bitangents=turned)
+    _, probability = with_shared_errors(solution, seen, target, laser)
     return Hypothesis(
         wiring,
         residual=float(np.sqrt(np.mean(solution.residual**2))),

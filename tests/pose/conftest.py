@@ -67,6 +67,10 @@ class EdgeLab:
         Of the edges along their scan lines.
     nominal : float, m
         Mirror offset.
+    uneven : float
+        Largest over smallest standard error that edges state, about `std`.
+    pointing : float or sequence of float, DAC steps
+        Noise of the mirrors besides, of all circles or of each.
     """
 
     views: int = 1
@@ -74,6 +78,8 @@ class EdgeLab:
     mirrors: MirrorErrors = None
     std: float = 0.007
     nominal: float = 0.03
+    uneven: float = 1.0
+    pointing: float | Sequence[float] = 0.0
 
     def __post_init__(self):
         self.target = self.target or circles()
@@ -86,6 +92,10 @@ class EdgeLab:
         self.exact = CalibrationScene(views=self.scene.views, machine_error=False)
         self.machine(None)
         self.direction = {n: self._directions(n) for n in self.names}
+        shape = len(self.target.circles), LINES
+        share = np.random.default_rng(0).uniform(-0.5, 0.5, shape)
+        self.stated = self.std * self.uneven**share
+        self.true_std = np.hypot(self.stated, np.broadcast_to(self.pointing, shape[:1])[:, None])
 
     def machine(self, rng):
         """Make the object, with new machining errors if there is a generator."""
@@ -103,7 +113,7 @@ class EdgeLab:
     def points(self, rng) -> list[EdgePoints]:
         """Of all views, as the solver takes them."""
         return [
-            edge_points(CircleImages(n, found, None, None, 0.0), self.laser, self.target)
+            edge_points(CircleImages(n, found, None, None, None), self.laser, self.target)
             for n, found in self.edges(rng).items()
         ]
 
@@ -154,16 +164,18 @@ class EdgeLab:
         azimuth, direction = 2 * np.pi * np.arange(LINES) / LINES, self.direction[name]
         position = self._images(name, azimuth)
         if rng is not None:
-            position += self.std * rng.standard_normal(position.shape[:2])[..., None] * direction
+            position += (self.true_std * rng.standard_normal(self.stated.shape))[
+                ..., None
+            ] * direction
         numbers = self.lab.calibration_object.number
-        each = zip(numbers, position, direction, strict=True)
-        return {n: self._edges(f"circle {n}", p, d) for n, p, d in each}
+        each = zip(numbers, position, direction, self.stated, strict=True)
+        return {n: self._edges(f"circle {n}", p, d, s) for n, p, d, s in each}
 
-    def _edges(self, name, position, direction):
+    def _edges(self, name, position, direction, std):
         """Of one circle, seen by a spot without extent."""
         return ScanLineEdges(
             position=position,
-            std=np.full(LINES, self.std),
+            std=std.copy(),
             direction=direction,
             width=np.zeros(LINES),
             line=np.arange(LINES),

@@ -143,7 +143,7 @@ def test_a_second_plane_makes_bounds_smaller_and_the_offset_determinable(edge_la
 def test_machining_errors_widen_the_bounds(edge_lab, exact):
     wide = edge_lab()
     found, real = exact.solve(exact.points(None)), wide.solve(wide.points(None))
-    assert (bounds(real) > 100 * bounds(found)).all()
+    assert (bounds(real) > 2.5 * bounds(found)).all()
 
 
 def test_a_rim_is_found_and_does_not_move_the_pose(exact):

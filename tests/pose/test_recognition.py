@@ -183,7 +183,7 @@ def test_conjugated_phases_are_noted():
         edges = scanned(ONE, phase=0.5 if phase is None else phase, seed=seed)
         if phase is None:
             edges = [replace(e, phase=-e.phase) for e in edges]
-        images.append(match_images(name, edges, ONE, LASER, pinhole=True))
+        images.append(match_images(name, edges, ONE, LASER))
     (told,) = phase_notes(images)
     assert told.startswith("views a and c: the speakers' phases differ by 1.5 rad, but by 0.00")
     assert phase_notes(images[:2]) == []

@@ -21,7 +21,7 @@ from sldvexp.report.tables import MOST_FREQUENCIES, field_tables, pose_methods
 from sldvexp.report.terminal import estimates
 
 POSE = VARIABLES["pose"]
-RESIDUALS = ("s", "residual_rms", "dof")
+RESIDUALS = ("s", "residual_rms", "pointing_std", "dof")
 #: Velocities in the table of points, which scrolls; the dataset has all.
 MOST_VELOCITIES = 30
 

@@ -1,0 +1,174 @@
+"""Pointing noise of the mirrors: found in the edges, in the bounds, and told from other errors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sldvexp.dataset import Severity
+from sldvexp.pose import half_width
+from sldvexp.pose.bitangent import Bitangent
+from sldvexp.pose.edge import Edge
+from sldvexp.pose.pointing import EllipseResiduals, find_pointing, pointing_variance
+from sldvexp.session.circles import edges_to_dataset
+from sldvexp.virtual_lab.scene import MirrorError, MirrorErrors
+
+METHODS = [Edge(), Bitangent()]
+#: Stated errors differ as much in a scan with pointing noise, which profiles of edges half see.
+STATED = {"std": 0.05, "uneven": 70.0}
+#: Unlikeliest false alarm of a seeded draw that a test still takes.
+FALSE_ALARM = 1e-3
+
+
+def residuals(rng, std, extra, count=40):
+    """Edges of one circle with five free numbers, stated errors and others besides."""
+    design = rng.standard_normal((count, 5))
+    stated = np.broadcast_to(std, count)
+    noise = np.hypot(stated, extra) * rng.standard_normal(count)
+    return EllipseResiduals(noise, design, stated, np.linspace(0, 6, count))
+
+
+def estimate(lab, rng, method):
+    """Pose of a session with its own object and noise, and its errors (6,)."""
+    lab.machine(rng)
+    found = method.estimate(lab.laser, lab.target, lab.tree(rng))
+    pose = found.pose.isel(view=0)
+    solved = replace_pose(pose)
+    return found, pose, lab.error("a", solved)
+
+
+def replace_pose(pose):
+    class Solved:
+        rotation, origin = pose["rotation"].values, pose["origin"].values
+
+    return Solved
+
+
+def kinds(found):
+    return [(f.kind, f.subject) for f in found.findings]
+
+
+def test_equal_errors_give_the_variance_of_the_residuals_less_the_stated_one():
+    rng = np.random.default_rng(1)
+    one, two = (residuals(rng, 0.1, 0.3) for _ in range(2))
+    left = sum(
+        np.sum((r.distance - r.design @ np.linalg.lstsq(r.design, r.distance)[0]) ** 2)
+        for r in (one, two)
+    )
+    assert pointing_variance([one, two]) == pytest.approx(left / 70 - 0.1**2, rel=1e-9)
+
+
+def test_restricted_likelihood_is_largest_at_the_variance_found():
+    rng = np.random.default_rng(2)
+    each = [residuals(rng, 0.02 * 70 ** rng.random(40), 0.2) for _ in range(3)]
+
+    def likelihood(variance):
+        total = 0.0
+        for r in each:
+            weight, residual, _ = r.whitened(variance)
+            information = r.design.T @ (weight[:, None] * r.design)
+            total += np.log(weight).sum() - residual @ residual - np.linalg.slogdet(information)[1]
+        return total
+
+    found = pointing_variance(each)
+    for factor in (0.99, 1.01):
+        assert likelihood(factor * found) < likelihood(found)
+
+
+def test_errors_as_stated_leave_no_room_for_pointing_noise():
+    rng = np.random.default_rng(3)
+    half = [residuals(rng, 0.1, 0.0) for _ in range(4)]
+    assert pointing_variance([replace(r, distance=r.distance / 2) for r in half]) == 0.0
+
+
+@pytest.mark.parametrize("pointing", [0.2, 1.0])
+def test_pointing_noise_is_found_as_well_as_its_edges_tell(edge_lab, pointing):
+    lab = edge_lab(pointing=pointing, **STATED)
+    rng = np.random.default_rng(4)
+    drawn = [find_pointing(list(lab.edges(rng)["a"].values()), lab.laser)[0] for _ in range(8)]
+    std, dof = np.array([p.whole for p in drawn]), drawn[0].dof
+    assert 140 < dof < 250
+    limit = 4 * pointing / np.sqrt(2 * 156 * len(drawn)) * 1.2  # stated errors hide a part of it
+    assert abs(std.mean() - pointing) < limit
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
+def test_residuals_that_pointing_noise_explains_are_a_note(edge_lab, method):
+    found, pose, _ = estimate(edge_lab(pointing=0.4, **STATED), np.random.default_rng(5), method)
+    ((kind, subject),) = kinds(found)
+    (note,) = found.findings
+    assert (kind, subject, note.severity) == ("pointing", "view a", Severity.note)
+    assert note.size == pytest.approx(0.4, rel=0.2) == float(pose["pointing_std"])
+    assert f"{note.size:.2g} DAC steps" in note.text
+    assert pose["pointing_std"].attrs["units"] == "1"
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
+def test_clean_edges_are_passed_over_in_silence(edge_lab, method):
+    lab, rng = edge_lab(views=2, **STATED), np.random.default_rng(6)
+    for _ in range(4):
+        assert kinds(estimate(lab, rng, method)[0]) == []
+
+
+def test_a_circle_that_is_noisier_than_the_others_is_named_and_weighed_less(edge_lab):
+    lab = edge_lab(pointing=[0.2, 0.2, 0.2, 0.9], **STATED)
+    found, pose, _ = estimate(lab, np.random.default_rng(7), Edge())
+    assert kinds(found) == [("pointing", "view a"), ("noisy_circle", "circle 4")]
+    alike = edge_lab(pointing=0.9, **STATED)
+    _, wide, _ = estimate(alike, np.random.default_rng(7), Edge())
+    assert (pose["origin_std"] < 0.75 * wide["origin_std"]).all()
+
+
+def test_circles_with_the_same_noise_differ_no_oftener_than_said(edge_lab):
+    lab, rng = edge_lab(pointing=0.5, **STATED), np.random.default_rng(8)
+    each = [find_pointing(list(lab.edges(rng)["a"].values()), lab.laser)[0] for _ in range(20)]
+    differ = np.array([p.differ for p in each])
+    assert np.mean(differ < 0.5) == pytest.approx(0.5, abs=4 * np.sqrt(0.25 / len(each)))
+    assert differ.min() > FALSE_ALARM
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
+def test_a_wrong_gain_is_not_taken_for_pointing_noise(edge_lab, method):
+    wrong = MirrorErrors(up_down=MirrorError(gain=0.02))
+    lab = edge_lab(pointing=0.2, mirrors=wrong, **STATED)
+    found, pose, _ = estimate(lab, np.random.default_rng(9), method)
+    assert kinds(found) == [("pointing", "view a"), ("calibration", "view a")]
+    assert found.findings[1].severity is Severity.void
+    assert float(pose["pointing_std"]) == pytest.approx(0.2, rel=0.2)
+
+
+def test_edges_that_bend_as_no_ellipse_does_are_not_taken_for_noise(edge_lab):
+    lab = edge_lab(pointing=0.1, **STATED)
+    edges = lab.edges(np.random.default_rng(10))["a"]
+    turn = 2 * np.pi * np.arange(44) / 44
+    hidden = 0.5 * np.cos(3 * turn)[:, None] * edges[2].direction
+    edges[2] = replace(edges[2], position=edges[2].position + hidden)
+    tree = {"edge/a": edges_to_dataset(list(edges.values()))}
+    found = Edge().estimate(lab.laser, lab.target, tree)
+    assert ("edges", "circle 2") in kinds(found)
+    assert {f.severity for f in found.findings if f.kind == "edges"} == {Severity.doubtful}
+
+
+def spread_and_coverage(lab, method, sessions, seed):
+    rng = np.random.default_rng(seed)
+    errors, std, width = [], [], []
+    for _ in range(sessions):
+        _, pose, error = estimate(lab, rng, method)
+        errors.append(error)
+        std.append(np.sqrt(np.diag(pose["covariance"].values)))
+        width.append(half_width(std[-1], pose["dof"].values, 0.95))
+    errors = np.array(errors)
+    ratio = np.sqrt(np.mean(errors**2, axis=0) / np.mean(np.square(std), axis=0))
+    return ratio, np.mean(np.abs(errors) <= width, axis=0)
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
+def test_bounds_have_pointing_noise_in_them(edge_lab, method):
+    sessions = 16
+    lab = edge_lab(pointing=0.5, **STATED)
+    ratio, cover = spread_and_coverage(lab, method, sessions, seed=11)
+    np.testing.assert_allclose(ratio, 1.0, atol=4 / np.sqrt(2 * sessions))
+    assert (cover >= 0.95 - 4 * np.sqrt(0.95 * 0.05 / sessions)).all()
+    assert ratio.mean() == pytest.approx(1.0, abs=4 / np.sqrt(2 * sessions) / np.sqrt(3))
