@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -41,6 +41,8 @@ class Registration(FromPoints):
     inverted : list of MirrorName
         Mirrors whose recorded angles grow the other way than in Eqs 4.2 and 4.3.
     """
+
+    judges_points: ClassVar[bool] = True
 
     path: Any = None
     unit: str = ""
