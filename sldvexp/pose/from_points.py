@@ -18,7 +18,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sldvexp.dataset import Finding, Severity
+from sldvexp.dataset import WITHOUT_POSE, Finding, Severity
 from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.io.registration import RegistrationTable, to_dataset
 from sldvexp.laser import TwoMirror
@@ -32,9 +32,6 @@ from sldvexp.pose.solution import PoseSolution, solutions_to_dataset
 from sldvexp.pose.wrong_points import LARGE, PointJudgement, judge_points
 from sldvexp.targets import Target, TargetPoints
 from sldvexp.typing import Array, BoolArray, IntArray
-
-#: Attribute of the group ``pose``: names of views whose pose was not found, as JSON.
-WITHOUT_POSE = "without_pose"
 
 #: Gives solutions the covariance that they deserve where the points' errors are not independent:
 #: solutions, joint covariance of all views, notes.
