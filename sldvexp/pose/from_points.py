@@ -369,9 +369,10 @@ def _solve_view(
     except UserError as error:
         raise UserError(f"{where}: {error}") from None
     if not solution.converged:
+        told = [f"; {f.text}" for f in judged.findings if f.severity is Severity.void]
         raise UserError(
             f"{where}: no pose was found in {method.max_iterations} iterations; are the points "
-            "matched to their angles, and pose.max_iterations large enough?"
+            f"matched to their angles, and pose.max_iterations large enough?{''.join(told)}"
         )
     return ViewSolution(table, angle, judged.used, solution, judged.findings)
 

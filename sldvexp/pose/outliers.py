@@ -7,25 +7,27 @@ that leaves out one at a time. So the search goes forward, from points that agre
    ``c = 3.7 s max(20 x 0.75^k, 1)``, which shrinks from step k to step; d is the length of a
    point's residual and s its scale, ``median(d) / sqrt(2 ln 2)``, since d has Rayleigh's
    distribution;
-2. the max(n/2 + 1, 5, those within the last cutoff) best points are a core;
+2. the max(n/2 + 1, 5, those within the last cutoff) best points are a core; a point of great
+   leverage among few can keep itself within, so that the points without the one, and without the
+   two, whose loss lowers the cost most are cores, too;
 3. of the others the one that raises the cost least is put back while the probability of
-   ``F(2, dof) = (rise / 2) / (cost / dof)`` is above 1 %/n, the pose being solved anew each time.
+   ``F(2, dof) = (rise / 2) / (cost / dof)`` is above 1 %/n, the pose being solved anew each time;
+4. of the poses of all cores that of the least deviance ``dof ln s^2 + 2 m ln(n / 1 %)`` is taken, m
+   being the points that it does without.
 
 Errors of right points are taken as normal, independent and alike, or as large as is stated of them
 and more by one factor; more than half of the points must be right.
 
 Wrong points may have each other's numbers: the assignment of the pose's predictions to their angles
-that costs least tells which, if it makes them fit. Points that fit no better than half of them may
-all be right, but the object mirrored or in another unit of length: such an `Alternative` is
-believed if its deviance ``dof ln s^2 + 4 m ln(spread)`` is much smaller, m being the points that it
-leaves out, which may lie anywhere in the spread of the angles.
+that costs least tells which, if it makes them fit.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -45,12 +47,8 @@ MEDIAN = math.sqrt(2 * math.log(2))
 LEVEL = 0.01
 #: Least scale, DAC steps: far below any pointing, and above rounded decimals.
 LEAST = 1e-3
-#: Difference of deviances from which an alternative is believed: odds of a million.
-BELIEVED = 2 * math.log(1e6)
-#: Cost, in that of the given object, from which an alternative is not looked at closer.
-FAR_WORSE = 10.0
-#: Planar objects have no extent across, as a part of their extent along, and no mirror image.
-PLANAR = 1e-3
+#: Points up to which all pairs are tried; among more, two hardly hide each other.
+MOST_FOR_PAIRS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,14 +165,16 @@ def robust_pose(matched: MatchedPoints) -> RobustPose:
     Raises
     ------
     UserError
-        If some selection of points does not determine a pose.
+        If no selection of points determines a pose.
     """
-    n = len(matched)
-    order, good = _closest(matched)
-    used = np.zeros(n, bool)
-    used[order[: max(n // 2 + 1, matched.least, good)]] = True
+    cores = [_closest(matched), *_deletions(matched)]
+    return min((_extended(matched, core) for core in cores), key=lambda found: found.deviance)
+
+
+def _extended(matched: MatchedPoints, core: BoolArray) -> RobustPose:
+    """Put points back that agree with a core, one at a time."""
+    n, used, pose = len(matched), core.copy(), matched.solve(core)
     statistic, p_value = np.full((2, n), np.nan)
-    pose = matched.solve(used)
     while not used.all():
         others = np.flatnonzero(~used)
         with_one = np.hstack([np.tile(np.flatnonzero(used), (len(others), 1)), others[:, None]])
@@ -186,14 +186,29 @@ def robust_pose(matched: MatchedPoints) -> RobustPose:
         used[others[best]] = True
         pose = matched.solve(used)
     statistic[used] = p_value[used] = np.nan
-    scale = math.sqrt(_variance(pose))
-    spread = np.log(np.ptp(matched.angles / matched.step, axis=0)).sum() / 2
-    deviance = pose.dof * math.log(scale**2) + 4 * np.sum(~used) * spread
-    return RobustPose(pose, used, statistic, p_value, scale, float(deviance))
+    variance, left_out = _variance(pose), int(np.sum(~used))
+    deviance = pose.dof * math.log(variance) + 2 * left_out * math.log(n / LEVEL)
+    return RobustPose(pose, used, statistic, p_value, math.sqrt(variance), float(deviance))
 
 
-def _closest(matched: MatchedPoints) -> tuple[IndexArray, int]:
-    """Order the points by how well they agree, and count those within the cutoff."""
+def _deletions(matched: MatchedPoints) -> Iterator[BoolArray]:
+    """Give the cores without the point, and without the two points, whose loss helps most."""
+    n = len(matched)
+    for count in (1, 2):
+        if n - count < matched.least or (count > 1 and n > MOST_FOR_PAIRS):
+            return
+        kept = np.array(list(combinations(range(n), n - count)))
+        try:
+            cost = matched.solve(kept).cost
+        except UserError:  # what is left lies on a line, say
+            continue
+        core = np.zeros(n, bool)
+        core[kept[np.argmin(cost)]] = True
+        yield core
+
+
+def _closest(matched: MatchedPoints) -> BoolArray:
+    """Give the core of points that Tukey's weights leave."""
     n, std = len(matched), matched.relative_std
     least = LEAST if matched.std is None else 1.0
     unbiased = math.sqrt(2 * n / (2 * n - 6 - len(matched.adjust))) / MEDIAN
@@ -204,7 +219,9 @@ def _closest(matched: MatchedPoints) -> tuple[IndexArray, int]:
         root_weight = 1 - (d / cutoff) ** 2
         some = root_weight > 0
         d = matched.distance(matched.solve(some, s * std / np.where(some, root_weight, 1.0)))
-    return np.argsort(d), int(np.sum(d < cutoff))
+    core = np.zeros(n, bool)
+    core[np.argsort(d)[: max(n // 2 + 1, matched.least, int(np.sum(d < cutoff)))]] = True
+    return core
 
 
 def rise(pose: PoseSolution, cost: Array, numerator: int) -> tuple[Array, Array]:
@@ -270,51 +287,3 @@ def _cycles(permutation: IndexArray) -> Iterator[IndexArray]:
         left -= set(cycle)
         if len(cycle) > 1:
             yield np.array(cycle)
-
-
-@dataclass(frozen=True, eq=False)
-class Alternative:
-    """Another object than the one that is given, whose points would fit.
-
-    Parameters
-    ----------
-    scale : float
-        By which the object's points are to be multiplied; -1 for a mirrored object.
-    found : RobustPose
-    """
-
-    scale: float
-    found: RobustPose
-
-
-def better_alternative(
-    matched: MatchedPoints, given: RobustPose | None, scales: Iterable[float]
-) -> Alternative | None:
-    """Find the alternative that explains the angles much better than the object that is given.
-
-    Parameters
-    ----------
-    given : RobustPose or None
-        With the object as it is; None if there is no such pose.
-    scales : iterable of float
-        To try; -1 tries the mirror image, which a planar object does not have.
-    """
-    centred = matched.points - matched.points.mean(axis=0)
-    extent = np.linalg.svd(centred, compute_uv=False)
-    found = []
-    for scale in scales:
-        if scale < 0 and extent[2] < PLANAR * extent[0]:
-            continue
-        # A point reflection is a mirror image turned half round.
-        other = replace(matched, points=scale * matched.points)
-        try:
-            # Points that agree about the given object do not all miss a better one: saves time.
-            if given is None or other.solve(given.used).cost < FAR_WORSE * given.pose.cost:
-                found.append(Alternative(scale, robust_pose(other)))
-        except UserError:
-            continue
-    limit = np.inf if given is None else given.deviance - BELIEVED
-    best = min(
-        (a for a in found if a.found.pose.converged), key=lambda a: a.found.deviance, default=None
-    )
-    return best if best is not None and best.found.deviance < limit else None

@@ -1,16 +1,18 @@
 """Findings about the points of one view: wrong, exchanged, of a mirrored object or a wrong unit.
 
 A pose rests on the points that agree (`sldvexp.pose.outliers`); what does not agree is named here
-with the file and number that a person can look up. Units of length show where the object points
-contradict the calibration object, where the instrument would stand nearer or farther than one can,
-and, if the mirrors stand apart, in the angles themselves; otherwise a scaled object looks the same.
+with the file and number that a person can look up. All points may be right, but the object mirrored
+or in another unit of length: such an `Alternative` is believed if its deviance is much smaller than
+that of the object as it is given. Units also show where the object points contradict the
+calibration object, or the instrument would stand nearer or farther than one can; if the mirrors'
+axes meet, nothing else tells a scaled object, and nothing a mirrored one that is planar.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,16 +20,9 @@ import numpy as np
 from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import UserError
 from sldvexp.io.registration import RegistrationTable
-from sldvexp.pose.outliers import (
-    Alternative,
-    MatchedPoints,
-    RobustPose,
-    better_alternative,
-    exchanged,
-    robust_pose,
-)
+from sldvexp.pose.outliers import MatchedPoints, RobustPose, exchanged, robust_pose
 from sldvexp.targets import Target, TargetPoints
-from sldvexp.typing import BoolArray
+from sldvexp.typing import Array, BoolArray
 from sldvexp.units import LengthUnit
 
 #: Scale of residuals, DAC steps, beyond the largest mean of Table 4.3 and two of its std.
@@ -38,6 +33,14 @@ POSSIBLE = (0.1, 100.0)
 SURE, SURE_SHARE = 8, 4
 #: Relative deviation of an object's size from another's that is no matter of tolerances.
 SCALED, ALIKE = 0.1, 0.01
+
+
+#: Difference of deviances from which an alternative is believed: odds of a million.
+BELIEVED = 2 * math.log(1e6)
+#: Cost, in that of the given object, from which an alternative is not looked at closer.
+FAR_WORSE = 10.0
+#: Planar objects have no extent across, as a part of their extent along, and no mirror image.
+PLANAR = 1e-3
 
 
 @dataclass(frozen=True)
@@ -90,26 +93,81 @@ def judge_points(
     return PointJudgement(found.used, findings)
 
 
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """Another object than the one that is given, whose points would fit.
+
+    Parameters
+    ----------
+    scale : float
+        By which the object's points are to be multiplied; -1 for a mirrored object.
+    found : RobustPose
+    """
+
+    scale: float
+    found: RobustPose
+
+
+def _better_alternative(
+    matched: MatchedPoints, given: RobustPose | None, scales: Iterable[float]
+) -> Alternative | None:
+    """Find the alternative that explains the angles much better than the object that is given.
+
+    Parameters
+    ----------
+    given : RobustPose or None
+        With the object as it is; None if there is no such pose.
+    scales : iterable of float
+        To try; -1 tries the mirror image, which a planar object does not have.
+    """
+    centred = matched.points - matched.points.mean(axis=0)
+    extent = np.linalg.svd(centred, compute_uv=False)
+    found = []
+    for scale in scales:
+        if scale < 0 and extent[2] < PLANAR * extent[0]:
+            continue
+        # A point reflection is a mirror image turned half round.
+        other = replace(matched, points=scale * matched.points)
+        try:
+            # Points that agree about the given object do not all miss a better one: saves time.
+            if given is None or other.solve(given.used).cost < FAR_WORSE * given.pose.cost:
+                found.append(Alternative(scale, robust_pose(other)))
+        except UserError:
+            continue
+    limit = np.inf if given is None else given.deviance - BELIEVED
+    best = min(
+        (a for a in found if a.found.pose.converged), key=lambda a: a.found.deviance, default=None
+    )
+    return best if best is not None and best.found.deviance < limit else None
+
+
 def _alternative(
     table: RegistrationTable, matched: MatchedPoints, found: RobustPose | None
 ) -> Alternative | None:
     """Look for a mirrored object and, if something is amiss, for one in another unit."""
-    scales = [-1.0]
+    mirrored = _better_alternative(matched, found, [-1.0])
+    if mirrored is not None or matched.mirror_offset == 0:
+        return mirrored
     amiss = (
         found is None
         or not found.pose.converged
         or found.scale > LARGE
         or 4 * np.sum(~found.used) > len(matched)
-        or not POSSIBLE[0] < _distance(matched, found) < POSSIBLE[1]
+        or not _possible(matched.points, found)
     )
-    if amiss and matched.mirror_offset != 0:
-        scales += [unit.value / table.unit.value for unit in LengthUnit if unit != table.unit]
-    return better_alternative(matched, found, scales)
+    scales = [u.value / table.unit.value for u in LengthUnit if u != table.unit] if amiss else []
+    other = _better_alternative(matched, found, scales)
+    return other if other and _possible(matched.points * other.scale, other.found) else None
 
 
-def _distance(matched: MatchedPoints, found: RobustPose) -> float:
+def _distance(points: Array, found: RobustPose) -> float:
     """Give the distance of the instrument from the middle of the object, m."""
-    return float(np.linalg.norm(found.pose.origin - matched.points.mean(axis=0)))
+    return float(np.linalg.norm(found.pose.origin - points.mean(axis=0)))
+
+
+def _possible(points: Array, found: RobustPose) -> bool:
+    """Tell whether an instrument can stand there."""
+    return POSSIBLE[0] < _distance(points, found) < POSSIBLE[1]
 
 
 def _of_alternative(
@@ -150,8 +208,8 @@ def _impossible(
     table: RegistrationTable, matched: MatchedPoints, found: RobustPose
 ) -> Iterator[Finding]:
     """Find an instrument at a distance where none can stand, or behind a planar object."""
-    view, distance = f"view {table.name}", _distance(matched, found)
-    if not POSSIBLE[0] < distance < POSSIBLE[1]:
+    view, distance = f"view {table.name}", _distance(matched.points, found)
+    if not _possible(matched.points, found):
         metres = {u.name: distance * u.value / table.unit.value for u in LengthUnit}
         likely = [
             f"{m:.3g} m if the unit is {name}"
