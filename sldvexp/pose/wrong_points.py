@@ -86,11 +86,12 @@ def judge_points(
     other = _alternative(table, matched, found)
     if other is not None:
         return PointJudgement(everything, [*findings, _of_alternative(table, other, found)])
-    if found is None:
+    if found is not None and not findings:
+        findings += _impossible(table, matched, found)
+    if found is None or any(f.severity is Severity.void for f in findings):
+        # Nothing can be said of single points before the object is right.
         return PointJudgement(everything, findings)
-    findings += _impossible(table, matched, found) if not findings else []
-    findings += _wrong(table, matched, found)
-    return PointJudgement(found.used, findings)
+    return PointJudgement(found.used, [*findings, *_wrong(table, matched, found)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -257,6 +257,10 @@ def views_of(tree: Mapping[str, xr.Dataset], laser: TwoMirror) -> list[View]:
     pose = tree["pose"]
     names = [str(v) for v in pose["view"].values]
     lost = views_without_pose(tree)
+    if set(images) <= set(lost):
+        raise UserError(
+            f"field: of {', '.join(images)} no pose was found, so that no image is left"
+        )
     images = {name: image for name, image in images.items() if name not in lost}
     for name in images:
         if name not in names:
