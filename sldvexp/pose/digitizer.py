@@ -37,6 +37,8 @@ from sldvexp.units import LengthUnit
 class Digitizer(PoseMethod):
     """Rigid transform from repeated triples on the object and on the instrument (Section 4.6.3).
 
+    Repeats with a wrong reading are left out and named (`sldvexp.pose.digitised_points`).
+
     Parameters
     ----------
     path : str

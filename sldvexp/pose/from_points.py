@@ -363,7 +363,9 @@ def _solve_view(
     try:
         points, solution = weighted(judged.used)
         if method.judges_points:
-            judged = judge_points(table, points, target)
+            # With the shared intrinsics free: their error must not be taken for points'.
+            free = replace(points, adjust=method.adjust | method.shared)
+            judged = judge_points(table, free, target)
         if not judged.used.all():
             solution = weighted(judged.used)[1]
     except UserError as error:

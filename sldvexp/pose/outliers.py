@@ -27,6 +27,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -167,8 +168,16 @@ def robust_pose(matched: MatchedPoints) -> RobustPose:
     UserError
         If no selection of points determines a pose.
     """
-    cores = [_closest(matched), *_deletions(matched)]
-    return min((_extended(matched, core) for core in cores), key=lambda found: found.deviance)
+    found: list[RobustPose] = []
+    for choose in (_closest, partial(_without, count=1), partial(_without, count=2)):
+        try:
+            core = choose(matched)
+            found += [] if core is None else [_extended(matched, core)]
+        except UserError as error:  # the points of the core lie on a line, say
+            reason = error
+    if not found:
+        raise reason
+    return min(found, key=lambda one: one.deviance)
 
 
 def _extended(matched: MatchedPoints, core: BoolArray) -> RobustPose:
@@ -191,20 +200,15 @@ def _extended(matched: MatchedPoints, core: BoolArray) -> RobustPose:
     return RobustPose(pose, used, statistic, p_value, math.sqrt(variance), float(deviance))
 
 
-def _deletions(matched: MatchedPoints) -> Iterator[BoolArray]:
-    """Give the cores without the point, and without the two points, whose loss helps most."""
+def _without(matched: MatchedPoints, count: int) -> BoolArray | None:
+    """Give the core without those points whose loss helps most; None for too few or many."""
     n = len(matched)
-    for count in (1, 2):
-        if n - count < matched.least or (count > 1 and n > MOST_FOR_PAIRS):
-            return
-        kept = np.array(list(combinations(range(n), n - count)))
-        try:
-            cost = matched.solve(kept).cost
-        except UserError:  # what is left lies on a line, say
-            continue
-        core = np.zeros(n, bool)
-        core[kept[np.argmin(cost)]] = True
-        yield core
+    if n - count < matched.least or (count > 1 and n > MOST_FOR_PAIRS):
+        return None
+    kept = np.array(list(combinations(range(n), n - count)))
+    core = np.zeros(n, bool)
+    core[kept[np.argmin(matched.solve(kept).cost)]] = True
+    return core
 
 
 def _closest(matched: MatchedPoints) -> BoolArray:

@@ -31,6 +31,10 @@ NAME_A_FILE = "must name a registration file, or one for each view as {front: a.
 class Registration(FromPoints):
     """Pose from a registration file (Section 4.6.2), without a starting guess.
 
+    Points that do not agree with the others are left out and named, so are points that have each
+    other's numbers, a mirrored object and a wrong unit (`sldvexp.pose.wrong_points`); a view whose
+    pose is not found does not end the others.
+
     Parameters
     ----------
     path : str or dict of view name to str, optional

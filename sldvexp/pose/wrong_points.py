@@ -75,23 +75,29 @@ def judge_points(
     findings = [] if target is None else list(_other_size(table, target.points()))
     if len(matched) <= matched.least:
         told = f"{len(matched)} points are too few to tell a wrong one from the others"
-        untested = Finding(
-            "untested", f"view {table.name}", f"view {table.name}: {told}", Severity.note
-        )
-        return PointJudgement(everything, [*findings, untested])
+        return PointJudgement(everything, [*findings, _untested(table, told)])
+    found: RobustPose | None = None
     try:
-        found: RobustPose | None = robust_pose(matched)
-    except UserError:  # points that agree lie on a line, say
-        found = None
+        found = robust_pose(matched)
+    except UserError as error:  # points that agree lie on a line, say
+        untested = _untested(table, f"no wrong point could be looked for, since {error}")
     other = _alternative(table, matched, found)
     if other is not None:
         return PointJudgement(everything, [*findings, _of_alternative(table, other, found)])
-    if found is not None and not findings:
+    if found is None:
+        return PointJudgement(everything, [*findings, untested])
+    if not findings:
         findings += _impossible(table, matched, found)
-    if found is None or any(f.severity is Severity.void for f in findings):
+    if any(f.severity is Severity.void for f in findings):
         # Nothing can be said of single points before the object is right.
         return PointJudgement(everything, findings)
     return PointJudgement(found.used, [*findings, *_wrong(table, matched, found)])
+
+
+def _untested(table: RegistrationTable, why: str) -> Finding:
+    """Say that wrong points could not be seen."""
+    view = f"view {table.name}"
+    return Finding("untested", view, f"{view}: {why}", Severity.note)
 
 
 @dataclass(frozen=True, eq=False)

@@ -240,9 +240,10 @@ def test_a_wrong_unit_is_seen_by_where_the_instrument_would_stand(depth, scale):
 
 
 def test_a_wrong_unit_without_a_pose_is_named():
-    told = "no pose was found in 200 iterations.* the angles fit object points in m, to"
+    method = Registration(path="not read", max_iterations=30)
+    told = "no pose was found in 30 iterations.* the angles fit object points in m, to"
     with pytest.raises(UserError, match=told):
-        Session(12, 1, points=8).solve(scale=[0.001] * 3, unit=LengthUnit.mm)
+        Session(12, 1, points=8).solve(method, scale=[0.001] * 3, unit=LengthUnit.mm)
 
 
 def test_a_wrong_unit_is_seen_by_the_calibration_object():
