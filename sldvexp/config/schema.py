@@ -65,7 +65,8 @@ def build(config: DictConfig) -> Experiment:
     if problems:
         raise ConfigError(problems)
     sweep = _object(config.sweep, "sweep", problems)
-    settings = {"seed": config.seed, "overwrite": config.overwrite}
+    plain = ("seed", "overwrite", "on_doubt")
+    settings = {name: config[name] for name in plain} | {"use_repair": [*config.use_repair]}
     return Experiment(**settings, expect=expect, sweep=sweep, **values)
 
 

@@ -11,7 +11,7 @@ from scipy import stats
 from sldvexp.dataset import views_without_pose
 from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_from_vector
-from sldvexp.io.registration import RegistrationTable
+from sldvexp.io.registration import RegistrationTable, write
 from sldvexp.laser import TwoMirror, project
 from sldvexp.pose import solve_points
 from sldvexp.pose.manual import Manual
@@ -299,3 +299,20 @@ def test_marks_are_judged_by_what_is_stated_of_them():
     assert [f.subject for f in found.findings] == ["view 1, point 4"]
     # Errors as small as these are no errors of marks that are pointed at this roughly.
     assert not session.solve(Manual(path="not read", pointing=60.0), target).findings
+
+
+def test_a_run_stops_at_a_doubtful_pose_if_told_to(sldvexp):
+    calls = ("experiment=spoiled/mirrored", "experiment=spoiled/wrong_point")
+    assert [sldvexp(c, "on_doubt=stop").status for c in calls] == [2, 0]
+
+
+def test_a_view_without_a_pose_is_told_by_the_command(sldvexp, tmp_path):
+    session = Session(18, 2)
+    short, whole = session.tables()
+    path = tmp_path / "two.csv"
+    write(path, [whole, short.part(np.arange(16) < 2)])
+    done = sldvexp("experiment=pose", f"pose.path={path}", "laser=two_mirror")
+    assert done.status == 0, done.err
+    assert "view 0 has no pose, and its images are left out" in done.out.replace("\n", "")
+    assert done.tree.attrs["verdict"] == "void"
+    assert done.tree["pose"]["view"].values.tolist() == ["1"]
