@@ -34,9 +34,10 @@ from sldvexp.targets import Target, TargetPoints
 from sldvexp.typing import Array, BoolArray, IntArray
 
 #: Gives solutions the covariance that they deserve where the points' errors are not independent:
-#: solutions, joint covariance of all views, notes.
+#: solutions, joint covariance of all views, and what to mind, as notes or findings.
 CovarianceModel = Callable[
-    [Sequence[PoseSolution]], tuple[list[PoseSolution], JointCovariance, list[str]]
+    [Sequence[PoseSolution]],
+    tuple[list[PoseSolution], JointCovariance, list[str] | list[Finding]],
 ]
 
 
@@ -171,9 +172,9 @@ class FromPoints(PoseMethod):
             angles = [v.angle[v.used] for v in views]
             solutions, joint = _together(self, used, angles, solutions, laser, target)
         model = model or self.covariance_model(used, laser, target)
-        model_notes: list[str] = []
+        told: list[str] | list[Finding] = []
         if model is not None:
-            solutions, joint, model_notes = model(solutions)
+            solutions, joint, told = model(solutions)
         views = [replace(v, solution=s) for v, s in zip(views, solutions, strict=True)]
         pose = solutions_to_dataset(
             solutions,
@@ -190,20 +191,17 @@ class FromPoints(PoseMethod):
         pose.attrs["source"] = ", ".join(dict.fromkeys(Path(t.source).name for t in tables))
         if failed:
             pose.attrs[WITHOUT_POSE] = json.dumps([*failed])
-        notes = [
-            n
-            for v in views
-            for n in point_notes(self, v.table, v.solution, target, explained=model is not None)
-        ]
+        notes = [t for t in told if isinstance(t, str)]
+        notes += [n for v in views for n in point_notes(self, v.table, v.solution, target)]
         intrinsics = adjusted_notes(self.adjust, self.shared, pose)
-        pose.attrs["notes"] = "\n".join([*model_notes, *notes, *intrinsics])
+        pose.attrs["notes"] = "\n".join([*notes, *intrinsics])
         registration = to_dataset(
             [_as_solved(v.table, v.angle, laser) for v in views], [v.used for v in views]
         )
-        findings = [
-            *(_no_pose(*f) for f in failed.items()),
-            *(f for v in views for f in v.findings),
-        ]
+        findings = [_no_pose(*f) for f in failed.items()] + [f for v in views for f in v.findings]
+        findings += [t for t in told if isinstance(t, Finding)]
+        if model is None:
+            findings += [f for v in views for f in _large_residuals(v, len(views))]
         return PoseResult(pose, registration, findings)
 
 
@@ -396,6 +394,8 @@ def _as_solved(table: RegistrationTable, angle: Array, laser: TwoMirror) -> Regi
     return replace(table, angle=angle, dac=dac)
 
 
+#: Probability that right statements about errors are doubted, for all views together.
+UNLIKELY = 0.01
 #: A file's object point further than this from the target's (and than its errors) is noted, m.
 ROUNDING = 5e-6
 
@@ -405,7 +405,6 @@ def point_notes(
     table: RegistrationTable,
     solution: PoseSolution,
     target: Target | None,
-    explained: bool,
 ) -> Iterator[str]:
     """Say what a reader of one view's pose should mind.
 
@@ -413,8 +412,6 @@ def point_notes(
     ----------
     target : Target or None
         If there is one, object points of the same number are compared with it.
-    explained : bool
-        True if a model of the errors has judged the residuals already.
     """
     view = f"view {table.name}"
     if solution.dof <= 0:
@@ -428,30 +425,37 @@ def point_notes(
                 f"(squared residuals {ratio:.2f} times larger); more points or a second plane tell "
                 "them apart"
             )
-    if not explained:
-        yield from _residual_notes(method, view, solution)
     if target is not None:
         yield from _target_notes(view, table, target)
 
 
-def unlikely_residuals(view: str, probability: float) -> str:
+def unlikely_residuals(view: str, probability: float) -> Finding:
     """Say that residuals are larger than stated errors explain."""
-    return (
+    return Finding(
+        "residuals",
+        view,
         f"{view}: residuals this large have a probability of {probability:.1g} if the stated "
-        "errors are right; the bounds, which rest on these, are too small"
+        "errors are right; the bounds, which rest on these, are too small",
+        p_value=probability,
     )
 
 
-def _residual_notes(method: FromPoints, view: str, solution: PoseSolution) -> Iterator[str]:
+def _large_residuals(view: ViewSolution, views: int) -> Iterator[Finding]:
     """Find residuals larger than stated errors, or than any method's, explain."""
+    solution, where = view.solution, f"view {view.table.name}"
+    if any(f.severity is Severity.void for f in view.findings):
+        return  # the cause is known
     if solution.noise_known and solution.dof > 0:
         probability = float(scipy.special.chdtrc(solution.dof, solution.cost))
-        if probability < 1 - method.confidence:
-            yield unlikely_residuals(view, probability)
+        if probability < UNLIKELY / views:
+            yield unlikely_residuals(where, probability)
     elif np.isfinite(solution.s) and solution.s > LARGE:
-        yield (
-            f"{view}: the residuals, {solution.s:.1f} DAC steps, are larger than any method of "
-            "Table 4.3 leaves; are the points matched to their angles, units and mirrors right?"
+        yield Finding(
+            "residuals",
+            where,
+            f"{where}: the residuals, {solution.s:.1f} DAC steps, are larger than any method of "
+            "Table 4.3 leaves; are the points matched to their angles, units and mirrors right?",
+            size=float(solution.s),
         )
 
 
