@@ -8,11 +8,13 @@ again; `RunData` is what figures, checks and pages read. To add a variable, add 
 
 from sldvexp.dataset.findings import (
     VERDICT,
+    WITHOUT_POSE,
     Finding,
     Severity,
     findings_of,
     findings_to_dataset,
     verdict_of,
+    views_without_pose,
 )
 from sldvexp.dataset.run_data import RunData, Source, read_yaml
 from sldvexp.dataset.store import (
@@ -35,6 +37,7 @@ __all__ = [
     "UNREADABLE",
     "VARIABLES",
     "VERDICT",
+    "WITHOUT_POSE",
     "Finding",
     "RunData",
     "Severity",
@@ -51,4 +54,5 @@ __all__ = [
     "save",
     "save_table",
     "verdict_of",
+    "views_without_pose",
 ]

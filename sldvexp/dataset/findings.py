@@ -13,6 +13,7 @@ the worst of them is the run's verdict:
 from __future__ import annotations
 
 import enum
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -23,6 +24,9 @@ from sldvexp.lazy import xarray as xr
 
 #: Group of all findings; those of a stage are below it until the run is over.
 VERDICT = "verdict"
+
+#: Attribute of the group ``pose``: names of the views whose pose was not found, as JSON.
+WITHOUT_POSE = "without_pose"
 
 
 class Severity(enum.IntEnum):
@@ -150,3 +154,16 @@ def findings_of(groups: Mapping[str, xr.Dataset]) -> list[Finding]:
         for one in (stage.isel(finding=i) for i in range(stage.sizes["finding"]))
     ]
     return sorted(found, key=lambda f: -f.severity)
+
+
+def views_without_pose(groups: Mapping[str, xr.Dataset]) -> list[str]:
+    """Name the views whose pose was looked for and not found, so that they are left out.
+
+    Examples
+    --------
+    >>> from sldvexp.lazy import xarray as xr
+    >>> views_without_pose({"pose": xr.Dataset(attrs={"without_pose": '["left"]'})})
+    ['left']
+    """
+    attrs = groups["pose"].attrs if "pose" in groups else {}
+    return [str(name) for name in json.loads(attrs.get(WITHOUT_POSE, "[]"))]

@@ -98,7 +98,7 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "object_point_std": _V("view point axis", "m", "standard error of that position"),
         "angle": _V("view point mirror", "rad", "mirror angle that points the beam there"),
         "dac": _V("view point mirror", "1", "DAC step of that angle", DAC),
-        "used": _V("view point", "1", "1 where the view has the point"),
+        "used": _V("view point", "1", "1 where the view has the point, and its pose rests on it"),
     },
     "conic": {
         "coefficient": _V(

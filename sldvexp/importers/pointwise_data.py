@@ -114,6 +114,8 @@ def to_line_of_sight(
 ) -> xr.Dataset:
     """Join views at the nodes that all have, as the group ``line_of_sight``.
 
+    Views whose pose was not found are left out if their directions need it.
+
     Parameters
     ----------
     settings : mapping of str to PointwiseView
@@ -130,6 +132,10 @@ def to_line_of_sight(
     UserError
         If the views have no point in common, or not all of them and `incomplete` is false.
     """
+    if directions is not Directions.dof:
+        lost = dataset.views_without_pose(tree)
+        told = {name: own.origin or own.direction for name, own in settings.items()}
+        views = [view for view in views if view.name not in lost or told[view.name]]
     node = _common(views, incomplete)
     where = [np.searchsorted(view.node, node) for view in views]
     position = _positions(views, node)
@@ -305,6 +311,8 @@ def to_images(
 ) -> dict[str, xr.Dataset]:
     """Make the groups ``image/<view>`` for a field over a volume, a pixel for each node.
 
+    Views whose pose was not found are left out.
+
     Parameters
     ----------
     tree : mapping of str to Dataset
@@ -315,7 +323,10 @@ def to_images(
     UserError
         If there is no geometry, pose, or standard error, or a point is off the board.
     """
-    return {f"image/{view.name}": _image(view, tree, laser) for view in views}
+    lost = dataset.views_without_pose(tree)
+    return {
+        f"image/{view.name}": _image(view, tree, laser) for view in views if view.name not in lost
+    }
 
 
 def _image(

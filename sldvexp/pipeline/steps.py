@@ -17,7 +17,14 @@ from sldvexp import field as velocity_field
 from sldvexp import importers, session, verdict, virtual_lab
 from sldvexp.check import Examination, evaluate
 from sldvexp.config.experiment import Experiment
-from sldvexp.dataset import VERDICT, findings_of, findings_to_dataset, verdict_of
+from sldvexp.dataset import (
+    VERDICT,
+    Finding,
+    Severity,
+    findings_of,
+    findings_to_dataset,
+    verdict_of,
+)
 from sldvexp.errors import UserError
 from sldvexp.instrument import InstrumentError, ScanningPlugin
 from sldvexp.instrument.recording import JOURNAL
@@ -135,9 +142,12 @@ def _scan(run: Run) -> None:
 def _pose(run: Run) -> None:
     """Find where the instrument stood, by the chosen method and those it is compared with."""
     e = run.experiment
+    told: list[Finding] = []
     if e.pose is not None:
         run.inputs += e.pose.inputs()
-        run.tree |= e.pose.estimate(e.laser, e.target, run.tree).groups()
+        chosen = e.pose.estimate(e.laser, e.target, run.tree)
+        told += chosen.findings
+        run.tree |= chosen.groups()
     for name, method in e.compare_pose.items():
         run.inputs += method.inputs()
         own = f"{COMPARED_SCANS}/{name}/"
@@ -147,6 +157,19 @@ def _pose(run: Run) -> None:
         except UserError as error:
             raise UserError(f"compare_pose.{name}: {error}") from None
         run.tree[f"compare_pose/{name}"] = found.pose
+        told += [_of_compared(name, finding) for finding in found.findings]
+    if told:
+        run.tree[f"{VERDICT}/pose"] = findings_to_dataset(told)
+
+
+def _of_compared(name: str, finding: Finding) -> Finding:
+    """Say which of the compared methods found it; no result of the run rests on these."""
+    return replace(
+        finding,
+        subject=f"compare_pose.{name}, {finding.subject}",
+        text=f"compare_pose.{name}: {finding.text}",
+        severity=Severity.note,
+    )
 
 
 def _images(run: Run) -> None:

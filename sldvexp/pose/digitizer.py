@@ -2,8 +2,9 @@
 
 Each repeat of the points gives two rigid motions from the digitizer's axes (Section 4.6.3), one
 into the laser frame by the instrument's posts and one into the world by the object's points. The
-pose is the mean over the repeats, its covariance that of this mean. The spread of the repeats knows
-nothing of errors in the posts' own coordinates.
+pose is the mean over the repeats, its covariance that of this mean. Repeats with a wrong reading
+are left out and named. The spread of the repeats knows nothing of errors in the posts' own
+coordinates, which show where the posts' distances differ from those that were digitised.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from sldvexp.io.tables import AXES, COORDINATES, number
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import PoseMethod, PoseResult, pose_to_dataset
+from sldvexp.pose.digitised_points import judge_readings, judge_shape
 from sldvexp.targets import Target
 from sldvexp.typing import Array
 from sldvexp.units import LengthUnit
@@ -34,6 +36,8 @@ from sldvexp.units import LengthUnit
 @dataclass
 class Digitizer(PoseMethod):
     """Rigid transform from repeated triples on the object and on the instrument (Section 4.6.3).
+
+    Repeats with a wrong reading are left out and named (`sldvexp.pose.digitised_points`).
 
     Parameters
     ----------
@@ -87,7 +91,9 @@ class Digitizer(PoseMethod):
         """Average one pose for each repeat; attribute ``fit_rms`` is how well they fit, in m."""
         path = locate(self.path)
         names = [*self.instrument_points, *self.object_points]
-        digitised = read_repeats(path, names, self.unit)
+        readings = read_repeats(path, names, self.unit)
+        right, findings = judge_readings(readings, names, self.view, path.name)
+        digitised = readings[right]
         posts = len(self.instrument_points)
         known = [
             np.array(list(points.values()), float) * self.unit.value
@@ -98,6 +104,8 @@ class Digitizer(PoseMethod):
             ("instrument_points", "object_points"), known, measured, strict=True
         ):
             _check_triangles(what, points, repeats, path)
+            own = list(getattr(self, what))
+            findings += judge_shape(repeats, points, own, self.view, f"pose.{what}")
         motions = [rigid_transform(m, k) for m, k in zip(measured, known, strict=True)]
         (to_laser, laser_shift), (to_world, world_shift) = motions
         rotation = to_laser @ np.swapaxes(to_world, 1, 2)
@@ -127,7 +135,7 @@ class Digitizer(PoseMethod):
             pose.attrs["notes"] = (
                 f"view {self.view}: a single repeat gives no bounds; digitise again"
             )
-        return PoseResult(pose)
+        return PoseResult(pose, findings=findings)
 
 
 #: Three points whose smaller extent is below this fraction of their larger one lie on a line.

@@ -14,9 +14,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
+from sldvexp.dataset import WITHOUT_POSE, Finding, Severity
 from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.io.registration import RegistrationTable, to_dataset
 from sldvexp.laser import TwoMirror
@@ -25,15 +27,17 @@ from sldvexp.pose.base import JointCovariance, PoseMethod, PoseResult
 from sldvexp.pose.intrinsics import adjusted_notes
 from sldvexp.pose.least_squares import INTRINSICS
 from sldvexp.pose.multi_view import PointObservations, solve_points_together
-from sldvexp.pose.single_view import solve_points
+from sldvexp.pose.outliers import MatchedPoints
 from sldvexp.pose.solution import PoseSolution, solutions_to_dataset
+from sldvexp.pose.wrong_points import LARGE, PointJudgement, judge_points
 from sldvexp.targets import Target, TargetPoints
-from sldvexp.typing import Array, IntArray
+from sldvexp.typing import Array, BoolArray, IntArray
 
 #: Gives solutions the covariance that they deserve where the points' errors are not independent:
-#: solutions, joint covariance of all views, notes.
+#: solutions, joint covariance of all views, and what to mind, as notes or findings.
 CovarianceModel = Callable[
-    [Sequence[PoseSolution]], tuple[list[PoseSolution], JointCovariance, list[str]]
+    [Sequence[PoseSolution]],
+    tuple[list[PoseSolution], JointCovariance, list[str] | list[Finding]],
 ]
 
 
@@ -61,7 +65,14 @@ class FromPoints(PoseMethod):
         Level of the intervals.
     max_iterations : int
         Most steps of the non-linear solution.
+
+    Attributes
+    ----------
+    judges_points : bool
+        Whether points err independently, so that wrong ones can be told and left out.
     """
+
+    judges_points: ClassVar[bool] = False
 
     adjust: dict[str, float] = field(default_factory=dict)
     shared: dict[str, float] = field(default_factory=dict)
@@ -154,35 +165,83 @@ class FromPoints(PoseMethod):
         laser = require_laser(laser)
         sign = np.ones(2)
         sign[[m.value for m in inverted]] = -1
-        angles = [sign * _angles(table, laser) for table in tables]
-        solutions = [
-            _solve_view(self, table, angle, laser, target)
-            for table, angle in zip(tables, angles, strict=True)
-        ]
+        views, failed = _solve_views(self, tables, sign, laser, target)
+        used, solutions = [v.used_table for v in views], [v.solution for v in views]
         joint: JointCovariance | None = None
         if self.shared:
-            solutions, joint = _together(self, tables, angles, solutions, laser, target)
-        model = model or self.covariance_model(tables, laser, target)
-        model_notes: list[str] = []
+            angles = [v.angle[v.used] for v in views]
+            solutions, joint = _together(self, used, angles, solutions, laser, target)
+        model = model or self.covariance_model(used, laser, target)
+        told: list[str] | list[Finding] = []
         if model is not None:
-            solutions, joint, model_notes = model(solutions)
-        number = [t.number for t in tables]
-        views = [t.name for t in tables]
-        pose = solutions_to_dataset(solutions, views, number, self.confidence, joint)
+            solutions, joint, told = model(solutions)
+        views = [replace(v, solution=s) for v, s in zip(views, solutions, strict=True)]
+        pose = solutions_to_dataset(
+            solutions,
+            [v.table.name for v in views],
+            [t.number for t in used],
+            self.confidence,
+            joint,
+            [v.left_out(laser) for v in views],
+        )
         pose.attrs["mirror_offset"] = laser.mirror_offset
         pose.attrs["step"] = laser.step
         pose.attrs["adjust"] = json.dumps(self.adjust)
         pose.attrs["shared"] = json.dumps(self.shared)
         pose.attrs["source"] = ", ".join(dict.fromkeys(Path(t.source).name for t in tables))
-        notes = [
-            n
-            for t, s in zip(tables, solutions, strict=True)
-            for n in point_notes(self, t, s, target, explained=model is not None)
-        ]
+        if failed:
+            pose.attrs[WITHOUT_POSE] = json.dumps([*failed])
+        notes = [t for t in told if isinstance(t, str)]
+        notes += [n for v in views for n in point_notes(self, v.table, v.solution, target)]
         intrinsics = adjusted_notes(self.adjust, self.shared, pose)
-        pose.attrs["notes"] = "\n".join([*model_notes, *notes, *intrinsics])
-        solved = [_as_solved(t, angle, laser) for t, angle in zip(tables, angles, strict=True)]
-        return PoseResult(pose, to_dataset(solved))
+        pose.attrs["notes"] = "\n".join([*notes, *intrinsics])
+        registration = to_dataset(
+            [_as_solved(v.table, v.angle, laser) for v in views], [v.used for v in views]
+        )
+        findings = [_no_pose(*f) for f in failed.items()] + [f for v in views for f in v.findings]
+        findings += [t for t in told if isinstance(t, Finding)]
+        if model is None:
+            findings += [f for v in views for f in _large_residuals(v, len(views))]
+        return PoseResult(pose, registration, findings)
+
+
+@dataclass(frozen=True, eq=False)
+class ViewSolution:
+    """One view's points and the pose that rests on those of them that are used.
+
+    Parameters
+    ----------
+    table : RegistrationTable
+        As it was recorded.
+    angle : ndarray, shape (N, 2), rad
+        To solve from.
+    used : ndarray of bool, shape (N,)
+    solution : PoseSolution
+    findings : list of Finding
+        About its points.
+    """
+
+    table: RegistrationTable
+    angle: Array
+    used: BoolArray
+    solution: PoseSolution
+    findings: list[Finding]
+
+    @property
+    def used_table(self) -> RegistrationTable:
+        """Registration data of the points that are used."""
+        return self.table.part(self.used)
+
+    def left_out(self, laser: TwoMirror) -> tuple[IntArray, Array]:
+        """Give numbers and residuals, DAC steps, of the points that are not used."""
+        matched = MatchedPoints(self.table.object_point, self.angle, laser.step)
+        return self.table.number[~self.used], matched.residual(self.solution)[~self.used]
+
+
+def _no_pose(view: str, reason: str) -> Finding:
+    """Say that a view has no pose."""
+    told = f"view {view} has no pose, and its images are left out: {reason}"
+    return Finding("no_pose", f"view {view}", told, Severity.void)
 
 
 def require_laser(laser: TwoMirror | None) -> TwoMirror:
@@ -236,43 +295,86 @@ def _angle_std(
     return method.angle_std(table.number, distance, laser.step, points)
 
 
+def _solve_views(
+    method: FromPoints,
+    tables: Sequence[RegistrationTable],
+    sign: Array,
+    laser: TwoMirror,
+    target: Target | None,
+) -> tuple[list[ViewSolution], dict[str, str]]:
+    """Solve each view for itself; say of those without a pose why, by their names.
+
+    Parameters
+    ----------
+    sign : ndarray, shape (2,)
+        Of each mirror's angles.
+
+    Raises
+    ------
+    UserError
+        If no view has a pose, or one has none and the method cannot do without it.
+    """
+    views: list[ViewSolution] = []
+    failed: dict[str, UserError] = {}
+    for table in tables:
+        try:
+            views.append(_solve_view(method, table, sign * _angles(table, laser), laser, target))
+        except UserError as error:
+            if not method.judges_points:
+                raise
+            failed[table.name] = error
+    if not views:
+        raise next(iter(failed.values()))
+    return views, {name: str(error) for name, error in failed.items()}
+
+
 def _solve_view(
     method: FromPoints,
     table: RegistrationTable,
     angle: Array,
     laser: TwoMirror,
     target: Target | None,
-) -> PoseSolution:
+) -> ViewSolution:
     """Solve one view, its problems told with its name.
 
     Known standard deviations depend on the distance, which a first solution without them gives.
     """
     where = f"{table.source or 'registration data'}, view {table.name}"
+    matched = MatchedPoints(
+        table.object_point,
+        angle,
+        laser.step,
+        laser.mirror_offset,
+        method.adjust,
+        max_iterations=method.max_iterations,
+    )
 
-    def solve(std: Array | None) -> PoseSolution:
-        return solve_points(
-            table.object_point,
-            angle,
-            step=laser.step,
-            mirror_offset=laser.mirror_offset,
-            adjust=method.adjust,
-            std=std,
-            max_iterations=method.max_iterations,
-        )
+    def weighted(used: BoolArray) -> tuple[MatchedPoints, PoseSolution]:
+        first = matched.solve(used)
+        std = _angle_std(method, table, first.origin, laser, target)
+        if std is None:
+            return matched, first
+        with_std = replace(matched, std=std)
+        return with_std, with_std.solve(used)
 
+    judged = PointJudgement(np.ones(len(matched), bool), [])
     try:
-        solution = solve(None)
-        std = _angle_std(method, table, solution.origin, laser, target)
-        if std is not None:
-            solution = solve(std)
+        points, solution = weighted(judged.used)
+        if method.judges_points:
+            # With the shared intrinsics free: their error must not be taken for points'.
+            free = replace(points, adjust=method.adjust | method.shared)
+            judged = judge_points(table, free, target)
+        if not judged.used.all():
+            solution = weighted(judged.used)[1]
     except UserError as error:
         raise UserError(f"{where}: {error}") from None
     if not solution.converged:
+        told = [f"; {f.text}" for f in judged.findings if f.severity is Severity.void]
         raise UserError(
             f"{where}: no pose was found in {method.max_iterations} iterations; are the points "
-            "matched to their angles, and pose.max_iterations large enough?"
+            f"matched to their angles, and pose.max_iterations large enough?{''.join(told)}"
         )
-    return solution
+    return ViewSolution(table, angle, judged.used, solution, judged.findings)
 
 
 def _angles(table: RegistrationTable, laser: TwoMirror) -> Array:
@@ -292,10 +394,10 @@ def _as_solved(table: RegistrationTable, angle: Array, laser: TwoMirror) -> Regi
     return replace(table, angle=angle, dac=dac)
 
 
+#: Probability that right statements about errors are doubted, for all views together.
+UNLIKELY = 0.01
 #: A file's object point further than this from the target's (and than its errors) is noted, m.
 ROUNDING = 5e-6
-#: Residuals, DAC steps, beyond the largest mean of Table 4.3 and two of its standard deviations.
-LARGE = 14.0
 
 
 def point_notes(
@@ -303,7 +405,6 @@ def point_notes(
     table: RegistrationTable,
     solution: PoseSolution,
     target: Target | None,
-    explained: bool,
 ) -> Iterator[str]:
     """Say what a reader of one view's pose should mind.
 
@@ -311,8 +412,6 @@ def point_notes(
     ----------
     target : Target or None
         If there is one, object points of the same number are compared with it.
-    explained : bool
-        True if a model of the errors has judged the residuals already.
     """
     view = f"view {table.name}"
     if solution.dof <= 0:
@@ -326,37 +425,37 @@ def point_notes(
                 f"(squared residuals {ratio:.2f} times larger); more points or a second plane tell "
                 "them apart"
             )
-    if not explained:
-        yield from _residual_notes(method, view, solution)
-    z = table.object_point[:, 2]
-    if np.ptp(z) == 0 and solution.origin[2] < z[0]:
-        yield (
-            f"{view}: the instrument is found behind the object (z = {solution.origin[2]:.3f} m); "
-            "if the object's z axis points to the instrument, a mirror's angles are recorded the "
-            "other way round: try pose.inverted=[up_down]"
-        )
     if target is not None:
         yield from _target_notes(view, table, target)
 
 
-def unlikely_residuals(view: str, probability: float) -> str:
+def unlikely_residuals(view: str, probability: float) -> Finding:
     """Say that residuals are larger than stated errors explain."""
-    return (
+    return Finding(
+        "residuals",
+        view,
         f"{view}: residuals this large have a probability of {probability:.1g} if the stated "
-        "errors are right; the bounds, which rest on these, are too small"
+        "errors are right; the bounds, which rest on these, are too small",
+        p_value=probability,
     )
 
 
-def _residual_notes(method: FromPoints, view: str, solution: PoseSolution) -> Iterator[str]:
+def _large_residuals(view: ViewSolution, views: int) -> Iterator[Finding]:
     """Find residuals larger than stated errors, or than any method's, explain."""
+    solution, where = view.solution, f"view {view.table.name}"
+    if any(f.severity is Severity.void for f in view.findings):
+        return  # the cause is known
     if solution.noise_known and solution.dof > 0:
         probability = float(scipy.special.chdtrc(solution.dof, solution.cost))
-        if probability < 1 - method.confidence:
-            yield unlikely_residuals(view, probability)
+        if probability < UNLIKELY / views:
+            yield unlikely_residuals(where, probability)
     elif np.isfinite(solution.s) and solution.s > LARGE:
-        yield (
-            f"{view}: the residuals, {solution.s:.1f} DAC steps, are larger than any method of "
-            "Table 4.3 leaves; are the points matched to their angles, units and mirrors right?"
+        yield Finding(
+            "residuals",
+            where,
+            f"{where}: the residuals, {solution.s:.1f} DAC steps, are larger than any method of "
+            "Table 4.3 leaves; are the points matched to their angles, units and mirrors right?",
+            size=float(solution.s),
         )
 
 

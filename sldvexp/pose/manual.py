@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.config.registry import register
+from sldvexp.dataset import Finding
 from sldvexp.errors import Checks
 from sldvexp.io.registration import RegistrationTable
 from sldvexp.laser import TwoMirror
 from sldvexp.pose.base import JointCovariance
 from sldvexp.pose.correlated_errors import Errors, with_errors
-from sldvexp.pose.from_points import CovarianceModel, unlikely_residuals
+from sldvexp.pose.from_points import UNLIKELY, CovarianceModel, unlikely_residuals
 from sldvexp.pose.registration import Registration
 from sldvexp.pose.solution import PoseSolution
 from sldvexp.targets import Target, TargetPoints
@@ -30,7 +31,7 @@ class Manual(Registration):
     """A registration whose errors are known beforehand: the operator's eye and the tape measure.
 
     Every point is weighted by both, and the bounds rest on them instead of on the residuals, which
-    a handful of points leaves few of. Residuals much larger than that are noted.
+    a handful of points leaves few of. Residuals much larger than that are doubted.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ class Manual(Registration):
 
         def covariance_model(
             solutions: Sequence[PoseSolution],
-        ) -> tuple[list[PoseSolution], JointCovariance, list[str]]:
+        ) -> tuple[list[PoseSolution], JointCovariance, list[Finding]]:
             errors = [
                 _errors(self, table, solution, laser, points)
                 for table, solution in zip(tables, solutions, strict=True)
@@ -76,12 +77,12 @@ class Manual(Registration):
             known, joint, probability = with_errors(
                 solutions, errors, laser, self.adjust, self.shared
             )
-            notes = [
+            findings = [
                 unlikely_residuals(f"view {e.view}", p)
                 for e, p in zip(errors, probability, strict=True)
-                if p < 1 - self.confidence
+                if p < UNLIKELY / len(errors)
             ]
-            return known, joint, notes
+            return known, joint, findings
 
         return covariance_model
 

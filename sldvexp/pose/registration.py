@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -31,6 +31,10 @@ NAME_A_FILE = "must name a registration file, or one for each view as {front: a.
 class Registration(FromPoints):
     """Pose from a registration file (Section 4.6.2), without a starting guess.
 
+    Points that do not agree with the others are left out and named, so are points that have each
+    other's numbers, a mirrored object and a wrong unit (`sldvexp.pose.wrong_points`); a view whose
+    pose is not found does not end the others.
+
     Parameters
     ----------
     path : str or dict of view name to str, optional
@@ -41,6 +45,8 @@ class Registration(FromPoints):
     inverted : list of MirrorName
         Mirrors whose recorded angles grow the other way than in Eqs 4.2 and 4.3.
     """
+
+    judges_points: ClassVar[bool] = True
 
     path: Any = None
     unit: str = ""

@@ -175,6 +175,7 @@ def solutions_to_dataset(
     number: Sequence[ArrayLike],
     confidence: float,
     joint: JointCovariance | None = None,
+    left_out: Sequence[tuple[ArrayLike, Array]] | None = None,
 ) -> xr.Dataset:
     """Make the group ``pose`` of single views' solutions.
 
@@ -190,15 +191,22 @@ def solutions_to_dataset(
         Level of the intervals.
     joint : JointCovariance, optional
         Between the views.
+    left_out : sequence of (numbers, residuals), optional
+        Further points of each view, on which its pose does not rest. Their residuals are shown, and
+        count nowhere.
     """
 
     def each(name: str) -> Array:
         return np.array([getattr(s, name) for s in solutions])
 
-    every = np.unique(np.concatenate([np.asarray(n) for n in number]))
+    others = left_out or []
+    every = np.unique(np.concatenate([np.asarray(n) for n in (*number, *(n for n, _ in others))]))
     residual = np.full((len(solutions), len(every), 2), np.nan)
     for i, (own, s) in enumerate(zip(number, solutions, strict=True)):
         residual[i, np.searchsorted(every, own)] = s.residual
+    rms = np.sqrt(np.nanmean(residual**2, axis=(1, 2)))
+    for i, (own, beside) in enumerate(others):
+        residual[i, np.searchsorted(every, own)] = beside
     dof, sse = each("dof"), each("sse_deg2")
     adjusted = solutions[0].parameters[6:]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -215,7 +223,7 @@ def solutions_to_dataset(
         joint=joint,
         coords={"point": every},
         residual=residual,
-        residual_rms=np.sqrt(np.nanmean(residual**2, axis=(1, 2))),
+        residual_rms=rms,
         s=np.array([_noise(s) for s in solutions]),
         s_deg=s_deg,
         sse=sse,

@@ -101,6 +101,15 @@ def test_views_of_a_run() -> None:
     assert [v.name for v in views_of(run(("a",)), TwoMirror())] == ["a"]
 
 
+def test_images_of_views_whose_pose_was_not_found_are_left_out() -> None:
+    tree = run()
+    pose = tree["pose"].sel(view=["b"]).assign_attrs(without_pose='["a"]')
+    (b,) = views_of(tree | {"pose": pose}, TwoMirror())
+    assert b.name == "b"
+    with pytest.raises(UserError, match="of a no pose was found, so that no image is left"):
+        views_of({"pose": pose, "image/a": tree["image/a"]}, TwoMirror())
+
+
 def test_scattered_image_of_one_frequency() -> None:
     tree = run(("a",))
     one = tree["image/a"].isel(frequency=0, drop=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -208,6 +210,18 @@ def test_directions_and_pixels_of_poses(write, truth):
         assert not image["flags"].any()
     with pytest.raises(UserError, match="needs a pose and a laser"):
         own.read()
+
+
+def test_views_whose_pose_was_not_found_are_left_out(write):
+    tree, laser = poses()
+    lost, *others = ORIGINS
+    pose = tree["pose"].sel(view=others).assign_attrs(without_pose=json.dumps([lost]))
+    views = {n: PointwiseView(path=v["path"]) for n, v in write().items()}
+    own = UffImport(views=views, **{**PLAIN, "directions": settings.Directions.pose, "std": 1e-6})
+    assert own.read({"pose": pose}, laser)["view"].values.tolist() == others
+    assert [*own.images_of_points({"pose": pose}, laser)] == [f"image/{n}" for n in others]
+    with pytest.raises(UserError, match=f"view {lost}: has velocities but no pose"):
+        own.read({"pose": tree["pose"].sel(view=others)}, laser)
 
 
 def test_zeros(write, truth):

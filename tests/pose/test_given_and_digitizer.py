@@ -13,6 +13,7 @@ from sldvexp.check.pose_repeats import PoseRepeats
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_euler
 from sldvexp.pose import Given
+from sldvexp.pose.digitised_points import used_readings
 from sldvexp.pose.digitizer import Digitizer
 from sldvexp.pose.given import _NAMES, read_poses
 from sldvexp.report import pose_text
@@ -175,6 +176,88 @@ def test_points_on_a_line_are_refused(tmp_path):
     line = {"low": [0.0, 0, 0], "med": [0.1, 0, 0], "high": [0.2, 0, 0]}
     with pytest.raises(UserError, match=r"pose\.instrument_points: the points lie on one line"):
         estimate(Digitizer(str(path), instrument_points=line, object_points=CORNERS))
+
+
+def judged(path, posts=POSTS, corners=CORNERS):
+    """Result of a digitizer's file."""
+    method = Digitizer(str(path), instrument_points=posts, object_points=corners)
+    return method.estimate(None, None, {})
+
+
+def changed(path, line, change):
+    """Change the numbers of a line of a digitizer's file, which follow its point's name."""
+    lines = path.read_text().splitlines()
+    name, *xyz = lines[line].split(",")
+    lines[line] = ",".join([name, *(repr(x) for x in change(np.array(xyz, float)).tolist())])
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_a_wrong_reading_is_named_and_its_repeat_left_out(tmp_path):
+    path = tmp_path / "d.csv"
+    digitise(np.random.default_rng(6), path, 0.002)
+    clean = judged(path)
+    assert not clean.findings
+    changed(path, 3, lambda xyz: xyz + np.array([0, 0, 40]))
+    found = judged(path)
+    (finding,) = found.findings
+    assert finding.kind == "wrong_point"
+    assert finding.subject == "view digitizer, point low"
+    assert finding.text.startswith("view digitizer: reading 3 of low in d.csv lies 4")
+    assert finding.severity.name == "note"
+    assert found.pose.attrs["repeats"] == 6
+    assert (np.abs(found.origin - clean.origin) < clean.pose["origin_confidence"].values).all()
+
+
+def test_readings_of_each_others_points_are_called_exchanged(tmp_path):
+    path = tmp_path / "d.csv"
+    digitise(np.random.default_rng(7), path, 0.002)
+    lines = path.read_text().splitlines()
+    one, two = lines[2], lines[9]
+    lines[2], lines[9] = "low" + two[3:], "med" + one[3:]
+    path.write_text("\n".join(lines) + "\n")
+    assert [f.kind for f in judged(path).findings] == ["exchanged_points"] * 2
+
+
+def test_a_digitizer_that_moved_between_repeats_names_no_reading(tmp_path):
+    path = tmp_path / "d.csv"
+    digitise(np.random.default_rng(8), path, 0.002)
+    clean = judged(path)
+    for line in range(1, len(path.read_text().splitlines())):
+        if (line - 1) % 7 >= 4:
+            changed(path, line, lambda xyz: xyz + np.array([300, 0, 0]))
+    found = judged(path)
+    assert [(f.kind, f.severity.name) for f in found.findings] == [("moved", "note")]
+    np.testing.assert_allclose(found.origin, clean.origin, atol=1e-9)
+
+
+def test_points_that_are_not_as_they_were_digitised_are_named(tmp_path):
+    path = tmp_path / "d.csv"
+    digitise(np.random.default_rng(9), path, 0.002)
+    names = list(POSTS)
+    mm = {k: [1e3 * x for x in v] for k, v in POSTS.items()}
+    swapped = dict(zip(names, [POSTS[n] for n in (names[1], names[0], *names[2:])], strict=True))
+    beside = POSTS | {names[0]: [POSTS[names[0]][0] + 0.03, *POSTS[names[0]][1:]]}
+    kinds = {"unit": (mm, "void"), "exchanged_points": (swapped, "void")}
+    kinds |= {"shape": (beside, "doubtful")}
+    for kind, (posts, severity) in kinds.items():
+        (finding,) = judged(path, posts).findings
+        assert (finding.kind, finding.severity.name) == (kind, severity)
+
+
+@pytest.mark.long
+def test_right_readings_are_kept_and_wrong_ones_named():
+    rng, trials = np.random.default_rng(10), 2000
+    points = rng.uniform(-0.25, 0.25, (7, 3))
+    for repeats in (3, 7):
+        lost = named = 0
+        for _ in range(trials):
+            digitised = points + 0.003 * rng.standard_normal((repeats, *points.shape))
+            lost += not used_readings(digitised)[0].all()
+            k, p = rng.integers(repeats), rng.integers(len(points))
+            digitised[k, p, 0] += 0.03
+            named += np.argwhere(~used_readings(digitised)[0]).tolist() == [[k, p]]
+        assert lost <= stats.binom.ppf(0.999, trials, 0.02)
+        assert named >= stats.binom.ppf(0.001, trials, 0.95)
 
 
 def test_one_repeat_says_that_it_has_no_bounds(tmp_path):

@@ -49,10 +49,15 @@ def test_bounds_from_known_errors_cover_the_truth(tmp_path):
     assert (share < 0.995).all()
 
 
-def test_larger_residuals_than_stated_are_noted(tmp_path):
+def test_larger_residuals_than_stated_are_doubted(tmp_path):
     path = pointed(np.random.default_rng(1), tmp_path / "hand.csv", worse=5.0)
-    pose = Manual(path=str(path)).estimate(LASER, TARGET, {}).pose
-    assert "the bounds, which rest on these, are too small" in pose.attrs["notes"]
+    for target in (TARGET, None):
+        found = Manual(path=str(path)).estimate(LASER, target, {})
+        (finding,) = (f for f in found.findings if f.kind == "residuals")
+        assert "the bounds, which rest on these, are too small" in finding.text
+        assert (finding.subject, finding.severity.name) == ("view hand", "doubtful")
+    path = pointed(np.random.default_rng(1), tmp_path / "hand.csv")
+    assert not Manual(path=str(path)).estimate(LASER, TARGET, {}).findings
 
 
 def test_marks_known_better_give_smaller_bounds(tmp_path):

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sldvexp.dataset import views_without_pose
 from sldvexp.errors import UserError
 from sldvexp.field.equations.assembly import real_columns
 from sldvexp.field.streaming.dask import Work
@@ -139,7 +140,8 @@ def compress(tree: Mapping[str, xr.Dataset], work: Work) -> Compressed:
     UserError
         If there are no images, they have no frequencies, or views differ in them.
     """
-    images = {k: v for k, v in tree.items() if k.startswith("image/")}
+    lost = [f"image/{name}" for name in views_without_pose(tree)]
+    images = {k: v for k, v in tree.items() if k.startswith("image/") and k not in lost}
     require_same({k.removeprefix("image/"): v for k, v in images.items()})
     if not images or any("frequency" not in v["velocity"].dims for v in images.values()):
         raise UserError("stream: there are no images with several frequencies; leave stream out")

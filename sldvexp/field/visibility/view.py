@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sldvexp.dataset import views_without_pose
 from sldvexp.errors import ConfigError, UserError, nearest
 from sldvexp.laser import MIRRORS, Mirror, TwoMirror
 from sldvexp.lazy import xarray as xr
@@ -229,6 +230,8 @@ class View:
 def views_of(tree: Mapping[str, xr.Dataset], laser: TwoMirror) -> list[View]:
     """Collect the views of a run, from its groups ``pose`` and ``image/<view>``.
 
+    Views whose pose was not found are left out, as the pose's findings say.
+
     Parameters
     ----------
     tree : mapping of str to xarray.Dataset
@@ -257,6 +260,12 @@ def views_of(tree: Mapping[str, xr.Dataset], laser: TwoMirror) -> list[View]:
         raise UserError(f"field: the images of {', '.join(images)} have no poses; choose a pose")
     pose = tree["pose"]
     names = [str(v) for v in pose["view"].values]
+    lost = views_without_pose(tree)
+    if set(images) <= set(lost):
+        raise UserError(
+            f"field: of {', '.join(images)} no pose was found, so that no image is left"
+        )
+    images = {name: image for name, image in images.items() if name not in lost}
     for name in images:
         if name not in names:
             raise UserError(

@@ -19,7 +19,7 @@ from sldvexp.errors import UserError
 from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.io.tables import stated_or_given
 from sldvexp.lazy import xarray as xr
-from sldvexp.typing import Array
+from sldvexp.typing import Array, BoolArray
 from sldvexp.units import AngleUnit, LengthUnit, unit_named
 
 GROUP = "registration"
@@ -48,13 +48,17 @@ def write(path: Path, tables: Sequence[RegistrationTable]) -> None:
     to_dataset(tables).to_netcdf(path, engine="netcdf4")
 
 
-def to_dataset(tables: Sequence[RegistrationTable]) -> xr.Dataset:
+def to_dataset(
+    tables: Sequence[RegistrationTable], used: Sequence[BoolArray] | None = None
+) -> xr.Dataset:
     """Make registration data of several views the group ``/registration`` of a run.
 
     Parameters
     ----------
     tables : sequence of RegistrationTable
         With different names. Points are the union of the views' points in order of appearance.
+    used : sequence of ndarray of bool, shape (points of the view,), optional
+        Points of each view that its pose rests on; all without it.
 
     Returns
     -------
@@ -84,8 +88,11 @@ def to_dataset(tables: Sequence[RegistrationTable]) -> xr.Dataset:
                 row[[numbers.index(n) for n in table.number]] = getattr(table, source)
         if not np.isnan(values).all():
             arrays[name] = values
-    used = [np.isin(numbers, table.number) for table in tables]
-    return run.group(GROUP, {"view": names, "point": numbers}, **arrays, used=used)
+    kept = [t.number for t in tables]
+    if used is not None:
+        kept = [number[own] for number, own in zip(kept, used, strict=True)]
+    marks = [np.isin(numbers, own) for own in kept]
+    return run.group(GROUP, {"view": names, "point": numbers}, **arrays, used=marks)
 
 
 def from_dataset(

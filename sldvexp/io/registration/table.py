@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.laser import MIRRORS, TwoMirror
-from sldvexp.typing import Array, IntArray
+from sldvexp.typing import Array, BoolArray, IntArray
 from sldvexp.units import LengthUnit
 
 
@@ -92,6 +92,12 @@ class RegistrationTable:
         if (count > 1).any():
             raise UserError(f"{where}: point number {unique[count > 1][0]} stands twice")
         self._require_forward(where)
+
+    def part(self, chosen: BoolArray) -> RegistrationTable:
+        """Take the points that a mask, shape (N,), chooses."""
+        arrays = ("number", "object_point", "angle", "dac", "object_std")
+        there = {name: getattr(self, name) for name in arrays}
+        return replace(self, **{n: a[chosen] for n, a in there.items() if a is not None})
 
     @property
     def labels(self) -> list[str]:
