@@ -13,6 +13,7 @@ from sldvexp.dataset.findings import (
     Severity,
     findings_of,
     findings_to_dataset,
+    is_void,
     verdict_of,
     views_without_pose,
 )
@@ -46,6 +47,7 @@ __all__ = [
     "findings_of",
     "findings_to_dataset",
     "group",
+    "is_void",
     "load",
     "load_some",
     "load_table",

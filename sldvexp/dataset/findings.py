@@ -98,6 +98,17 @@ def verdict_of(findings: Iterable[Finding]) -> str:
     return VERDICTS[max((f.severity for f in findings), default=Severity.note)]
 
 
+def is_void(groups: Mapping[str, xr.Dataset]) -> bool:
+    """Tell whether the bounds of a run's velocities cannot be believed.
+
+    Examples
+    --------
+    >>> is_void({})
+    False
+    """
+    return VERDICT in groups and groups[VERDICT].attrs[VERDICT] == VERDICTS[Severity.void]
+
+
 def findings_to_dataset(findings: Sequence[Finding]) -> xr.Dataset:
     """Make a group of findings, the worst first.
 

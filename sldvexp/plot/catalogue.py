@@ -10,12 +10,12 @@ import functools
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import matplotlib
 from matplotlib.figure import Figure
 
-from sldvexp.dataset import RunData, Source
+from sldvexp.dataset import RunData, Source, is_void
 from sldvexp.errors import UserError
 from sldvexp.files import whole_or_nothing
 from sldvexp.plot import (
@@ -94,11 +94,26 @@ def figures_of(
     ['point']
     """
     run = RunData.from_source(source, folder)
+    void = is_void(run.groups)
     return {
-        name: functools.partial(entry.draw, run)
+        name: functools.partial(_marked_void, entry.draw, run)
+        if void and name in OF_VELOCITIES
+        else functools.partial(entry.draw, run)
         for name, entry in FIGURES.items()
         if not entry.unavailable_because(run)
     }
+
+
+#: Figures of the velocities and their bounds.
+OF_VELOCITIES = ("point", "field", "surface", "nodal", "spectrum")
+VOID = "void: the bounds cannot be believed"
+
+
+def _marked_void(draw: Callable[..., Figure], run: RunData, **options: Any) -> Figure:
+    """Draw a figure and say on it that its bounds cannot be believed."""
+    figure = draw(run, **options)
+    figure.supxlabel(VOID, color="tab:red", fontweight="bold")
+    return figure
 
 
 #: Formats with what each would say of the moment and the program, which is left out.

@@ -12,7 +12,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from sldvexp.dataset import FREQUENCY, VARIABLES, RunData
+from sldvexp.dataset import FREQUENCY, VARIABLES, RunData, is_void
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.numbers import number
 
@@ -131,7 +131,7 @@ def field_tables(run: RunData) -> Iterator[Table]:
     if not fields:
         return
     yield _methods(fields)
-    yield _components(fields)
+    yield _components(fields, is_void(run.groups))
     if "examined/truth" in run.groups:
         yield truth_table(run.groups["examined/truth"], strongest(next(iter(fields.values()))))
 
@@ -149,7 +149,7 @@ def _methods(fields: Mapping[str, xr.Dataset]) -> Table:
     return table
 
 
-def _components(fields: Mapping[str, xr.Dataset]) -> Table:
+def _components(fields: Mapping[str, xr.Dataset], void: bool) -> Table:
     """Show size of every component with its bounds, at the strongest frequencies."""
     columns = (
         "component",
@@ -160,6 +160,7 @@ def _components(fields: Mapping[str, xr.Dataset]) -> Table:
         "poses",
         "bound",
         "elements",
+        *["verdict"] * void,
     )
     title = f"{VELOCITY.titled('Velocity')}{_some(fields.values())}"
     table = Table("field", *columns, title=title, title_justify="left")
@@ -173,7 +174,7 @@ def _components(fields: Mapping[str, xr.Dataset]) -> Table:
                 bounds = ("velocity_std_noise", "velocity_std_pose", "confidence")
                 cells += [_mm(_rms(one[b].values)) if b in one else "" for b in bounds]
                 cells.append(_mm(_rms(np.abs(one["element_error"].values))))
-                table.add_row(*map(escape, cells))
+                table.add_row(*map(escape, cells), *["void"] * void)
     return table
 
 

@@ -18,7 +18,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 from rich.text import Text
 
-from sldvexp.dataset import RunData, Source
+from sldvexp.dataset import RunData, Source, is_void
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.base import notes, verdict_text
 from sldvexp.report.numbers import number, with_bound
@@ -115,7 +115,9 @@ def estimates(run: RunData, most: int = MOST_VELOCITIES) -> Iterator[tuple[str, 
                 one = group.isel(view=0).sel(adjusted=shared)
                 yield from _pose_rows("all views", one[["intrinsic", "intrinsic_confidence"]])
         elif name.split("/")[0] in ("point", "compare") and "element" not in group.coords:
-            yield from _point_rows(name, group, most)
+            for *row, note in _point_rows(name, group, most):
+                told = ", ".join(filter(None, ("void" * is_void(run.groups), note)))
+                yield row[0], row[1], row[2], told
 
 
 def _pose_rows(view: str, pose: xr.Dataset) -> Iterator[tuple[str, str, str, str]]:

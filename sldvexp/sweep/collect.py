@@ -16,6 +16,7 @@ import numpy as np
 from sldvexp import dataset
 from sldvexp.check.field_pattern import OUT_OF_PLANE
 from sldvexp.config.paths import RUN_FILE
+from sldvexp.dataset import VERDICT
 from sldvexp.lazy import xarray as xr
 from sldvexp.sweep import record
 from sldvexp.sweep.plan import labels
@@ -52,16 +53,21 @@ def collect(
         says where each run lies.
     """
     records = [_record(folder) for folder in folders]
-    results = {
-        i: _headlines(folder / RUN_FILE)
+    files = {
+        i: dataset.load_some(folder / RUN_FILE, (*PARENTS, VERDICT))
         for i, (folder, r) in enumerate(zip(folders, records, strict=True))
         if r.state.finished and (folder / RUN_FILE).is_file()
+    }
+    results = {i: headlines(tree) for i, tree in files.items()}
+    verdicts = {
+        i: str(t[VERDICT].attrs[VERDICT]) for i, t in files.items() if VERDICT in t.children
     }
     names = list(dict.fromkeys(name for found in results.values() for name in found))
     stacked: dict[str, xr.DataArray] = {n: _stack(n, results, len(cells)) for n in names}
     stacked |= {
         "state": xr.DataArray([str(r.state) for r in records], dims=RUN),
         "reason": xr.DataArray([r.reason or _why(r) for r in records], dims=RUN),
+        VERDICT: xr.DataArray([verdicts.get(i, "") for i in range(len(cells))], dims=RUN),
         "seconds": xr.DataArray([r.seconds for r in records], dims=RUN, attrs={"units": "s"}),
     }
     columns = {k: labels([c[j] for c in cells]) for j, k in enumerate(keys)}
@@ -88,11 +94,6 @@ def _why(found: record.Record) -> str:
     return why.get(found.state, "")
 
 
-def _headlines(path: Path) -> dict[str, xr.DataArray]:
-    """Read a run's headlines, without its images and samples."""
-    return headlines(dataset.load_some(path, PARENTS))
-
-
 def _stack(name: str, results: Mapping[int, dict[str, xr.DataArray]], count: int) -> xr.DataArray:
     """Stack one headline of all runs along `RUN`; NaN where a run does not have it."""
     having = [i for i, found in results.items() if name in found]
@@ -113,7 +114,7 @@ def _by_keys(table: xr.Dataset, columns: Mapping[str, list[Any]]) -> xr.Dataset:
     order = {k: list(dict.fromkeys(v)) for k, v in columns.items()}
     table = table.assign_coords({k: (RUN, v) for k, v in columns.items()})
     unstacked = table.set_index({RUN: tuple(columns)}).unstack(RUN).reindex(order)
-    empty = {"state": str(record.State.waiting), "reason": "not among the runs"}
+    empty = {"state": str(record.State.waiting), "reason": "not among the runs", VERDICT: ""}
     for name, value in empty.items():
         unstacked[name] = unstacked[name].fillna(value)
     unstacked = unstacked.assign_coords({FOLDER: unstacked[FOLDER].fillna("")})

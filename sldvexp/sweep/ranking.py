@@ -11,6 +11,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from sldvexp.dataset import VERDICT
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import whole_or_nothing
 from sldvexp.lazy import xarray as xr
@@ -36,7 +37,7 @@ FIELD_COLUMNS = {
     "out of plane, mm/s": ("field.std_out_of_plane", 1000),
 }
 #: Of every run, besides its results.
-ABOUT = ("state", "reason", "seconds")
+ABOUT = ("state", "reason", VERDICT, "seconds")
 
 
 def ranked_by(table: xr.Dataset, wanted: str = "") -> str:
@@ -102,15 +103,16 @@ def terminal_table(
     shown = Table(title=title, title_justify="left")
     for column in ("", *keys, *numbers, "seconds"):
         shown.add_column(column, no_wrap=True)
+    shown.add_column(VERDICT, no_wrap=True)
     shown.add_column("state")
     for place, row in enumerate(ranking, 1):
         state = f"{row['state']}: {row['reason']}" if row["reason"] else row["state"]
         cells = [str(place) if np.isfinite(row[by]) else "", *(str(row[k]) for k in keys)]
         cells += [_shown(scale * row[of]) for of, scale in numbers.values()]
-        cells += [number(row["seconds"], 3), state]
+        cells += [number(row["seconds"], 3), row[VERDICT], state]
         shown.add_row(*map(escape, cells))
     ranked = next(t for t, (of, _) in numbers.items() if of == by)
-    return fitted(shown, width, {"", *keys[:1], ranked, "state"}, "sweep.csv")
+    return fitted(shown, width, {"", *keys[:1], ranked, VERDICT, "state"}, "sweep.csv")
 
 
 def _shown(value: float) -> str:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -81,20 +82,41 @@ def diagnose(bench: Bench, fit: JointFit, views: Sequence[int] | None = None) ->
     views : sequence of int, optional
         Those that may be wrong; all without it.
     """
-    found = [(Explanation((), "clean", fit.squares), 0.0)]
+    found = [Tried(Explanation((), "clean", fit.squares), 0.0, fit.count)]
     for k in range(len(bench.data)) if views is None else views:
         found += _of_view(bench, k)
-    least = min(h.criterion for h, _ in found)
-    far = any(h.criterion == least and h.kind in ("pose", "other_field") for h, _ in found)
-    if far or least > UNEXPLAINED * fit.dof:
-        found += _exchanges(bench, fit)
+    best = min(found, key=lambda t: t.explanation.criterion / t.pixels)
+    left = best.explanation.criterion / (best.pixels * fit.dof / fit.count)
+    if best.explanation.kind in ("pose", "other_field") or left > UNEXPLAINED:
+        found += _exchanges(bench)
     # No kind that fits leaves more than the noise, whatever noise was stated.
-    scale = max(1.0, min(h.criterion for h, _ in found) / fit.dof)
-    penalty = float(np.log(fit.channels * fit.count))
-    told = [
-        replace(h, criterion=float(h.criterion / scale + numbers * penalty)) for h, numbers in found
-    ]
-    return sorted(told, key=lambda h: h.criterion)
+    scale = min(t.explanation.criterion / t.pixels for t in found) * fit.count / fit.dof
+    return sorted(
+        (t.ranked(bench, fit.channels, max(1.0, scale)) for t in found), key=lambda h: h.criterion
+    )
+
+
+class Tried(NamedTuple):
+    """An explanation whose criterion is the sum of squares that it leaves.
+
+    Attributes
+    ----------
+    numbers : float
+        That it adds to the model.
+    pixels : int
+        That it was fitted to: those whose beams meet the surface.
+    """
+
+    explanation: Explanation
+    numbers: float
+    pixels: int
+
+    def ranked(self, bench: Bench, channels: int, scale: float) -> Explanation:
+        """Give the criterion; pixels that left the surface count as they are expected to."""
+        pixels = sum(len(d.pixel) for d in bench.data)
+        squares = self.explanation.criterion / scale + channels * (pixels - self.pixels)
+        penalty = self.numbers * np.log(channels * pixels)
+        return replace(self.explanation, criterion=float(squares + penalty))
 
 
 def _without(bench: Bench, k: int) -> JointFit:
@@ -104,12 +126,13 @@ def _without(bench: Bench, k: int) -> JointFit:
     return bench.again(JointFit(bench.data, bench.designs(errors), bench.prior, views=others))
 
 
-def _of_view(bench: Bench, k: int) -> Iterator[tuple[Explanation, float]]:
-    """Yield all kinds of mistakes of one view, with how many numbers each has."""
+def _of_view(bench: Bench, k: int) -> Iterator[Tried]:
+    """Yield all kinds of mistakes of one view."""
     others = _without(bench, k)
     yield _free_pose(bench, k, others)
-    squares, count = _own_scalar(bench, k, others)
-    yield Explanation((k,), "other_field", others.squares + squares), count
+    squares, numbers = _own_scalar(bench, k, others)
+    count = others.count + int(others.designs[k].present.sum())
+    yield Tried(Explanation((k,), "other_field", others.squares + squares), numbers, count)
     velocity = bench.data[k].velocity
     yield from _factors(bench, k, others, np.conj(velocity), CONJUGATES)
     yield from _factors(bench, k, others, velocity, NAMED)
@@ -117,21 +140,25 @@ def _of_view(bench: Bench, k: int) -> Iterator[tuple[Explanation, float]]:
 
 def _factors(
     bench: Bench, k: int, others: JointFit, values: ComplexArray, named: Mapping[str, float]
-) -> Iterator[tuple[Explanation, float]]:
+) -> Iterator[Tried]:
     """Yield named factors of one view; of velocities as they are, a gain, a phase and both too."""
     squares, c, information = _free_factor(bench, k, others, values)
     std = np.sqrt(np.diag(np.linalg.pinv(information)))
+    count = others.count + int(others.designs[k].present.sum())
     found = Explanation((k,), "factor", squares, c, (float(std[0]), float(std[1])))
     for kind, factor in named.items():
         off = np.array([np.log(abs(factor) / abs(c)), np.angle(factor / c)])
         # Of a field without phase a conjugate is nothing: both at once must not tie with a sign.
         numbers = 2 if kind == "conjugate_sign" else 1
-        yield replace(found, kind=kind, criterion=squares + float(off @ information @ off)), numbers
+        left = squares + float(off @ information @ off)
+        yield Tried(replace(found, kind=kind, criterion=left), numbers, count)
     if named is NAMED:
         gain, phase = _alone(information)
-        yield replace(found, kind="gain", criterion=squares + phase * np.angle(c) ** 2), 2
-        yield replace(found, kind="phase", criterion=squares + gain * np.log(abs(c)) ** 2), 2
-        yield found, 3
+        left = squares + phase * np.angle(c) ** 2
+        yield Tried(replace(found, kind="gain", criterion=left), 2, count)
+        left = squares + gain * np.log(abs(c)) ** 2
+        yield Tried(replace(found, kind="phase", criterion=left), 2, count)
+        yield Tried(found, 3, count)
 
 
 def _alone(information: Array) -> tuple[float, float]:
@@ -174,11 +201,11 @@ def _complex(channels: Array) -> ComplexArray:
     return np.asarray(real + 1j * imaginary)
 
 
-def _free_pose(bench: Bench, k: int, others: JointFit) -> tuple[Explanation, float]:
+def _free_pose(bench: Bench, k: int, others: JointFit) -> Tried:
     """Fit with a free pose of one view, the designs taken again at every step."""
     wide, own = widened(bench, [k]), slice(POSE * k, POSE * (k + 1))
-    best, pixels = Explanation((k,), "pose", np.inf, pose=POSE * (0.0,)), len(bench.data[k].pixel)
-    numbers = 0.0
+    pixels = len(bench.data[k].pixel)
+    best = Tried(Explanation((k,), "pose", np.inf, pose=POSE * (0.0,)), 1.0, pixels)
     # Of the others' field and of the fit of all, whichever start leaves less.
     for pose in (_first_step(bench, k, others), np.zeros(POSE)):
         for _ in range(STEPS + 1):
@@ -186,19 +213,18 @@ def _free_pose(bench: Bench, k: int, others: JointFit) -> tuple[Explanation, flo
             errors[own] = pose
             designs = [*others.designs]
             designs[k] = wide.design(k, errors)
-            missing = pixels - int(designs[k].present.sum())
-            if 2 * missing > pixels:
+            if 2 * int(designs[k].present.sum()) < pixels:
                 break
             standard = np.concatenate([others.standard, pose / FREE])
             fit = JointFit(wide.data, designs, wide.prior, standard)
-            squares = fit.squares + fit.channels * missing * fit.squares / fit.dof
             pose = fit.poses[own]
-            if squares < best.criterion:
+            if fit.squares / fit.count < best.explanation.criterion / best.pixels:
                 covariance = fit.covariance[own, own]
-                numbers = POSE - float(np.trace(covariance / np.outer(FREE, FREE)))
+                numbers = 1 + POSE - float(np.trace(covariance / np.outer(FREE, FREE)))
                 moves = tuple(map(float, pose))
-                best = replace(best, criterion=squares, pose=moves, covariance=covariance)
-    return best, 1 + numbers
+                told = Explanation((k,), "pose", fit.squares, pose=moves, covariance=covariance)
+                best = Tried(told, numbers, fit.count)
+    return best
 
 
 def _first_step(bench: Bench, k: int, others: JointFit) -> Array:
@@ -233,7 +259,7 @@ def _own_scalar(bench: Bench, k: int, others: JointFit) -> tuple[float, int]:
     return float(np.vdot(left, left)), len(normal) * values.shape[1]
 
 
-def _exchanges(bench: Bench, fit: JointFit) -> Iterator[tuple[Explanation, float]]:
+def _exchanges(bench: Bench) -> Iterator[Tried]:
     """Yield pairs of views whose images are exchanged: each was taken from the other's place."""
     for i in range(len(bench.data)):
         for j in range(i):
@@ -241,9 +267,8 @@ def _exchanges(bench: Bench, fit: JointFit) -> Iterator[tuple[Explanation, float
             views[i], views[j] = _image_of(views[i], views[j]), _image_of(views[j], views[i])
             data, _ = pixel_data(views, bench.surface)
             found = replace(bench, data=data).fit()
-            missing = fit.count - found.count
-            squares = found.squares + found.channels * missing * found.squares / found.dof
-            yield Explanation((j, i), "exchanged", squares), 1
+            if 2 * found.count > sum(len(d.pixel) for d in bench.data):
+                yield Tried(Explanation((j, i), "exchanged", found.squares), 1.0, found.count)
 
 
 def _image_of(place: View, other: View) -> View:

@@ -306,8 +306,8 @@ def times_i(values: Array) -> Array:
 def _across(a: Array, columns: Array) -> Array:
     """Compute ``A' X``, shape (function, channel, column)."""
     pixels, count, channels = columns.shape
-    found = a.T @ columns.reshape(pixels, -1)
-    return np.asarray(found).reshape(-1, count, channels).transpose(0, 2, 1)
+    found = a.T @ columns.reshape(pixels, count * channels)
+    return np.asarray(found).reshape(a.shape[1], count, channels).transpose(0, 2, 1)
 
 
 def _inner(x: Array, z: Array) -> Array:

@@ -29,8 +29,8 @@ def poses(views: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """Stand around the panel, one view in front and the others inclined."""
     found = []
     for k in range(views):
-        tilt = 0.0 if k == 0 else TILT
-        turn = 2 * np.pi * k / max(views - 1, 1)
+        tilt = np.radians(3.0) if k == 0 else TILT + np.radians(3.0) * np.cos(4.0 * k)
+        turn = 2 * np.pi * (k + 0.3 * np.sin(5.0 * k)) / max(views - 1, 1)
         toward = np.array([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)])
         origin = DISTANCE * toward
         up = np.array([0.0, 1.0, 0.0])

@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from sldvexp.dataset import load_table
+from sldvexp.dataset import VERDICT, load_table
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.html import render
 from sldvexp.report.html.blocks import Code, Facts, HtmlTable, Link, Listing, Section, Text, having
@@ -62,6 +62,11 @@ def _warnings(ranking: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> list
         for row in ranking
         if row["state"] not in GOOD
     ]
+    found += [
+        f"{_name(row, keys)}: the verdict is {row[VERDICT]}"
+        for row in ranking
+        if row.get(VERDICT, "") not in ("", "trusted")
+    ]
     return [Listing(found, "warning") if found else Text("Nothing to mind.", "good")]
 
 
@@ -94,11 +99,11 @@ def _results(
         rank = str(place) if math.isfinite(value) else ""
         cells = [rank, *(str(row[key]) for key in keys)]
         result = number(value) if rank else ""
-        about = [result, number(row["seconds"], 3), str(row["state"])]
+        about = [result, number(row["seconds"], 3), str(row.get(VERDICT, "")), str(row["state"])]
         rows.append([*cells, *about, _link(page, str(row.get("folder", "")))])
     caption = f"Runs by {by}, {first(by)} first" if by else "Runs"
     result = (by or "result") + (f", {unit}" if unit != "1" else "")
-    yield HtmlTable(["", *keys, result, "seconds", "state", "run"], rows, caption)
+    yield HtmlTable(["", *keys, result, "seconds", VERDICT, "state", "run"], rows, caption)
     told = "A result of many numbers is ranked by their root mean square"
     yield Text(f"{told}; sweep.csv beside this page has every number of every run.", "small")
 

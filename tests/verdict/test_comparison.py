@@ -1,0 +1,123 @@
+"""Views of one field: clean ones are believed, a wrong one is named with its kind."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from sldvexp.field.bounds.pose_uncertainty import pose_covariance
+from sldvexp.verdict.comparison import FAMILY, Bench, bench_of, compare_views
+from sldvexp.verdict.diagnosis import diagnose, tells_views_apart
+
+from .simulated_views import LOOSE, NOISE, TIGHT, Session, session
+
+#: Mistakes with their sizes and the kinds that they are to be named.
+GROSS = (
+    ("sign", 0.0, "sign"),
+    ("conjugate", 0.0, "conjugate"),
+    ("rms", 0.0, "rms"),
+    ("other", 0.0, "other_field"),
+    ("gain", 0.03, "gain"),
+    ("phase", np.radians(3.0), "phase"),
+    ("rotation", np.radians(1.0), "pose"),
+)
+
+
+def bench(made: Session) -> Bench:
+    found = bench_of(made.views, made.surface, pose_covariance(made.views, None))
+    assert found is not None
+    return found
+
+
+def rejected(sessions: int, first: int, views: int, std=LOOSE, noise=NOISE) -> int:
+    """Count clean sessions with a rejected view."""
+    count = 0
+    for seed in range(first, first + sessions):
+        on = bench(session(np.random.default_rng(seed), views, std, noise))
+        count += compare_views(on, on.fit()).rejects
+    return count
+
+
+def test_clean_views_are_believed():
+    """At 1 % of 20 sessions three rejections have a probability of 0.001."""
+    assert rejected(20, 0, 5) <= binom.isf(1e-3, 20, FAMILY)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("views", [4, 5, 6])
+@pytest.mark.parametrize("noise", [NOISE, NOISE / 1.05], ids=["noise", "noise_5_percent_low"])
+@pytest.mark.parametrize("std", [LOOSE, TIGHT], ids=["loose", "tight"])
+def test_clean_views_are_rejected_once_in_a_hundred(views, noise, std):
+    assert rejected(200, 1000, views, std, noise) / 200 <= 0.03
+
+
+@pytest.mark.parametrize(("mistake", "size", "kind"), GROSS, ids=[m for m, *_ in GROSS])
+def test_wrong_view_is_named_with_its_kind(mistake, size, kind):
+    rng = np.random.default_rng(7)
+    wrong = int(rng.integers(5))
+    on = bench(session(rng, 5, mistakes={wrong: mistake}, size=size))
+    fit = on.fit()
+    assert compare_views(on, fit).rejects
+    best, other = tells_views_apart(diagnose(on, fit))
+    assert (best.view, best.kind, other) == ((wrong,), kind, None)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("views", [5, 6])
+@pytest.mark.parametrize(
+    ("mistake", "size", "kind", "detected", "right"),
+    [
+        *((m, s, k, 1.0, 0.95) for m, s, k in GROSS if k != "pose"),
+        ("gain", 0.01, "gain", 0.95, 0.80),
+        ("phase", np.radians(1.0), "phase", 0.95, 0.80),
+        ("rotation", np.radians(1.0), "pose", 0.95, 0.95),
+    ],
+)
+def test_mistakes_are_detected_and_named_as_often_as_promised(
+    views, mistake, size, kind, detected, right
+):
+    seen, named = [], []
+    for seed in range(50):
+        rng = np.random.default_rng([views, seed])
+        wrong = int(rng.integers(views))
+        on = bench(session(rng, views, mistakes={wrong: mistake}, size=size))
+        fit = on.fit()
+        seen.append(compare_views(on, fit).rejects)
+        if seen[-1]:
+            best, _ = tells_views_apart(diagnose(on, fit))
+            named.append(best.view == (wrong,) and best.kind == kind)
+    assert np.mean(seen) >= detected
+    assert np.mean(named) >= right
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("mistake", "size"), [("rotation", np.radians(0.3)), ("origin", 2e-3)])
+def test_small_errors_of_good_poses_are_detected(mistake, size):
+    seen = []
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        wrong = int(rng.integers(5))
+        on = bench(session(rng, 5, TIGHT, mistakes={wrong: mistake}, size=size))
+        seen.append(compare_views(on, on.fit()).rejects)
+    assert np.mean(seen) >= 0.95
+
+
+def test_noise_stated_too_low_rejects_no_view_and_is_told():
+    on = bench(session(np.random.default_rng(3), noise=NOISE / 1.3))
+    found = compare_views(on, on.fit())
+    assert not found.rejects
+    assert np.sqrt(found.misfit) == pytest.approx(1.3, abs=0.03)
+
+
+def test_estimated_poses_are_nearer_to_the_true_ones_where_beams_hit():
+    made = session(np.random.default_rng(11))
+    on = bench(made)
+    fit = on.again(on.fit())
+    before, after = [], []
+    for k, design in enumerate(fit.designs):
+        moves = design.beams.point_by_pose
+        truth = made.truth[k]
+        before.append(np.sqrt(np.mean((moves @ truth) ** 2)))
+        after.append(np.sqrt(np.mean((moves @ (truth - fit.poses[6 * k : 6 * k + 6])) ** 2)))
+    assert np.linalg.norm(after) < np.linalg.norm(before)
