@@ -13,7 +13,7 @@ that leaves out one at a time. So the search goes forward, from points that agre
 3. of the others the one that raises the cost least is put back while the probability of
    ``F(2, dof) = (rise / 2) / (cost / dof)`` is above 1 %/n, the pose being solved anew each time;
 4. of the poses of all cores that of the least deviance ``dof ln s^2 + 2 m ln(n / 1 %)`` is taken, m
-   being the points that it does without.
+   being the points that it does without and dof those of all points.
 
 Errors of right points are taken as normal, independent and alike, or as large as is stated of them
 and more by one factor; more than half of the points must be right.
@@ -196,7 +196,8 @@ def _extended(matched: MatchedPoints, core: BoolArray) -> RobustPose:
         pose = matched.solve(used)
     statistic[used] = p_value[used] = np.nan
     variance, left_out = _variance(pose), int(np.sum(~used))
-    deviance = pose.dof * math.log(variance) + 2 * left_out * math.log(n / LEVEL)
+    dof = pose.dof + 2 * left_out
+    deviance = dof * math.log(variance) + 2 * left_out * math.log(n / LEVEL)
     return RobustPose(pose, used, statistic, p_value, math.sqrt(variance), float(deviance))
 
 
