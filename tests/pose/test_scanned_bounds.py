@@ -57,8 +57,8 @@ class Scans:
         self.pointing = pointing
         hydra_plugin.install()
         with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-            experiment = ["experiment=dissertation/automated_pose", *overrides]
-            self.experiment = schema.build(compose("config", overrides=experiment))
+            ideal = ["experiment=dissertation/automated_pose", "scene.pointing=ideal"]
+            self.experiment = schema.build(compose("config", overrides=[*ideal, *overrides]))
         self.groups = [self._scan(seed) for seed in range(count)]
 
     def _scan(self, seed):
