@@ -28,6 +28,7 @@ SMALL = [
     "scan.sampling.samples=64",
     "scan.views={again: {dac: [[-142,-704],[-401,-1326],[673,-1632],[748,-646]]}}",
     "~expect.truth",
+    "~expect.residuals",
 ]
 VIEWS = "scene.views={again: {euler: [-1.153, 2.547, 1.913], origin: [0.862, 0.508, 1.553]}}"
 LINES = 2 * 4 * (3 + 8)

@@ -20,6 +20,7 @@ SMALL = [
     "scan.views={again: {dac: [[-142,-704],[-401,-1326],[673,-1632],[748,-646]]}}",
     "scene.views={again: {euler: [-1.153, 2.547, 1.913], origin: [0.862, 0.508, 1.553]}}",
     "~expect.truth",
+    "~expect.residuals",
 ]
 COMMAND = [sys.executable, "-m", "sldvexp.cli.main"]
 
