@@ -56,7 +56,7 @@ def rows(text: str) -> list[list[str]]:
 
 
 def test_every_page_begins_with_a_title_and_what_it_is_for():
-    assert {"conventions", "glossary", "reading_a_result"} <= set(PAGES)
+    assert {"conventions", "glossary", "printed", "reading_a_result"} <= set(PAGES)
     for topic, text in PAGES.items():
         title, paragraph, *_ = text.split("\n\n")
         assert re.fullmatch(r"# [A-Z].*", title), topic
