@@ -72,6 +72,14 @@ def write_list(path: Path, dac: Iterable[Iterable[int]]) -> None:
     Parameters
     ----------
     dac : iterable of pairs (up_down, left_right), steps
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "ScanList")
+    >>> write_list(path, [(200, 100), (200, 101)])
+    >>> path.read_text().splitlines()
+    ['100 200', '101 200']
     """
     with whole_or_nothing(path) as beside:
         beside.write_text("".join(f"{lr} {ud}\n" for ud, lr in dac))
