@@ -187,24 +187,37 @@ def _without_outliers(
     """Fit, reject what is far, fit again, until the same points remain.
 
     A point within `reject` of its known standard error is never an outlier, however well the
-    others fit.
+    others fit. One that is left out is judged by that and by how well the others tell the ellipse
+    there: of few points those that count at all would else not come back.
     """
     least = 1.0 if known else ROUNDING
     parameters = least_quantile(points.position)
     used = _near(points, parameters, reject, least)
     for _ in range(ROUNDS):
         parameters = METHODS[method](points[used], parameters)
-        near = _near(points, parameters, reject, least)
+        near = _near(points, parameters, reject, least, used)
         if np.array_equal(near, used):
             break
         used = near
     return parameters, used
 
 
-def _near(points: ScaledPoints, parameters: Array, reject: float, least: float) -> BoolArray:
+def _near(
+    points: ScaledPoints,
+    parameters: Array,
+    reject: float,
+    least: float,
+    used: BoolArray | None = None,
+) -> BoolArray:
     distance, normal = signed_distance(points.position, parameters)
-    size = np.abs(distance) / points.across(normal)
-    return size <= reject * max(float(quantile(size)) / NORMAL_MEDIAN, least)
+    across = points.across(normal)
+    size = np.abs(distance) / across
+    spread = max(float(quantile(size)) / NORMAL_MEDIAN, least)
+    if used is not None:
+        rows = distance_jacobian(normal, parameters) / across[:, None]
+        ellipse = np.linalg.pinv(rows[used].T @ rows[used])
+        size = np.where(used, size, size / np.sqrt(1 + np.sum(rows @ ellipse * rows, axis=1)))
+    return size <= reject * spread
 
 
 def _check_numbers(position: Array, std: Array, name: str) -> None:

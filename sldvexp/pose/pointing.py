@@ -290,20 +290,25 @@ def _describe(
         freedom=freedom,
         stated=float(scipy.special.chdtrc(freedom, before)) if freedom else 1.0,
         differ=differ,
-        bent=np.array([_bent(r) for r in residuals]),
+        bent=_bent(residuals, groups),
     )
 
 
-def _bent(ellipse: EllipseResiduals) -> float:
-    """Test harmonics of the turn that no ellipse has, with the noise that they leave."""
-    bent = ellipse.with_harmonics()
-    added = bent.design.shape[1] - ellipse.design.shape[1]
-    if bent.freedom <= 0:
-        return 1.0
-    variance = pointing_variance([bent])
-    left = bent.square(variance)
-    statistic = (ellipse.square(variance) - left) / added / max(left / bent.freedom, 1.0)
-    return float(scipy.special.fdtrc(added, bent.freedom, statistic))
+def _bent(residuals: Sequence[EllipseResiduals], groups: Sequence[Sequence[int]]) -> Array:
+    """Test harmonics of the turn that no ellipse has, with the noise that they leave of a group."""
+    probability = np.ones(len(residuals))
+    for group in groups:
+        bent = [residuals[k].with_harmonics() for k in group]
+        freedom = sum(b.freedom for b in bent)
+        if min(b.freedom for b in bent) <= 0:
+            continue
+        variance = pointing_variance(bent)
+        scale = max(sum(b.square(variance) for b in bent) / freedom, 1.0)
+        for k, b in zip(group, bent, strict=True):
+            added = b.design.shape[1] - residuals[k].design.shape[1]
+            statistic = (residuals[k].square(variance) - b.square(variance)) / added / scale
+            probability[k] = scipy.special.fdtrc(added, freedom, statistic)
+    return probability
 
 
 def _noise_dof(

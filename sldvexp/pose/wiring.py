@@ -149,6 +149,9 @@ def check_wiring(
     tried = (hypothesis(i, w) for w in WIRINGS if (i := seen[w.exchanged]) is not None)
     found = [h for h in tried if h is not None and h.faces]
     likely = [h for h in found if h.explained]
+    if straight is not None and straight.faces and (not upright or straight.stance == "upright"):
+        # Noise that is not what it is taken for leaves nothing to explain the right one better.
+        likely = [h for h in likely if h.residual < straight.residual]
     if not likely and straight is not None:
         # With miscalibrated mirrors only what fits far worse than another is surely wrong.
         least = min((h.residual for h in found), default=0.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -30,20 +31,17 @@ def residuals(rng, std, extra, count=40):
     return EllipseResiduals(noise, design, stated, np.linspace(0, 6, count))
 
 
-def estimate(lab, rng, method):
-    """Pose of a session with its own object and noise, and its errors (6,)."""
+def estimate(lab, rng, method, every=1):
+    """Pose of a session with its own object and noise, and its errors (6,).
+
+    Of all its edges, or of every so many.
+    """
     lab.machine(rng)
-    found = method.estimate(lab.laser, lab.target, lab.tree(rng))
+    tree = {k: g.isel(edge=slice(None, None, every)) for k, g in lab.tree(rng).items()}
+    found = method.estimate(lab.laser, lab.target, tree)
     pose = found.pose.isel(view=0)
-    solved = replace_pose(pose)
+    solved = SimpleNamespace(rotation=pose["rotation"].values, origin=pose["origin"].values)
     return found, pose, lab.error("a", solved)
-
-
-def replace_pose(pose):
-    class Solved:
-        rotation, origin = pose["rotation"].values, pose["origin"].values
-
-    return Solved
 
 
 def kinds(found):
@@ -121,6 +119,15 @@ def test_a_circle_that_is_noisier_than_the_others_is_named_and_weighed_less(edge
     assert (pose["origin_std"] < 0.75 * wide["origin_std"]).all()
 
 
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
+def test_edges_of_a_noisy_circle_do_not_make_the_others_wrong(edge_lab, method):
+    """Few edges tell a circle's own noise badly; circles that are alike share theirs."""
+    lab, rng = edge_lab(pointing=[0.2, 0.2, 0.2, 1.2], **STATED), np.random.default_rng(12)
+    for _ in range(4):
+        found, _, _ = estimate(lab, rng, method, every=2)
+        assert kinds(found) == [("pointing", "view a"), ("noisy_circle", "circle 4")]
+
+
 def test_circles_with_the_same_noise_differ_no_oftener_than_said(edge_lab):
     lab, rng = edge_lab(pointing=0.5, **STATED), np.random.default_rng(8)
     each = [find_pointing(list(lab.edges(rng)["a"].values()), lab.laser)[0] for _ in range(20)]
@@ -151,11 +158,11 @@ def test_edges_that_bend_as_no_ellipse_does_are_not_taken_for_noise(edge_lab):
     assert {f.severity for f in found.findings if f.kind == "edges"} == {Severity.doubtful}
 
 
-def spread_and_coverage(lab, method, sessions, seed):
+def spread_and_coverage(lab, method, sessions, seed, every=1):
     rng = np.random.default_rng(seed)
     errors, std, width = [], [], []
     for _ in range(sessions):
-        _, pose, error = estimate(lab, rng, method)
+        _, pose, error = estimate(lab, rng, method, every)
         errors.append(error)
         std.append(np.sqrt(np.diag(pose["covariance"].values)))
         width.append(half_width(std[-1], pose["dof"].values, 0.95))
@@ -172,3 +179,32 @@ def test_bounds_have_pointing_noise_in_them(edge_lab, method):
     np.testing.assert_allclose(ratio, 1.0, atol=4 / np.sqrt(2 * sessions))
     assert (cover >= 0.95 - 4 * np.sqrt(0.95 * 0.05 / sessions)).all()
     assert ratio.mean() == pytest.approx(1.0, abs=4 / np.sqrt(2 * sessions) / np.sqrt(3))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
+@pytest.mark.parametrize(
+    ("pointing", "every"),
+    [(0.0, 1), (0.0, 4), (0.5, 1), (0.5, 4), ([0.2, 0.2, 0.2, 0.9], 1)],
+    ids=["none", "none, 11 lines", "alike", "alike, 11 lines", "a noisy circle"],
+)
+def test_bounds_have_the_noise_of_each_circle_in_them(edge_lab, pointing, every, method):
+    sessions = 200
+    lab = edge_lab(pointing=pointing, **STATED)
+    ratio, cover = spread_and_coverage(lab, method, sessions, seed=13, every=every)
+    limit = np.sqrt(0.95 * 0.05 / sessions)
+    assert cover.mean() == pytest.approx(0.95, abs=3 * limit / np.sqrt(2))  # six that correlate
+    np.testing.assert_allclose(cover, 0.95, atol=4 * limit)
+    np.testing.assert_allclose(ratio, 1.0, atol=4 / np.sqrt(2 * sessions))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("pointing", [0.0, 0.5])
+def test_right_circles_and_mirrors_raise_no_alarm(edge_lab, pointing):
+    """Each kind of alarm as seldom as said, in sessions of three views."""
+    sessions, rng = 200, np.random.default_rng(14)
+    lab = edge_lab(views=3, pointing=pointing, **STATED)
+    told = [kinds(estimate(lab, rng, Edge())[0]) for _ in range(sessions)]
+    alarms = [{kind for kind, _ in found} - {"pointing"} for found in told]
+    most = 0.01 * sessions + 3 * np.sqrt(0.01 * sessions)
+    assert sum(map(bool, alarms)) <= most
