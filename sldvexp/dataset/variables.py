@@ -129,6 +129,8 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "angle": _V("pixel mirror", "rad", "mirror angle of the pixel", "deg"),
         "dac": _V("pixel mirror", "1", "DAC step of that angle", DAC),
         "flags": _V("pixel", "1", "what is wrong with the pixel; 0 for a good one"),
+        "f_statistic": _V("pixel channel", "1", "F of the record's constant against none"),
+        "f_p_value": _V("pixel channel", "1", "probability of such an F without a constant"),
     },
     "pose": {
         "origin": _V("view axis", "m", "origin of the laser frame in the world"),

@@ -15,6 +15,8 @@ from sldvexp.typing import Array, IntArray
 
 #: Of an image's lines in the journal.
 NAME = "image"
+#: Level at which a record's constant is judged; its p-value, which is kept, needs none.
+TESTED = 0.95
 
 
 def scan_image(scan: ImageScan, at: ViewContext) -> dict[str, xr.Dataset]:
@@ -63,9 +65,14 @@ def image_to_dataset(
         Flagged pixels keep their values. Attribute ``summary`` counts them.
     """
     found = image.refined
+    tests = [fit.intercept_test(TESTED) for fit in (image.velocity_fit, image.reference_fit)]
     group = dataset.group(
         "image",
-        {"pixel": np.arange(len(dac)), "frequency": np.array(frequency)},
+        {
+            "pixel": np.arange(len(dac)),
+            "frequency": np.array(frequency),
+            "channel": ["velocity", "reference"],
+        },
         velocity=image.velocity,
         velocity_std=image.std,
         uncorrected=image.uncorrected,
@@ -74,6 +81,8 @@ def image_to_dataset(
         angle=angle,
         dac=dac,
         flags=image.flags,
+        f_statistic=np.stack([test.statistic for test in tests], axis=1),
+        f_p_value=np.stack([test.p_value for test in tests], axis=1),
     )
     group["flags"].attrs |= {
         "flag_masks": np.array([flag.value for flag in Flag], np.uint8),

@@ -254,8 +254,8 @@ def test_efficiency(
     for name, fields in [*METHODS[1:], trusting]:
         other = estimate(looks, method_of(name, fields))
         ratio = (best.std_noise / other.std_noise)[..., 0] ** 2
-        np.testing.assert_allclose(other.efficiency, ratio, rtol=1e-6)
         # Samples' errors are shared, so that another method may be better by little.
-        assert np.median(other.efficiency) < 1.02
+        np.testing.assert_allclose(other.efficiency, np.minimum(ratio, 1), rtol=1e-6)
+        assert np.median(ratio) < 1.02
     # Samples that few views see spoil their nodes, and it says so.
     assert np.nanmin(other.efficiency) < 0.2

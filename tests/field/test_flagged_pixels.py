@@ -134,7 +134,10 @@ def test_default_session_with_lost_pixels(sldvexp: Callable[..., Any]) -> None:
     for name in ("field", "compare/absolute", "compare/contravariant"):
         off = np.abs(run.tree[name]["velocity"].values - truth)[middle]
         size[name] = np.sqrt(np.nanmean(off**2, axis=(0, 2)))
-        assert run.tree[name]["efficiency"].max() < 2
+    # What the worst nodes lose shows in the efficiency; most lose next to nothing.
+    efficiency = run.tree["field"]["efficiency"].values
+    assert np.nanmin(efficiency) < 0.5
+    assert np.nanmedian(efficiency) > 0.9
     least = size["compare/absolute"]
     assert np.all(size["field"] < 1.5 * least)
     assert np.all(size["compare/contravariant"] < 1.5 * least)

@@ -7,8 +7,9 @@ import pytest
 
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.laser import rays
+from sldvexp.session.images import image_to_dataset
 from sldvexp.session.session import scan_views
-from sldvexp.signal import Flag
+from sldvexp.signal import Flag, demodulate, sine_model
 from sldvexp.virtual_lab import VirtualLab
 
 CORNERS = "[[-630, 130], [-630, -1400], [640, -1400], [640, 130]]"
@@ -127,3 +128,21 @@ def test_nothing_is_scanned_if_a_pixel_cannot_be_reached(composed, tmp_path):
 def test_a_scan_of_no_view(composed, tmp_path):
     with pytest.raises(ConfigError, match=r"scan\.views: needs at least one view"):
         scan_views(composed("scan=list"), tmp_path)
+
+
+def test_constants_of_the_records_are_tested():
+    """One in twenty is found where there is none, and every one of half the noise."""
+    pixels, samples = 400, 256
+    rng, times = np.random.default_rng(1), np.arange(256) / 2560
+    records = np.cos(2 * np.pi * 200 * times) + 0.1 * rng.normal(size=(pixels, 2, samples))
+    records[: pixels // 2, 0] += 0.05
+    image = demodulate(records, sine_model(times, [200.0]))
+    dac = np.zeros((pixels, 2), int)
+    group = image_to_dataset(image, dac, np.radians(dac), [200.0])
+    assert group["f_p_value"].dims == ("pixel", "channel")
+    of_velocity, of_reference = group["f_p_value"].values.T
+    assert np.all(of_velocity[: pixels // 2] < 1e-3)
+    for p in (of_velocity[pixels // 2 :], of_reference):
+        assert abs(np.mean(p < 0.05) - 0.05) < 3 * np.sqrt(0.05 * 0.95 / len(p))
+    kept = group["f_p_value"].sel(channel="velocity") < 0.05
+    np.testing.assert_array_equal(image.velocity_fit.intercept, kept)

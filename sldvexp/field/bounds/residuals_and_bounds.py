@@ -203,7 +203,8 @@ def with_bounds(
     variance = None if pose is None else found.pose
     expected = 2 * found.expected @ factors
     own = found.noise[:, :, :3].sum(axis=3)
-    least = own if is_best(model) else least
+    # Errors that samples share may make another method better by little: then that is the least.
+    least = own if is_best(model) else np.minimum(least, own)
     efficiency = np.divide(least, own, out=np.full_like(own, np.nan), where=own > 0)
     return FieldBounds(left, found.noise @ factors, variance, expected, max(errors), efficiency)
 
