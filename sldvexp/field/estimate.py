@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
-from sldvexp.field.bounds.element_error import mean_squares, told
-from sldvexp.field.bounds.pose_uncertainty import PoseErrors, pose_covariance
-from sldvexp.field.bounds.residuals_and_bounds import pose_effect, residuals_only, variance_factors
+from sldvexp.field.bounds.interpolation_error import interpolation_error
+from sldvexp.field.bounds.pose_uncertainty import PoseEffect, PoseErrors, pose_covariance
+from sldvexp.field.bounds.residuals_and_bounds import data_modes, residuals_only, variance_factors
 from sldvexp.field.equations.assembly import normal_equations, pixel_data
 from sldvexp.field.equations.conditioning import condition_numbers
 from sldvexp.field.equations.regions import RegionIterator
@@ -144,16 +144,11 @@ def _in_volume(
     frequency: ArrayLike | None,
     **poses: Any,
 ) -> FieldResult:
-    """Solve in the volume's coordinates, and say if its elements are too coarse."""
+    """Solve in the volume's coordinates, with the errors of its model in the bounds."""
     local = volume.coordinates is Coordinates.local
-    result = solve_field(visibility, method, solver, local=local, **poses)
-    coarse: list[str] = []
-    if result.confidence is not None:
-        coarse = told(mean_squares(result.element_error, result.confidence))
+    result = solve_field(visibility, method, solver, local=local, **poses).with_model_errors()
     return replace(
-        result,
-        frequency=None if frequency is None else np.asarray(frequency, float),
-        messages=(*result.messages, *coarse),
+        result, frequency=None if frequency is None else np.asarray(frequency, float)
     )
 
 
@@ -199,11 +194,18 @@ def solve_field(
         left = residuals_only(fit.parts, fit.theta, fit.data)
         return FieldEstimate.from_fit(fit, left, solver).result(messages)
     factor = variance_factors(visibility.views, model.pixel_std)
-    effect = pose_effect(model, fit.theta, fit.data, factor, poses)
+    modes = data_modes(model, fit.data, factor)
+    effect = None if poses is None else PoseEffect.from_modes(poses, modes, fit.theta, fit.data)
     found = fit.with_bounds(factor, effect)
-    if errors is not None and len(errors.pose) and found.pose is not None:
-        added = errors.variance(visibility.views, solved_with(visibility, model, solver))
-        found = replace(found, pose=found.pose + added)
+    others: dict[str, Array] = {}
+    if errors is not None and len(errors.pose):
+        others["calibration"] = errors.variance(
+            visibility.views, solved_with(visibility, model, solver)
+        )
+    system, of_modes = fit.equations.system, [modes.of_columns(d) for d in fit.data]
+    error = interpolation_error(fit.parts, system, fit.solve, of_modes)
+    error = None if error is None else modes.to_columns(error)
+    found = replace(found, others=others, interpolation=error)
     if poses is None:
         messages.append(NO_COVARIANCE)
     condition = condition_numbers(fit.equations.system, fit.solve)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp import dataset
-from sldvexp.field.bounds.element_error import mean_squares, told
+from sldvexp.field.bounds.interpolation_error import interpolation_error
 from sldvexp.field.bounds.pose_uncertainty import ModeEffect, PoseErrors, of_modes, pose_covariance
 from sldvexp.field.bounds.residuals_and_bounds import FieldBounds, residuals_only
 from sldvexp.field.equations.assembly import Equations, real_columns, right_sides
@@ -79,11 +79,15 @@ class Ready:
         if effect is None:
             messages.append(NO_COVARIANCE)
         bounds = fit.with_bounds(np.eye(len(visibility.views)), effect)
-        if errors is not None and bounds.pose is not None:
+        others: dict[str, Array] = {}
+        if errors is not None and len(errors.pose):
             solved = solved_with(visibility, fit.parts.model, solver)
-            for more, less in errors.moved(visibility.views):
-                change = (solved(more) - solved(less))[..., ::2] / 2  # modes have no imaginary part
-                bounds.pose[...] += _products(change)
+            moved = errors.moved(visibility.views)
+            # Modes have no imaginary part.
+            changes = [(solved(more) - solved(less))[..., ::2] / 2 for more, less in moved]
+            others["calibration"] = np.asarray(sum(map(_products, changes)))
+        error = interpolation_error(fit.parts, fit.equations.system, fit.solve, data)
+        bounds = replace(bounds, others=others, interpolation=error)
         return cls(
             method,
             solver,
@@ -105,8 +109,8 @@ class Ready:
         """Solver with its factors."""
         return self.solver.prepare(self.equations.system)
 
-    def block(self, some: slice, *velocity: NDArray[Any]) -> tuple[xr.Dataset, Array]:
-        """Make the group ``field`` of some frequencies, and `mean_squares` of it.
+    def block(self, some: slice, *velocity: NDArray[Any]) -> xr.Dataset:
+        """Make the group ``field`` of some frequencies.
 
         Parameters
         ----------
@@ -129,8 +133,7 @@ class Ready:
         )
         result = outcome.result(list(self.messages), self.condition)
         result = replace(result, frequency=self.compressed.frequency[some])
-        assert result.confidence is not None
-        return result.to_dataset(), mean_squares(result.element_error, result.confidence)
+        return result.with_model_errors().to_dataset()
 
     def _bounds_of(self, some: slice) -> FieldBounds:
         """Select the bounds of some frequencies."""
@@ -138,11 +141,14 @@ class Ready:
         modes = self.compressed.modes.of_part(slice(2 * some.start, 2 * some.stop))
         assert bounds.noise is not None
         assert bounds.expected is not None
+        error = bounds.interpolation
         return replace(
             bounds,
             noise=bounds.noise @ factor,
             expected=bounds.expected @ factor,
             pose=None if bounds.pose is None else of_modes(modes, bounds.pose),
+            others={name: of_modes(modes, kept) for name, kept in bounds.others.items()},
+            interpolation=None if error is None else modes.to_columns(error),
         )
 
 
@@ -187,19 +193,17 @@ def stream_field(
     images = [tree[f"image/{name}"]["velocity"] for name in visibility.names]
     blocks = slices(images[0], "frequency")
     tasks = ((shared, some, *(image.data[:, some] for image in images)) for some in blocks)
-    squares, paths = [], []
+    paths = []
     still: list[xr.Dataset] = []
     folder.mkdir()
-    for k, (group, square) in enumerate(work.map(Ready.block, tasks)):
+    for k, group in enumerate(work.map(Ready.block, tasks)):
         paths.append(folder / f"{k:05d}.nc")
         moving = [n for n, v in group.data_vars.items() if "frequency" in v.dims]
         dataset.save_table(group[moving].drop_vars(_labels(group[moving])), paths[-1])
         still = still or [group.drop_vars(moving)]
-        squares.append(square * group.sizes["frequency"])
     whole = _joined(still[0], paths, moving)
-    coarse = told(np.sum(squares, axis=0) / len(compressed.frequency))
     whole.attrs |= pooled(whole["sse"].values, whole.attrs["samples"])
-    whole.attrs["notes"] = "\n".join([*ready.messages, *coarse])
+    whole.attrs["notes"] = "\n".join(ready.messages)
     return whole
 
 

@@ -1,0 +1,83 @@
+"""Budget of a field's uncertainty: its variance by source, which add up to that of the bounds.
+
+Noise, poses, pointing and calibration have variances of their own. What interpolation between
+pixels and the elements leave out of a smooth field are no random errors but estimates b_i and b_e
+of definite ones, which may cancel: interpolation flattens waves, elements raise them. They are not
+subtracted; their sum's square, averaged over the nodes around, is taken as a variance, as if the
+place of the node on the wave were drawn. Between the two it is divided as their own squares are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from sldvexp.field.bounds.element_error import SurfaceMean
+from sldvexp.typing import Array, ComplexArray
+
+#: All sources that are known of, in the order of the budget, and how tables call them.
+SOURCES = {
+    "noise": "noise of the velocities",
+    "pose": "poses",
+    "pointing": "pointing of the mirrors at pixels",
+    "calibration": "calibration of the mirrors",
+    "interpolation": "interpolation between pixels",
+    "elements": "size of the elements",
+}
+#: What shows in no residual of one session, and is in no budget.
+NEVER_INCLUDED = ("drift", "hysteresis of the mirrors")
+
+#: How often squares of estimated errors are averaged over the nodes around.
+AVERAGED = 2
+
+
+def model_variances(
+    mean: SurfaceMean, elements: ComplexArray, interpolation: ComplexArray | None
+) -> dict[str, Array]:
+    """Turn the errors of a field's model into variances, shape (part, node, component, frequency).
+
+    Parameters
+    ----------
+    elements : ndarray of complex, shape (node, component, frequency), m/s
+        Estimated error of the elements; see `element_error`. Where it is NaN nothing is added.
+    interpolation : ndarray of complex, shape (node, component, frequency), m/s, optional
+        That of the interpolation, where it could be estimated.
+    """
+    # The mean over the nodes around keeps the error of a smooth field, and little of the noise.
+    own = {"elements": mean.of(elements)}
+    if interpolation is not None:
+        own["interpolation"] = mean.of(interpolation)
+    square = {name: _mean_square(mean, error) for name, error in own.items()}
+    both = _mean_square(mean, np.sum([np.nan_to_num(e) for e in own.values()], axis=0))
+    total = np.sum(list(square.values()), axis=0)
+    ratio = np.divide(both, total, out=np.zeros_like(both), where=total > 0)
+    return {name: square[name] * ratio for name in SOURCES if name in square}
+
+
+def _mean_square(mean: SurfaceMean, error: ComplexArray) -> Array:
+    """Average squares of real and imaginary part over the nodes around, (part, *error.shape)."""
+    squares = np.stack([error.real**2, error.imag**2])
+    squares = np.where(np.isnan(squares), 0.0, squares)
+    for _ in range(AVERAGED):
+        squares = np.stack([mean.of(part) for part in squares])
+    return squares
+
+
+def by_source(variance: Mapping[str, Array]) -> tuple[list[str], Array]:
+    """List the sources and their variances in the part whose sum is larger.
+
+    Parameters
+    ----------
+    variance : mapping of str to ndarray, shape (part or 1, node, component, frequency), m2/s2
+
+    Returns
+    -------
+    sources : list of str
+    variances : ndarray, shape (source, node, component, frequency), m2/s2
+    """
+    names = [name for name in SOURCES if name in variance]
+    shape = np.broadcast_shapes((2, 1, 1, 1), *(variance[n].shape for n in names))
+    each = np.stack([np.broadcast_to(variance[n], shape) for n in names])
+    larger = np.nan_to_num(each.sum(axis=0)).argmax(axis=0)
+    return names, np.take_along_axis(each, larger[None, None], axis=1)[:, 0]
