@@ -147,9 +147,7 @@ def _in_volume(
     """Solve in the volume's coordinates, with the errors of its model in the bounds."""
     local = volume.coordinates is Coordinates.local
     result = solve_field(visibility, method, solver, local=local, **poses).with_model_errors()
-    return replace(
-        result, frequency=None if frequency is None else np.asarray(frequency, float)
-    )
+    return replace(result, frequency=None if frequency is None else np.asarray(frequency, float))
 
 
 def solve_field(

@@ -189,7 +189,8 @@ class FieldResult:
         """Add what the elements and the interpolation leave out of the field to its bounds."""
         if not self.variance:
             return self
-        added = model_variances(self._mean, self.element_error, self.interpolation_error)
+        noise, elements = self.variance["noise"][0], self.element_error
+        added = model_variances(self._mean, noise, elements, self.interpolation_error)
         return replace(self, variance={**self.variance, **added})
 
     @property

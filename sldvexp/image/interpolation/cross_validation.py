@@ -138,7 +138,9 @@ SURE = 3.0
 INDEPENDENT = 0.25
 
 
-def is_better(images: Sequence[ImagePixels], each: Sequence[tuple[Predictions, Predictions]]) -> bool:
+def is_better(
+    images: Sequence[ImagePixels], each: Sequence[tuple[Predictions, Predictions]]
+) -> bool:
     """Tell whether the second of two interpolations surely misses less beyond the noise.
 
     All images count together: samples join all views, and the test of one that has few pixels
@@ -161,9 +163,7 @@ def is_better(images: Sequence[ImagePixels], each: Sequence[tuple[Predictions, P
     return bool(gain.mean() > SURE * spread)
 
 
-def mean_error(
-    image: ImagePixels, found: Predictions, part: float
-) -> scipy.sparse.csr_array:
+def mean_error(image: ImagePixels, found: Predictions, part: float) -> scipy.sparse.csr_array:
     """Estimate by how much interpolation near each pixel is off on the average, as a matrix.
 
     Parameters
