@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
+from sldvexp.field.bounds.advice import advice
 from sldvexp.field.bounds.interpolation_error import interpolation_error
 from sldvexp.field.bounds.pose_uncertainty import PoseEffect, PoseErrors, pose_covariance
 from sldvexp.field.bounds.residuals_and_bounds import data_modes, residuals_only, variance_factors
@@ -37,6 +38,7 @@ from sldvexp.field.solvers.base import Solver
 from sldvexp.field.solvers.iterative import Iterative
 from sldvexp.field.visibility.view import View, views_of
 from sldvexp.field.visibility.visibility import VolumeVisibility
+from sldvexp.image import Interpolation
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction import Reconstruction
@@ -147,7 +149,13 @@ def _in_volume(
     """Solve in the volume's coordinates, with the errors of its model in the bounds."""
     local = volume.coordinates is Coordinates.local
     result = solve_field(visibility, method, solver, local=local, **poses).with_model_errors()
-    return replace(result, frequency=None if frequency is None else np.asarray(frequency, float))
+    cubic = visibility.interpolation is Interpolation.cubic
+    advised = advice(result.mean_squares, result.components, cubic) if result.variance else []
+    return replace(
+        result,
+        frequency=None if frequency is None else np.asarray(frequency, float),
+        messages=(*result.messages, *advised),
+    )
 
 
 def solve_field(

@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.field.bounds.budget import by_source, model_variances
+from sldvexp.field.bounds.advice import mean_squares
+from sldvexp.field.bounds.budget import by_source, model_variances, not_included
 from sldvexp.field.bounds.element_error import SurfaceMean, element_error
 from sldvexp.field.visibility.coverage import Coverage
 from sldvexp.field.visibility.visibility import VolumeVisibility
@@ -185,6 +186,11 @@ class FieldResult:
     def _mean(self) -> SurfaceMean:
         return SurfaceMean.from_prisms(self.visibility.prisms, self.visibility.rule)
 
+    @property
+    def mean_squares(self) -> Array:
+        """Parts of the budget that advice is given by, shape (5, component), m2/s2."""
+        return mean_squares(self._mean, self.variance, self.element_error, self.interpolation_error)
+
     def with_model_errors(self) -> FieldResult:
         """Add what the elements and the interpolation leave out of the field to its bounds."""
         if not self.variance:
@@ -299,6 +305,7 @@ def _attributes(result: FieldResult) -> dict[str, Any]:
         "coordinate_system": "world" if result.components[0] == "x" else "local",
         "confidence_level": method.confidence,
         "interpolation": result.visibility.interpolation.name,
+        "not_included": "; ".join(not_included(result.variance)),
         "coverage": "\n".join(c.summary() for c in result.coverage),
         "notes": "\n".join(result.messages),
     }

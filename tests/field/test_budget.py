@@ -1,4 +1,4 @@
-"""The budget of a field's uncertainty: its parts add up, and their sum is what errors really are."""
+"""The budget of a field's uncertainty: parts add up, and their sum is what errors really are."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from sldvexp.field import FieldResult, View
 from sldvexp.field.bounds.budget import SOURCES, by_source
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.visibility.projection import to_laser
-from sldvexp.geometry import rotation_from_vector
 from sldvexp.image import Interpolation
 from sldvexp.laser import TwoMirror, direction_cosines
 from sldvexp.reconstruction import Absolute, Contravariant

@@ -49,9 +49,9 @@ def model_variances(
     interpolation : ndarray of complex, shape (node, component, frequency), m/s, optional
         That of the interpolation, where it could be estimated.
     """
-    own = {"elements": _smooth(mean, elements)}
+    own = {"elements": smoothed(mean, elements)}
     if interpolation is not None:
-        own["interpolation"] = _smooth(mean, interpolation)
+        own["interpolation"] = smoothed(mean, interpolation)
     square = {name: _mean_square(mean, error) for name, error in own.items()}
     both = _mean_square(mean, np.sum(list(own.values()), axis=0))
     total = np.sum(list(square.values()), axis=0)
@@ -60,7 +60,7 @@ def model_variances(
     return {name: square[name] * ratio for name in SOURCES if name in square}
 
 
-def _smooth(mean: SurfaceMean, error: ComplexArray) -> ComplexArray:
+def smoothed(mean: SurfaceMean, error: ComplexArray) -> ComplexArray:
     """Keep the smooth part of an error, which a mean m(e) changes by ``e - m(e)`` only; 0 for NaN.
 
     ``m(2 e - m(e))`` keeps a wave but for the fourth power of its wave number.
@@ -74,6 +74,12 @@ def _mean_square(mean: SurfaceMean, error: ComplexArray) -> Array:
     for _ in range(AVERAGED):
         squares = np.stack([mean.of(part) for part in squares])
     return squares
+
+
+def not_included(variance: Mapping[str, Array]) -> list[str]:
+    """Name the sources that are in no bound: nothing tells them, or no residual can show them."""
+    untold = [text for name, text in SOURCES.items() if name not in variance]
+    return [*untold, *NEVER_INCLUDED] if variance else []
 
 
 def by_source(variance: Mapping[str, Array]) -> tuple[list[str], Array]:

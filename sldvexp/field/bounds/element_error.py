@@ -72,8 +72,9 @@ def element_error(mean: SurfaceMean, velocity: ComplexArray) -> ComplexArray:
     -------
     ndarray of complex, shape (node, component, frequency), m/s
         What is to be subtracted. About a third of the standard error is in it where there is no
-        such error, an eighth in its mean over the nodes around. At the rim, where one side is missing, and beside nodes that are NaN it is the
-        neighbours' mean; NaN where the velocity is, and everywhere if there is no inner node.
+        such error, an eighth in its mean over the nodes around. At the rim, where one side is
+        missing, and beside nodes that are NaN it is the neighbours' mean; NaN where the velocity
+        is, and everywhere if there is no inner node.
     """
     by_layer = velocity.reshape(mean.layers, len(mean.rim), -1)
     twice = np.stack([layer - np.asarray(mean.weights @ layer) for layer in by_layer])

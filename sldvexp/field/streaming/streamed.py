@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp import dataset
+from sldvexp.field.bounds.advice import advice
 from sldvexp.field.bounds.interpolation_error import interpolation_error
 from sldvexp.field.bounds.pose_uncertainty import ModeEffect, PoseErrors, of_modes, pose_covariance
 from sldvexp.field.bounds.residuals_and_bounds import FieldBounds, residuals_only
@@ -31,6 +32,7 @@ from sldvexp.field.solvers.base import Solver
 from sldvexp.field.streaming.compression import Compressed, slices
 from sldvexp.field.streaming.dask import Work
 from sldvexp.field.visibility.visibility import VolumeVisibility
+from sldvexp.image import Interpolation
 from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction import Reconstruction
 from sldvexp.typing import Array
@@ -109,8 +111,8 @@ class Ready:
         """Solver with its factors."""
         return self.solver.prepare(self.equations.system)
 
-    def block(self, some: slice, *velocity: NDArray[Any]) -> xr.Dataset:
-        """Make the group ``field`` of some frequencies.
+    def block(self, some: slice, *velocity: NDArray[Any]) -> tuple[xr.Dataset, Array]:
+        """Make the group ``field`` of some frequencies, and what advice is given by.
 
         Parameters
         ----------
@@ -133,7 +135,8 @@ class Ready:
         )
         result = outcome.result(list(self.messages), self.condition)
         result = replace(result, frequency=self.compressed.frequency[some])
-        return result.with_model_errors().to_dataset()
+        result = result.with_model_errors()
+        return result.to_dataset(), result.mean_squares
 
     def _bounds_of(self, some: slice) -> FieldBounds:
         """Select the bounds of some frequencies."""
@@ -193,17 +196,21 @@ def stream_field(
     images = [tree[f"image/{name}"]["velocity"] for name in visibility.names]
     blocks = slices(images[0], "frequency")
     tasks = ((shared, some, *(image.data[:, some] for image in images)) for some in blocks)
-    paths = []
+    squares, paths = [], []
     still: list[xr.Dataset] = []
     folder.mkdir()
-    for k, group in enumerate(work.map(Ready.block, tasks)):
+    for k, (group, square) in enumerate(work.map(Ready.block, tasks)):
         paths.append(folder / f"{k:05d}.nc")
         moving = [n for n, v in group.data_vars.items() if "frequency" in v.dims]
         dataset.save_table(group[moving].drop_vars(_labels(group[moving])), paths[-1])
         still = still or [group.drop_vars(moving)]
+        squares.append(square * group.sizes["frequency"])
     whole = _joined(still[0], paths, moving)
     whole.attrs |= pooled(whole["sse"].values, whole.attrs["samples"])
-    whole.attrs["notes"] = "\n".join(ready.messages)
+    mean = np.sum(squares, axis=0) / len(compressed.frequency)
+    cubic = visibility.interpolation is Interpolation.cubic
+    advised = advice(mean, tuple(map(str, whole["component"].values)), cubic)
+    whole.attrs["notes"] = "\n".join([*ready.messages, *advised])
     return whole
 
 
