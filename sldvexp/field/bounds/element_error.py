@@ -50,7 +50,7 @@ class SurfaceMean:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(share > 0, sums / share, np.nan).reshape(values.shape)
 
-    def filled(self, values: ComplexArray) -> ComplexArray:
+    def filled(self, values: Array | ComplexArray) -> Array | ComplexArray:
         """Fill nodes that are NaN with the mean of those around them, ring by ring."""
         left = np.isnan(values)
         while left.any():

@@ -109,10 +109,10 @@ def _thinned(
         for k in range(TURNS):
             left_out = turn == k
             try:
-                thinned = triangulate(_Thinned(image, image.usable & ~left_out))
+                others = triangulate(_Thinned(image, image.usable & ~left_out))
             except (UserError, IndexError):  # too few are left
                 continue
-            yield np.flatnonzero(left_out), None, thinned
+            yield np.flatnonzero(left_out), None, others
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ def mean_error(image: ImagePixels, found: Predictions, part: float) -> scipy.spa
         (np.ones(predicted), (np.arange(predicted), found.pixel)), shape=(predicted, count)
     )
     nearest = scipy.spatial.KDTree(image.dac[found.pixel]).query(image.dac)[1]
-    usable: BoolArray = np.flatnonzero(image.usable)
+    usable = np.flatnonzero(image.usable)
     pick = scipy.sparse.csr_array(
         (np.full(len(usable), part), (usable, nearest[usable])), shape=(count, predicted)
     )
