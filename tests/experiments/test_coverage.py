@@ -11,13 +11,10 @@ import yaml
 FOLDER = Path(__file__).parents[2] / "conf" / "experiment"
 #: By how much the share of intervals that hold the truth may differ from what is stated.
 ALLOWED = 0.02
+FEW_LINES = "{frequency: [195.0,440.0,545.0,785.0,840.0]}"
 SMALL = {
-    "curved_panel": ["scan.pixels=[21,25]", "volume.shape=[19,15]"],
-    "plate_frf": [
-        "scan.pixels=[17,19]",
-        "volume.shape=[12,10]",
-        "scan.sampling.frequency=[195.0,440.0,545.0,785.0]",
-    ],
+    "curved_panel": ["scan.pixels=[21,25]", "volume.shape=[23,18]"],
+    "plate_frf": ["scan.pixels=[17,19]", "volume.shape=[14,12]", f"scan.sampling={FEW_LINES}"],
 }
 
 
@@ -35,9 +32,9 @@ def covered(sldvexp, name, seeds, *settings):
     """Shares of every session and component, shape (seed, component)."""
     found = []
     for seed in range(seeds):
-        called = (f"experiment={name}", f"seed={seed}", "report=none", "expect={}", *settings)
-        done = sldvexp(*called, "check={truth: {plugin: truth}}")
-        assert done.status == 0, done.err
+        done = sldvexp(f"experiment={name}", f"seed={seed}", "report=none", *settings)
+        # What is expected of the experiment as it is may be missed by a small one.
+        assert done.status in (0, 2), done.err
         found.append(done.tree["examined/truth"]["covered_in_all"].values)
     return np.array(found)
 
