@@ -11,7 +11,7 @@ import yaml
 FOLDER = Path(__file__).parents[2] / "conf" / "experiment"
 #: By how much the share of intervals that hold the truth may differ from what is stated.
 ALLOWED = 0.02
-FEW_LINES = "{frequency: [195.0,440.0,545.0,785.0,840.0]}"
+FEW_LINES = "{frequency: [100.0,195.0,300.0,440.0,600.0,785.0,1000.0,1200.0]}"
 SMALL = {
     "curved_panel": ["scan.pixels=[21,25]", "volume.shape=[23,18]"],
     "plate_frf": ["scan.pixels=[17,19]", "volume.shape=[14,12]", f"scan.sampling={FEW_LINES}"],
