@@ -24,7 +24,13 @@ from numpy.typing import ArrayLike
 from sldvexp.errors import UserError
 from sldvexp.field.bounds.advice import advice
 from sldvexp.field.bounds.interpolation_error import interpolation_error
-from sldvexp.field.bounds.pose_uncertainty import PoseEffect, PoseErrors, pose_covariance
+from sldvexp.field.bounds.pointing import pointing_variance
+from sldvexp.field.bounds.pose_uncertainty import (
+    PoseEffect,
+    PoseErrors,
+    of_modes,
+    pose_covariance,
+)
 from sldvexp.field.bounds.residuals_and_bounds import data_modes, residuals_only, variance_factors
 from sldvexp.field.equations.assembly import normal_equations, pixel_data
 from sldvexp.field.equations.conditioning import condition_numbers
@@ -208,8 +214,11 @@ def solve_field(
         others["calibration"] = errors.variance(
             visibility.views, solved_with(visibility, model, solver)
         )
-    system, of_modes = fit.equations.system, [modes.of_columns(d) for d in fit.data]
-    error = interpolation_error(fit.parts, system, fit.solve, of_modes)
+    system, reduced = fit.equations.system, [modes.of_columns(d) for d in fit.data]
+    pointing = pointing_variance(fit.parts, system, fit.solve, reduced)
+    if pointing is not None:
+        others["pointing"] = of_modes(modes, pointing)
+    error = interpolation_error(fit.parts, system, fit.solve, reduced)
     error = None if error is None else modes.to_columns(error)
     found = replace(found, others=others, interpolation=error)
     if poses is None:

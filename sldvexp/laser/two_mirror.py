@@ -119,16 +119,22 @@ class TwoMirror:
         D/A converter that drives both mirrors.
     up_down, left_right : Mirror
         Calibration of each mirror.
+    pointing_std : float, DAC steps
+        Standard deviation of where each mirror comes to rest beside where it is sent, anew each
+        time, as a repeatability test shows it (Section 4.5); 0 where it is not known. Bounds of
+        fields contain it.
     """
 
     mirror_offset: float = 0.0
     board: Board = Board.bits_12_sign
     up_down: Mirror = field(default_factory=Mirror)
     left_right: Mirror = field(default_factory=Mirror)
+    pointing_std: float = 0.0
 
     def __post_init__(self) -> None:
         checks = Checks()
         checks.non_negative("mirror_offset", self.mirror_offset)
+        checks.non_negative("pointing_std", self.pointing_std)
         for name in MIRRORS:
             getattr(self, name).check(checks, name, self.board)
         checks.done()

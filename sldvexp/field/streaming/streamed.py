@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from sldvexp import dataset
 from sldvexp.field.bounds.advice import advice
 from sldvexp.field.bounds.interpolation_error import interpolation_error
+from sldvexp.field.bounds.pointing import pointing_variance
 from sldvexp.field.bounds.pose_uncertainty import ModeEffect, PoseErrors, of_modes, pose_covariance
 from sldvexp.field.bounds.residuals_and_bounds import FieldBounds, residuals_only
 from sldvexp.field.equations.assembly import Equations, real_columns, right_sides
@@ -88,6 +89,9 @@ class Ready:
             # Modes have no imaginary part.
             changes = [(solved(more) - solved(less))[..., ::2] / 2 for more, less in moved]
             others["calibration"] = np.asarray(sum(map(_products, changes)))
+        pointing = pointing_variance(fit.parts, fit.equations.system, fit.solve, data)
+        if pointing is not None:
+            others["pointing"] = pointing
         error = interpolation_error(fit.parts, fit.equations.system, fit.solve, data)
         bounds = replace(bounds, others=others, interpolation=error)
         return cls(

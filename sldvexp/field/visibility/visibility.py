@@ -137,6 +137,12 @@ class VolumeVisibility:
         return [self.interpolation.mean_error(view) for view in self.views]
 
     @property
+    def slopes(self) -> list[tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]]:
+        """Derivatives of every view's image at its pixels, by the steps of both mirrors."""
+        pairs = zip(self._interpolators, self.views, strict=True)
+        return [interpolator.at(view.dac).gradient for interpolator, view in pairs]
+
+    @property
     def triangles(self) -> IndexArray:
         """Indices of all triangles of the surface."""
         return np.arange(len(self.prisms.triangles))
