@@ -106,3 +106,31 @@ def test_sum_is_the_error_of_draws(
         found.append(squares(result, volume.prisms().position))
     ratio = np.sqrt(np.mean(found, axis=0) / np.mean(stated, axis=0))
     np.testing.assert_allclose(ratio, 1.0, atol=off)
+
+
+def test_pointing_noise_moves_the_field_as_stated(make_views: Make, laser: TwoMirror) -> None:
+    """Pixels beside where they are said to be: what that does to nodal values, over 40 draws."""
+    step, draws, rng = 8.0, 40, np.random.default_rng(3)
+    views, volume = make_views(4, pixels=20), plate(Interpolation.cubic, (7, 7))
+    quiet = [replace(v, std=np.full(len(v.dac), 1e-9)) for v in images(views, laser)]
+    beside = [
+        [
+            replace(v, dac=v.dac + rng.normal(scale=step, size=v.dac.shape), shape=None)
+            for _ in range(draws)
+        ]
+        for v in views
+    ]
+    seen = [np.hstack([images([b], laser)[0].velocity for b in each]) for each in beside]
+    moved = [replace(v, velocity=s) for v, s in zip(quiet, seen, strict=True)]
+    known = replace(laser, pointing_std=step)
+    still = estimate_field(quiet, known, volume, Absolute())
+    assert list(still.variance) == ["noise", "pointing", "interpolation", "elements"]
+    off = estimate_field(moved, laser, volume, Absolute()).velocity - still.velocity
+    found = np.sqrt(np.mean(off.real**2, axis=(0, 2)))
+    stated = np.sqrt(still.variance["pointing"][0].mean(axis=0))[:, 0]
+    np.testing.assert_allclose(stated, found, rtol=0.15)
+    assert not still.variance["pointing"][1].any()  # nothing moves in the imaginary part
+    by_pose = estimate_field(
+        [replace(v, pointing_std=step) for v in quiet], laser, volume, Absolute()
+    )
+    np.testing.assert_array_equal(by_pose.variance["pointing"], still.variance["pointing"])
