@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
 from sldvexp.field.bounds.advice import advice
+from sldvexp.field.bounds.calibration import calibration_changes
 from sldvexp.field.bounds.interpolation_error import interpolation_error
 from sldvexp.field.bounds.pointing import pointing_variance
 from sldvexp.field.bounds.pose_uncertainty import (
@@ -210,10 +211,8 @@ def solve_field(
     effect = None if poses is None else PoseEffect.from_modes(poses, modes, fit.theta, fit.data)
     found = fit.with_bounds(factor, effect)
     others: dict[str, Array] = {}
-    if errors is not None and len(errors.pose):
-        others["calibration"] = errors.variance(
-            visibility.views, solved_with(visibility, model, solver)
-        )
+    if changes := calibration_changes(visibility, errors, solved_with(model, solver)):
+        others["calibration"] = np.sum(np.square(changes), axis=0)
     system, reduced = fit.equations.system, [modes.of_columns(d) for d in fit.data]
     pointing = pointing_variance(fit.parts, system, fit.solve, reduced)
     if pointing is not None:
@@ -227,14 +226,12 @@ def solve_field(
     return FieldEstimate.from_fit(fit, found, solver).result(messages, condition)
 
 
-def solved_with(
-    visibility: VolumeVisibility, model: FieldModel, solver: Solver
-) -> Callable[[list[View]], Array]:
-    """Make the map from views to the solution, (layer, surface_node, parameter, column)."""
+def solved_with(model: FieldModel, solver: Solver) -> Callable[[VolumeVisibility], Array]:
+    """Make the map from what is seen to the solution, (layer, surface_node, parameter, column)."""
 
-    def solved(views: list[View]) -> Array:
-        parts = RegionIterator(visibility.seen_by(views), model)
-        equations = normal_equations(parts, pixel_data(views))
+    def solved(visibility: VolumeVisibility) -> Array:
+        parts = RegionIterator(visibility, model)
+        equations = normal_equations(parts, pixel_data(visibility.views))
         equations, solve = factorise(solver, equations, find_undetermined(equations))
         return solution(equations.right, equations.system, solve)
 

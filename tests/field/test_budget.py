@@ -134,3 +134,26 @@ def test_pointing_noise_moves_the_field_as_stated(make_views: Make, laser: TwoMi
         [replace(v, pointing_std=step) for v in quiet], laser, volume, Absolute()
     )
     np.testing.assert_array_equal(by_pose.variance["pointing"], still.variance["pointing"])
+
+
+def test_a_stated_zero_of_all_mirrors_is_a_rotation_of_all_views(
+    make_views: Make, laser: TwoMirror
+) -> None:
+    """Points turned about the up-down mirror's axis are seen at other angles by as much."""
+    std, volume = 1e-4, plate(Interpolation.cubic, (7, 7))
+    shared = np.zeros((4, 6, 4, 6))
+    shared[:, 0, :, 0] = std**2
+    views = images(make_views(4, pixels=20), laser)
+    by_pose = estimate_field(
+        views, laser, volume, Absolute(), covariance=shared.reshape(24, 24)
+    ).variance["pose"]
+    mirror = replace(laser.up_down, zero_std=np.degrees(std))
+    known = replace(laser, up_down=mirror)
+    found = estimate_field(views, known, volume, Absolute()).variance["calibration"]
+    np.testing.assert_allclose(found, by_pose, rtol=0.01, atol=1e-3 * by_pose.max())
+    # As a coefficient of the polynomial it is another error, and both add up.
+    bent = replace(mirror, polynomial=[0.0], polynomial_std=[0.1])
+    both = estimate_field(views, replace(laser, up_down=bent), volume, Absolute())
+    more = both.variance["calibration"]
+    assert np.all(more >= found * (1 - 1e-9))
+    assert more.max() > 1.01 * found.max()

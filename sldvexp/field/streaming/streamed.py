@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from sldvexp import dataset
 from sldvexp.field.bounds.advice import advice
+from sldvexp.field.bounds.calibration import calibration_changes
 from sldvexp.field.bounds.interpolation_error import interpolation_error
 from sldvexp.field.bounds.pointing import pointing_variance
 from sldvexp.field.bounds.pose_uncertainty import ModeEffect, PoseErrors, of_modes, pose_covariance
@@ -83,12 +84,11 @@ class Ready:
             messages.append(NO_COVARIANCE)
         bounds = fit.with_bounds(np.eye(len(visibility.views)), effect)
         others: dict[str, Array] = {}
-        if errors is not None and len(errors.pose):
-            solved = solved_with(visibility, fit.parts.model, solver)
-            moved = errors.moved(visibility.views)
+        solved = solved_with(fit.parts.model, solver)
+        if changes := calibration_changes(visibility, errors, solved):
             # Modes have no imaginary part.
-            changes = [(solved(more) - solved(less))[..., ::2] / 2 for more, less in moved]
-            others["calibration"] = np.asarray(sum(map(_products, changes)))
+            products = [_products(change[..., ::2]) for change in changes]
+            others["calibration"] = np.sum(products, axis=0)
         pointing = pointing_variance(fit.parts, fit.equations.system, fit.solve, data)
         if pointing is not None:
             others["pointing"] = pointing

@@ -181,6 +181,13 @@ class VolumeVisibility:
         moved._occlusions = [moved._occlusion(v) for v in views]
         return moved
 
+    def seen_with(self, laser: TwoMirror) -> Self:
+        """Give the same images and poses another laser."""
+        other = copy(self)
+        other.laser, other._whole = laser, None
+        other._occlusions = [other._occlusion(v) for v in self.views]
+        return other
+
     def _project(self, triangles: IndexArray) -> SampleVisibility:
         position = sample_positions(self.prisms, self.rule, triangles).reshape(-1, 3)
         frame = sample_frames(self.prisms, self.rule, triangles).reshape(-1, 3, 3)
