@@ -247,8 +247,18 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "confidence_by_part": _V(
             "part node component [frequency]", "m/s", "half-width of each part's interval"
         ),
+        "variance": _V(
+            "source node component [frequency]",
+            "m2/s2",
+            "variance from each source, of the larger part; they add up to that of velocity_std",
+        ),
         "element_error": _V(
             "node component [frequency]", "m/s", "estimated error that the elements' size adds"
+        ),
+        "interpolation_error": _V(
+            "node component [frequency]",
+            "m/s",
+            "estimated error that interpolation between pixels adds",
         ),
         "intercept": _V("node [frequency]", "m/s", "intercept of the full model"),
         "intercept_std": _V("node [frequency]", "m/s", "its standard error, of the larger part"),

@@ -22,9 +22,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
-from sldvexp.field.bounds.element_error import mean_squares, told
-from sldvexp.field.bounds.pose_uncertainty import PoseErrors, pose_covariance
-from sldvexp.field.bounds.residuals_and_bounds import pose_effect, residuals_only, variance_factors
+from sldvexp.field.bounds.advice import advice
+from sldvexp.field.bounds.calibration import calibration_changes
+from sldvexp.field.bounds.interpolation_error import interpolation_error
+from sldvexp.field.bounds.pointing import pointing_variance
+from sldvexp.field.bounds.pose_uncertainty import (
+    PoseEffect,
+    PoseErrors,
+    of_modes,
+    pose_covariance,
+)
+from sldvexp.field.bounds.residuals_and_bounds import data_modes, residuals_only, variance_factors
 from sldvexp.field.equations.assembly import normal_equations, pixel_data
 from sldvexp.field.equations.conditioning import condition_numbers
 from sldvexp.field.equations.regions import RegionIterator
@@ -37,6 +45,7 @@ from sldvexp.field.solvers.base import Solver
 from sldvexp.field.solvers.iterative import Iterative
 from sldvexp.field.visibility.view import View, views_of
 from sldvexp.field.visibility.visibility import VolumeVisibility
+from sldvexp.image import Interpolation
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction import Reconstruction
@@ -144,16 +153,15 @@ def _in_volume(
     frequency: ArrayLike | None,
     **poses: Any,
 ) -> FieldResult:
-    """Solve in the volume's coordinates, and say if its elements are too coarse."""
+    """Solve in the volume's coordinates, with the errors of its model in the bounds."""
     local = volume.coordinates is Coordinates.local
-    result = solve_field(visibility, method, solver, local=local, **poses)
-    coarse: list[str] = []
-    if result.confidence is not None:
-        coarse = told(mean_squares(result.element_error, result.confidence))
+    result = solve_field(visibility, method, solver, local=local, **poses).with_model_errors()
+    cubic = visibility.interpolation is Interpolation.cubic
+    advised = advice(result.mean_squares, result.components, cubic) if result.variance else []
     return replace(
         result,
         frequency=None if frequency is None else np.asarray(frequency, float),
-        messages=(*result.messages, *coarse),
+        messages=(*result.messages, *advised),
     )
 
 
@@ -199,32 +207,38 @@ def solve_field(
         left = residuals_only(fit.parts, fit.theta, fit.data)
         return FieldEstimate.from_fit(fit, left).result(messages)
     factor = variance_factors(visibility.views, model.pixel_std)
-    effect = pose_effect(model, fit.theta, fit.data, factor, poses)
+    modes = data_modes(model, fit.data, factor)
+    effect = None if poses is None else PoseEffect.from_modes(poses, modes, fit.theta, fit.data)
     found = fit.with_bounds(factor, effect)
     test = fit.intercept_test(found, effect)
-    if errors is not None and len(errors.pose) and found.pose is not None:
-        changes = errors.changes(visibility.views, solved_with(visibility, model, solver))
-        found = replace(found, pose=found.pose + np.sum(changes**2, axis=0))
+    others: dict[str, Array] = {}
+    if changes := calibration_changes(visibility, errors, solved_with(model, solver)):
+        others["calibration"] = np.sum(np.square(changes), axis=0)
         if test is not None and effect is not None:
-            test = test.with_changes(effect.modes.of_columns(changes))
+            test = test.with_changes(modes.of_columns(np.stack(changes)))
+    system, reduced = fit.equations.system, [modes.of_columns(d) for d in fit.data]
+    pointing = pointing_variance(fit.parts, system, fit.solve, reduced)
+    if pointing is not None:
+        others["pointing"] = of_modes(modes, pointing)
+    error = interpolation_error(fit.parts, system, fit.solve, reduced)
+    error = None if error is None else modes.to_columns(error)
+    found = replace(found, others=others, interpolation=error)
     if poses is None:
         messages.append(NO_COVARIANCE)
     condition = condition_numbers(fit.equations.system, fit.solve)
-    modes = None if effect is None else effect.modes
     tested = None
     if test is not None:
-        tested = test.test(fit.theta, fit.data, found, factor, modes, method.confidence)
+        of_poses = None if effect is None else modes
+        tested = test.test(fit.theta, fit.data, found, factor, of_poses, method.confidence)
     return FieldEstimate.from_fit(fit, found, tested).result(messages, condition)
 
 
-def solved_with(
-    visibility: VolumeVisibility, model: FieldModel, solver: Solver
-) -> Callable[[list[View]], Array]:
-    """Make the map from views to the solution, (layer, surface_node, parameter, column)."""
+def solved_with(model: FieldModel, solver: Solver) -> Callable[[VolumeVisibility], Array]:
+    """Make the map from what is seen to the solution, (layer, surface_node, parameter, column)."""
 
-    def solved(views: list[View]) -> Array:
-        parts = RegionIterator(visibility.seen_by(views), model)
-        equations = normal_equations(parts, pixel_data(views))
+    def solved(visibility: VolumeVisibility) -> Array:
+        parts = RegionIterator(visibility, model)
+        equations = normal_equations(parts, pixel_data(visibility.views))
         equations, solve = factorise(solver, equations, find_undetermined(equations))
         return solution(equations.right, equations.system, solve)
 

@@ -32,7 +32,7 @@ from sldvexp.field.visibility.coverage import flagged
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.reconstruction import Reconstruction
 from sldvexp.reconstruction.observability import blank
-from sldvexp.statistics import FTest, student_factor
+from sldvexp.statistics import FTest
 from sldvexp.typing import Array, BoolArray
 
 
@@ -183,23 +183,24 @@ class FieldEstimate:
         return np.ascontiguousarray(values.reshape(-1, *values.shape[2:]))
 
     def _bounds(self, known: BoolArray) -> dict[str, Any]:
-        """Compute standard errors; NaN where nothing is determined."""
-        names = ("std_noise", "std_pose", "std_by_part", "confidence_by_part", "intercept_std")
-        if self.bounds.noise is None:
-            return dict.fromkeys(names)
-        noise = np.where(known, self._by_node(self.bounds.noise), np.nan)
-        pose = np.zeros((2, *noise.shape))
-        if self.bounds.pose is not None:
-            columns = self._by_node(self.bounds.pose)
-            pose = np.where(known, np.stack([columns[..., ::2], columns[..., 1::2]]), np.nan)
-        std = np.sqrt(noise + pose)
-        factor = float(student_factor(self.model.method.confidence, np.inf))
+        """Compute variances by source; NaN where nothing is determined."""
+        found = self.bounds
+        if found.noise is None:
+            return {"variance": {}, "intercept_std": None}
+        variance = {"noise": self._by_node(found.noise)[None]}
+        others = found.others if found.pose is None else {"pose": found.pose, **found.others}
+        for name, columns in others.items():
+            columns = self._by_node(columns)
+            variance[name] = np.stack([columns[..., ::2], columns[..., 1::2]])
+        variance = {name: np.where(known, each, np.nan) for name, each in variance.items()}
+        std = np.sqrt(sum(variance.values())).max(axis=0)
+        error = found.interpolation
         return {
-            "std_noise": np.sqrt(noise[:, :3]),
-            "std_pose": None if self.bounds.pose is None else np.sqrt(pose[:, :, :3]),
-            "std_by_part": std[:, :, :3],
-            "confidence_by_part": factor * std[:, :, :3],
-            "intercept_std": std[:, :, 3].max(axis=0) if self.model.intercept else None,
+            "variance": {name: each[:, :, :3] for name, each in variance.items()},
+            "intercept_std": std[:, 3] if self.model.intercept else None,
+            "interpolation_error": None
+            if error is None
+            else np.where(known[:, :3], self._by_node(error).view(complex)[:, :3], np.nan),
         }
 
     def _efficiency(self) -> Array | None:

@@ -7,7 +7,7 @@ the two parts differ, and the larger one holds for both.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -16,12 +16,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.field.bounds.element_error import element_error
+from sldvexp.field.bounds.advice import mean_squares
+from sldvexp.field.bounds.budget import by_source, model_variances, not_included
+from sldvexp.field.bounds.element_error import SurfaceMean, element_error
 from sldvexp.field.visibility.coverage import Coverage
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction import ReconstructionSettings, RowSet
-from sldvexp.statistics import FTest
+from sldvexp.statistics import FTest, student_factor
 from sldvexp.typing import Array, BoolArray, ComplexArray
 
 #: Components of velocities, and parts of complex numbers.
@@ -38,13 +40,12 @@ class FieldResult:
     components : tuple of str
         x, y, z, or t1, t2, n of each node's own frame.
     velocity : ndarray of complex, shape (node, component, frequency), m/s
-    std_noise : ndarray, shape (node, component, frequency), m/s, optional
-        Standard error from the velocities' noise, of real and imaginary part each.
-    std_pose : ndarray, shape (part, node, component, frequency), m/s, optional
-        From the poses' covariance, of the real and of the imaginary part: an error of a pose moves
-        all velocities together, and shows in the part where the velocity is.
-    std_by_part, confidence_by_part : ndarray, shape (part, node, component, frequency), optional
-        Standard error of both together, and half-width of the interval.
+    variance : dict of str to ndarray, shape (part or 1, node, component, frequency), m2/s2
+        By the names of `sldvexp.field.bounds.budget.SOURCES`; empty without bounds. That from the
+        velocities' noise is the same in both parts. An error of a pose moves all velocities
+        together, and shows in the part where the velocity is.
+    interpolation_error : ndarray of complex, shape (node, component, frequency), m/s, optional
+        Estimated error of the interpolation between pixels, where that can be told.
     intercept, intercept_std : ndarray, shape (node, frequency), optional, m/s
         Of the full model; the latter of the larger part.
     observable : ndarray of bool, shape (node, component)
@@ -94,10 +95,7 @@ class FieldResult:
 
     components: tuple[str, ...]
     velocity: ComplexArray
-    std_noise: Array | None
-    std_pose: Array | None
-    std_by_part: Array | None
-    confidence_by_part: Array | None
+    variance: dict[str, Array]
     intercept: ComplexArray | None
     intercept_std: Array | None
     observable: BoolArray
@@ -123,6 +121,7 @@ class FieldResult:
     visibility: VolumeVisibility
     method: ReconstructionSettings
     frequency: Array | None = None
+    interpolation_error: ComplexArray | None = None
 
     def __repr__(self) -> str:
         """Say how many, how well the samples fit, and how good it is."""
@@ -142,6 +141,31 @@ class FieldResult:
         return "\n".join(lines)
 
     @property
+    def std_noise(self) -> Array | None:
+        """Standard error from the velocities' noise, shape (node, component, frequency), m/s."""
+        return np.sqrt(self.variance["noise"][0]) if self.variance else None
+
+    @property
+    def std_pose(self) -> Array | None:
+        """Standard error from the poses, shape (part, node, component, frequency), m/s."""
+        return np.sqrt(self.variance["pose"]) if "pose" in self.variance else None
+
+    @cached_property
+    def std_by_part(self) -> Array | None:
+        """Standard error of all sources, shape (part, node, component, frequency), m/s."""
+        if not self.variance:
+            return None
+        std = np.sqrt(sum(self.variance.values()))
+        return np.asarray(np.broadcast_to(std, (len(PARTS), *std.shape[1:])))
+
+    @property
+    def confidence_by_part(self) -> Array | None:
+        """Half-width of the interval of each part, shape (part, node, component, frequency)."""
+        if self.std_by_part is None:
+            return None
+        return float(student_factor(self.method.confidence, np.inf)) * self.std_by_part
+
+    @property
     def std(self) -> Array | None:
         """Standard error of the larger of both parts, shape (node, component, frequency)."""
         return None if self.std_by_part is None else self.std_by_part.max(axis=0)
@@ -157,7 +181,24 @@ class FieldResult:
 
         See `sldvexp.field.bounds.element_error.element_error`.
         """
-        return element_error(self.visibility.prisms, self.visibility.rule, self.velocity)
+        return element_error(self._mean, self.velocity)
+
+    @cached_property
+    def _mean(self) -> SurfaceMean:
+        return SurfaceMean.from_prisms(self.visibility.prisms, self.visibility.rule)
+
+    @property
+    def mean_squares(self) -> Array:
+        """Parts of the budget that advice is given by, shape (5, component), m2/s2."""
+        return mean_squares(self._mean, self.variance, self.element_error, self.interpolation_error)
+
+    def with_model_errors(self) -> FieldResult:
+        """Add what the elements and the interpolation leave out of the field to its bounds."""
+        if not self.variance:
+            return self
+        noise, elements = self.variance["noise"][0], self.element_error
+        added = model_variances(self._mean, noise, elements, self.interpolation_error)
+        return replace(self, variance={**self.variance, **added})
 
     @property
     def _pooled(self) -> dict[str, float]:
@@ -189,6 +230,8 @@ class FieldResult:
             "part": list(PARTS),
             "reason": list(self.coverage[0].lost),
         }
+        if self.variance:
+            coords["source"] = by_source(self.variance)[0]
         if len(self.sse) == 4:
             coords["equation"] = [*self.components, "intercept"]
         if self.frequency is not None:
@@ -215,7 +258,9 @@ def _variables(result: FieldResult) -> dict[str, ArrayLike | None]:
         "velocity_std_pose": None if pose is None else last(pose.max(axis=0)),
         "velocity_std_by_part": last(result.std_by_part),
         "confidence_by_part": last(result.confidence_by_part),
+        "variance": last(by_source(result.variance)[1]) if result.variance else None,
         "element_error": last(result.element_error),
+        "interpolation_error": last(result.interpolation_error),
         "intercept": last(result.intercept),
         "intercept_std": last(result.intercept_std),
         "position": prisms.position,
@@ -260,6 +305,8 @@ def _attributes(result: FieldResult) -> dict[str, Any]:
         "weights": method.weights.name,
         "coordinate_system": "world" if result.components[0] == "x" else "local",
         "confidence_level": method.confidence,
+        "interpolation": result.visibility.interpolation.name,
+        "not_included": "; ".join(not_included(result.variance)),
         "coverage": "\n".join(c.summary() for c in result.coverage),
         "notes": "\n".join(result.messages),
     }

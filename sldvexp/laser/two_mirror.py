@@ -9,7 +9,8 @@ monotonic over the board's range, so that angles have one DAC step each. The las
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
@@ -54,6 +55,10 @@ class Mirror:
         Angle at step 0.
     polynomial : list of float
         Coefficients of u^2, u^3 and so on.
+    gain_std, zero_std : float
+        Standard deviations of what is known of both; 0 where that is nothing or they are exact.
+    polynomial_std : list of float
+        Those of the coefficients; as many as there are, or none.
     unit : AngleUnit
         Unit of the numbers above.
     """
@@ -62,6 +67,9 @@ class Mirror:
     zero: float = 0.0
     polynomial: list[float] = field(default_factory=list)
     unit: AngleUnit = AngleUnit.deg
+    gain_std: float = 0.0
+    zero_std: float = 0.0
+    polynomial_std: list[float] = field(default_factory=list)
 
     @property
     def coefficients(self) -> list[float]:
@@ -69,9 +77,34 @@ class Mirror:
         scale = self.unit.value
         return [scale * c for c in (self.zero, self.gain, *self.polynomial)]
 
+    def deviations(self, straight: bool) -> Iterator[tuple[Mirror, Mirror]]:
+        """Give mirrors one standard deviation to both sides, by each stated error.
+
+        Parameters
+        ----------
+        straight : bool
+            By gain and zero as well.
+        """
+        for name in ("gain", "zero") if straight else ():
+            value, std = getattr(self, name), getattr(self, f"{name}_std")
+            if std:
+                yield replace(self, **{name: value + std}), replace(self, **{name: value - std})
+        for k, std in enumerate(self.polynomial_std):
+            if std:
+                more, less = list(self.polynomial), list(self.polynomial)
+                more[k], less[k] = more[k] + std, less[k] - std
+                yield replace(self, polynomial=more), replace(self, polynomial=less)
+
     def check(self, checks: Checks, name: str, board: Board) -> None:
         """Note under `name` what makes this calibration useless on a board."""
         known = len(checks.problems)
+        checks.non_negative(f"{name}.gain_std", self.gain_std)
+        checks.non_negative(f"{name}.zero_std", self.zero_std)
+        for k, std in enumerate(self.polynomial_std):
+            checks.non_negative(f"{name}.polynomial_std[{k}]", std)
+        stated, given = len(self.polynomial_std), len(self.polynomial)
+        message = f"must have as many numbers as polynomial, {given}, or none, not {stated}"
+        checks.require(stated in (0, given), f"{name}.polynomial_std", message)
         checks.finite(f"{name}.gain", self.gain)
         checks.finite(f"{name}.zero", self.zero)
         checks.finite(f"{name}.polynomial", *self.polynomial)
@@ -119,16 +152,27 @@ class TwoMirror:
         D/A converter that drives both mirrors.
     up_down, left_right : Mirror
         Calibration of each mirror.
+    mirror_offset_std : float, m
+        Standard deviation of what is known of the offset; 0 where that is nothing or it is exact.
+        Bounds of fields contain this and those of the mirrors.
+    pointing_std : float, DAC steps
+        Standard deviation of where each mirror comes to rest beside where it is sent, anew each
+        time, as a repeatability test shows it (Section 4.5); 0 where it is not known. Bounds of
+        fields contain it.
     """
 
     mirror_offset: float = 0.0
     board: Board = Board.bits_12_sign
     up_down: Mirror = field(default_factory=Mirror)
     left_right: Mirror = field(default_factory=Mirror)
+    mirror_offset_std: float = 0.0
+    pointing_std: float = 0.0
 
     def __post_init__(self) -> None:
         checks = Checks()
         checks.non_negative("mirror_offset", self.mirror_offset)
+        checks.non_negative("mirror_offset_std", self.mirror_offset_std)
+        checks.non_negative("pointing_std", self.pointing_std)
         for name in MIRRORS:
             getattr(self, name).check(checks, name, self.board)
         checks.done()

@@ -13,6 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from sldvexp.dataset import FREQUENCY, VARIABLES, RunData, is_void
+from sldvexp.field.bounds.budget import SOURCES
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.numbers import number
 
@@ -132,8 +133,11 @@ def field_tables(run: RunData) -> Iterator[Table]:
         return
     yield _methods(fields)
     yield _components(fields, is_void(run.groups))
+    first = next(iter(fields.values()))
+    if "variance" in first:
+        yield budget_table(first)
     if "examined/truth" in run.groups:
-        yield truth_table(run.groups["examined/truth"], strongest(next(iter(fields.values()))))
+        yield truth_table(run.groups["examined/truth"], strongest(first))
 
 
 def _methods(fields: Mapping[str, xr.Dataset]) -> Table:
@@ -176,6 +180,43 @@ def _components(fields: Mapping[str, xr.Dataset], void: bool) -> Table:
                 cells.append(_mm(_rms(np.abs(one["element_error"].values))))
                 table.add_row(*map(escape, cells), *["void"] * void)
     return table
+
+
+def budget_table(field: xr.Dataset) -> Table:
+    """Show the uncertainty of every component by source, in the manner of the GUM.
+
+    Standard uncertainties are root mean squares over nodes and frequencies; their squares, the
+    variances, add up. Sources that nothing tells of are named.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> found = group("field", {"component": ["z"], "source": ["noise", "elements"]},
+    ...               variance=[[[9e-10]], [[16e-10]]])
+    >>> [list(column.cells) for column in budget_table(found).columns[1:]]
+    [['0.03', '0.04', '0.05'], ['36%', '64%', '100%']]
+    """
+    components = [str(c) for c in field["component"].values]
+    titles = [t for c in components for t in (f"{c}, {VELOCITY.shown_unit}", f"share of {c}")]
+    title = "Budget (standard uncertainty of the field by source, r.m.s.)"
+    table = Table("source", *titles, title=title, title_justify="left")
+    rest = [d for d in field["variance"].dims if d not in ("source", "component")]
+    variance = field["variance"].mean(rest).transpose("source", "component").values
+    total = variance.sum(axis=0)
+    rows = [
+        (SOURCES[str(name)], v) for name, v in zip(field["source"].values, variance, strict=True)
+    ]
+    for name, row in [*rows, ("together", total)]:
+        cells = [(_mm(np.sqrt(v)), _share(v, t)) for v, t in zip(row, total, strict=True)]
+        table.add_row(name, *(cell for pair in cells for cell in pair))
+    for name in filter(None, field.attrs.get("not_included", "").split("; ")):
+        table.add_row(name, *["not included", ""] * len(components))
+    return table
+
+
+def _share(variance: float, total: float) -> str:
+    """Write a share of the variance."""
+    return f"{variance / total:.0%}" if total > 0 else ""
 
 
 def truth_table(truth: xr.Dataset, frequencies: Sequence[float]) -> Table:

@@ -92,7 +92,8 @@ class VisibilitySettings:
     Parameters
     ----------
     interpolation : Interpolation
-        Between the pixels of an image: linear, or cubic, of higher order and slower.
+        Between the pixels of an image: linear; cubic, of higher order and slower; or auto, which
+        takes cubic if that surely predicts pixels better from their neighbours.
     grazing : float, deg
         Samples whose surface is seen at a larger angle from its normal are left out.
     both_sides : bool
@@ -101,7 +102,7 @@ class VisibilitySettings:
         Leave out what the surface itself hides from a view, which only curved ones do.
     """
 
-    interpolation: Interpolation = Interpolation.linear
+    interpolation: Interpolation = Interpolation.auto
     grazing: float = 75.0
     both_sides: bool = False
     occlusion: bool = False

@@ -44,7 +44,9 @@ def examined(tree, experiment=None):
 def field_of(velocity, confidence, components="xyz", **attributes):
     coords = {"component": list(components), "frequency": FREQUENCY[: velocity.shape[-1]]}
     confidence = np.broadcast_to(confidence, velocity.shape)
-    group = dataset.group("field", coords, velocity=velocity, confidence=confidence)
+    both = {"confidence": confidence, "confidence_by_part": np.stack([confidence, confidence])}
+    coords["part"] = ["real", "imaginary"]
+    group = dataset.group("field", coords, velocity=velocity, **both)
     return group.assign_attrs(attributes)
 
 

@@ -169,9 +169,8 @@ def test_zero_of_the_up_down_mirror_is_a_rotation_about_its_axis(
         looks = VolumeVisibility(
             [replace(v, intrinsics=intrinsics) for v in views], laser, prisms, six_points
         )
-        std_pose = estimate(looks, PoseErrors.from_dataset(pose, names)).std_pose
-        assert std_pose is not None
-        return std_pose
+        variance = estimate(looks, PoseErrors.from_dataset(pose, names)).variance
+        return np.sqrt(variance["pose"] + variance.get("calibration", 0.0))
 
     by_rotation = variances(0.0, 1.0, 0.0)
     size = by_rotation.max()

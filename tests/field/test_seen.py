@@ -86,7 +86,7 @@ def test_velocity_of_a_plate(curved: bool) -> None:
         on = np.isfinite(distance)
         at = replace(at, velocity=velocity, flags=~on)
         found = []
-        for method in Interpolation:
+        for method in (Interpolation.linear, Interpolation.cubic):
             seen = project_samples(at, LASER, p, normals, method)
             assert seen.valid.mean() > 0.8
             truth = [

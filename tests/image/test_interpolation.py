@@ -72,7 +72,7 @@ KINDS: dict[str, tuple[Callable[[int], Image], type]] = {
     "scattered": (scattered, Triangles),
 }
 cases = pytest.mark.parametrize("kind", KINDS)
-methods = pytest.mark.parametrize("method", Interpolation)
+methods = pytest.mark.parametrize("method", [Interpolation.linear, Interpolation.cubic])
 
 
 def places(count: int = 4000, half: float = 300.0, seed: int = 1) -> np.ndarray:
@@ -359,6 +359,63 @@ def test_methods_by_name() -> None:
         "linear": LinearInterpolator,
         "cubic": CubicInterpolator,
     }
-    assert {m.value for m in Interpolation} == set(interpolators)
+    assert {m.value for m in Interpolation} == {"auto", *interpolators}
     for name, kind in interpolators.items():
         assert type(Interpolation(name).prepare(even(5))) is kind
+
+
+def waving(image: Image, noise: float = 0.0) -> Image:
+    """An image of a smooth wave, with noise."""
+    rng, n = np.random.default_rng(7), len(image.dac)
+    image.velocity = (smooth(image.dac) + noise * rng.normal(size=(n, 2)) @ [1, 1j])[:, None]
+    image.std = np.full(n, max(noise, 1e-12))
+    return image
+
+
+@cases
+def test_auto_takes_cubic_where_it_predicts_pixels_better(kind: str) -> None:
+    make = KINDS[kind][0]
+    assert Interpolation.auto.chosen([waving(make(21))]) is Interpolation.cubic
+    assert Interpolation.auto.chosen([waving(make(21), noise=3.0)]) is Interpolation.linear
+    assert type(Interpolation.auto.prepare(waving(make(21)))) is CubicInterpolator
+    # All images count: the clear one decides where the other tells nothing.
+    both = [waving(make(21)), waving(make(15), noise=0.05)]
+    assert Interpolation.auto.chosen(both) is Interpolation.cubic
+
+
+def test_auto_of_too_few_pixels_is_linear() -> None:
+    assert Interpolation.auto.chosen([waving(even(2))]) is Interpolation.linear
+    assert Interpolation.linear.mean_error(waving(even(2))).nnz == 0
+    assert Interpolation.linear.mean_error(waving(scattered(2))).nnz == 0
+
+
+@cases
+@methods
+def test_mean_error_is_what_interpolation_is_off_by_around_a_pixel(
+    kind: str, method: Interpolation
+) -> None:
+    n = 31
+    image = waving(KINDS[kind][0](n))
+    found = (method.mean_error(image) @ image.velocity)[:, 0].real
+    inner = np.flatnonzero((np.abs(image.dac) < 250).all(axis=1))
+    half = 500 / (n - 1)
+    around = np.random.default_rng(2).uniform(-half, half, (400, 2))
+    x = (image.dac[inner][:, None] + around).reshape(-1, 2)
+    off = method.prepare(image).at(x).value @ image.velocity[:, 0].real - smooth(x)
+    true = off.reshape(len(inner), -1).mean(axis=1)
+    ratio = np.sqrt(np.mean(found[inner] ** 2) / np.mean(true**2))
+    # Scattered pixels stand at distances that differ; whole steps and obliqueness count for little.
+    low, high = (0.7, 1.6) if kind == "scattered" else (0.9, 1.4)
+    assert low < ratio < high
+    assert np.corrcoef(found[inner], true)[0, 1] > (0.5 if kind == "scattered" else 0.95)
+
+
+@methods
+def test_flagged_pixels_have_no_part_in_predictions(method: Interpolation) -> None:
+    image = even(15)
+    image.usable[[40, 41, 100]] = False
+    waving(image)
+    matrix = method.mean_error(image)
+    assert matrix[:, [40, 41, 100]].nnz == 0
+    assert matrix[[40, 41, 100]].nnz == 0
+    assert np.abs(matrix @ np.ones(len(image.dac))).max() < 1e-12

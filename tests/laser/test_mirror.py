@@ -210,3 +210,25 @@ def test_problems_of_both_mirrors_are_told_at_once():
         TwoMirror(mirror_offset=-1, up_down=Mirror(gain=0), left_right=Mirror(gain=100))
     fields = [problem.field for problem in error.value.problems]
     assert fields == ["mirror_offset", "up_down.gain", "left_right.gain"]
+
+
+def test_deviations_are_one_stated_error_each():
+    mirror = Mirror(25, 1.0, [0.5, 0.2], gain_std=0.1, polynomial_std=[0.0, 0.01])
+    (more, less), (bent, straight) = mirror.deviations(straight=True)
+    assert (more.gain, less.gain) == (25.1, 24.9)
+    assert bent.polynomial == pytest.approx([0.5, 0.21])
+    assert straight.polynomial == pytest.approx([0.5, 0.19])
+    assert len(list(mirror.deviations(straight=False))) == 1
+    assert list(Mirror().deviations(straight=True)) == []
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"gain_std": -1.0}, "gain_std"),
+        ({"polynomial_std": [0.1]}, "must have as many numbers as polynomial, 0, or none, not 1"),
+    ],
+)
+def test_stated_errors_that_cannot_be_are_refused(given, message):
+    with pytest.raises(ConfigError, match=message):
+        TwoMirror(up_down=Mirror(25, **given))

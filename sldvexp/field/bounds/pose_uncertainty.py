@@ -13,7 +13,7 @@ changes with e when the poses go along, found by solving with plus and minus one
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -238,16 +238,6 @@ class PoseErrors:
         for pose, intrinsic in zip(self.pose, self.intrinsic, strict=True):
             each = list(zip(views, pose, intrinsic, strict=True))
             yield [_moved(v, p, e) for v, p, e in each], [_moved(v, -p, -e) for v, p, e in each]
-
-    def changes(self, views: Sequence[View], solved: Callable[[list[View]], Array]) -> Array:
-        """Compute half the solution's change between plus and minus one deviation of each error.
-
-        Parameters
-        ----------
-        solved : callable
-            From views to the solution.
-        """
-        return np.stack([(solved(more) - solved(less)) / 2 for more, less in self.moved(views)])
 
 
 def _moved(view: View, pose: Array, intrinsic: Array) -> View:

@@ -11,7 +11,7 @@ a few nodes are computed exactly as well, to know how far the others may be off.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,6 +133,10 @@ class FieldBounds:
         Largest relative error of a standard error found where it was computed exactly.
     efficiency : ndarray, shape (layer, surface_node, component), optional
         Least possible variance over this one, of the noise; see `sldvexp.field.bounds.efficiency`.
+    others : dict of str to ndarray, shape (layer, surface_node, parameter, column)
+        Variances from other sources, by their names in the budget.
+    interpolation : ndarray, shape (layer, surface_node, parameter, column), optional
+        Estimated error of the interpolation between pixels.
     """
 
     residuals: Residuals
@@ -141,6 +145,8 @@ class FieldBounds:
     expected: Array | None
     error: float
     efficiency: Array | None
+    others: dict[str, Array] = field(default_factory=dict)
+    interpolation: Array | None = None
 
 
 def residuals_only(parts: RegionIterator, theta: Array, data: list[Array]) -> FieldBounds:
@@ -227,19 +233,10 @@ def variance_factors(views: Sequence[View], pixel_std: tuple[Array, ...]) -> Arr
     return np.array(factors)
 
 
-def pose_effect(
-    model: FieldModel,
-    theta: Array,
-    data: list[Array],
-    factor: Array,
-    covariance: Array | None,
-) -> PoseEffect | None:
-    """Prepare what the poses' covariance does to the velocities; None if it is not known."""
-    if covariance is None:
-        return None
+def data_modes(model: FieldModel, data: list[Array], factor: Array) -> FrequencyModes:
+    """Find the few modes of the data that what depends on the velocities is computed for."""
     total = np.array([np.sum(std**2) for std in model.pixel_std])
-    modes = FrequencyModes.from_data(data, np.repeat(total @ factor, 2))
-    return PoseEffect.from_modes(covariance, modes, theta, data)
+    return FrequencyModes.from_data(data, np.repeat(total @ factor, 2))
 
 
 @dataclass(eq=False)

@@ -78,6 +78,10 @@ class FrequencyModes:
         """Compute the modes' values of (..., column)."""
         return values @ self.combination.T
 
+    def to_columns(self, values: Array) -> Array:
+        """Compute the columns' values of (..., mode)."""
+        return values @ self.combination
+
     def quadratic(self, gram: Array) -> Array:
         """Compute ``c^T G c`` for every column c, from (..., mode, mode) to (..., column)."""
         squares = np.einsum("ic,jc->ijc", self.combination, self.combination)

@@ -16,8 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp import dataset
-from sldvexp.field.bounds.element_error import mean_squares, told
+from sldvexp.field.bounds.advice import advice
+from sldvexp.field.bounds.calibration import calibration_changes
 from sldvexp.field.bounds.intercept_test import InterceptTest
+from sldvexp.field.bounds.interpolation_error import interpolation_error
+from sldvexp.field.bounds.pointing import pointing_variance
 from sldvexp.field.bounds.pose_uncertainty import ModeEffect, PoseErrors, of_modes, pose_covariance
 from sldvexp.field.bounds.residuals_and_bounds import FieldBounds, residuals_only
 from sldvexp.field.equations.assembly import Equations, real_columns, right_sides
@@ -32,6 +35,7 @@ from sldvexp.field.solvers.base import Solver
 from sldvexp.field.streaming.compression import Compressed, FrequencyModes, slices
 from sldvexp.field.streaming.dask import Work
 from sldvexp.field.visibility.visibility import VolumeVisibility
+from sldvexp.image import Interpolation
 from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction import Reconstruction
 from sldvexp.typing import Array
@@ -83,12 +87,19 @@ class Ready:
             messages.append(NO_COVARIANCE)
         bounds = fit.with_bounds(np.eye(len(visibility.views)), effect)
         test = fit.intercept_test(bounds, effect)
-        if errors is not None and len(errors.pose) and bounds.pose is not None:
-            solved = solved_with(visibility, fit.parts.model, solver)
+        others: dict[str, Array] = {}
+        solved = solved_with(fit.parts.model, solver)
+        if changes := calibration_changes(visibility, errors, solved):
             # Modes have no imaginary part.
-            changes = errors.changes(visibility.views, solved)[..., ::2]
-            bounds.pose[...] += _products(changes).sum(axis=0)
-            test = test and test.with_changes(changes)
+            of_modes_alone = np.stack(changes)[..., ::2]
+            others["calibration"] = _products(of_modes_alone).sum(axis=0)
+            if test is not None and effect is not None:
+                test = test.with_changes(of_modes_alone)
+        pointing = pointing_variance(fit.parts, fit.equations.system, fit.solve, data)
+        if pointing is not None:
+            others["pointing"] = pointing
+        error = interpolation_error(fit.parts, fit.equations.system, fit.solve, data)
+        bounds = replace(bounds, others=others, interpolation=error)
         return cls(
             method,
             solver,
@@ -112,7 +123,7 @@ class Ready:
         return self.solver.prepare(self.equations.system)
 
     def block(self, some: slice, *velocity: NDArray[Any]) -> tuple[xr.Dataset, Array]:
-        """Make the group ``field`` of some frequencies, and `mean_squares` of it.
+        """Make the group ``field`` of some frequencies, and what advice is given by.
 
         Parameters
         ----------
@@ -138,8 +149,8 @@ class Ready:
         outcome = FieldEstimate(visibility, model, equations, self.flags, theta, bounds, test)
         result = outcome.result(list(self.messages), self.condition)
         result = replace(result, frequency=self.compressed.frequency[some])
-        assert result.confidence is not None
-        return result.to_dataset(), mean_squares(result.element_error, result.confidence)
+        result = result.with_model_errors()
+        return result.to_dataset(), result.mean_squares
 
     def _modes_of(self, some: slice) -> FrequencyModes:
         """Keep the modes of some frequencies' columns."""
@@ -151,11 +162,14 @@ class Ready:
         modes = self._modes_of(some)
         assert bounds.noise is not None
         assert bounds.expected is not None
+        error = bounds.interpolation
         return replace(
             bounds,
             noise=bounds.noise @ factor,
             expected=bounds.expected @ factor,
             pose=None if bounds.pose is None else of_modes(modes, bounds.pose),
+            others={name: of_modes(modes, kept) for name, kept in bounds.others.items()},
+            interpolation=None if error is None else modes.to_columns(error),
         )
 
 
@@ -210,9 +224,11 @@ def stream_field(
         still = still or [group.drop_vars(moving)]
         squares.append(square * group.sizes["frequency"])
     whole = _joined(still[0], paths, moving)
-    coarse = told(np.sum(squares, axis=0) / len(compressed.frequency))
     whole.attrs |= pooled(whole["sse"].values, whole.attrs["samples"])
-    whole.attrs["notes"] = "\n".join([*ready.messages, *coarse])
+    mean = np.sum(squares, axis=0) / len(compressed.frequency)
+    cubic = visibility.interpolation is Interpolation.cubic
+    advised = advice(mean, tuple(map(str, whole["component"].values)), cubic)
+    whole.attrs["notes"] = "\n".join([*ready.messages, *advised])
     return whole
 
 

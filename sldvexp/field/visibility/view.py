@@ -54,6 +54,8 @@ class View:
         Rows and columns of a rectangular image, whose pixels go row by row.
     intrinsics : ndarray, shape (5,), optional
         Values of `INTRINSICS` that the pose was solved with, where they are not those configured.
+    pointing_std : float, DAC steps
+        Pointing noise of the mirrors that the pose was found with; 0 where none was found.
 
     Raises
     ------
@@ -72,6 +74,7 @@ class View:
     flags: NDArray[np.integer] | BoolArray
     shape: tuple[int, int] | None = None
     intrinsics: Array | None = None
+    pointing_std: float = 0.0
 
     def __post_init__(self) -> None:
         self._check_pose()
@@ -295,6 +298,7 @@ def _view(name: str, pose: xr.Dataset, image: xr.Dataset, nominal: Array) -> Vie
         image["flags"].values,
         None if shape is None else (int(shape[0]), int(shape[1])),
         _intrinsics(pose, nominal),
+        float(np.nan_to_num(pose["pointing_std"])) if "pointing_std" in pose else 0.0,
     )
 
 

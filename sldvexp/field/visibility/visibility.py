@@ -18,6 +18,7 @@ from sldvexp.field.visibility.projection import GRAZING, Occlusion, ViewSamples,
 from sldvexp.field.visibility.view import View, require_usable
 from sldvexp.image import Interpolation, Interpolator
 from sldvexp.laser import TwoMirror
+from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 from sldvexp.volume import Prisms, SampleRule, Volume, sample_positions
 from sldvexp.volume.samples import sample_frames
@@ -64,6 +65,8 @@ class VolumeVisibility:
     ----------
     laser : TwoMirror
         As configured; see `View.laser`.
+    interpolation : Interpolation
+        The chosen one where `Interpolation.auto` was given.
     grazing : float, rad
         Points seen under a larger angle from their normal are left out.
     one_sided : bool
@@ -115,6 +118,7 @@ class VolumeVisibility:
 
     def __post_init__(self) -> None:
         require_usable(self.views)
+        self.interpolation = self.interpolation.chosen(self.views)
         self._interpolators = [self.interpolation.prepare(v) for v in self.views]
         self._occlusions = [self._occlusion(v) for v in self.views]
 
@@ -126,6 +130,17 @@ class VolumeVisibility:
     def names(self) -> tuple[str, ...]:
         """Names of the views."""
         return tuple(v.name for v in self.views)
+
+    @property
+    def interpolation_errors(self) -> list[scipy.sparse.csr_array]:
+        """Matrices of every view, from velocities of pixels to errors of interpolation there."""
+        return [self.interpolation.mean_error(view) for view in self.views]
+
+    @property
+    def slopes(self) -> list[tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]]:
+        """Derivatives of every view's image at its pixels, by the steps of both mirrors."""
+        pairs = zip(self._interpolators, self.views, strict=True)
+        return [interpolator.at(view.dac).gradient for interpolator, view in pairs]
 
     @property
     def triangles(self) -> IndexArray:
@@ -165,6 +180,13 @@ class VolumeVisibility:
         moved.views, moved._whole = views, None
         moved._occlusions = [moved._occlusion(v) for v in views]
         return moved
+
+    def seen_with(self, laser: TwoMirror) -> Self:
+        """Give the same images and poses another laser."""
+        other = copy(self)
+        other.laser, other._whole = laser, None
+        other._occlusions = [other._occlusion(v) for v in self.views]
+        return other
 
     def _project(self, triangles: IndexArray) -> SampleVisibility:
         position = sample_positions(self.prisms, self.rule, triangles).reshape(-1, 3)
