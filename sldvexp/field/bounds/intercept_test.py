@@ -10,8 +10,9 @@ is C, Wald's test asks whether all are zero:
     F = beta^T (s^2 sum_k Y_k^T S_k Y_k + J C J^T)^-1 beta / q,  distributed as F(q, nu).
 
 The residuals r tell s^2 of the noise: their sum of squares over ``tr B S``, where ``r^T Q r = v^T B
-v``, and Satterthwaite's ``nu = (tr B S)^2 / tr (B S)^2``. Before that they lose what errors of the
-poses leave in them, the part along ``G = D - X dtheta/dp`` with the samples' change D:
+v``; nu is Satterthwaite's, with what intercepts and residuals have in common. Before that they
+lose what errors of the poses leave in them, the part along ``G = D - X dtheta/dp``. The samples'
+change D has the slopes of smoothed images, since noise has no part in what poses do:
 
     r^T Q r - g^T (G^T Q G)^-1 g,  g = G^T Q r = sum_k N_k^T v_k,
     N_k = W_k^T Q D - R_k^T dtheta/dp.
