@@ -29,6 +29,8 @@ LEAST_VIEWS = 4
 INTERVALS = (3, 5, 7, 10)
 #: Relative fall of the misfit that a finer field must bring.
 FALL = 0.02
+#: Standard deviations of its prior that a pose is followed to at most.
+FARTHEST = 8.0
 #: Least number of pixels that a view is compared by.
 LEAST_PIXELS = 30
 
@@ -72,8 +74,11 @@ class Bench:
         return self.again(at_stated)
 
     def again(self, fit: JointFit) -> JointFit:
-        """Fit once more with the designs at the poses that a fit has found."""
-        standard = fit.standard + fit.step
+        """Fit once more with the designs at the poses that a fit has found.
+
+        A gross mistake throws poses to where nothing is seen; no design follows it there.
+        """
+        standard = np.clip(fit.standard + fit.step, -FARTHEST, FARTHEST)
         designs = self.designs(self.prior @ standard)
         return JointFit(self.data, designs, self.prior, standard, fit.views)
 
@@ -162,7 +167,8 @@ def compare_views(bench: Bench, fit: JointFit) -> ViewTests:
             ("pose", fit.own_pose_columns(k)),
         ):
             score = fit.score(k, columns)
-            found[name].append((score.statistic / score.dof / variance, score.dof, fit.dof))
+            q = max(score.dof, 1)
+            found[name].append((score.statistic / q / variance, q, fit.dof))
         others = JointFit(
             bench.data,
             fit.designs,

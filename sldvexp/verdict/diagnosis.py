@@ -63,6 +63,8 @@ class Explanation:
         Rotation vector (rad) and displacement (m) by which a pose is off.
     covariance : ndarray, shape (6, 6), optional
         Of that.
+    misfit : float
+        Squares that it leaves over those of the noise.
     """
 
     view: tuple[int, ...]
@@ -72,6 +74,12 @@ class Explanation:
     factor_std: tuple[float, float] = (np.nan, np.nan)
     pose: tuple[float, ...] = ()
     covariance: Array | None = None
+    misfit: float = np.nan
+
+    @property
+    def explains(self) -> bool:
+        """False if more is left than noise: more than this mistake was made."""
+        return not self.misfit > UNEXPLAINED
 
 
 def diagnose(bench: Bench, fit: JointFit, views: Sequence[int] | None = None) -> list[Explanation]:
@@ -93,9 +101,9 @@ def diagnose(bench: Bench, fit: JointFit, views: Sequence[int] | None = None) ->
         found += _exchanges(bench)
     # No kind that fits leaves more than the noise, whatever noise was stated.
     scale = min(t.explanation.criterion / t.pixels for t in found) * fit.count / fit.dof
-    return sorted(
-        (t.ranked(bench, fit.channels, max(1.0, scale)) for t in found), key=lambda h: h.criterion
-    )
+    ranked = [t.ranked(bench, fit.channels, max(1.0, scale)) for t in found]
+    misfit = scale if bench.stated else 1.0
+    return sorted((replace(h, misfit=misfit) for h in ranked), key=lambda h: h.criterion)
 
 
 class Tried(NamedTuple):

@@ -29,6 +29,8 @@ ANY = 0.01
 #: How far, over their r.m.s. distance, the middle of the neighbours may be from a pixel: at a rim
 #: they lie on one side, and a quadratic that leaves the field there tells nothing.
 ONE_SIDED = 0.25
+#: Misfit over the median velocity that a smooth image may have at its rim.
+HARMLESS = 0.3
 #: Pixels between the knots of a smooth image, and most knots along a side.
 PIXELS_A_KNOT, MOST_KNOTS = 5.0, 8
 #: Residual, in standard errors, of which Cauchy's weight is one half.
@@ -108,7 +110,7 @@ def _off_spline(dac: Array, white: Array, rim: BoolArray) -> Array:
     """Compare every pixel with a robust smooth image of its view alone: d2.
 
     Misfits are divided by those of the rim, where the smooth image is least sure, if it fits there
-    worse than the noise.
+    worse than the noise; misfits that are small beside the velocities are the smooth image's own.
     """
     place = np.concatenate([dac, np.zeros((len(dac), 1))], axis=1)
     intervals = int(np.clip(np.sqrt(len(dac)) / PIXELS_A_KNOT, 2, MOST_KNOTS))
@@ -126,7 +128,8 @@ def _off_spline(dac: Array, white: Array, rim: BoolArray) -> Array:
         typical = max(np.median(squares), np.median(squares[rim]) if rim.any() else 0.0)
         scale = max(1.0, float(np.sqrt(typical / median)))
         weight = _weights(np.sqrt(squares), scale, channels, turn)
-    return np.asarray(squares / scale**2)
+    harmless = squares < HARMLESS**2 * np.median(np.sum(white**2, axis=1))
+    return np.asarray(np.where(harmless, 0.0, squares / scale**2))
 
 
 def _weights(distance: Array, scale: float, channels: int, turn: int) -> Array:

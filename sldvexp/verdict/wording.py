@@ -84,6 +84,11 @@ def disagreement(
         which = "a view"
         told = "a view disagrees with the others; four views cannot tell which"
         repairs = []
+    if not best.explains:
+        told += (
+            "; but that explains not all: more than one view is wrong, the noise is larger than "
+            "stated, or the field is finer than the test can follow"
+        )
     gross = best.kind in GROSS or tests.least < SURE
     test = min(tests.p_value, key=lambda name: float(tests.p_value[name].min()))
     at = int(tests.p_value[test].argmin())
