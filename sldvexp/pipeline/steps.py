@@ -71,12 +71,8 @@ class Run:
 
     @property
     def kept(self) -> dict[str, xr.Dataset]:
-        """Groups that the run's file gets; what stages found is in its verdict."""
-        return {
-            name: group
-            for name, group in self.tree.items()
-            if name not in self.elsewhere and not name.startswith(f"{VERDICT}/")
-        }
+        """Groups that the run's file gets."""
+        return {name: group for name, group in self.tree.items() if name not in self.elsewhere}
 
     @property
     def verdict(self) -> str:
@@ -84,8 +80,11 @@ class Run:
         return verdict_of(findings_of(self.tree))
 
     def conclude(self) -> None:
-        """Make the group of all findings."""
-        self.tree[VERDICT] = findings_to_dataset(findings_of(self.tree))
+        """Make one group of what all stages found."""
+        whole = findings_to_dataset(findings_of(self.tree))
+        for name in [n for n in self.tree if n.startswith(f"{VERDICT}/")]:
+            del self.tree[name]
+        self.tree[VERDICT] = whole
 
     def keep(self, name: str, group: xr.Dataset) -> xr.Dataset:
         """Keep a scanned group.

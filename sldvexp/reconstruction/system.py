@@ -65,6 +65,7 @@ class ReconstructionSettings:
     confidence : float
         Two-sided level of the bounds.
     robust : Robust
+        Whether pixels of a field that dropped out unnoticed are left out.
     rank_tolerance : float
         Relative singular value below which a direction counts as not determined. The default is
         the angle of one DAC step in rad: no view is known to point elsewhere than another by less.

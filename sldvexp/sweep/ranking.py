@@ -109,7 +109,7 @@ def terminal_table(
         state = f"{row['state']}: {row['reason']}" if row["reason"] else row["state"]
         cells = [str(place) if np.isfinite(row[by]) else "", *(str(row[k]) for k in keys)]
         cells += [_shown(scale * row[of]) for of, scale in numbers.values()]
-        cells += [number(row["seconds"], 3), row[VERDICT], state]
+        cells += [number(row["seconds"], 3), row.get(VERDICT, ""), state]
         shown.add_row(*map(escape, cells))
     ranked = next(t for t, (of, _) in numbers.items() if of == by)
     return fitted(shown, width, {"", *keys[:1], ranked, VERDICT, "state"}, "sweep.csv")

@@ -113,7 +113,7 @@ class PointData:
 
 
 @dataclass(frozen=True, eq=False)
-class PointFit:
+class SampleVelocities:
     """Velocities of all samples from some views, by least squares.
 
     Attributes
@@ -132,7 +132,7 @@ class PointFit:
     dof: int
 
     @classmethod
-    def of(cls, data: PointData, views: Sequence[int]) -> PointFit:
+    def of(cls, data: PointData, views: Sequence[int]) -> SampleVelocities:
         """Fit some views; where they do not determine a sample, it is left out."""
         design, white = data.design[:, views], data.white[:, views]
         normal = np.swapaxes(design, 1, 2) @ design
@@ -206,10 +206,10 @@ def _examine(data: PointData) -> tuple[list[Finding], list[Repair]]:
     views = len(data.names)
     if views < LEAST_VIEWS or not len(data.white):
         return [untested(views)], []
-    fit = PointFit.of(data, range(views))
+    fit = SampleVelocities.of(data, range(views))
     if fit.dof <= 0:
         return [untested(views)], []
-    others = [PointFit.of(data, [i for i in range(views) if i != k]) for k in range(views)]
+    others = [SampleVelocities.of(data, [i for i in range(views) if i != k]) for k in range(views)]
     tests = _tests(data, fit, others)
     if not tests.rejects:
         noise = noise_finding(tests) if data.stated else None
@@ -228,7 +228,7 @@ def _named(
     return [finding], repairs
 
 
-def _tests(data: PointData, fit: PointFit, others: Sequence[PointFit]) -> ViewTests:
+def _tests(data: PointData, fit: SampleVelocities, others: Sequence[SampleVelocities]) -> ViewTests:
     """Test every view as a whole, by what leaving it out takes off the misfit."""
     statistic, p_value = [], []
     for left in others:
@@ -252,7 +252,9 @@ def _tests(data: PointData, fit: PointFit, others: Sequence[PointFit]) -> ViewTe
     )
 
 
-def _ranked(data: PointData, fit: PointFit, others: Sequence[PointFit]) -> list[Explanation]:
+def _ranked(
+    data: PointData, fit: SampleVelocities, others: Sequence[SampleVelocities]
+) -> list[Explanation]:
     """Rank explanations, the best first."""
     found = [(Explanation((), "clean", fit.squares), 0.0, fit.dof)]
     for k, left in enumerate(others):
@@ -261,7 +263,7 @@ def _ranked(data: PointData, fit: PointFit, others: Sequence[PointFit]) -> list[
         for j in range(i):
             swapped = data.velocity.copy()
             swapped[:, [i, j]] = swapped[:, [j, i]]
-            tried = PointFit.of(replace(data, velocity=swapped), range(len(data.names)))
+            tried = SampleVelocities.of(replace(data, velocity=swapped), range(len(data.names)))
             found.append((Explanation((j, i), "exchanged", tried.squares), 1.0, fit.dof))
     scale = 1.0
     if not data.stated:
@@ -271,7 +273,9 @@ def _ranked(data: PointData, fit: PointFit, others: Sequence[PointFit]) -> list[
     return sorted(told, key=lambda h: h.criterion)
 
 
-def _of_view(data: PointData, k: int, left: PointFit) -> Iterator[tuple[Explanation, float, int]]:
+def _of_view(
+    data: PointData, k: int, left: SampleVelocities
+) -> Iterator[tuple[Explanation, float, int]]:
     """Yield all kinds of mistakes of one view, with the numbers that they add."""
     samples = np.flatnonzero(data.seen[:, k])
     seen, noise = data.velocity[samples, k], data.noise[samples, k]
@@ -328,8 +332,8 @@ def _fitted(
 def _directions(
     data: PointData,
     k: int,
-    at: PointFit,
-    left: PointFit,
+    at: SampleVelocities,
+    left: SampleVelocities,
     samples: IndexArray,
     dof: int,
 ) -> Iterator[tuple[Explanation, float, int]]:

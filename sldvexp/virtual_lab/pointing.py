@@ -52,7 +52,7 @@ class PointingTerms:
         return bool(self.jitter or self.hysteresis or self.drift)
 
 
-class Pointing(Enum):
+class Scanner(Enum):
     """How well the scanner points.
 
     Attributes

@@ -17,7 +17,7 @@ from sldvexp.typing import Array
 from sldvexp.units import AngleUnit
 from sldvexp.virtual_lab.beam import SceneObject, Spot
 from sldvexp.virtual_lab.mistakes import ViewMistakes
-from sldvexp.virtual_lab.pointing import Pointing, PointingTerms
+from sldvexp.virtual_lab.pointing import PointingTerms, Scanner
 
 
 @dataclass
@@ -269,7 +269,7 @@ class Scene(ABC):
     ----------
     views : dict of str to KnownPose
         Where the instrument truly stands in each view; world axes are the calibration object's.
-    pointing : Pointing
+    pointing : Scanner
         How well the scanner points; a term given in ``mirrors`` or ``vibrometer.distance`` takes
         the place of its own.
     mirrors : MirrorErrors
@@ -295,7 +295,7 @@ class Scene(ABC):
     """
 
     views: dict[str, KnownPose] = field(default_factory=dict)
-    pointing: Pointing = Pointing.modern
+    pointing: Scanner = Scanner.modern
     mirrors: MirrorErrors = field(default_factory=MirrorErrors)
     spot: Spot = field(default_factory=Spot)
     vibrometer: Vibrometer = field(default_factory=Vibrometer)

@@ -235,7 +235,7 @@ ADDITIONS = {
         },
         "tree = sldvexp.run('experiment=point', 'check.n.plugin=counted', 'report=none');"
         "print(int(tree['examined/n/groups']))",
-        r"\n2\n",
+        r"\n3\n",
     ),
     "an export": Addition(
         {

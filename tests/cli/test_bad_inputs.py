@@ -170,12 +170,12 @@ KEYS = [
     on_pose(
         "pose.max_iteration=9",
         "pose.max_iteration is not a known setting; did you mean max_iterations? Valid: "
-        "adjust, confidence, inverted, max_iterations, path, shared, unit",
+        "adjust, confidence, inverted, max_iterations, path, refine, shared, unit",
     ),
     on_pose(
         "laser.up_down.gian=25",
-        "laser.up_down.gian is not a known setting; did you mean gain? Valid: gain, "
-        "polynomial, unit, zero",
+        "laser.up_down.gian is not a known setting; did you mean gain? Valid: gain, gain_std, "
+        "polynomial, polynomial_std, unit, zero, zero_std",
     ),
     on_pose(
         "expect.residuals.tolerence=1",
@@ -240,7 +240,8 @@ VALUES = [
     ),
     on_pose(
         "laser.up_down=5",
-        "laser.up_down must be a table of the settings gain, zero, polynomial, unit, as "
+        "laser.up_down must be a table of the settings gain, zero, polynomial, unit, "
+        "gain_std, zero_std, polynomial_std, as "
         "in {name: value}",
     ),
     on_pose(

@@ -50,7 +50,11 @@ def test_experiment_expects_something(name):
 OPEN = {"curved_panel", "digitizer", "plate", "point", "pose"}
 
 
-@pytest.mark.parametrize("name", sorted(set(EXPERIMENTS) - OPEN))
+#: What a mistake does at least is told from one side.
+HARM = {n for n in EXPERIMENTS if n.startswith("spoiled/")}
+
+
+@pytest.mark.parametrize("name", sorted(set(EXPERIMENTS) - OPEN - HARM))
 def test_expectations_have_two_sides(name):
     expect = yaml.safe_load((FOLDER / f"{name}.yaml").read_text()).get("expect") or {}
     least, most = ({k for e in expect.values() for k in e.get(b, {})} for b in BOUNDS)

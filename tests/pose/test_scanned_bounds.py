@@ -33,18 +33,8 @@ class NoJournal:
         return measure()
 
 
-class ShakyLab(VirtualLab):
-    """A lab whose mirrors come to rest beside where they are sent, anew at every pixel."""
-
-    pointing = 0.0
-
-    def light(self, dac):
-        error = self.pointing * self._shaky.standard_normal(np.shape(dac))
-        return super().light(np.asarray(dac, float) + error)
-
-    def use_view(self, name):
-        super().use_view(name)
-        self._shaky = self.generator(f"pointing in {name}")
+#: Angle of a DAC step of the automated pose's laser, rad.
+STEP = np.radians(25.0) / 2048
 
 
 class Scans:
@@ -54,17 +44,18 @@ class Scans:
     """
 
     def __init__(self, count, overrides=(), pointing=0.0):
-        self.pointing = pointing
         hydra_plugin.install()
         with initialize_config_dir(str(conf_dir()), version_base="1.3"):
             ideal = ["experiment=dissertation/automated_pose", "scene.pointing=ideal"]
-            self.experiment = schema.build(compose("config", overrides=[*ideal, *overrides]))
+            jitter = f"scene.mirrors.jitter={pointing * STEP}"
+            self.experiment = schema.build(
+                compose("config", overrides=[*ideal, jitter, *overrides])
+            )
         self.groups = [self._scan(seed) for seed in range(count)]
 
     def _scan(self, seed):
         e = self.experiment
-        with ShakyLab(e.scene, e.laser, e.target, seed) as lab:
-            lab.pointing = self.pointing
+        with VirtualLab(e.scene, e.laser, e.target, seed) as lab:
             self.truth = lab.true_pose("1")
             with Camera(lambda: nullcontext(lab), e.signal, NoJournal()) as camera:
                 camera.sample(e.scan.sampling)

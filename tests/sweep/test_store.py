@@ -300,5 +300,5 @@ def test_what_a_step_needs_decides_its_shared_result():
     after = {step.name: step.after(STEPS[:i]) for i, step in enumerate(STEPS)}
     assert after["pose"] == ("calibration object", "scan")
     assert set(after["velocity field"]) == {
-        "scan", "pose", "volume", "velocity images", "images of points"
+        "scan", "pose", "volume", "velocity images", "images of points", "comparison of the views"
     }  # fmt: skip

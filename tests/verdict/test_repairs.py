@@ -24,7 +24,7 @@ def test_repair_undoes_the_mistake(mistake):
     clean = session(np.random.default_rng(1))
     found = examined(spoiled)
     assert verdict_of(found.findings) == "void"
-    assert [f.remedy for f in found.findings][0] == f"use_repair=[view_v3.{mistake}]"
+    assert found.findings[0].remedy == f"use_repair=[view_v3.{mistake}]"
     assert "image/v3" not in found.groups, "nothing is repaired in silence"
     repaired = examined(spoiled, use_repair=[f"view_v3.{mistake}"])
     assert verdict_of(repaired.findings) == "trusted"

@@ -8,7 +8,7 @@ import pytest
 from sldvexp.errors import ConfigError
 from sldvexp.instrument import Acquisition
 from sldvexp.laser import TwoMirror
-from sldvexp.virtual_lab.pointing import MirrorPath, Pointing, PointingTerms
+from sldvexp.virtual_lab.pointing import MirrorPath, PointingTerms, Scanner
 from sldvexp.virtual_lab.scene import OpticalDistance
 
 SIGMA = 4.5
@@ -135,13 +135,13 @@ def test_terms_that_are_zero_leave_the_lab_as_it_is(lab):
 def test_one_setting_chooses_the_scanner(lab):
     assert lab("plate", "scene.pointing=ideal").scene.pointing_terms == PointingTerms()
     chosen = lab("plate", "scene.pointing=chapter_4", "scene.mirrors.hysteresis=2e-5").scene
-    own = Pointing.chapter_4.value
+    own = Scanner.chapter_4.value
     assert chosen.pointing_terms == PointingTerms(own.jitter, 2e-5, 0.0, own.worst)
     less = lab("plate", "scene.pointing=modern", "scene.mirrors.jitter=0").scene
-    assert less.pointing_terms == PointingTerms(0.0, Pointing.modern.value.hysteresis)
+    assert less.pointing_terms == PointingTerms(0.0, Scanner.modern.value.hysteresis)
     step = TwoMirror().step[0]
     assert 0.2 * step < own.jitter < 0.5 * step
-    assert Pointing.modern.value.jitter == 1e-5
+    assert Scanner.modern.value.jitter == 1e-5
 
 
 def test_noise_by_distance():
