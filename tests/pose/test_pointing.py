@@ -141,7 +141,8 @@ def test_a_wrong_gain_is_not_taken_for_pointing_noise(edge_lab, method):
     wrong = MirrorErrors(up_down=MirrorError(gain=0.02))
     lab = edge_lab(pointing=0.2, mirrors=wrong, **STATED)
     found, pose, _ = estimate(lab, np.random.default_rng(9), method)
-    assert kinds(found) == [("pointing", "view a"), ("calibration", "view a")]
+    names = "gain_up_down or mirror_offset"  # one view of one plane does not tell them apart
+    assert kinds(found) == [("pointing", "view a"), ("calibration", names)]
     assert found.findings[1].severity is Severity.void
     assert float(pose["pointing_std"]) == pytest.approx(0.2, rel=0.2)
 
