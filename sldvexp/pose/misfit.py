@@ -9,10 +9,11 @@ leave of the same edges. With Q for the sums and f for the degrees of freedom
 is about one if the object is the target and the mirrors are as calibrated. Pointing noise, which is
 random, is in both sums already; what is wrong moves and bends whole ellipses and is in one only.
 
-After a rejection one cause at a time is set free and everything adjusted anew: a circle's place,
-height and radius, as good as leaving the circle out, or an intrinsic that all views share. A cause
-explains the misfit if F rejects what it leaves no longer. Of those that do, the one with the least
-``Q + q log n`` is named, q being the numbers set free, with all that the edges cannot tell from it.
+One cause at a time is set free and everything adjusted anew: a circle's place, height and radius,
+as good as leaving the circle out, or an intrinsic that all views share. What that takes off Q is an
+F test of the cause alone, which sees a smaller mistake. A cause explains a misfit if F rejects what
+it leaves no longer. Of those that do, the one with the least ``Q + q log n`` is named, q being the
+numbers set free, with all that the edges cannot tell from it.
 
 An object that is larger as a whole moves every pose away and enlarges the mirror offset in
 proportion; nothing else tells its size, which is therefore named with the mirror offset.
@@ -33,6 +34,7 @@ from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import UserError
 from sldvexp.geometry import vector_from_rotation
 from sldvexp.laser import TwoMirror
+from sldvexp.lazy import scipy
 from sldvexp.pose.base import EXTRINSICS, JointCovariance
 from sldvexp.pose.circle_images import CircleImages
 from sldvexp.pose.edge_solver import ERRORS, RIM, EdgePoints, EdgePoses, solve_edges
@@ -131,18 +133,24 @@ class EdgeProblem:
 
 
 @dataclass(frozen=True, eq=False)
-class Explanation:
-    """A cause that explains a misfit, with the poses that it makes.
+class Freed:
+    """A cause that is set free, with the poses that it makes.
 
     Parameters
     ----------
+    numbers : int
+        That are free with it.
     score : float
-        ``Q + q log n``.
+        ``Q + q log n``, but for a constant.
+    probability : float
+        Of poses that it improves as much, if it is right.
     """
 
     cause: Cause
     found: EdgePoses
+    numbers: int
     score: float
+    probability: float
 
 
 def edge_points(images: CircleImages, laser: TwoMirror, circles: Circles) -> EdgePoints:
@@ -179,9 +187,13 @@ def judge_circles(
         Wider, unless the finding is void.
     """
     ratio, probability = problem.misfit(found)
+    freed = list(_freed(problem, found))
+    # Half of the false alarms for the whole, half for all causes together.
+    least = min((f.probability for f in freed), default=1.0) * len(freed)
+    probability = 2 * min(probability, least)
     if not probability < FALSE_ALARM:
         return [], joint
-    explained = _explanations(problem, found)
+    explained = _explanations(problem, freed)
     if explained:
         wider = _with_causes(joint, found, places, explained)
     else:
@@ -212,29 +224,40 @@ def judge_circles(
     return [finding], joint if severity is Severity.void else wider
 
 
-def _explanations(problem: EdgeProblem, found: EdgePoses) -> list[Explanation]:
-    """Find the causes that explain a misfit, the likeliest first, and only those like it."""
+def _freed(problem: EdgeProblem, found: EdgePoses) -> Iterator[Freed]:
+    """Adjust all views with one cause after the other set free."""
     places = [(p.rotation, p.origin) for p in found.poses]
     pointing = [i.pointing for i in problem.images]
-    noise = sum(p.chi_square for p in pointing) / sum(p.freedom for p in pointing)
+    freedom = sum(p.freedom for p in pointing)
+    if freedom <= 0:
+        return
+    noise = max(sum(p.chi_square for p in pointing) / freedom, 1.0)
     edges = sum(len(p.residual) for p in found.poses)
-    explained = []
     for cause in problem.causes():
         numbers = 1 if isinstance(cause, str) else ERRORS
         try:
             free = problem.solve(places, cause)
         except UserError:
             continue
-        if problem.misfit(free, numbers)[1] < FALSE_ALARM:
-            continue
-        score = free.cost / max(noise, 1.0) + numbers * np.log(edges)
-        explained.append(Explanation(cause, free, float(score)))
+        better = max(found.cost - free.cost, 0.0) / noise
+        yield Freed(
+            cause,
+            free,
+            numbers,
+            float(numbers * np.log(edges) - better),
+            float(scipy.special.fdtrc(numbers, freedom, better / numbers)),
+        )
+
+
+def _explanations(problem: EdgeProblem, freed: Sequence[Freed]) -> list[Freed]:
+    """Take the causes that explain a misfit, the likeliest first, and only those like it."""
+    explained = [f for f in freed if problem.misfit(f.found, f.numbers)[1] >= FALSE_ALARM]
     explained.sort(key=lambda e: e.score)
     return [e for e in explained if e.score < explained[0].score + ALIKE]
 
 
 def _with_causes(
-    joint: JointCovariance, found: EdgePoses, places: Places, explained: Sequence[Explanation]
+    joint: JointCovariance, found: EdgePoses, places: Places, explained: Sequence[Freed]
 ) -> JointCovariance:
     """Add to the covariance of poses what each cause moves them by, and what freeing it costs."""
     matrix, own = joint.matrix.copy(), _extrinsics(joint)
@@ -268,14 +291,14 @@ def _remedy(cause: Cause) -> str:
     return f"pose.shared={{{cause}:{LOOSE[cause]:g}}}" if isinstance(cause, str) else ""
 
 
-def _told(problem: EdgeProblem, found: EdgePoses, explained: Sequence[Explanation]) -> str:
+def _told(problem: EdgeProblem, found: EdgePoses, explained: Sequence[Freed]) -> str:
     """Say what explains the misfit."""
     if not explained:
         return "no single circle, mirror gain, zero or mirror offset explains that"
     return " or ".join(_size(problem, e) for e in explained) + " explains that"
 
 
-def _size(problem: EdgeProblem, explanation: Explanation) -> str:
+def _size(problem: EdgeProblem, explanation: Freed) -> str:
     """Say how large a cause is."""
     cause, found = explanation.cause, explanation.found
     if not isinstance(cause, str):
