@@ -20,7 +20,8 @@ from sldvexp.pose.conics import conics_to_dataset
 from sldvexp.pose.correlated_errors import with_errors
 from sldvexp.pose.from_points import CovarianceModel, require_laser
 from sldvexp.pose.from_scans import FromScans, circles_of, with_failed, with_pointing
-from sldvexp.pose.misfit import FALSE_ALARM, EdgeProblem, judge_circles
+from sldvexp.pose.misfit import EdgeProblem, judge_circles
+from sldvexp.pose.pointing import UNLIKELY
 from sldvexp.pose.solution import PoseSolution
 from sldvexp.targets import Target
 
@@ -73,7 +74,7 @@ class Bitangent(FromScans):
             )
             wrong, joint = _judged(problem, known, joint)
             each = zip(problem.views, known, probability, strict=True)
-            wrong = wrong or [self._no_conics(*v) for v in each if v[2] < FALSE_ALARM / len(known)]
+            wrong = wrong or [self._no_conics(*v) for v in each if v[2] < UNLIKELY]
             findings.extend(wrong)
             known = [
                 replace(s, covariance=own) for s, own in zip(known, joint.of_views(), strict=True)

@@ -298,30 +298,24 @@ def _told(problem: EdgeProblem, found: EdgePoses, explained: Sequence[Freed]) ->
     return " or ".join(_size(problem, e) for e in explained) + " explains that"
 
 
-def _size(problem: EdgeProblem, explanation: Freed) -> str:
+def _size(problem: EdgeProblem, freed: Freed) -> str:
     """Say how large a cause is."""
-    cause, found = explanation.cause, explanation.found
+    cause, found = freed.cause, freed.found
     if not isinstance(cause, str):
         x, y, _, radius = 1e3 * found.moved[sorted(problem.circles.circles).index(cause)]
-        return (
-            f"circle {cause}, {np.hypot(x, y):.2g} mm beside its place and {2 * radius:.2g} mm "
-            "wider than the target tells,"
-        )
+        wider = f"{abs(2 * radius):.2g} mm {'wider' if radius > 0 else 'narrower'}"
+        beside = f"{np.hypot(x, y):.2g} mm beside its place"
+        return f"circle {cause}, {beside} and {wider} than the target tells,"
     place = INTRINSICS.index(cause)
     value = found.poses[0].intrinsics[place]
     more = value - nominal_intrinsics(problem.laser.mirror_offset)[place]
     if cause == INTRINSICS[0]:
-        size = f", {1e3 * more:+.2g} mm, or an object that is {_larger(more, value)},"
-    elif cause.startswith("gain"):
-        size = f", {100 * more:+.2g} %,"
-    else:
-        size = f", {1e3 * more:+.2g} mrad,"
-    return cause + size
-
-
-def _larger(more: float, value: float) -> str:
-    """Say by how much an object is larger whose mirror offset seems to be larger by so much."""
-    return f"{-100 * more / value:+.2g} % larger"
+        # In units of the target, mirrors before a larger object are closer together.
+        object_size = f"{abs(100 * more / value):.2g} % {'smaller' if more > 0 else 'larger'}"
+        return f"{cause}, {1e3 * more:+.2g} mm, or an object that is {object_size},"
+    if cause.startswith("gain"):
+        return f"{cause}, {100 * more:+.2g} %,"
+    return f"{cause}, {1e3 * more:+.2g} mrad,"
 
 
 def _views(problem: EdgeProblem, found: EdgePoses) -> str:
