@@ -19,6 +19,8 @@ from sldvexp.typing import Array, BoolArray
 
 #: Steps of Levenberg-Marquardt; about eight suffice from a gradient edge.
 ITERATIONS = 60
+#: Smallest damping: keeps the equations of an edge regular whose numbers its pixels do not tell.
+LEAST_DAMPING = 1e-12
 #: Change of chi square, relative or absolute, at which an edge has settled.
 SETTLED = 1e-10
 #: Width, in pixels, below which no pixel lies on the slope: then the edge is between two of them.
@@ -27,9 +29,6 @@ NARROWEST = 0.3
 REJECT = 5.0
 #: Stands for zero where a division needs a number.
 TINY = 1e-30
-#: Least damping, relative to the curvature: a row that has settled goes on while others have not,
-#: and what its pixels do not determine must not become singular.
-LEAST_DAMPING = 1e-12
 #: Median of the absolute value of a standard normal variable.
 NORMAL_MEDIAN = 0.6745
 
@@ -182,7 +181,7 @@ def _least_squares(
         trial_cost = np.sum((weight * (magnitude - trial_model)) ** 2, axis=1)
         better = trial_cost <= cost
         settled |= np.abs(cost - trial_cost) <= SETTLED * (cost + 1.0)
-        damping = np.where(better, np.maximum(damping / 10.0, LEAST_DAMPING), damping * 10.0)
+        damping = np.maximum(np.where(better, damping / 10.0, damping * 10.0), LEAST_DAMPING)
         numbers = np.where(better[:, None], trial, numbers)
         model = np.where(better[:, None], trial_model, model)
         jacobian = np.where(better[:, None, None], trial_jacobian, jacobian)

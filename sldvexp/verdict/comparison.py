@@ -171,6 +171,9 @@ def compare_views(bench: Bench, fit: JointFit) -> ViewTests:
             [i for i in fit.views if i != k],
         )
         freedom, q = max(others.dof, 1), fit.dof - others.dof
+        if q <= 0:  # at poses that make no sense a view may miss the surface
+            found["whole"].append((0.0, 1, freedom))
+            continue
         left = max(others.squares / freedom, np.finfo(float).tiny)
         found["whole"].append(((fit.squares - others.squares) / q / left, q, freedom))
     statistic = {name: np.array([f for f, *_ in of]) for name, of in found.items()}

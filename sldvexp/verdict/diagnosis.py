@@ -19,7 +19,7 @@ import numpy as np
 
 from sldvexp.field import View
 from sldvexp.lazy import scipy
-from sldvexp.typing import Array, ComplexArray
+from sldvexp.typing import Array, ComplexArray, IndexArray
 from sldvexp.verdict.comparison import Bench
 from sldvexp.verdict.joint_fit import POSE, JointFit
 from sldvexp.verdict.pixel_data import pixel_data
@@ -33,6 +33,8 @@ CLEAR = 6.0
 #: Standard deviations of a freed pose, rotation (rad) and origin (m): of small and of large moves
 #: that explain as much the small one is taken.
 FREE = np.repeat([0.02, 0.02], 3)
+#: Numbers of a pose that are freed when its origin is believed.
+ROTATION = np.arange(3)
 #: Smallest modulus of a factor that a fit is started from.
 SMALLEST = 0.05
 STEPS = 3
@@ -129,7 +131,8 @@ def _without(bench: Bench, k: int) -> JointFit:
 def _of_view(bench: Bench, k: int) -> Iterator[Tried]:
     """Yield all kinds of mistakes of one view."""
     others = _without(bench, k)
-    yield _free_pose(bench, k, others)
+    yield _free_pose(bench, k, others, ROTATION)
+    yield _free_pose(bench, k, others, np.arange(POSE))
     squares, numbers = _own_scalar(bench, k, others)
     count = others.count + int(others.designs[k].present.sum())
     yield Tried(Explanation((k,), "other_field", others.squares + squares), numbers, count)
@@ -201,50 +204,55 @@ def _complex(channels: Array) -> ComplexArray:
     return np.asarray(real + 1j * imaginary)
 
 
-def _free_pose(bench: Bench, k: int, others: JointFit) -> Tried:
-    """Fit with a free pose of one view, the designs taken again at every step."""
-    wide, own = widened(bench, [k]), slice(POSE * k, POSE * (k + 1))
+def _free_pose(bench: Bench, k: int, others: JointFit, free: IndexArray) -> Tried:
+    """Fit with some free numbers of a view's pose, the designs taken again at every step.
+
+    The others keep their prior: with its origin known, a turned view is known far better.
+    """
+    wide, own = widened(bench, k, free), slice(POSE * k, POSE * (k + 1))
     pixels = len(bench.data[k].pixel)
     best = Tried(Explanation((k,), "pose", np.inf, pose=POSE * (0.0,)), 1.0, pixels)
     # Of the others' field and of the fit of all, whichever start leaves less.
-    for pose in (_first_step(bench, k, others), np.zeros(POSE)):
+    for start in (_first_step(bench, k, others, free), np.zeros(len(free))):
+        standard = np.concatenate([others.standard, start / FREE[free]])
         for _ in range(STEPS + 1):
-            errors = np.r_[np.zeros(len(wide.prior) - 1), others.poses[-1]]
-            errors[own] = pose
             designs = [*others.designs]
-            designs[k] = wide.design(k, errors)
+            designs[k] = wide.design(k, wide.prior @ standard)
             if 2 * int(designs[k].present.sum()) < pixels:
                 break
-            standard = np.concatenate([others.standard, pose / FREE])
             fit = JointFit(wide.data, designs, wide.prior, standard)
             pose = fit.poses[own]
+            standard = np.concatenate([others.standard, (standard + fit.step)[-len(free) :]])
             if fit.squares / fit.count < best.explanation.criterion / best.pixels:
                 covariance = fit.covariance[own, own]
-                numbers = 1 + POSE - float(np.trace(covariance / np.outer(FREE, FREE)))
+                known = np.trace(
+                    covariance[np.ix_(free, free)] / np.outer(FREE, FREE)[free][:, free]
+                )
+                numbers = 1 + len(free) - float(known)
                 moves = tuple(map(float, pose))
                 told = Explanation((k,), "pose", fit.squares, pose=moves, covariance=covariance)
                 best = Tried(told, numbers, fit.count)
     return best
 
 
-def _first_step(bench: Bench, k: int, others: JointFit) -> Array:
-    """Fit a view's pose to the field of the others."""
+def _first_step(bench: Bench, k: int, others: JointFit, free: IndexArray) -> Array:
+    """Fit some numbers of a view's pose to the field of the others."""
     design = others.designs[k]
     values = bench.data[k].velocity[design.present]
     left = np.concatenate([values.real, values.imag], axis=1) - design.field @ others.m
-    columns = design.pose_columns(others.m)[:, :POSE] * FREE[None, :, None]
-    flat = columns.transpose(0, 2, 1).reshape(-1, POSE)
-    return np.linalg.lstsq(flat, left.ravel(), rcond=1e-3)[0] * FREE
+    columns = design.pose_columns(others.m)[:, free] * FREE[None, free, None]
+    flat = columns.transpose(0, 2, 1).reshape(-1, len(free))
+    return np.linalg.lstsq(flat, left.ravel(), rcond=1e-3)[0] * FREE[free]
 
 
-def widened(bench: Bench, views: Sequence[int]) -> Bench:
-    """Free the poses of some views: their prior no longer binds, nor ties them to the others'."""
-    rows = np.concatenate([np.arange(POSE * k, POSE * (k + 1)) for k in views])
+def widened(bench: Bench, k: int, free: IndexArray) -> Bench:
+    """Free numbers of a view's pose: their prior no longer binds, nor ties them to others."""
+    rows = POSE * k + free
     prior = bench.prior.copy()
     prior[rows] = 0.0
-    free = np.zeros((len(prior), len(rows)))
-    free[rows, np.arange(len(rows))] = np.tile(FREE, len(views))
-    return replace(bench, prior=np.concatenate([prior, free], axis=1))
+    columns = np.zeros((len(prior), len(rows)))
+    columns[rows, np.arange(len(rows))] = FREE[free]
+    return replace(bench, prior=np.concatenate([prior, columns], axis=1))
 
 
 def _own_scalar(bench: Bench, k: int, others: JointFit) -> tuple[float, int]:

@@ -75,9 +75,12 @@ class Repair:
         if self.kind == "left_out":
             told = groups[image].assign_attrs(left_out=1)
             return {image: _marked(told, groups[image], self.name)}
-        velocity = groups[image]["velocity"]
+        velocity, std = groups[image]["velocity"], groups[image]["velocity_std"]
         values = np.conj(velocity.values) if self.kind in CONJUGATES else velocity.values
-        repaired = groups[image].assign(velocity=velocity.copy(data=values / self.factor))
+        repaired = groups[image].assign(
+            velocity=velocity.copy(data=values / self.factor),
+            velocity_std=std.copy(data=std.values / abs(self.factor)),  # noise was scaled with it
+        )
         return {image: _marked(repaired, groups[image], self.name)}
 
     def _of_points(self, points: xr.Dataset) -> xr.Dataset:
@@ -94,6 +97,10 @@ class Repair:
             values[[k, other]] = values[[other, k]]
         else:
             values[k] = (np.conj(values[k]) if self.kind in CONJUGATES else values[k]) / self.factor
+            if "velocity_std" in points:
+                std = points["velocity_std"].copy(deep=True)
+                std.loc[{"view": self.view}] = std.sel(view=self.view) / abs(self.factor)
+                points = points.assign(velocity_std=std)
         return _marked(points.assign(velocity=velocity), points, self.name)
 
 

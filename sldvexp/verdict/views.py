@@ -30,7 +30,7 @@ from sldvexp.verdict.drop_outs import disagreeing, drop_outs, outliers, resting
 from sldvexp.verdict.joint_fit import POSE, JointFit
 from sldvexp.verdict.refinement import moved_poses, refine
 from sldvexp.verdict.repairs import Repair, examined_repairs
-from sldvexp.verdict.wording import disagreement, noise_finding, untested
+from sldvexp.verdict.wording import by_tests_alone, disagreement, noise_finding, untested
 from sldvexp.volume import Volume
 
 #: Share of a view's pixels above which they are no drop-outs.
@@ -212,7 +212,11 @@ class _Examination:
             if bench.stated and (noise := noise_finding(tests)):
                 self.findings.append(noise)
             return True
-        best, other = tells_views_apart(diagnose(bench, fit))
+        ranked = diagnose(bench, fit)
+        if not ranked[0].view:
+            self.findings.append(by_tests_alone(bench.names, tests))
+            return False
+        best, other = tells_views_apart(ranked)
         finding, self.repairs = disagreement(bench.names, tests, best, other)
         self.findings.append(finding)
         return False

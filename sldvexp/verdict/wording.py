@@ -100,6 +100,25 @@ def disagreement(
     return finding, repairs
 
 
+def by_tests_alone(names: Sequence[str], tests: ViewTests) -> Finding:
+    """Name a view that the tests reject though no kind of mistake explains it."""
+    test = min(tests.p_value, key=lambda name: float(tests.p_value[name].min()))
+    k = int(tests.p_value[test].argmin())
+    told = {
+        "factor": "has a gain or phase of its own, or something like it",
+        "pose": "was not taken from where its pose says, by more than its bounds",
+        "whole": "disagrees with the others by more than its stated noise: is that right?",
+    }
+    return Finding(
+        {"factor": "factor", "pose": "pose", "whole": "noise"}[test],
+        f"view {names[k]}",
+        f"view {names[k]} {told[test]}",
+        Severity.doubtful if test == "whole" else Severity.void,
+        float(tests.statistic[test][k]),
+        tests.least,
+    )
+
+
 def sentence(names: Sequence[str], of: Explanation) -> str:
     """Say what is wrong with a view."""
     view, c = _views(names, of.view), of.factor

@@ -295,7 +295,7 @@ class Scene(ABC):
     """
 
     views: dict[str, KnownPose] = field(default_factory=dict)
-    pointing: Pointing = Pointing.ideal
+    pointing: Pointing = Pointing.modern
     mirrors: MirrorErrors = field(default_factory=MirrorErrors)
     spot: Spot = field(default_factory=Spot)
     vibrometer: Vibrometer = field(default_factory=Vibrometer)

@@ -42,6 +42,7 @@ def views_of(tree: xr.DataTree) -> list[field.View]:
                 covariance=pose["covariance"].values,
                 flags=image["flags"].values,
                 shape=tuple(map(int, image.attrs["shape"])),
+                pointing_std=float(pose["pointing_std"]),
             )
         )
     return views

@@ -11,6 +11,7 @@ import pytest
 from sldvexp.errors import UserError
 from sldvexp.image import Interpolation, Interpolator
 from sldvexp.image.interpolation.base import PixelWeights
+from sldvexp.image.interpolation.cross_validation import is_negligible, predictions
 from sldvexp.image.interpolation.cubic import CubicInterpolator
 from sldvexp.image.interpolation.mesh import Lattice, StraightLattice, Triangles
 from sldvexp.image.interpolation.methods import LinearInterpolator, mesh_of
@@ -419,3 +420,12 @@ def test_flagged_pixels_have_no_part_in_predictions(method: Interpolation) -> No
     assert matrix[:, [40, 41, 100]].nnz == 0
     assert matrix[[40, 41, 100]].nnz == 0
     assert np.abs(matrix @ np.ones(len(image.dac))).max() < 1e-12
+
+
+def test_auto_stays_linear_where_its_error_is_lost_in_the_noise() -> None:
+    """Cubic has more work and passes more of the noise on."""
+    image = waving(even(121), noise=3e-2)
+    assert is_negligible([image], [predictions(image, mesh_of(image), LinearInterpolator)], 1 / 6)
+    assert Interpolation.auto.chosen([image]) is Interpolation.linear
+    clear = waving(even(121), noise=1e-4)
+    assert Interpolation.auto.chosen([clear]) is Interpolation.cubic

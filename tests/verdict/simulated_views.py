@@ -6,8 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sldvexp import dataset
 from sldvexp.field import View
 from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.lazy import xarray as xr
+from sldvexp.pose.base import pose_to_dataset
 from sldvexp.verdict.beams import MeasuredSurface, PixelBeams, moved
 from sldvexp.volume import Grid
 
@@ -65,6 +68,7 @@ class Session:
     views: list[View]
     surface: MeasuredSurface
     truth: np.ndarray
+    turned: list[np.ndarray]
 
 
 def session(
@@ -84,7 +88,7 @@ def session(
     step = np.linspace(-4.6, 4.6, pixels)
     angle = np.radians(np.stack(np.meshgrid(step, step, indexing="ij"), -1).reshape(-1, 2))
     measured = MeasuredSurface.of(volume, LASER)
-    found = []
+    found, turned = [], []
     for k, (rotation, origin) in enumerate(poses(views)):
         mistake = (mistakes or {}).get(k, "")
         zero = np.zeros((len(angle), frequencies), complex)
@@ -105,9 +109,12 @@ def session(
         direction /= np.linalg.norm(direction)
         if mistake == "rotation":
             off[:3] += size * direction
+        if mistake == "turned":  # across the beam
+            off[:2] += size * direction[:2] / np.linalg.norm(direction[:2])
         if mistake == "origin":
             off[3:] += size * direction
         true = moved(stated, off)
+        turned.append(true.rotation @ stated.rotation.T)
         beams = PixelBeams.trace(true, measured, np.arange(len(angle)))
         field = other_velocity if mistake == "other" else velocity
         values = np.stack(
@@ -126,7 +133,35 @@ def session(
         values = np.conj(values) if mistake == "conjugate" else values * factor
         image = np.full_like(zero, np.nan)
         image[beams.pixel] = values
-        image += NOISE * (rng.standard_normal(zero.shape) + 1j * rng.standard_normal(zero.shape))
+        drawn = rng.standard_normal(zero.shape) + 1j * rng.standard_normal(zero.shape)
+        scale = abs(factor)  # what scales the velocities scales their noise and what is said of it
+        image += scale * NOISE * drawn
+        stated = replace(stated, std=scale * stated.std)
         flags = (~np.isfinite(image).all(axis=1)).astype(int)
         found.append(replace(stated, velocity=image, flags=flags))
-    return Session(found, measured, truth)
+    return Session(found, measured, truth, turned)
+
+
+def groups(made: Session) -> dict[str, xr.Dataset]:
+    """Make the groups of a run: poses as stated, and images."""
+    views = made.views
+    found = {
+        "pose": pose_to_dataset(
+            [v.name for v in views],
+            [v.rotation for v in views],
+            [v.origin for v in views],
+            [v.covariance for v in views],
+            [np.inf] * len(views),
+            0.95,
+        )
+    }
+    for view in views:
+        found[f"image/{view.name}"] = dataset.group(
+            "image",
+            {"frequency": 100.0 * np.arange(1, view.velocity.shape[1] + 1)},
+            velocity=view.velocity,
+            velocity_std=np.broadcast_to(view.std[:, None], view.velocity.shape),
+            dac=view.dac,
+            flags=view.flags.astype(np.uint8),
+        ).assign_attrs(shape=list(view.shape))
+    return found

@@ -96,12 +96,13 @@ class View:
         covariance: ArrayLike | None = None,
         flags: ArrayLike | None = None,
         shape: tuple[int, int] | None = None,
+        pointing_std: float = 0.0,
     ) -> View:
         """Make a view from what is at hand.
 
         Parameters
         ----------
-        name, rotation, origin, covariance, shape
+        name, rotation, origin, covariance, shape, pointing_std
             As of the class.
         velocity : array_like of complex, shape (pixel[, frequency]), m/s
             Positive towards the instrument.
@@ -156,6 +157,7 @@ class View:
             noise if noise.ndim else np.full(len(values), noise),
             np.asarray(flags),
             shape,
+            pointing_std=pointing_std,
         )
 
     def __repr__(self) -> str:

@@ -138,6 +138,28 @@ SURE = 3.0
 INDEPENDENT = 0.25
 
 
+#: Mean error of interpolation over the noise of a pixel, below which a better one is not sought:
+#: even over a thousand pixels to an element the noise's mean is larger.
+NEGLIGIBLE = 0.02
+
+
+def is_negligible(images: Sequence[ImagePixels], each: Sequence[Predictions], part: float) -> bool:
+    """Tell whether interpolation leaves out so little that the noise hides it anywhere.
+
+    Parameters
+    ----------
+    part : float
+        Of what predictions miss; see `mean_error`.
+    """
+    beyond = noise = 0.0
+    for image, found in zip(images, each, strict=True):
+        missed, expected = found.missed(image)
+        own = np.square(image.std).reshape(len(image.std), -1).mean(axis=1)[found.pixel]
+        beyond += float(np.sum(missed - expected))
+        noise += 2 * image.velocity.shape[1] * float(own.sum())
+    return part**2 * beyond <= NEGLIGIBLE**2 * noise
+
+
 def is_better(
     images: Sequence[ImagePixels], each: Sequence[tuple[Predictions, Predictions]]
 ) -> bool:

@@ -12,7 +12,12 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.image.interpolation.base import ImagePixels, Interpolator, PixelWeights
-from sldvexp.image.interpolation.cross_validation import is_better, mean_error, predictions
+from sldvexp.image.interpolation.cross_validation import (
+    is_better,
+    is_negligible,
+    mean_error,
+    predictions,
+)
 from sldvexp.image.interpolation.cubic import CubicInterpolator
 from sldvexp.image.interpolation.mesh import ImageMesh, Lattice, lattice_of, triangulate
 from sldvexp.lazy import scipy
@@ -66,10 +71,12 @@ class Interpolation(Enum):
         if self is not Interpolation.auto:
             return self
         meshes = [mesh_of(image) for image in images]
-        pairs = [
-            (predictions(i, m, LinearInterpolator), predictions(i, m, CubicInterpolator))
-            for i, m in zip(images, meshes, strict=True)
-        ]
+        both = list(zip(images, meshes, strict=True))
+        linear = [predictions(i, m, LinearInterpolator) for i, m in both]
+        if is_negligible(images, linear, PART_ON_A_LATTICE["linear"]):
+            return Interpolation.linear
+        cubic = [predictions(i, m, CubicInterpolator) for i, m in both]
+        pairs = list(zip(linear, cubic, strict=True))
         return Interpolation.cubic if is_better(images, pairs) else Interpolation.linear
 
     def mean_error(self, image: ImagePixels) -> scipy.sparse.csr_array:
