@@ -33,7 +33,9 @@ class Bitangent(FromScans):
 
     Conics are weighed by the edges' stated errors and the mirrors' pointing noise; see
     `sldvexp.pose.pointing` for how it is found and for what is not included (drift, hysteresis, a
-    common zero error).
+    common zero error), and `sldvexp.pose.misfit` for how wrong circles and mirrors are, which all
+    edges together tell. Gains, zeros and mirror offset that are neither in `adjust` nor in `shared`
+    are taken as exact, however little of a mistake in them the edges would show.
 
     Parameters
     ----------

@@ -26,7 +26,10 @@ class Edge(FromScans):
     The two-mirror model is exact here, while the image of a circle is a conic only nearly. All
     views are adjusted together, since they share the circles and their machining errors. Edges are
     weighed by their stated errors and the mirrors' pointing noise; see `sldvexp.pose.pointing` for
-    how it is found and for what is not included (drift, hysteresis, a common zero error).
+    how it is found and for what is not included (drift, hysteresis, a common zero error), and
+    `sldvexp.pose.misfit` for how wrong circles and mirrors are. Gains, zeros and mirror offset that
+    are neither in `adjust` nor in `shared` are taken as exact, however little of a mistake in them
+    the edges would show.
     """
 
     name: ClassVar[str] = "edge"
