@@ -201,10 +201,10 @@ def judge_circles(
     worst = float(np.sqrt(np.max(np.diag(wider.matrix) / np.diag(joint.matrix))))
     severity = Severity.void if worst > TOO_SMALL else Severity.doubtful
     bounds = (
-        f"and bounds that had it in them would be {worst:.2g} times as wide: they are left, and "
+        f"and bounds that had it in them would be {worst:.1f} times as wide: they are left, and "
         "void"
         if severity is Severity.void
-        else f"and the bounds are made up to {worst:.2g} times as wide for it"
+        else f"and the bounds are made up to {worst:.1f} times as wide for it"
     )
     told = _told(problem, found, explained)
     views = _views(problem, found)
@@ -325,4 +325,5 @@ def _views(problem: EdgeProblem, found: EdgePoses) -> str:
         for i, p in zip(problem.images, found.poses, strict=True)
     }
     bad = [v for v, p in tests.items() if p < FALSE_ALARM / len(tests)] or [*tests]
-    return f"view{'s' if len(bad) > 1 else ''} {' and '.join(bad)}"
+    *some, last = bad
+    return f"views {', '.join(some)} and {last}" if some else f"view {last}"
