@@ -6,25 +6,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-import numpy as np
-
 from sldvexp.config.registry import register
-from sldvexp.dataset import Finding
+from sldvexp.dataset import Finding, Severity
+from sldvexp.errors import UserError
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import JointCovariance, PoseResult
 from sldvexp.pose.circle_images import (
-    CircleImages,
     bitangent_errors,
     registration_table,
 )
 from sldvexp.pose.conics import conics_to_dataset
 from sldvexp.pose.correlated_errors import with_errors
 from sldvexp.pose.from_points import CovarianceModel, require_laser
-from sldvexp.pose.from_scans import FromScans, circles_of, with_pointing
-from sldvexp.pose.pointing import misfit_finding
+from sldvexp.pose.from_scans import FromScans, circles_of, with_failed, with_pointing
+from sldvexp.pose.misfit import EdgeProblem, judge_circles
+from sldvexp.pose.pointing import UNLIKELY
 from sldvexp.pose.solution import PoseSolution
-from sldvexp.targets import Circles, Target
+from sldvexp.targets import Target
 
 
 @register("pose", "bitangent")
@@ -34,7 +33,9 @@ class Bitangent(FromScans):
 
     Conics are weighed by the edges' stated errors and the mirrors' pointing noise; see
     `sldvexp.pose.pointing` for how it is found and for what is not included (drift, hysteresis, a
-    common zero error).
+    common zero error), and `sldvexp.pose.misfit` for how wrong circles and mirrors are, which all
+    edges together tell. Gains, zeros and mirror offset that are neither in `adjust` nor in `shared`
+    are taken as exact, however little of a mistake in them the edges would show.
 
     Parameters
     ----------
@@ -52,35 +53,61 @@ class Bitangent(FromScans):
     ) -> PoseResult:
         """Solve the bitangent points of all scanned views, with the errors that they share."""
         circles, laser = circles_of(target, self.name), require_laser(laser)
-        images = self.images(circles, laser, tree, self.pinhole)
+        images, failed = self.images(circles, laser, tree, self.pinhole)
         tables = [registration_table(i, circles) for i in images]
-        findings = self.findings(images)
-        model = self._errors_of(images, circles, laser, findings)
-        found = self.solve(tables, laser, None, model=model)
-        pose = with_pointing(found.pose, images)
+        findings = [*self.findings(images), *failed]
+        problem = EdgeProblem(images, circles, laser, self.adjust, self.shared, self.max_iterations)
+        found = self.solve(tables, laser, None, model=self._errors_of(problem, findings))
+        pose = with_failed(with_pointing(found.pose, images), failed)
         pose.attrs["notes"] = "\n".join([*self.notes(images), *found.notes])
         kept = conics_to_dataset(images, circles, laser, self.pinhole)
         told = [*findings, *found.findings]
         return replace(found, pose=pose, findings=told, conic=kept)
 
-    def _errors_of(
-        self,
-        images: Sequence[CircleImages],
-        circles: Circles,
-        laser: TwoMirror,
-        findings: list[Finding],
-    ) -> CovarianceModel:
+    def _errors_of(self, problem: EdgeProblem, findings: list[Finding]) -> CovarianceModel:
         """Make the model of errors that come from ellipses and circles, which adds its findings."""
 
         def covariance_model(
             solutions: Sequence[PoseSolution],
         ) -> tuple[list[PoseSolution], JointCovariance, list[str]]:
-            errors = [bitangent_errors(i, circles) for i in images]
+            errors = [bitangent_errors(i, problem.circles) for i in problem.images]
             known, joint, probability = with_errors(
-                solutions, errors, laser, self.adjust, self.shared
+                solutions, errors, problem.laser, self.adjust, self.shared
             )
-            for e, s, p in zip(errors, known, probability, strict=True):
-                findings.extend(misfit_finding(e.view, float(s.residual_rms), np.nan, p))
+            wrong, joint = _judged(problem, known, joint)
+            each = zip(problem.views, known, probability, strict=True)
+            wrong = wrong or [self._no_conics(*v) for v in each if v[2] < UNLIKELY]
+            findings.extend(wrong)
+            known = [
+                replace(s, covariance=own) for s, own in zip(known, joint.of_views(), strict=True)
+            ]
             return known, joint, []
 
         return covariance_model
+
+    def _no_conics(self, view: str, solution: PoseSolution, probability: float) -> Finding:
+        """Say that conics do not fit an object that the edges themselves fit."""
+        rms = float(solution.residual_rms)
+        return Finding(
+            "calibration",
+            f"view {view}",
+            f"view {view}: the bitangent points fit the object to {rms:.2g} DAC steps rms, worse "
+            "than the edges' noise and the circles' accuracy explain, and the bounds leave that "
+            "out; the edges themselves fit it, as where the images of circles are no conics",
+            Severity.void,
+            p_value=probability,
+            size=rms,
+            remedy="pose=edge" if self.pinhole else "pose.pinhole=true",
+        )
+
+
+def _judged(
+    problem: EdgeProblem, solutions: Sequence[PoseSolution], joint: JointCovariance
+) -> tuple[list[Finding], JointCovariance]:
+    """Test object and mirrors by all edges, which their own poses fit best."""
+    places = [(s.rotation, s.origin) for s in solutions]
+    try:
+        edges = problem.solve(places)
+    except UserError:
+        return [], joint
+    return judge_circles(problem, edges, places, joint)

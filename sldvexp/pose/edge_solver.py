@@ -176,12 +176,18 @@ class EdgePoses:
         One a view.
     joint : JointCovariance
         Names of the views, and the covariance of their poses and intrinsics.
+    moved : ndarray, shape (circle, ERRORS), m
+        Estimated errors of the circles, in the order of their numbers.
+    cost : float
+        Sum of squared residuals and of what is known beforehand over its standard deviations.
     """
 
     GROUP: ClassVar[str] = "pose"
 
     poses: list[EdgePose]
     joint: JointCovariance
+    moved: Array
+    cost: float
 
     def __repr__(self) -> str:
         each = zip(self.joint.views, self.poses, self.joint.of_views(), strict=True)
@@ -228,7 +234,7 @@ def solve_edges(
     starts: Sequence[tuple[Array, Array]] = (),
     adjust: Mapping[str, float] | None = None,
     shared: Mapping[str, float] | None = None,
-    circle_std: float = 0.0,
+    circle_std: ArrayLike = 0.0,
     max_iterations: int = 200,
 ) -> EdgePoses:
     """Adjust the poses until every edge point lies on its circle as well as its error allows.
@@ -251,8 +257,8 @@ def solve_edges(
     adjust, shared : mapping of str to float
         Intrinsics to adjust for each view and for all views, with the standard deviation of what is
         known of them, infinite for a free one.
-    circle_std : float, m
-        Standard deviation of every circle's centre coordinates and diameter.
+    circle_std : array_like, shape () or (circle,), m
+        Standard deviation of the circles' centre coordinates and diameters.
 
     Raises
     ------
@@ -288,7 +294,8 @@ def solve_edges(
         EdgeView.at_start(p, EdgeScene(*start, 0.0, nominal, none), adjust, common)
         for p, start in zip(points, starts, strict=True)
     ]
-    errors = np.tile(circle_std * CIRCLE, circles if circle_std > 0 else 0)
+    each = np.broadcast_to(np.asarray(circle_std, float), circles)
+    errors = np.outer(each, CIRCLE).ravel() if each.any() else np.empty(0)
     expected = np.append(nominal[common], np.zeros(len(errors)))
     prior_std = np.append(np.array(list(shared.values())), errors)
     given = Common(expected, expected, prior_std)
@@ -347,7 +354,9 @@ def _poses(found: Adjusted[EdgeView], joint: JointCovariance) -> EdgePoses:
             scenes, found.views, found.residual, found.dof, strict=True
         )
     ]
-    return EdgePoses(poses, replace(joint, matrix=found.covariance[np.ix_(wanted, wanted)]))
+    moved = scenes[0].moved
+    joint = replace(joint, matrix=found.covariance[np.ix_(wanted, wanted)])
+    return EdgePoses(poses, joint, moved, found.cost)
 
 
 def _check(

@@ -198,7 +198,7 @@ class FromPoints(PoseMethod):
         registration = to_dataset(
             [_as_solved(v.table, v.angle, laser) for v in views], [v.used for v in views]
         )
-        findings = [_no_pose(*f) for f in failed.items()] + [f for v in views for f in v.findings]
+        findings = [no_pose(*f) for f in failed.items()] + [f for v in views for f in v.findings]
         findings += [t for t in told if isinstance(t, Finding)]
         if model is None:
             findings += [f for v in views for f in _large_residuals(v, len(views))]
@@ -238,7 +238,7 @@ class ViewSolution:
         return self.table.number[~self.used], matched.residual(self.solution)[~self.used]
 
 
-def _no_pose(view: str, reason: str) -> Finding:
+def no_pose(view: str, reason: str) -> Finding:
     """Say that a view has no pose."""
     told = f"view {view} has no pose, and its images are left out: {reason}"
     return Finding("no_pose", f"view {view}", told, Severity.void)

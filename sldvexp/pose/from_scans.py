@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 from sldvexp import dataset
-from sldvexp.dataset import Finding
+from sldvexp.dataset import WITHOUT_POSE, Finding
 from sldvexp.errors import UserError
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
-from sldvexp.pose.circle_images import CircleImages, match_images
-from sldvexp.pose.from_points import FromPoints
+from sldvexp.pose.circle_images import CircleImages, match_images, registration_table
+from sldvexp.pose.from_points import FromPoints, no_pose
 from sldvexp.pose.pointing import pointing_findings
+from sldvexp.pose.single_view import solve_points
 from sldvexp.pose.wiring import check_wiring, phase_notes
 from sldvexp.session.circles import edges_of
 from sldvexp.targets import Circles, Target
+from sldvexp.typing import Array
 
 
 @dataclass
@@ -45,8 +48,10 @@ class FromScans(FromPoints):
         laser: TwoMirror,
         tree: Mapping[str, xr.Dataset],
         pinhole: bool,
-    ) -> list[CircleImages]:
+    ) -> tuple[list[CircleImages], list[Finding]]:
         """Match the circles' images in every view.
+
+        A view that cannot be solved does not end the others.
 
         Parameters
         ----------
@@ -55,20 +60,39 @@ class FromScans(FromPoints):
         pinhole : bool
             Fit in coordinates where the image of a circle is an ellipse, instead of in DAC steps.
 
+        Returns
+        -------
+        images : list of CircleImages
+            Of the views that have a pose.
+        failed : list of Finding
+            One for each of the others.
+
         Raises
         ------
         UserError
-            If nothing was scanned, the mirrors look wired wrongly, or a circle makes no ellipse or
-            the ellipses fit the object in no way or in two.
+            If nothing was scanned, or in every view the mirrors look wired wrongly, a circle makes
+            no ellipse, or the ellipses fit the object in no way or in two.
         """
-        found = []
+        found, failed = [], {}
         for view, group in edge_views(tree, self.name).items():
-            edges, adjusted = edges_of(group), self.adjust | self.shared
-            images = check_wiring(view, edges, circles, laser, adjusted, self.upright)
-            if not pinhole:
-                images = match_images(view, edges, circles, laser, images.pointing)
-            found.append(images)
-        return found
+            try:
+                found.append(self._images_of(view, group, circles, laser, pinhole))
+            except UserError as error:
+                failed[view] = error
+        if not found:
+            raise next(iter(failed.values()))
+        return found, [no_pose(view, str(error)) for view, error in failed.items()]
+
+    def _images_of(
+        self, view: str, group: xr.Dataset, circles: Circles, laser: TwoMirror, pinhole: bool
+    ) -> CircleImages:
+        """Match one view's images, from which there is a pose to start from."""
+        edges, adjusted = edges_of(group), self.adjust | self.shared
+        images = check_wiring(view, edges, circles, laser, adjusted, self.upright)
+        if not pinhole:
+            images = match_images(view, edges, circles, laser, images.pointing)
+        start_of(images, laser, circles)
+        return images
 
     def notes(self, images: Sequence[CircleImages]) -> list[str]:
         """Say what to mind about the images of all views."""
@@ -85,6 +109,27 @@ def with_pointing(pose: xr.Dataset, images: Sequence[CircleImages]) -> xr.Datase
     views = pose["view"].values
     noise = dataset.group("pose", {"view": views}, pointing_std=[whole[str(v)] for v in views])
     return pose.merge(noise)
+
+
+def start_of(images: CircleImages, laser: TwoMirror, circles: Circles) -> tuple[Array, Array]:
+    """Solve for rotation and origin from one view's bitangent points."""
+    table = registration_table(images, circles)
+    try:
+        start = solve_points(
+            table.object_point,
+            table.angle_through(laser),
+            step=laser.step,
+            mirror_offset=laser.mirror_offset,
+        )
+    except UserError as error:
+        raise UserError(f"view {images.view}: {error}") from None
+    return start.rotation, start.origin
+
+
+def with_failed(pose: xr.Dataset, failed: Sequence[Finding]) -> xr.Dataset:
+    """Name the views without a pose in the group ``pose``, so that their images are left out."""
+    views = [f.subject.removeprefix("view ") for f in failed]
+    return pose.assign_attrs({WITHOUT_POSE: json.dumps(views)}) if views else pose
 
 
 def edge_views(tree: Mapping[str, xr.Dataset], method: str) -> dict[str, xr.Dataset]:

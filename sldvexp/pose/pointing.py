@@ -337,13 +337,13 @@ def _trace_of_square(weight: Array, base: Array) -> float:
     return float(np.sum(p**2))
 
 
-def lack_of_fit(pointing: Pointing, square: float, freedom: float) -> tuple[float, float]:
-    """Compare what a pose leaves of one view's edges with what ellipses of their own leave.
+def lack_of_fit(pointing: Sequence[Pointing], square: float, freedom: float) -> tuple[float, float]:
+    """Compare what poses leave of some views' edges with what ellipses of their own leave.
 
     Parameters
     ----------
     square, freedom : float
-        Sum of the pose's squared residuals over the edges' variances, its degrees of freedom.
+        Sum of the poses' squared residuals over the edges' variances, its degrees of freedom.
 
     Returns
     -------
@@ -351,39 +351,13 @@ def lack_of_fit(pointing: Pointing, square: float, freedom: float) -> tuple[floa
         F, and the probability of a larger one if the object and the mirrors are as they are said
         to be.
     """
-    more, added = square - pointing.chi_square, freedom - pointing.freedom
-    if added <= 0 or pointing.freedom <= 0:
+    least, free = sum(p.chi_square for p in pointing), sum(p.freedom for p in pointing)
+    more, added = square - least, freedom - free
+    if added <= 0 or free <= 0:
         return np.nan, 1.0
     # Noise that is smaller than stated makes no misfit: the bounds rest on the stated one.
-    statistic = more / added / max(pointing.chi_square / pointing.freedom, 1.0)
-    return statistic, float(scipy.special.fdtrc(added, pointing.freedom, max(statistic, 0.0)))
-
-
-def misfit_finding(
-    view: str, residual_rms: float, statistic: float, probability: float
-) -> Iterator[Finding]:
-    """Find circles that do not fit the object as well as edges and accuracy say.
-
-    Parameters
-    ----------
-    residual_rms : float, DAC steps
-        Of the pose.
-    statistic, probability : float
-        Of a test of the residuals.
-    """
-    if probability < UNLIKELY:
-        yield Finding(
-            "calibration",
-            f"view {view}",
-            f"view {view}: the circles' images fit the object to {residual_rms:.2g} DAC steps rms, "
-            "worse than the edges' noise and the circles' accuracy explain, and the bounds leave "
-            "that out; a mirror offset or calibration that is not the true one, another object, "
-            "or pinhole: false, looks like this",
-            Severity.void,
-            statistic,
-            probability,
-            residual_rms,
-        )
+    statistic = more / added / max(least / free, 1.0)
+    return statistic, float(scipy.special.fdtrc(added, free, max(statistic, 0.0)))
 
 
 def pointing_findings(view: str, found: Pointing, ellipse: Mapping[int, int]) -> Iterator[Finding]:

@@ -13,7 +13,7 @@ from sldvexp.image import ScanLineEdges
 from sldvexp.laser import TwoMirror
 from sldvexp.pose import EdgePoints, EdgePoses, solve_edges
 from sldvexp.pose.circle_images import CircleImages
-from sldvexp.pose.edge import edge_points
+from sldvexp.pose.misfit import edge_points
 from sldvexp.session.circles import edges_to_dataset
 from sldvexp.targets import Circle, Circles, Plane, std_of_bound
 from sldvexp.units import LengthUnit

@@ -141,7 +141,8 @@ def test_a_wrong_gain_is_not_taken_for_pointing_noise(edge_lab, method):
     wrong = MirrorErrors(up_down=MirrorError(gain=0.02))
     lab = edge_lab(pointing=0.2, mirrors=wrong, **STATED)
     found, pose, _ = estimate(lab, np.random.default_rng(9), method)
-    assert kinds(found) == [("pointing", "view a"), ("calibration", "view a")]
+    names = "gain_up_down or mirror_offset"  # one view of one plane does not tell them apart
+    assert kinds(found) == [("pointing", "view a"), ("calibration", names)]
     assert found.findings[1].severity is Severity.void
     assert float(pose["pointing_std"]) == pytest.approx(0.2, rel=0.2)
 
@@ -199,12 +200,13 @@ def test_bounds_have_the_noise_of_each_circle_in_them(edge_lab, pointing, every,
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
 @pytest.mark.parametrize("pointing", [0.0, 0.5])
-def test_right_circles_and_mirrors_raise_no_alarm(edge_lab, pointing):
+def test_right_circles_and_mirrors_raise_no_alarm(edge_lab, pointing, method):
     """Each kind of alarm as seldom as said, in sessions of three views."""
     sessions, rng = 200, np.random.default_rng(14)
     lab = edge_lab(views=3, pointing=pointing, **STATED)
-    told = [kinds(estimate(lab, rng, Edge())[0]) for _ in range(sessions)]
+    told = [kinds(estimate(lab, rng, method)[0]) for _ in range(sessions)]
     alarms = [{kind for kind, _ in found} - {"pointing"} for found in told]
     most = 0.01 * sessions + 3 * np.sqrt(0.01 * sessions)
     assert sum(map(bool, alarms)) <= most
