@@ -38,6 +38,8 @@ from sldvexp.session.interruption import has_lines, how_to_go_on, stopping_once
 
 #: Where the scans lie, in the dataset and in the journal, that pose methods are compared on.
 COMPARED_SCANS = "compare_scan"
+#: Where the flags lie of images that stay in another file.
+FLAGGED = "flagged/"
 
 
 @dataclass
@@ -208,6 +210,9 @@ def _views(run: Run) -> None:
         run.tree, e.laser, e.volume, robust is Robust.auto, e.use_repair, refined
     )
     run.tree |= examined.groups
+    for name in run.elsewhere & examined.groups.keys():
+        own = name.replace("image/", FLAGGED)  # all that the run's own file has of it
+        run.tree[own] = examined.groups[name][["flags"]]
     run.tree[f"{VERDICT}/views"] = findings_to_dataset(examined.findings)
 
 
@@ -452,11 +457,11 @@ STEPS: tuple[Step, ...] = (
     ),
     Step(
         "comparison of the views",
-        lambda e: _reconstructs(e) and e.volume is not None and e.laser and e.stream is None,
+        lambda e: _reconstructs(e) and e.volume is not None and bool(e.laser),
         _views,
-        makes=(f"{VERDICT}/views", "image/", "pose"),
+        makes=(f"{VERDICT}/views", "image/", "pose", FLAGGED),
         needs=("pose", "volume", "image/"),
-        reads=("laser", "volume", "pose", "reconstruction", "compare", "use_repair"),
+        reads=("laser", "volume", "pose", "reconstruction", "compare", "use_repair", "stream"),
     ),
     Step(
         "comparison of the views of points",

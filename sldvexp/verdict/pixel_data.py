@@ -99,7 +99,7 @@ def local_std(view: View, pixels: IndexArray) -> Array:
     square = np.square(view.std).reshape(len(view.std), -1)[pixels]
     if len(pixels) > AROUND and np.ptp(square) > 0:
         _, near = scipy.spatial.cKDTree(view.dac[pixels]).query(view.dac[pixels], AROUND)
-        square = square[near].mean(axis=1)
+        square = sum(square[neighbour] for neighbour in near.T) / AROUND  # one at a time in memory
     return np.broadcast_to(np.sqrt(square), view.velocity[pixels].shape)
 
 

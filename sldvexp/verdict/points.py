@@ -197,7 +197,7 @@ def examine_points(
     def examine(groups: dict[str, xr.Dataset]) -> tuple[list[Finding], list[Repair]]:
         return _examine(PointData.from_dataset(groups["line_of_sight"]))
 
-    groups, findings = examined_repairs({"line_of_sight": line_of_sight}, use_repair, examine)
+    groups, findings, _ = examined_repairs({"line_of_sight": line_of_sight}, use_repair, examine)
     return groups["line_of_sight"], findings
 
 
