@@ -186,6 +186,7 @@ def _images(run: Run) -> None:
 
 def _volume(run: Run) -> None:
     """Add surfaces around the real one, and where between them velocities are sampled."""
+    _leaves_pixels_out(run.experiment)  # nor should a setting that is refused after it
     run.inputs += run.experiment.volume.inputs()
     try:
         run.tree["volume"] = run.experiment.volume.group()
@@ -193,11 +194,12 @@ def _volume(run: Run) -> None:
         raise UserError(f"volume: {error}") from None
 
 
-def _views(run: Run) -> None:
-    """Compare the views with one another, before a field is made of them."""
-    e = run.experiment
+def _leaves_pixels_out(e: Experiment) -> bool:
+    """Tell whether pixels that dropped out are left out, on which all methods must agree."""
     methods = {"reconstruction": e.reconstruction} if e.reconstruction else {}
     methods |= {f"compare.{name}": method for name, method in e.compare.items()}
+    if not methods:
+        return False
     first, robust = next((name, method.robust) for name, method in methods.items())
     for name, method in methods.items():
         if method.robust is not robust:
@@ -205,10 +207,15 @@ def _views(run: Run) -> None:
                 f"{name}.robust: must be that of {first}, {robust.name}, not {method.robust.name}: "
                 "pixels are left out before any field is made"
             )
+    return robust is Robust.auto
+
+
+def _views(run: Run) -> None:
+    """Compare the views with one another, before a field is made of them."""
+    e = run.experiment
+    robust = _leaves_pixels_out(e)
     refined = e.pose is not None and e.pose.refine is Refine.images
-    examined = verdict.examine_views(
-        run.tree, e.laser, e.volume, robust is Robust.auto, e.use_repair, refined
-    )
+    examined = verdict.examine_views(run.tree, e.laser, e.volume, robust, e.use_repair, refined)
     run.tree |= examined.groups
     for name in run.elsewhere & examined.groups.keys():
         own = name.replace("image/", FLAGGED)  # all that the run's own file has of it

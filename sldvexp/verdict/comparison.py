@@ -81,7 +81,7 @@ class Bench:
 def bench_of(
     views: Sequence[View], surface: MeasuredSurface, covariance: Array | None
 ) -> Bench | None:
-    """Lay out views for comparison; None if one sees too little.
+    """Lay out views for comparison; None if one sees too little, or nothing moves.
 
     Parameters
     ----------
@@ -90,6 +90,8 @@ def bench_of(
     """
     data, stated = pixel_data(views, surface)
     if min((len(d.pixel) for d in data), default=0) < LEAST_PIXELS:
+        return None
+    if not any(np.any(d.velocity) for d in data):
         return None
     prior = prior_factor(covariance, len(data), surface.thickness)
     best: Bench | None = None
@@ -162,7 +164,8 @@ def compare_views(bench: Bench, fit: JointFit) -> ViewTests:
             ("pose", fit.own_pose_columns(k)),
         ):
             score = fit.score(k, columns)
-            found[name].append((score.statistic / score.dof / variance, score.dof, fit.dof))
+            freedom = max(score.dof, 1)  # of nothing that moves a factor is no column at all
+            found[name].append((score.statistic / freedom / variance, freedom, fit.dof))
         others = JointFit(
             bench.data,
             fit.designs,
@@ -172,7 +175,9 @@ def compare_views(bench: Bench, fit: JointFit) -> ViewTests:
         )
         freedom, q = max(others.dof, 1), fit.dof - others.dof
         left = max(others.squares / freedom, np.finfo(float).tiny)
-        found["whole"].append(((fit.squares - others.squares) / q / left, q, freedom))
+        # A view that the fit has moved off the surface is surely wrong.
+        excess = (fit.squares - others.squares) / q / left if q > 0 else np.inf
+        found["whole"].append((excess, max(q, 1), freedom))
     statistic = {name: np.array([f for f, *_ in of]) for name, of in found.items()}
     p_value = {
         name: np.array([scipy.special.fdtrc(q, n, max(f, 0.0)) for f, q, n in of])

@@ -55,9 +55,9 @@ def drop_outs(view: View, among: IndexArray) -> BoolArray:
     """
     found = np.zeros(len(view.dac), bool)
     values, std = _channels(view, among)
-    if len(among) <= 2 * NEIGHBOURS or not std.all():
-        return found
     dac = view.dac[among]
+    if len(among) <= 2 * NEIGHBOURS or not std.all() or not np.ptp(dac, axis=0).all():
+        return found
     _, near = scipy.spatial.cKDTree(dac).query(dac, NEIGHBOURS + 1)
     channels = values.shape[1]
     off = np.concatenate(

@@ -63,7 +63,7 @@ def pixel_data(views: Sequence[View], surface: MeasuredSurface) -> tuple[list[Pi
     size = max((np.abs(v.velocity[p]).max(initial=0.0) for v, p in _pairs(views, pixels)))
     stated = all(n.size == 0 or n.min() > EXACT * size for n in noise)
     if not stated:
-        noise = [np.full_like(n, max(size, np.finfo(float).tiny)) for n in noise]
+        noise = [np.full_like(n, size or 1.0) for n in noise]
     by_frequency = np.sqrt(np.mean(np.concatenate(noise) ** 2, axis=0))
     by_pixel = [np.sqrt(np.mean((n / by_frequency) ** 2, axis=1)) for n in noise]
     white = [

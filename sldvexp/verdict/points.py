@@ -33,6 +33,8 @@ MOST_SAMPLES = 20_000
 #: Least reciprocal condition number of the directions of a sample that is compared.
 DETERMINED = 1e-3
 STEPS = 8
+#: Why views that are enough are not compared.
+FEW = "as too few points are seen by enough of them"
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,10 +207,10 @@ def _examine(data: PointData) -> tuple[list[Finding], list[Repair]]:
     """Test the views, and name one that is wrong."""
     views = len(data.names)
     if views < LEAST_VIEWS or not len(data.white):
-        return [untested(views)], []
+        return [untested(views, FEW)], []
     fit = PointFit.of(data, range(views))
     if fit.dof <= 0:
-        return [untested(views)], []
+        return [untested(views, FEW)], []
     others = [PointFit.of(data, [i for i in range(views) if i != k]) for k in range(views)]
     tests = _tests(data, fit, others)
     if not tests.rejects:

@@ -24,14 +24,14 @@ from sldvexp.session.images import describe_flagged_pixels
 from sldvexp.signal import Flag
 from sldvexp.typing import BoolArray, IndexArray
 from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
-from sldvexp.verdict.comparison import LEAST_VIEWS, Bench, bench_of, compare_views
+from sldvexp.verdict.comparison import LEAST_PIXELS, LEAST_VIEWS, Bench, bench_of, compare_views
 from sldvexp.verdict.diagnosis import diagnose, tells_views_apart
 from sldvexp.verdict.drop_outs import disagreeing, drop_outs, outliers, resting
 from sldvexp.verdict.joint_fit import POSE, JointFit
 from sldvexp.verdict.lines import at_few_lines, carried_over
 from sldvexp.verdict.refinement import moved_poses, refine
 from sldvexp.verdict.repairs import Repair, examined_repairs
-from sldvexp.verdict.wording import disagreement, noise_finding, untested
+from sldvexp.verdict.wording import disagreement, noise_finding, not_compared, untested
 from sldvexp.volume import Volume
 
 #: Share of a view's pixels above which they are no drop-outs.
@@ -148,17 +148,20 @@ class _Examination:
         self.repairs: list[Repair] = []
         self.agreeing: Bench | None = None
         views = views_of(groups, surface.laser)
+        self.met = {
+            v.name: PixelBeams.trace(v, surface, np.flatnonzero(v.usable)).pixel for v in views
+        }
         if robust:
             views = [self._flag(v, resting(v, self._seen(v)), Flag.resting) for v in views]
             views = [self._flag(v, drop_outs(v, self._seen(v)), Flag.unlike) for v in views]
+        views = self._that_see_enough(views)
         bench = bench_of(views, surface, self._covariance(views)) if len(views) >= LEAST else None
+        if views and (bench is None or len(views) < LEAST_VIEWS):
+            self.findings.append(untested(len(views), "as nothing that they see moves"))
         if bench is None:
-            self.findings.append(untested(len(views)))
             return
         fit = bench.fit()
-        if len(views) < LEAST_VIEWS:
-            self.findings.append(untested(len(views)))
-        elif not self._agree(bench, fit):
+        if len(views) >= LEAST_VIEWS and not self._agree(bench, fit):
             return
         self.agreeing = bench
         if robust:
@@ -190,7 +193,16 @@ class _Examination:
 
     def _seen(self, view: View) -> IndexArray:
         """Find a view's usable pixels whose beams meet the surface."""
-        return PixelBeams.trace(view, self.surface, np.flatnonzero(view.usable)).pixel
+        met = self.met[view.name]
+        return met[view.usable[met]]
+
+    def _that_see_enough(self, views: Sequence[View]) -> list[View]:
+        """Take those of the views that see enough of the surface to be compared."""
+        seen = {view.name: len(self._seen(view)) for view in views}
+        few = {name: pixels for name, pixels in seen.items() if pixels < LEAST_PIXELS}
+        if few:
+            self.findings.append(not_compared(few))
+        return [view for view in views if view.name not in few]
 
     def _covariance(self, views: Sequence[View]) -> np.ndarray | None:
         errors = PoseErrors.from_dataset(self.groups["pose"], [v.name for v in views])
