@@ -82,8 +82,15 @@ def _wrong_value(error: ValidationError) -> str:
     if kind in MUST:
         return MUST[kind].format(value)
     if inspect.isclass(kind) and issubclass(kind, Enum):
+        if isinstance(value, bool) and (word := _read_as(value)) in kind.__members__:
+            return f"must be in quotes, '{word}': YAML reads the bare word as {str(value).lower()}"
         return f"cannot be {value}; {nearest(str(value), kind.__members__)}"
     return _wrong_shape(error)
+
+
+def _read_as(value: bool) -> str:
+    """Name the word that YAML reads as a truth value, if a choice has that name."""
+    return "on" if value else "off"
 
 
 def _unknown_key(error: OmegaConfBaseException) -> str:

@@ -17,7 +17,7 @@ from sldvexp import dataset
 from sldvexp.config import schema
 from sldvexp.config.experiment import Experiment, OnDoubt
 from sldvexp.config.paths import RUN_FILE, locate
-from sldvexp.dataset import VERDICT, findings_of
+from sldvexp.dataset import VERDICT, Finding, Severity, findings_of, findings_to_dataset
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import UserError
 from sldvexp.export import export_all
@@ -121,6 +121,9 @@ def _do(steps: Sequence[Step], run: Run, bar: Progress, do: Callable[[Step, Run]
         scanned |= step.name == SCAN
         if run.experiment.on_doubt is OnDoubt.stop and run.verdict != "trusted":
             log.info("stopped: the verdict is %s", run.verdict)
+            told = f"stopped after the {step.name}, as on_doubt=stop asks: nothing else was made"
+            stopped = Finding("stopped", "run", told, Severity.note)
+            run.tree[f"{VERDICT}/stopped"] = findings_to_dataset([stopped])
             return False
     return True
 

@@ -38,6 +38,8 @@ from sldvexp.session.interruption import has_lines, how_to_go_on, stopping_once
 
 #: Where the scans lie, in the dataset and in the journal, that pose methods are compared on.
 COMPARED_SCANS = "compare_scan"
+#: Where the flags lie of images that stay in another file.
+FLAGGED = "flagged/"
 
 
 @dataclass
@@ -183,6 +185,7 @@ def _images(run: Run) -> None:
 
 def _volume(run: Run) -> None:
     """Add surfaces around the real one, and where between them velocities are sampled."""
+    _leaves_pixels_out(run.experiment)  # nor should a setting that is refused after it
     run.inputs += run.experiment.volume.inputs()
     try:
         run.tree["volume"] = run.experiment.volume.group()
@@ -190,11 +193,12 @@ def _volume(run: Run) -> None:
         raise UserError(f"volume: {error}") from None
 
 
-def _views(run: Run) -> None:
-    """Compare the views with one another, before a field is made of them."""
-    e = run.experiment
+def _leaves_pixels_out(e: Experiment) -> bool:
+    """Tell whether pixels that dropped out are left out, on which all methods must agree."""
     methods = {"reconstruction": e.reconstruction} if e.reconstruction else {}
     methods |= {f"compare.{name}": method for name, method in e.compare.items()}
+    if not methods:
+        return False
     first, robust = next((name, method.robust) for name, method in methods.items())
     for name, method in methods.items():
         if method.robust is not robust:
@@ -202,11 +206,19 @@ def _views(run: Run) -> None:
                 f"{name}.robust: must be that of {first}, {robust.name}, not {method.robust.name}: "
                 "pixels are left out before any field is made"
             )
+    return robust is Robust.auto
+
+
+def _views(run: Run) -> None:
+    """Compare the views with one another, before a field is made of them."""
+    e = run.experiment
+    robust = _leaves_pixels_out(e)
     refined = e.pose is not None and e.pose.refine is Refine.images
-    examined = verdict.examine_views(
-        run.tree, e.laser, e.volume, robust is Robust.auto, e.use_repair, refined
-    )
+    examined = verdict.examine_views(run.tree, e.laser, e.volume, robust, e.use_repair, refined)
     run.tree |= examined.groups
+    for name in run.elsewhere & examined.groups.keys():
+        own = name.replace("image/", FLAGGED)  # all that the run's own file has of it
+        run.tree[own] = examined.groups[name][["flags"]]
     run.tree[f"{VERDICT}/views"] = findings_to_dataset(examined.findings)
 
 
@@ -451,11 +463,11 @@ STEPS: tuple[Step, ...] = (
     ),
     Step(
         "comparison of the views",
-        lambda e: _reconstructs(e) and e.volume is not None and e.laser and e.stream is None,
+        lambda e: _reconstructs(e) and e.volume is not None and bool(e.laser),
         _views,
-        makes=(f"{VERDICT}/views", "image/", "pose"),
+        makes=(f"{VERDICT}/views", "image/", "pose", FLAGGED),
         needs=("pose", "volume", "image/"),
-        reads=("laser", "volume", "pose", "reconstruction", "compare", "use_repair"),
+        reads=("laser", "volume", "pose", "reconstruction", "compare", "use_repair", "stream"),
     ),
     Step(
         "comparison of the views of points",

@@ -29,6 +29,8 @@ LEAST_VIEWS = 4
 INTERVALS = (3, 5, 7, 10)
 #: Relative fall of the misfit that a finer field must bring.
 FALL = 0.02
+#: F of a view that the fit has moved off the surface.
+SURELY = 1e9
 #: Standard deviations of its prior that a pose is followed to at most.
 FARTHEST = 8.0
 #: Least number of pixels that a view is compared by.
@@ -86,7 +88,7 @@ class Bench:
 def bench_of(
     views: Sequence[View], surface: MeasuredSurface, covariance: Array | None
 ) -> Bench | None:
-    """Lay out views for comparison; None if one sees too little.
+    """Lay out views for comparison; None if one sees too little, or nothing moves.
 
     Parameters
     ----------
@@ -95,6 +97,8 @@ def bench_of(
     """
     data, stated = pixel_data(views, surface)
     if min((len(d.pixel) for d in data), default=0) < LEAST_PIXELS:
+        return None
+    if not any(np.any(d.velocity) for d in data):
         return None
     prior = prior_factor(covariance, len(data), surface.thickness)
     best: Bench | None = None
@@ -167,8 +171,8 @@ def compare_views(bench: Bench, fit: JointFit) -> ViewTests:
             ("pose", fit.own_pose_columns(k)),
         ):
             score = fit.score(k, columns)
-            q = max(score.dof, 1)
-            found[name].append((score.statistic / q / variance, q, fit.dof))
+            freedom = max(score.dof, 1)  # of nothing that moves a factor is no column at all
+            found[name].append((score.statistic / freedom / variance, freedom, fit.dof))
         others = JointFit(
             bench.data,
             fit.designs,
@@ -177,11 +181,10 @@ def compare_views(bench: Bench, fit: JointFit) -> ViewTests:
             [i for i in fit.views if i != k],
         )
         freedom, q = max(others.dof, 1), fit.dof - others.dof
-        if q <= 0:  # at poses that make no sense a view may miss the surface
-            found["whole"].append((0.0, 1, freedom))
-            continue
         left = max(others.squares / freedom, np.finfo(float).tiny)
-        found["whole"].append(((fit.squares - others.squares) / q / left, q, freedom))
+        # A view that the fit has moved off the surface is surely wrong.
+        excess = (fit.squares - others.squares) / q / left if q > 0 else SURELY
+        found["whole"].append((excess, max(q, 1), freedom))
     statistic = {name: np.array([f for f, *_ in of]) for name, of in found.items()}
     p_value = {
         name: np.array([scipy.special.fdtrc(q, n, max(f, 0.0)) for f, q, n in of])

@@ -40,6 +40,8 @@ SMALLEST = 0.05
 STEPS = 3
 #: Misfit that no mistake of one view leaves; more, and views may be exchanged.
 UNEXPLAINED = 1.3
+#: Misfit after an exchange, over that of the other views, above which it explains nothing.
+EXCHANGED = 4.0
 
 
 @dataclass(frozen=True)
@@ -122,9 +124,9 @@ class Tried(NamedTuple):
     pixels: int
 
     def ranked(self, bench: Bench, channels: int, scale: float) -> Explanation:
-        """Give the criterion; pixels that left the surface count as they are expected to."""
+        """Give the criterion; pixels that left the surface count as those that stayed do."""
         pixels = sum(len(d.pixel) for d in bench.data)
-        squares = self.explanation.criterion / scale + channels * (pixels - self.pixels)
+        squares = self.explanation.criterion / scale * pixels / max(self.pixels, 1)
         penalty = self.numbers * np.log(channels * pixels)
         return replace(self.explanation, criterion=float(squares + penalty))
 
@@ -270,20 +272,29 @@ def _own_scalar(bench: Bench, k: int, others: JointFit) -> tuple[float, int]:
     values = bench.data[k].velocity[design.present]
     values = np.concatenate([values.real, values.imag], axis=1)
     normal = basis.T @ basis
-    normal += 1e-9 * np.trace(normal) / len(normal) * np.eye(len(normal))
+    # No pixel may be left, if poses were dragged far off by a view that is wrong.
+    normal += (1e-9 * np.trace(normal) / len(normal) or 1.0) * np.eye(len(normal))
     left = values - basis @ scipy.linalg.solve(normal, basis.T @ values, assume_a="pos")
     return float(np.vdot(left, left)), len(normal) * values.shape[1]
 
 
 def _exchanges(bench: Bench) -> Iterator[Tried]:
-    """Yield pairs of views whose images are exchanged: each was taken from the other's place."""
+    """Yield pairs of views whose images are exchanged: each was taken from the other's place.
+
+    All views then agree as well as those do that are not exchanged. One that is wrong in a way
+    that no kind explains would else seem exchanged where few of its beams meet the surface.
+    """
+    designs = bench.designs(np.zeros(len(bench.prior)))
     for i in range(len(bench.data)):
         for j in range(i):
+            rest = [k for k in range(len(bench.data)) if k not in (i, j)]
+            others = JointFit(bench.data, designs, bench.prior, views=rest)
             views = [d.view for d in bench.data]
             views[i], views[j] = _image_of(views[i], views[j]), _image_of(views[j], views[i])
             data, _ = pixel_data(views, bench.surface)
             found = replace(bench, data=data).fit()
-            if 2 * found.count > sum(len(d.pixel) for d in bench.data):
+            agrees = found.squares * others.dof < EXCHANGED * others.squares * found.dof
+            if agrees and 2 * found.count > sum(len(d.pixel) for d in bench.data):
                 yield Tried(Explanation((j, i), "exchanged", found.squares), 1.0, found.count)
 
 

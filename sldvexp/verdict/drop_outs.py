@@ -24,6 +24,8 @@ from sldvexp.verdict.smooth_field import SmoothField
 
 #: Neighbours that predict a pixel, and reweightings of their fit.
 NEIGHBOURS, PASSES = 24, 6
+#: Pixels whose neighbours are in memory together.
+TOGETHER = 4096
 #: Probability of flagging any good pixel of an image.
 ANY = 0.01
 #: How far, over their r.m.s. distance, the middle of the neighbours may be from a pixel: at a rim
@@ -55,11 +57,17 @@ def drop_outs(view: View, among: IndexArray) -> BoolArray:
     """
     found = np.zeros(len(view.dac), bool)
     values, std = _channels(view, among)
-    if len(among) <= 2 * NEIGHBOURS or not std.all():
-        return found
     dac = view.dac[among]
+    if len(among) <= 2 * NEIGHBOURS or not std.all() or not np.ptp(dac, axis=0).all():
+        return found
     _, near = scipy.spatial.cKDTree(dac).query(dac, NEIGHBOURS + 1)
-    off, channels = _off_neighbours(dac, values, std, near[:, 1:]), values.shape[1]
+    channels = values.shape[1]
+    off = np.concatenate(
+        [
+            _off_neighbours(dac, values, std, some, near[some, 1:])
+            for some in (slice(k, k + TOGETHER) for k in range(0, len(dac), TOGETHER))
+        ]
+    )
     sided = np.isnan(off)
     squares = np.where(sided, _off_spline(dac, values / std, sided), off)
     # Where pixels around are not predicted either, the prediction is to blame.
@@ -75,16 +83,16 @@ def _channels(view: View, pixels: IndexArray) -> tuple[Array, Array]:
     return np.concatenate([values.real, values.imag], axis=1), np.concatenate([std, std], axis=1)
 
 
-def _off_neighbours(dac: Array, values: Array, std: Array, near: IndexArray) -> Array:
-    """Compare every pixel with the robust quadratic through its neighbours: d2.
+def _off_neighbours(dac: Array, values: Array, std: Array, some: slice, near: IndexArray) -> Array:
+    """Compare some pixels with the robust quadratic through their neighbours: d2.
 
     Velocities are compared as they are and misfits divided by their noise afterwards: the noise
     that is stated of a pixel is an estimate, and changes from one to the next. Where neighbours
     do not follow their quadratic either, all misfits are divided by theirs; one-sided neighbours
     tell nothing, which is NaN.
     """
-    noise = std[:, None]
-    away = dac[near] - dac[:, None]
+    noise = std[some, None]
+    away = dac[near] - dac[some, None]
     size = np.sqrt(np.mean(away**2, axis=(1, 2), keepdims=True))
     x, y = np.moveaxis(away / np.maximum(size, np.finfo(float).tiny), -1, 0)
     design = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
@@ -101,7 +109,7 @@ def _off_neighbours(dac: Array, values: Array, std: Array, near: IndexArray) -> 
     # Of the neighbours' own noise, by which the prediction at the pixel varies.
     estimator = inverse[:, :1] @ np.swapaxes(weighted, 1, 2)
     leverage = np.sum(estimator[:, 0] ** 2, axis=1)
-    off = np.sum(((values - fitted[:, 0]) / noise[:, 0]) ** 2, axis=1) / (1.0 + leverage)
+    off = np.sum(((values[some] - fitted[:, 0]) / noise[:, 0]) ** 2, axis=1) / (1.0 + leverage)
     sided = np.linalg.norm(away.mean(axis=1), axis=1) > ONE_SIDED * size[:, 0, 0] * np.sqrt(2)
     return np.asarray(np.where(sided, np.nan, off / typical[:, 0]))
 

@@ -63,7 +63,7 @@ def pixel_data(views: Sequence[View], surface: MeasuredSurface) -> tuple[list[Pi
     size = max((np.abs(v.velocity[p]).max(initial=0.0) for v, p in _pairs(views, pixels)))
     stated = all(n.size == 0 or n.min() > EXACT * size for n in noise)
     if not stated:
-        noise = [np.full_like(n, max(size, np.finfo(float).tiny)) for n in noise]
+        noise = [np.full_like(n, size or 1.0) for n in noise]
     by_frequency = np.sqrt(np.mean(np.concatenate(noise) ** 2, axis=0))
     by_pixel = [np.sqrt(np.mean((n / by_frequency) ** 2, axis=1)) for n in noise]
     white = [
@@ -99,7 +99,7 @@ def local_std(view: View, pixels: IndexArray) -> Array:
     square = np.square(view.std).reshape(len(view.std), -1)[pixels]
     if len(pixels) > AROUND and np.ptp(square) > 0:
         _, near = scipy.spatial.cKDTree(view.dac[pixels]).query(view.dac[pixels], AROUND)
-        square = square[near].mean(axis=1)
+        square = sum(square[neighbour] for neighbour in near.T) / AROUND  # one at a time in memory
     return np.broadcast_to(np.sqrt(square), view.velocity[pixels].shape)
 
 

@@ -33,6 +33,8 @@ MOST_SAMPLES = 20_000
 #: Least reciprocal condition number of the directions of a sample that is compared.
 DETERMINED = 1e-3
 STEPS = 8
+#: Why views that are enough are not compared.
+FEW = "as too few points are seen by enough of them"
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +199,7 @@ def examine_points(
     def examine(groups: dict[str, xr.Dataset]) -> tuple[list[Finding], list[Repair]]:
         return _examine(PointData.from_dataset(groups["line_of_sight"]))
 
-    groups, findings = examined_repairs({"line_of_sight": line_of_sight}, use_repair, examine)
+    groups, findings, _ = examined_repairs({"line_of_sight": line_of_sight}, use_repair, examine)
     return groups["line_of_sight"], findings
 
 
@@ -205,11 +207,12 @@ def _examine(data: PointData) -> tuple[list[Finding], list[Repair]]:
     """Test the views, and name one that is wrong."""
     views = len(data.names)
     if views < LEAST_VIEWS or not len(data.white):
-        return [untested(views)], []
+        return [untested(views, FEW)], []
     fit = SampleVelocities.of(data, range(views))
     if fit.dof <= 0:
-        return [untested(views)], []
-    others = [SampleVelocities.of(data, [i for i in range(views) if i != k]) for k in range(views)]
+        return [untested(views, FEW)], []
+    each = range(views)
+    others = [SampleVelocities.of(data, [i for i in each if i != k]) for k in each]
     tests = _tests(data, fit, others)
     if not tests.rejects:
         noise = noise_finding(tests) if data.stated else None

@@ -76,10 +76,11 @@ class Repair:
             told = groups[image].assign_attrs(left_out=1)
             return {image: _marked(told, groups[image], self.name)}
         velocity, std = groups[image]["velocity"], groups[image]["velocity_std"]
-        values = np.conj(velocity.values) if self.kind in CONJUGATES else velocity.values
+        # Perhaps in a file, where they stay; noise was scaled with the velocities.
+        values = np.conj(velocity.data) if self.kind in CONJUGATES else velocity.data
         repaired = groups[image].assign(
             velocity=velocity.copy(data=values / self.factor),
-            velocity_std=std.copy(data=std.values / abs(self.factor)),  # noise was scaled with it
+            velocity_std=std.copy(data=std.data / abs(self.factor)),
         )
         return {image: _marked(repaired, groups[image], self.name)}
 
@@ -108,15 +109,24 @@ def examined_repairs(
     groups: dict[str, xr.Dataset],
     use_repair: Sequence[str],
     examine: Callable[[dict[str, xr.Dataset]], tuple[list[Finding], list[Repair]]],
-) -> tuple[dict[str, xr.Dataset], list[Finding]]:
+) -> tuple[dict[str, xr.Dataset], list[Finding], list[Repair]]:
     """Examine groups, and again after every repair that is asked for.
+
+    Returns
+    -------
+    dict of str to Dataset
+        The repaired groups.
+    list of Finding
+    list of Repair
+        Those that were done.
 
     Raises
     ------
     UserError
         If a repair is named that nothing proposes.
     """
-    wanted, taken = list(use_repair), []
+    wanted = list(use_repair)
+    taken: list[Repair] = []
     proposed: list[str] = []
     while True:
         findings, repairs = examine(groups)
@@ -126,15 +136,18 @@ def examined_repairs(
             break
         wanted.remove(repair.name)
         groups = groups | repair.apply(groups)
-        done = f"repaired as asked: {repair.name}"
-        taken.append(Finding("repaired", f"view {repair.view}", done, Severity.note))
+        taken.append(repair)
     if wanted:
         known = f"; {nearest(wanted[0], proposed)}" if proposed else ""
         raise UserError(
             f"use_repair: nothing that was found proposes {wanted[0]}{known}; run without it and "
             "read the verdict"
         )
-    return groups, [*taken, *findings]
+    told = [
+        Finding("repaired", f"view {r.view}", f"repaired as asked: {r.name}", Severity.note)
+        for r in taken
+    ]
+    return groups, [*told, *findings], taken
 
 
 def _marked(repaired: xr.Dataset, before: xr.Dataset, name: str) -> xr.Dataset:

@@ -10,7 +10,7 @@ are left out too. Of fewer views than four there is nothing to compare, which is
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,13 +24,20 @@ from sldvexp.session.images import describe_flagged_pixels
 from sldvexp.signal import Flag
 from sldvexp.typing import BoolArray, IndexArray
 from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
-from sldvexp.verdict.comparison import LEAST_VIEWS, Bench, bench_of, compare_views
+from sldvexp.verdict.comparison import LEAST_PIXELS, LEAST_VIEWS, Bench, bench_of, compare_views
 from sldvexp.verdict.diagnosis import diagnose, tells_views_apart
 from sldvexp.verdict.drop_outs import disagreeing, drop_outs, outliers, resting
 from sldvexp.verdict.joint_fit import POSE, JointFit
+from sldvexp.verdict.lines import at_few_lines, carried_over
 from sldvexp.verdict.refinement import moved_poses, refine
 from sldvexp.verdict.repairs import Repair, examined_repairs
-from sldvexp.verdict.wording import by_tests_alone, disagreement, noise_finding, untested
+from sldvexp.verdict.wording import (
+    by_tests_alone,
+    disagreement,
+    noise_finding,
+    not_compared,
+    untested,
+)
 from sldvexp.volume import Volume
 
 #: Share of a view's pixels above which they are no drop-outs.
@@ -72,7 +79,7 @@ def examine_views(
     Parameters
     ----------
     tree : mapping of str to xarray.Dataset
-        With the groups ``pose`` and ``image/<view>``.
+        With the groups ``pose`` and ``image/<view>``, whose velocities may be in files.
     robust : bool
         Leave out pixels that dropped out and patches at rest.
     use_repair : sequence of str
@@ -127,14 +134,15 @@ def examine_views(
         passes.append(_Examination(groups, surface, robust))
         return passes[-1].findings, passes[-1].repairs
 
-    _, findings = examined_repairs(dict(tree), use_repair, examine)
+    few = at_few_lines(tree)
+    _, findings, taken = examined_repairs(few, use_repair, examine)
     groups = passes[-1].groups
     if refined:
         moved, refinement = passes[-1].refine()
         groups |= moved
         findings += refinement
-    told = [*findings, *_left_out(tree, groups)]
-    return Examined({k: g for k, g in groups.items() if g is not tree.get(k)}, told)
+    changed = carried_over(tree, few, groups, taken)
+    return Examined(changed, [*findings, *_left_out(few, groups)])
 
 
 class _Examination:
@@ -146,20 +154,20 @@ class _Examination:
         self.repairs: list[Repair] = []
         self.agreeing: Bench | None = None
         views = views_of(groups, surface.laser)
+        self.met = {
+            v.name: PixelBeams.trace(v, surface, np.flatnonzero(v.usable)).pixel for v in views
+        }
         if robust:
-            for view in views:
-                self._flag(view, resting(view, self._seen(view)), Flag.resting)
-            for view in self.views:
-                self._flag(view, drop_outs(view, self._seen(view)), Flag.unlike)
-        views = self.views
+            views = [self._flag(v, resting(v, self._seen(v)), Flag.resting) for v in views]
+            views = [self._flag(v, drop_outs(v, self._seen(v)), Flag.unlike) for v in views]
+        views = self._that_see_enough(views)
         bench = bench_of(views, surface, self._covariance(views)) if len(views) >= LEAST else None
+        if views and (bench is None or len(views) < LEAST_VIEWS):
+            self.findings.append(untested(len(views), "as nothing that they see moves"))
         if bench is None:
-            self.findings.append(untested(len(views)))
             return
         fit = bench.fit()
-        if len(views) < LEAST_VIEWS:
-            self.findings.append(untested(len(views)))
-        elif not self._agree(bench, fit):
+        if len(views) >= LEAST_VIEWS and not self._agree(bench, fit):
             return
         self.agreeing = bench
         if robust:
@@ -189,14 +197,18 @@ class _Examination:
         )
         return {"pose": moved_poses(pose, found.moves, found.covariance)}, [told]
 
-    @property
-    def views(self) -> list[View]:
-        """Views as they are now."""
-        return views_of(self.groups, self.surface.laser)
-
     def _seen(self, view: View) -> IndexArray:
         """Find a view's usable pixels whose beams meet the surface."""
-        return PixelBeams.trace(view, self.surface, np.flatnonzero(view.usable)).pixel
+        met = self.met[view.name]
+        return met[view.usable[met]]
+
+    def _that_see_enough(self, views: Sequence[View]) -> list[View]:
+        """Take those of the views that see enough of the surface to be compared."""
+        seen = {view.name: len(self._seen(view)) for view in views}
+        few = {name: pixels for name, pixels in seen.items() if pixels < LEAST_PIXELS}
+        if few:
+            self.findings.append(not_compared(few))
+        return [view for view in views if view.name not in few]
 
     def _covariance(self, views: Sequence[View]) -> np.ndarray | None:
         errors = PoseErrors.from_dataset(self.groups["pose"], [v.name for v in views])
@@ -233,11 +245,11 @@ class _Examination:
             marked[outliers(data, design, bad)] = True
             self._flag(data.view, marked, Flag.unlike)
 
-    def _flag(self, view: View, marked: BoolArray, flag: Flag) -> None:
+    def _flag(self, view: View, marked: BoolArray, flag: Flag) -> View:
         """Flag pixels of a view, unless they are so many that the view as a whole is in doubt."""
         share = float(np.mean(marked[view.usable])) if view.usable.any() else 0.0
         if not share:
-            return
+            return view
         if share > MOST_LEFT_OUT:
             self.findings.append(
                 Finding(
@@ -249,7 +261,7 @@ class _Examination:
                     size=share,
                 )
             )
-            return
+            return view
         name = f"image/{view.name}"
         image = self.groups[name]
         flags = image["flags"].values.astype(np.uint8)
@@ -257,6 +269,7 @@ class _Examination:
         image = image.assign(flags=image["flags"].copy(data=flags))
         image.attrs["summary"] = describe_flagged_pixels(flags)
         self.groups[name] = image
+        return replace(view, flags=flags)
 
 
 def _left_out(before: Groups, after: Groups) -> list[Finding]:

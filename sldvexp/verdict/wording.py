@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from sldvexp.dataset import Finding, Severity
-from sldvexp.verdict.comparison import LEAST_VIEWS, ViewTests
+from sldvexp.verdict.comparison import LEAST_PIXELS, LEAST_VIEWS, ViewTests
 from sldvexp.verdict.diagnosis import Explanation
 from sldvexp.verdict.repairs import Repair
 
@@ -17,17 +17,42 @@ LARGE_MISFIT = 1.21
 OFF_NOISE = 1e-3
 #: Probability below which a small mistake too voids the bounds.
 SURE = 1e-6
+#: Part of the predicted motion below which a view is taken as one at rest.
+STILL = 0.05
 #: Kinds that void the bounds, however sure.
 GROSS = ("sign", "conjugate", "conjugate_sign", "rms", "inverse_rms", "other_field", "exchanged")
 
 
-def untested(views: int) -> Finding:
-    """Say that too few views see too little to be compared."""
+def untested(views: int, why: str) -> Finding:
+    """Say that the views are too few to be compared, or see too little.
+
+    Parameters
+    ----------
+    why : str
+        They cannot be compared if they are enough.
+    """
+    unseen = "a wrong sign, gain, phase or pose of a view cannot be seen"
+    told = f"{views} view{'s' * (views > 1)}: {unseen}; {LEAST_VIEWS} views can be compared, five "
+    told += "tell which is wrong"
+    if views >= LEAST_VIEWS:
+        told = f"the views are not compared, {why}: {unseen}"
+    return Finding("untested", "views", told, Severity.note)
+
+
+def not_compared(pixels: Mapping[str, int]) -> Finding:
+    """Say that some views see too little to be compared.
+
+    Parameters
+    ----------
+    pixels : mapping of str to int
+        How many of a view's usable pixels see the surface, by the view's name.
+    """
+    which = f"view{'s' * (len(pixels) > 1)} {', '.join(pixels)}"
     return Finding(
         "untested",
-        "views",
-        f"{views} views: a wrong sign, gain, phase or pose of a view cannot be seen; "
-        f"{LEAST_VIEWS} views can be compared, five tell which is wrong",
+        which,
+        f"{which} cannot be compared with others: only {', '.join(map(str, pixels.values()))} "
+        f"usable pixels see the surface, and it takes {LEAST_PIXELS}",
         Severity.note,
     )
 
@@ -50,7 +75,7 @@ def noise_finding(tests: ViewTests) -> Finding | None:
         return Finding(
             "noise",
             "views",
-            f"the pixels' noise is {np.sqrt(tests.misfit):.3f} times the stated one",
+            f"the pixels' noise is {np.sqrt(tests.misfit):.3g} times the stated one",
             Severity.note,
             tests.misfit,
             tests.misfit_p_value,
@@ -130,6 +155,11 @@ def sentence(names: Sequence[str], of: Explanation) -> str:
     gain, phase = abs(c) - 1, np.degrees(np.angle(c))
     gain_std, phase_std = of.factor_std[0], np.degrees(of.factor_std[1])
     factor = f"{_complex(c)} +- {gain_std:.1g}"
+    if shows_nothing(of):
+        return (
+            f"{view} hardly shows the motion that the others predict, {abs(c):.2g} +- "
+            f"{abs(c) * gain_std:.1g} times as much: was it blocked, or did nothing move?"
+        )
     match of.kind:
         case "sign":
             return f"{view} has the wrong sign: it is {factor} times what the others predict"
@@ -141,18 +171,21 @@ def sentence(names: Sequence[str], of: Explanation) -> str:
             return f"{view} gives r.m.s. for peak: it is {factor} times what the others predict"
         case "inverse_rms":
             return f"{view} is {factor} times what the others predict: the others give r.m.s."
-        case "gain":
+        case "gain" if abs(gain) < 1:
             more = "larger" if gain > 0 else "smaller"
+            size = f"{100 * abs(gain):.3g} % +- {100 * gain_std:.1g} %"
             return (
-                f"{view} is {abs(gain):.2%} +- {gain_std:.2%} {more} than the others predict: "
+                f"{view} is {size} {more} than the others predict: "
                 "is its range or calibration another?"
             )
         case "phase":
             late = "ahead of" if phase > 0 else "behind"
             return (
-                f"{view} is {abs(phase):.2f} +- {phase_std:.1g} deg {late} what the others "
+                f"{view} is {abs(phase):.3g} +- {phase_std:.1g} deg {late} what the others "
                 "predict: is its reference or delay another?"
             )
+        case "gain":
+            return f"{view} is {abs(c):.4g} times what the others predict: are its units others?"
         case "factor":
             return f"{view} is {factor} times what the others predict"
         case "pose":
@@ -174,11 +207,18 @@ def sentence(names: Sequence[str], of: Explanation) -> str:
             )
 
 
+def shows_nothing(of: Explanation) -> bool:
+    """Tell whether a view is at rest while the others move: no factor would make it one of them."""
+    return of.kind in ("gain", "phase", "factor") and abs(of.factor) < STILL
+
+
 def repair_of(names: Sequence[str], of: Explanation) -> Repair | None:
     """Make the repair that a explanation proposes."""
     if not of.view or of.kind == "direction":
         return None
     view = names[of.view[0]]
+    if shows_nothing(of):
+        return Repair("left_out", view)
     match of.kind:
         case "sign" | "conjugate_sign":
             return Repair(of.kind, view, factor=-1.0)

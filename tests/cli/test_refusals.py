@@ -27,6 +27,19 @@ def test_refused_value(sldvexp, setting, told):
     assert (done.status, done.err) == (1, f"sldvexp: command line: {told}\n")
 
 
+def test_bare_off_in_a_file_is_told_from_a_word(sldvexp, tmp_path):
+    mine = tmp_path / "lab" / "experiment" / "mine.yaml"
+    mine.parent.mkdir(parents=True)
+    text = "# @package _global_\ndefaults: [point, _self_]\nreconstruction: {robust: off}\n"
+    called = ("--config-dir", "lab", "experiment=mine", "report=none")
+    mine.write_text(text)
+    done = sldvexp(*called)
+    told = "reconstruction.robust must be in quotes, 'off': YAML reads the bare word as false"
+    assert done.err == f"sldvexp: lab/experiment/mine.yaml: {told}\n"
+    mine.write_text(text.replace("off", "'off'"))
+    assert sldvexp(*called).status == 0
+
+
 @pytest.mark.parametrize(
     ("entries", "told"),
     {

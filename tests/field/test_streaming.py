@@ -208,6 +208,57 @@ def test_the_same_as_in_memory(
     assert sorted(p.name for p in streamed.folder.iterdir() if p.name.startswith(".b")) == []
 
 
+def test_mistakes_are_found_and_repaired_as_in_memory(
+    sldvexp: Callable[..., Any], tmp_path: Path
+) -> None:
+    """A wrong sign and bad pixels: the same verdict, flags and field, before a repair and after."""
+    path, bad = tmp_path / "images.nc", [100, 250, 300]
+    write_images(path, (24, 22), 20, True)
+    with netCDF4.Dataset(path, "a", auto_complex=True) as file:
+        file["image/4/velocity"][:] = -file["image/4/velocity"][:]
+        values = file["image/2/velocity"][:]
+        values[bad] += 0.02
+        file["image/2/velocity"][:] = values
+    called = arguments(path, (8, 7), 3, "reconstruction=contravariant")
+    streams = ["stream=dask", "stream.frequencies=6", "stream.pixels=100"]
+    for repair, verdict in (("[]", "void"), ("[view_4.sign]", "trusted")):
+        whole = sldvexp(*called, f"use_repair={repair}")
+        assert whole.status == 0, whole.err
+        streamed = sldvexp(*called, *streams, f"use_repair={repair}")
+        assert streamed.status == 0, streamed.err
+        assert whole.tree.attrs["verdict"] == streamed.tree.attrs["verdict"] == verdict
+        assert "use_repair=[view_4.sign]" in streamed.out or repair != "[]"
+        told, same = (run.tree["verdict"].to_dataset() for run in (whole, streamed))
+        assert told["text"].values.tolist() == same["text"].values.tolist()
+        field, blocks = (run.tree["field"].to_dataset() for run in (whole, streamed))
+        assert_same(field, blocks, max(1e-12, np.finfo(float).eps * field.attrs["cond"]))
+        # The images stay in their file; what they were changed to does not get lost.
+        assert "image" not in streamed.tree.children
+        flags = streamed.tree["flagged/2"]["flags"]
+        assert (flags.values[bad] == 32).all()
+        np.testing.assert_array_equal(flags.values, whole.tree["image/2"]["flags"].values)
+    assert streamed.tree["flagged/4"].attrs["repaired"] == "view_4.sign"
+
+
+def test_view_that_is_left_out_has_no_part_in_the_blocks(
+    sldvexp: Callable[..., Any], tmp_path: Path
+) -> None:
+    """A view of another field is left out as asked, and the others are as in memory."""
+    path = tmp_path / "images.nc"
+    write_images(path, (24, 22), 20, False)
+    with netCDF4.Dataset(path, "a", auto_complex=True) as file:
+        file["image/2/velocity"][:] = file["image/2/velocity"][::-1]
+        file["image/2/flags"][:] = file["image/2/flags"][::-1]
+    called = arguments(path, (8, 7), 3, "reconstruction=contravariant")
+    called.append("use_repair=[view_2.left_out]")
+    whole = sldvexp(*called)
+    assert whole.status == 0, whole.err
+    streamed = sldvexp(*called, "stream=dask", "stream.frequencies=6", "stream.pixels=100")
+    assert streamed.status == 0, streamed.err
+    field, blocks = (run.tree["field"].to_dataset() for run in (whole, streamed))
+    assert_same(field, blocks, max(1e-12, np.finfo(float).eps * field.attrs["cond"]))
+
+
 @pytest.mark.long
 def test_replayed_session(sldvexp: Callable[..., Any]) -> None:
     """Raw samples view by view, images in files in between: the same run as in memory."""
@@ -242,6 +293,8 @@ def test_what_is_refused(sldvexp: Callable[..., Any], tmp_path: Path) -> None:
     assert "stream.frequencies must be 1 or more" in sldvexp(*called, "stream.frequencies=0").err
     one_way = ("stream.workers=2", "stream.scheduler=tcp://127.0.0.1:1")
     assert "stream.workers must be 0 if scheduler is given" in sldvexp(*called, *one_way).err
+    with netCDF4.Dataset(path, "a") as file:
+        file["image/3/frequency"][:] = file["image/1/frequency"][:]
     none = sldvexp(*called, "stream.scheduler=127.0.0.1:1:2")
     assert "stream: there is no scheduler" in none.err
 

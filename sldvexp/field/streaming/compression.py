@@ -144,8 +144,7 @@ def compress(tree: Mapping[str, xr.Dataset], work: Work) -> Compressed:
     UserError
         If there are no images, they have no frequencies, or views differ in them.
     """
-    lost = [f"image/{name}" for name in views_without_pose(tree)]
-    images = {k: v for k, v in tree.items() if k.startswith("image/") and k not in lost}
+    images = _images(tree)
     require_same({k.removeprefix("image/"): v for k, v in images.items()})
     if not images or any("frequency" not in v["velocity"].dims for v in images.values()):
         raise UserError("stream: there are no images with several frequencies; leave stream out")
@@ -160,6 +159,14 @@ def compress(tree: Mapping[str, xr.Dataset], work: Work) -> Compressed:
     modes = FrequencyModes.of_gram(np.sum([s.gram for s in sums.values()], axis=0), noise)
     reduced = {name: _reduced(images[name], s, modes, work) for name, s in sums.items()}
     return Compressed(reduced, modes, np.array(factor), frequency)
+
+
+def _images(tree: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
+    """Collect the images of the views that a field is made of, in the order of the poses."""
+    lost = views_without_pose(tree)
+    names = [str(v) for v in tree["pose"]["view"].values]
+    images = {k: tree[k] for v in names if v not in lost and (k := f"image/{v}") in tree}
+    return {k: image for k, image in images.items() if not image.attrs.get("left_out")}
 
 
 def slices(array: xr.DataArray, dim: str) -> Iterator[slice]:

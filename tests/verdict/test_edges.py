@@ -1,0 +1,134 @@
+"""Images that nothing can be made of: a sentence each, and no view is accused in vain."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sldvexp.field import View
+from sldvexp.lazy import xarray as xr
+from sldvexp.pose.base import pose_to_dataset
+from sldvexp.verdict import Examined, examine_views
+from tests.verdict.simulated_views import LASER, session, surface
+
+
+def examined(views: list[View], **options: object) -> Examined:
+    groups = {
+        "pose": pose_to_dataset(
+            [v.name for v in views],
+            [v.rotation for v in views],
+            [v.origin for v in views],
+            [v.covariance for v in views],
+            [np.inf] * len(views),
+            0.95,
+        )
+    }
+    for v in views:
+        image = xr.Dataset(
+            {
+                "velocity": (("pixel", "frequency"), v.velocity, {"units": "m/s"}),
+                "velocity_std": ("pixel", v.std),
+                "dac": (("pixel", "mirror"), v.dac),
+                "flags": ("pixel", v.flags.astype(np.uint8)),
+            },
+            {"frequency": np.arange(1.0, v.velocity.shape[1] + 1)},
+        )
+        groups[f"image/{v.name}"] = image
+    return examine_views(groups, LASER, surface(), **options)  # type: ignore[arg-type]
+
+
+def changed(change: Callable[[View], View], *which: int, **options: int) -> list[View]:
+    """Change some views of a clean session."""
+    views = session(np.random.default_rng(3), pixels=25, **options).views
+    return [change(v) if k in which else v for k, v in enumerate(views)]
+
+
+def flagged(share: float) -> Callable[[View], View]:
+    def change(view: View) -> View:
+        bad = np.random.default_rng(1).random(len(view.dac)) < share
+        return replace(view, flags=np.where(bad, 2, view.flags))
+
+    return change
+
+
+def still(view: View) -> View:
+    rng = np.random.default_rng(int(view.name[1:]))
+    noise = rng.normal(size=(*view.velocity.shape, 2)) @ [1, 1j]
+    return replace(view, velocity=view.std[0] * noise)
+
+
+def with_noise_before(view: View) -> View:
+    """Put frequencies without motion before those with it."""
+    more = [still(replace(view, name=f"v{k}")).velocity for k in range(100, 109)]
+    return replace(view, velocity=np.hstack([*more, view.velocity]))
+
+
+def zero(view: View) -> View:
+    return replace(view, velocity=0 * view.velocity)
+
+
+def exact_zero(view: View) -> View:
+    return replace(view, velocity=0 * view.velocity, std=0 * view.std)
+
+
+@pytest.mark.parametrize("change", [zero, exact_zero])
+def test_views_without_any_motion_are_not_compared(change):
+    (found,) = examined(changed(change, *range(5))).findings
+    assert found.text.startswith("the views are not compared, as nothing that they see moves")
+
+
+def test_views_of_nothing_but_noise_accuse_none():
+    assert {f.severity.name for f in examined(changed(still, *range(5))).findings} <= {"note"}
+
+
+@pytest.mark.parametrize("change", [zero, still])
+def test_view_at_rest_is_proposed_to_be_left_out_and_not_to_be_amplified(change):
+    views = changed(change, 2)
+    found = examined(views).findings[0]
+    assert "hardly shows the motion" in found.text
+    assert (found.subject, found.remedy) == ("view v3", "use_repair=[view_v3.left_out]")
+    repaired = examined(views, use_repair=["view_v3.left_out"])
+    assert {f.severity.name for f in repaired.findings} == {"note"}
+
+
+def test_view_with_nine_of_ten_pixels_flagged_is_compared():
+    assert not [f for f in examined(changed(flagged(0.9), 1)).findings if f.kind != "noise"]
+
+
+def test_view_with_hardly_a_pixel_does_not_keep_the_others_from_being_compared():
+    views = changed(flagged(0.98), 1)
+    views[3] = replace(views[3], velocity=-views[3].velocity)
+    found = {f.kind: f for f in examined(views).findings}
+    assert found["untested"].subject == "view v2"
+    assert "and it takes 30" in found["untested"].text
+    assert "view v4" in found["sign"].subject
+
+
+def test_images_beside_the_surface_are_told_in_one_sentence():
+    (found,) = examined(changed(flagged(2.0), *range(5))).findings
+    assert found.subject == "views v1, v2, v3, v4, v5"
+
+
+def test_image_of_one_place_is_no_traceback():
+    at_rest = changed(lambda v: replace(v, dac=0 * v.dac), 0)
+    assert examined(at_rest).findings
+
+
+def test_of_many_frequencies_the_strongest_tell_of_all():
+    views = changed(with_noise_before, *range(5))
+    views[4] = replace(views[4], velocity=-views[4].velocity)
+    bad = np.flatnonzero(views[0].usable)[200]
+    views[0].velocity[bad, -1] += 0.05
+    found = examined(views, use_repair=["view_v5.sign"])
+    image = found.groups["image/v5"]
+    assert image.sizes["frequency"] == 20
+    np.testing.assert_array_equal(image["velocity"].values, -views[4].velocity)
+    assert found.groups["image/v1"]["flags"].values[bad] == 32
+
+
+def test_millimetres_for_metres_are_no_exchange():
+    views = changed(lambda v: replace(v, velocity=1e3 * v.velocity, std=1e3 * v.std), 1)
+    found = examined(views).findings[0]
+    assert (found.kind, found.subject) == ("gain", "view v2")
+    assert "times what the others predict: are its units others?" in found.text
