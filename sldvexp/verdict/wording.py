@@ -19,6 +19,8 @@ OFF_NOISE = 1e-3
 SURE = 1e-6
 #: Part of the predicted motion below which a view is taken as one at rest.
 STILL = 0.05
+#: Standard errors by which a factor must differ from one to explain anything.
+SEEN = 3.0
 #: Kinds that void the bounds, however sure.
 GROSS = ("sign", "conjugate", "conjugate_sign", "rms", "inverse_rms", "other_field", "exchanged")
 
@@ -97,6 +99,8 @@ def disagreement(
     names : sequence of str
         Of all views.
     """
+    if not is_significant(best):
+        return _unexplained(tests), []
     repairs = [r for h in (best, other) if h for r in [repair_of(names, h)] if r]
     which = " or ".join(_views(names, h.view) for h in (best, other) if h)
     told = sentence(names, best)
@@ -146,6 +150,25 @@ def by_tests_alone(names: Sequence[str], tests: ViewTests) -> Finding:
         Severity.doubtful if test == "whole" else Severity.void,
         float(tests.statistic[test][k]),
         tests.least,
+    )
+
+
+def is_significant(of: Explanation) -> bool:
+    """Tell whether the factor that is to explain a disagreement differs from one."""
+    gain_std, phase_std = of.factor_std
+    far = abs(abs(of.factor) - 1) > SEEN * gain_std or abs(np.angle(of.factor)) > SEEN * phase_std
+    return of.kind not in ("gain", "phase", "factor") or bool(far)
+
+
+def _unexplained(tests: ViewTests) -> Finding:
+    """Say that views disagree by so little that no mistake of one explains it."""
+    return Finding(
+        "unexplained",
+        "views",
+        f"the views agree less well than chance allows (p = {tests.least:.1g}), but no mistake of "
+        "one explains it: the field may be a little finer than the test can follow",
+        Severity.doubtful if tests.least < SURE else Severity.note,
+        p_value=tests.least,
     )
 
 

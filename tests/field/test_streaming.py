@@ -293,8 +293,9 @@ def test_what_is_refused(sldvexp: Callable[..., Any], tmp_path: Path) -> None:
     assert "stream.frequencies must be 1 or more" in sldvexp(*called, "stream.frequencies=0").err
     one_way = ("stream.workers=2", "stream.scheduler=tcp://127.0.0.1:1")
     assert "stream.workers must be 0 if scheduler is given" in sldvexp(*called, *one_way).err
-    with netCDF4.Dataset(path, "a") as file:
-        file["image/3/frequency"][:] = file["image/1/frequency"][:]
+    right = tmp_path / "right.nc"  # the other may still be open
+    write_images(right, (12, 11), 3, False)
+    called = arguments(right, (4, 3), 2, "reconstruction=absolute", "stream=dask")
     none = sldvexp(*called, "stream.scheduler=127.0.0.1:1:2")
     assert "stream: there is no scheduler" in none.err
 

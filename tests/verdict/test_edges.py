@@ -10,6 +10,9 @@ from sldvexp.field import View
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import pose_to_dataset
 from sldvexp.verdict import Examined, examine_views
+from sldvexp.verdict.comparison import ViewTests
+from sldvexp.verdict.diagnosis import Explanation
+from sldvexp.verdict.wording import disagreement
 from tests.verdict.simulated_views import LASER, session, surface
 
 
@@ -132,3 +135,12 @@ def test_millimetres_for_metres_are_no_exchange():
     found = examined(views).findings[0]
     assert (found.kind, found.subject) == ("gain", "view v2")
     assert "times what the others predict: are its units others?" in found.text
+
+
+def test_factor_that_is_none_accuses_no_view():
+    tests = ViewTests({"pose": np.ones(5)}, {"pose": np.full(5, 1e-3)}, 1.0, 0.5)
+    slight = Explanation((0,), "gain", 0.0, 1.00002, (1e-5, 1e-5))
+    finding, repairs = disagreement(list("abcde"), tests, slight, None)
+    assert (finding.subject, finding.severity.name, repairs) == ("views", "note", [])
+    clear = replace(slight, factor=1.01)
+    assert disagreement(list("abcde"), tests, clear, None)[0].subject == "view a"
