@@ -112,7 +112,7 @@ VOID = "void: the bounds cannot be believed"
 def _marked_void(draw: Callable[..., Figure], run: RunData, **options: Any) -> Figure:
     """Draw a figure and say on it that its bounds cannot be believed."""
     figure = draw(run, **options)
-    figure.supxlabel(VOID, color="tab:red", fontweight="bold")
+    figure.suptitle("; ".join(filter(None, (figure.get_suptitle(), VOID))), color="tab:red")
     return figure
 
 
