@@ -171,9 +171,33 @@ def resting(view: View, among: IndexArray) -> BoolArray:
     grown = patch[near[:, :PATCH]].any(axis=1)
     for one in _connected(grown, near[:, :PATCH]):
         rim = np.setdiff1d(near[one].ravel(), one)
-        if len(rim) and np.median(squares[rim]) > RIM * limit:
+        if _should_move(view.dac[among], values / std, one, rim, RIM * limit):
             found[among[one]] = True
     return found
+
+
+def _should_move(
+    dac: Array, white: Array, patch: IndexArray, rim: IndexArray, limit: float
+) -> bool:
+    """Tell whether what surrounds a patch, continued into it, moves there.
+
+    That tells a hole from a nodal line, where a quadratic through the rim is at rest as well. A
+    patch that is not surrounded is none: nothing is continued to one side.
+    """
+    if len(rim) < NEIGHBOURS:
+        return False
+    middle, size = dac[rim].mean(axis=0), np.sqrt(np.mean(np.ptp(dac[rim], axis=0) ** 2)) / 2
+    if np.linalg.norm(dac[patch].mean(axis=0) - middle) > ONE_SIDED * size:
+        return False
+    design, into = (_quadratic((dac[of] - middle) / size) for of in (rim, patch))
+    continued = into @ np.linalg.lstsq(design, white[rim], rcond=None)[0]
+    return bool(np.median(np.sum(continued**2, axis=1)) > limit)
+
+
+def _quadratic(place: Array) -> Array:
+    """Evaluate the terms of a quadratic, shape (..., 6)."""
+    x, y = np.moveaxis(place, -1, 0)
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
 
 
 def _connected(marked: BoolArray, near: IndexArray) -> list[IndexArray]:
