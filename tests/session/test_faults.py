@@ -210,10 +210,10 @@ TABLE = [
     Row("mirrored object", "as a mirror image seen from behind.* an object that is the mirror "
         "image of the target", lab=("scene.mirrored=true",)),
     Row("mirror gain wrong", lab=("scene.mirrors.up_down.gain=0.02",),
-        noted="the bounds leave that out; .* calibration that is not the true one, .* like this"),
+        noted="circles' images fit the object .*; gain_up_down, .2 %, explains that"),
     Row("mirror gain wrong, pose from edges", lab=("scene.mirrors.up_down.gain=0.02",),
         settings=("pose=edge",),
-        noted="the bounds leave that out; .* calibration that is not the true one, .* like this"),
+        noted="circles' images fit the object .*; gain_up_down, .2 %, explains that"),
 ]  # fmt: skip
 
 
