@@ -86,8 +86,9 @@ def run(
     with bar, _told_how_to_go_on(run.folder):
         whole = _do(steps, run, bar, share or (lambda step, run: step.perform(run)))
     run.conclude()
+    verdict = run.verdict
     for finding in findings_of(run.tree):
-        log.info("%s: %s: %s", run.verdict, finding.severity.name, finding.text)
+        log.info("%s: %s: %s", verdict, finding.severity.name, finding.text)
     path = Path(folder) / RUN_FILE
     attributes = {**provenance.attributes(cfg, run.inputs, start), VERDICT: run.verdict}
     if run.reused:

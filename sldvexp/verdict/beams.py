@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.field import View
-from sldvexp.geometry import Bins, rotation_from_vector, skew
+from sldvexp.field.visibility.projection import BULGE, image_plane, to_laser
+from sldvexp.geometry import Bins, skew
 from sldvexp.laser import TwoMirror, project, rays
 from sldvexp.typing import Array, IndexArray
 from sldvexp.volume import Prisms, Volume
@@ -139,15 +140,6 @@ class PixelBeams:
         return PixelBeams(**{name: values[kept] for name, values in self.__dict__.items()})
 
 
-def moved(view: View, pose: Array) -> View:
-    """Move a view by a rotation vector of the laser frame and a displacement of the origin."""
-    return replace(
-        view,
-        rotation=rotation_from_vector(pose[:3]) @ view.rotation,
-        origin=view.origin + pose[3:],
-    )
-
-
 def _first_met(
     view: View, laser: TwoMirror, surface: MeasuredSurface, begin: Array, way: Array
 ) -> tuple[IndexArray, IndexArray, Array, Array]:
@@ -162,15 +154,15 @@ def _first_met(
         Barycentric coordinates.
     """
     corners = surface.nodes[surface.prisms.triangles]
-    in_laser = (corners - view.origin) @ view.rotation.T
+    in_laser = to_laser(view, corners)
     ahead = np.flatnonzero((in_laser[..., 2] > 0).all(axis=1))
     if not len(ahead) or not len(begin):
         return (*np.zeros((2, 0), np.intp), np.zeros(0), np.zeros((0, 3)))
-    plane = project(in_laser[ahead], laser.mirror_offset)
-    rim = np.ptp(plane, axis=1) * 0.02  # images of straight edges bulge a little
-    bins = Bins.from_boxes(plane.min(axis=1) - rim, plane.max(axis=1) + rim)
-    end = (begin + way - view.origin) @ view.rotation.T
-    beam, box = bins.pairs(project(end, laser.mirror_offset))
+    plane = image_plane(project(in_laser[ahead], laser.mirror_offset))
+    bulge = BULGE * np.ptp(plane, axis=1)
+    bins = Bins.from_boxes(plane.min(axis=1) - bulge, plane.max(axis=1) + bulge)
+    end = project(to_laser(view, begin + way), laser.mirror_offset)
+    beam, box = bins.pairs(image_plane(end))
     triangle = ahead[box]
     far, share = _meet(begin[beam], way[beam], corners[triangle])
     met = (share >= -RIM).all(axis=1) & (far > 0)

@@ -16,7 +16,7 @@ import numpy as np
 from sldvexp.field import View
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array
-from sldvexp.verdict.beams import MeasuredSurface
+from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
 from sldvexp.verdict.joint_fit import POSE, JointFit, PixelDesign
 from sldvexp.verdict.pixel_data import PixelData, pixel_data
 from sldvexp.verdict.smooth_field import SmoothField
@@ -62,9 +62,9 @@ class Bench:
 
     def design(self, k: int, errors: Array) -> PixelDesign:
         """Trace a view whose pose and height are off by `errors`, shape (6 view + 1,)."""
-        surface = self.surface.raised(errors[-1])
-        pose = errors[POSE * k : POSE * (k + 1)]
-        return PixelDesign.at(self.data[k], surface, self.smooth, pose)
+        data, surface = self.data[k], self.surface.raised(errors[-1])
+        view = data.view.moved(errors[POSE * k : POSE * (k + 1)])
+        return PixelDesign.of(data, PixelBeams.trace(view, surface, data.pixel), self.smooth)
 
     def designs(self, errors: Array) -> list[PixelDesign]:
         """Trace all views."""
@@ -101,11 +101,13 @@ def bench_of(
     if not any(np.any(d.velocity) for d in data):
         return None
     prior = prior_factor(covariance, len(data), surface.thickness)
+    beams = [PixelBeams.trace(d.view, surface, d.pixel) for d in data]
     best: Bench | None = None
     misfit = np.inf
     for intervals in INTERVALS:
-        tried = Bench(data, surface, SmoothField.on(surface.nodes, intervals), prior, stated)
-        fit = JointFit(data, tried.designs(np.zeros(len(prior))), prior)
+        smooth = SmoothField.on(surface.nodes, intervals)
+        designs = [PixelDesign.of(d, b, smooth) for d, b in zip(data, beams, strict=True)]
+        tried, fit = Bench(data, surface, smooth, prior, stated), JointFit(data, designs, prior)
         found = fit.squares / max(fit.dof, 1)
         if (best is not None and found > (1 - FALL) * misfit) or fit.dof <= 0:
             break

@@ -84,18 +84,16 @@ class Explanation:
         return not self.misfit > UNEXPLAINED
 
 
-def diagnose(bench: Bench, fit: JointFit, views: Sequence[int] | None = None) -> list[Explanation]:
+def diagnose(bench: Bench, fit: JointFit) -> list[Explanation]:
     """Rank explanations of a disagreement, the best first.
 
     Parameters
     ----------
     fit : JointFit
         Of all views, relinearised.
-    views : sequence of int, optional
-        Those that may be wrong; all without it.
     """
     found = [Tried(Explanation((), "clean", fit.squares), 0.0, fit.count)]
-    for k in range(len(bench.data)) if views is None else views:
+    for k in range(len(bench.data)):
         found += _of_view(bench, k)
     best = min(found, key=lambda t: t.explanation.criterion / t.pixels)
     left = best.explanation.criterion / (best.pixels * fit.dof / fit.count)

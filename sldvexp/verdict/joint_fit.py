@@ -29,7 +29,7 @@ import numpy as np
 
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
-from sldvexp.verdict.beams import MeasuredSurface, PixelBeams, moved
+from sldvexp.verdict.beams import PixelBeams
 from sldvexp.verdict.pixel_data import PixelData
 from sldvexp.verdict.smooth_field import SmoothField
 
@@ -60,15 +60,8 @@ class PixelDesign:
     weight: Array
 
     @classmethod
-    def at(
-        cls,
-        data: PixelData,
-        surface: MeasuredSurface,
-        smooth: SmoothField,
-        pose: Array,
-    ) -> PixelDesign:
-        """Trace the beams of a view from a pose that is off by `pose`, shape (6,)."""
-        beams = PixelBeams.trace(moved(data.view, pose), surface, data.pixel)
+    def of(cls, data: PixelData, beams: PixelBeams, smooth: SmoothField) -> PixelDesign:
+        """Evaluate a smooth field where the beams of some of a view's pixels meet the surface."""
         present = np.isin(data.pixel, beams.pixel)
         (basis, slopes), weight = smooth.evaluate(beams.point), data.weight[present]
         field = np.hstack([(weight * d)[:, None] * basis for d in beams.direction.T])

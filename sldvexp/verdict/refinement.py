@@ -3,30 +3,28 @@
 The joint fit of a smooth field and of all poses, each with the prior that its own method gave, is
 repeated until the poses stand still: images tell where beams hit, to a fraction of a millimetre
 where the calibration tells one. What they tell is the place that a beam hits, not rotation and
-origin apart, so that six free numbers of a view would trade one for the other: of a view whose pose
-disagrees with its bounds the rotation is freed and the origin kept. A motion of all views together,
-with a field that moves along, is nearly free; the priors hold it, and how much it is known better
-than before is told apart.
+origin apart, so that no number is free of its prior. A motion of all views together, with a field
+that moves along, is nearly free; the priors hold it, and how much it is known better than before is
+told apart. The pose of a view that disagrees is not refined but repaired, see
+`sldvexp.verdict.diagnosis`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_from_vector
 from sldvexp.lazy import xarray as xr
-from sldvexp.pose.base import EXTRINSICS, JointCovariance, pose_to_dataset
+from sldvexp.pose.base import JointCovariance, pose_to_dataset
 from sldvexp.typing import Array
 from sldvexp.verdict.comparison import Bench, compare_views
 from sldvexp.verdict.joint_fit import POSE, JointFit
 
 #: Steps of the joint adjustment.
 STEPS = 3
-#: Standard deviation of a rotation that is freed, rad.
-FREE_ROTATION = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +41,6 @@ class RefinedPoses:
     common : float
         Standard error of the common motion of all views after the adjustment over that before, of
         the direction in which it has gained least.
-    freed : tuple of int
-        Views whose rotation was freed.
     agrees : bool
         True if no view is rejected at the refined poses.
     """
@@ -54,47 +50,25 @@ class RefinedPoses:
     hit_before: Array
     hit_after: Array
     common: float
-    freed: tuple[int, ...]
     agrees: bool
 
 
-def refine(bench: Bench, freed: tuple[int, ...] = ()) -> RefinedPoses:
-    """Adjust all poses to all images.
-
-    Parameters
-    ----------
-    freed : tuple of int
-        Views whose rotation is not believed.
-    """
-    count = POSE * len(bench.data)
-    wide = _with_free_rotations(bench, freed)
-    fit = wide.fit()
+def refine(bench: Bench) -> RefinedPoses:
+    """Adjust all poses to all images."""
+    count, fit = POSE * len(bench.data), bench.fit()
     for _ in range(STEPS - 1):
-        fit = wide.again(fit)
-    before = (wide.prior @ wide.prior.T)[:count, :count]
+        fit = bench.again(fit)
+    before = (bench.prior @ bench.prior.T)[:count, :count]
     after = fit.covariance[:count, :count]
-    tested = compare_views(wide, fit)
+    tested = compare_views(bench, fit)
     return RefinedPoses(
         fit.poses[:count].reshape(-1, POSE),
         after,
         _hit_errors(fit, before),
         _hit_errors(fit, after),
         _common(before, after, len(bench.data)),
-        freed,
         not tested.rejects,
     )
-
-
-def _with_free_rotations(bench: Bench, views: tuple[int, ...]) -> Bench:
-    """Give some views' rotations a prior that does not bind; their origins keep theirs."""
-    if not views:
-        return bench
-    rows = np.concatenate([np.arange(POSE * k, POSE * k + 3) for k in views])
-    free = np.zeros((len(bench.prior), len(rows)))
-    free[rows, np.arange(len(rows))] = FREE_ROTATION
-    kept = bench.prior.copy()
-    kept[rows] = 0.0
-    return replace(bench, prior=np.concatenate([kept, free], axis=1))
 
 
 def _hit_errors(fit: JointFit, covariance: Array) -> Array:
@@ -117,15 +91,15 @@ def _common(before: Array, after: Array, views: int) -> float:
     return float(np.sqrt((now[known] / was[known]).max())) if known.any() else np.nan
 
 
-def moved_poses(pose: xr.Dataset, moves: Array, covariance: Array | None) -> xr.Dataset:
+def moved_poses(pose: xr.Dataset, moves: Array, covariance: Array) -> xr.Dataset:
     """Move the views of a group ``pose``.
 
     Parameters
     ----------
     moves : ndarray, shape (view, 6)
         Rotation vectors of the laser frames (rad) and displacements of the origins (m).
-    covariance : ndarray, shape (6 view, 6 view), optional
-        Of all poses together; the old one stays without it.
+    covariance : ndarray, shape (6 view, 6 view)
+        Of all poses together.
 
     Raises
     ------
@@ -140,10 +114,6 @@ def moved_poses(pose: xr.Dataset, moves: Array, covariance: Array | None) -> xr.
     views = [str(v) for v in pose["view"].values]
     rotation = rotation_from_vector(moves[:, :3]) @ pose["rotation"].values
     origin = pose["origin"].values + moves[:, 3:]
-    if covariance is None:
-        told = pose.copy()
-        told["rotation"].values[:], told["origin"].values[:] = rotation, origin
-        return told
     joint = JointCovariance(views, (), (), covariance)
     found = pose_to_dataset(
         views,
@@ -154,8 +124,6 @@ def moved_poses(pose: xr.Dataset, moves: Array, covariance: Array | None) -> xr.
         float(pose.attrs.get("confidence_level", 0.95)),
         joint=joint,
     )
-    size = len(EXTRINSICS)
-    assert covariance.shape == (size * len(views), size * len(views))
     others = pose.drop_vars([n for n in pose.variables if n in found.variables])
     others = others.drop_dims([d for d in ("unknown", "unknown2") if d in others.dims])
     return found.assign(others.data_vars).assign_attrs(pose.attrs)

@@ -16,6 +16,7 @@ from sldvexp.errors import UserError, nearest
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import cross_covariance
 from sldvexp.typing import Array
+from sldvexp.verdict.joint_fit import POSE
 from sldvexp.verdict.refinement import moved_poses
 
 #: Kinds whose repair multiplies the view's velocities.
@@ -64,8 +65,8 @@ class Repair:
         if "line_of_sight" in groups:
             return {"line_of_sight": self._of_points(groups["line_of_sight"])}
         if self.kind == "pose":
-            pose = moved_pose(groups["pose"], self.view, np.array(self.pose), self.covariance)
-            return {"pose": _marked(pose, groups["pose"], self.name)}
+            pose = groups["pose"]
+            return {"pose": _marked(self._of_pose(pose), pose, self.name)}
         if self.kind == "exchanged":
             other = f"image/{self.other}"
             return {
@@ -88,21 +89,30 @@ class Repair:
         """Change one view of single points."""
         if self.kind == "left_out":
             return _marked(points.drop_sel(view=self.view), points, self.name)
-        velocity = points["velocity"].copy(deep=True)
         names = [str(v) for v in points["view"].values]
-        along = velocity.get_axis_num("view")
-        values = np.moveaxis(velocity.values, along, 0)
-        k = names.index(self.view)
-        if self.kind == "exchanged":
-            other = names.index(self.other)
-            values[[k, other]] = values[[other, k]]
-        else:
-            values[k] = (np.conj(values[k]) if self.kind in CONJUGATES else values[k]) / self.factor
-            if "velocity_std" in points:
-                std = points["velocity_std"].copy(deep=True)
-                std.loc[{"view": self.view}] = std.sel(view=self.view) / abs(self.factor)
-                points = points.assign(velocity_std=std)
-        return _marked(points.assign(velocity=velocity), points, self.name)
+        repaired = points.copy(deep=True)
+        for name in ("velocity", "velocity_std"):  # noise was scaled and exchanged with velocities
+            if name not in repaired:
+                continue
+            values = np.moveaxis(repaired[name].values, repaired[name].get_axis_num("view"), 0)
+            k = names.index(self.view)
+            if self.kind == "exchanged":
+                other = names.index(self.other)
+                values[[k, other]] = values[[other, k]]
+                continue
+            own = np.conj(values[k]) if self.kind in CONJUGATES else values[k]
+            values[k] = own / (self.factor if name == "velocity" else abs(self.factor))
+        return _marked(repaired, points, self.name)
+
+    def _of_pose(self, pose: xr.Dataset) -> xr.Dataset:
+        """Move one view of a group ``pose``; its error has no longer to do with the others'."""
+        names = [str(v) for v in pose["view"].values]
+        k, moves = names.index(self.view), np.zeros((len(names), POSE))
+        whole = cross_covariance(pose, names)
+        moves[k] = self.pose
+        whole[k], whole[:, :, k] = 0.0, 0.0
+        whole[k, :, k] = self.covariance
+        return moved_poses(pose, moves, whole.reshape(moves.size, moves.size))
 
 
 def examined_repairs(
@@ -154,28 +164,3 @@ def _marked(repaired: xr.Dataset, before: xr.Dataset, name: str) -> xr.Dataset:
     """Say in a group what was done to it."""
     done = [*filter(None, [str(before.attrs.get("repaired", ""))]), name]
     return repaired.assign_attrs(repaired=", ".join(done))
-
-
-def moved_pose(
-    pose: xr.Dataset, view: str, move: Array, covariance: Array | None = None
-) -> xr.Dataset:
-    """Move one view of a group ``pose``.
-
-    Parameters
-    ----------
-    move : ndarray, shape (6,)
-        Rotation vector of the laser frame (rad) and displacement of the origin (m).
-    covariance : ndarray, shape (6, 6), optional
-        Of the new pose; the old one's without it.
-    """
-    names = [str(v) for v in pose["view"].values]
-    moves = np.zeros((len(names), 6))
-    moves[names.index(view)] = move
-    whole = None
-    if covariance is not None:
-        whole = cross_covariance(pose, names)
-        k = names.index(view)
-        whole[k], whole[:, :, k] = 0.0, 0.0
-        whole[k, :, k] = covariance
-        whole = whole.reshape(6 * len(names), 6 * len(names))
-    return moved_poses(pose, moves, whole)

@@ -58,11 +58,6 @@ class SmoothField:
         ]
         return cls(middle, axes, tuple(knots))
 
-    @property
-    def size(self) -> int:
-        """Number of scalar basis functions."""
-        return int(np.prod([len(k) - DEGREE - 1 for k in self.knots if k is not None]))
-
     def evaluate(self, points: Array) -> tuple[Array, list[tuple[Array, Array]]]:
         """Evaluate the basis functions and their slopes.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from sldvexp.field import View
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import pose_to_dataset
-from sldvexp.verdict.beams import MeasuredSurface, PixelBeams, moved
+from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
 from sldvexp.volume import Grid
 
 LASER = TwoMirror()
@@ -113,7 +114,7 @@ def session(
             off[:2] += size * direction[:2] / np.linalg.norm(direction[:2])
         if mistake == "origin":
             off[3:] += size * direction
-        true = moved(stated, off)
+        true = stated.moved(off)
         turned.append(true.rotation @ stated.rotation.T)
         beams = PixelBeams.trace(true, measured, np.arange(len(angle)))
         field = other_velocity if mistake == "other" else velocity
@@ -142,9 +143,8 @@ def session(
     return Session(found, measured, truth, turned)
 
 
-def groups(made: Session) -> dict[str, xr.Dataset]:
+def groups(views: Sequence[View]) -> dict[str, xr.Dataset]:
     """Make the groups of a run: poses as stated, and images."""
-    views = made.views
     found = {
         "pose": pose_to_dataset(
             [v.name for v in views],

@@ -7,38 +7,16 @@ import numpy as np
 import pytest
 
 from sldvexp.field import View
-from sldvexp.lazy import xarray as xr
-from sldvexp.pose.base import pose_to_dataset
 from sldvexp.verdict import Examined, examine_views
 from sldvexp.verdict.comparison import ViewTests
 from sldvexp.verdict.diagnosis import Explanation
 from sldvexp.verdict.wording import disagreement
-from tests.verdict.simulated_views import LASER, session, surface
+
+from .simulated_views import LASER, groups, session, surface
 
 
 def examined(views: list[View], **options: object) -> Examined:
-    groups = {
-        "pose": pose_to_dataset(
-            [v.name for v in views],
-            [v.rotation for v in views],
-            [v.origin for v in views],
-            [v.covariance for v in views],
-            [np.inf] * len(views),
-            0.95,
-        )
-    }
-    for v in views:
-        image = xr.Dataset(
-            {
-                "velocity": (("pixel", "frequency"), v.velocity, {"units": "m/s"}),
-                "velocity_std": ("pixel", v.std),
-                "dac": (("pixel", "mirror"), v.dac),
-                "flags": ("pixel", v.flags.astype(np.uint8)),
-            },
-            {"frequency": np.arange(1.0, v.velocity.shape[1] + 1)},
-        )
-        groups[f"image/{v.name}"] = image
-    return examine_views(groups, LASER, surface(), **options)  # type: ignore[arg-type]
+    return examine_views(groups(views), LASER, surface(), **options)  # type: ignore[arg-type]
 
 
 def changed(change: Callable[[View], View], *which: int, **options: int) -> list[View]:

@@ -58,7 +58,7 @@ def test_clean_points_are_believed():
 @pytest.mark.parametrize("mistake", MISTAKES)
 @pytest.mark.parametrize("views", [5, 6])
 def test_wrong_view_is_named(mistake, views):
-    """Nineteen of twenty: two misses have a probability below 0.2 at 97 %."""
+    """Of 97 %, as promised, fewer than 17 of 20 have a probability of 0.003."""
     right = 0
     for seed in range(20):
         group, wrong = points(seed, views, mistake=mistake)

@@ -15,7 +15,7 @@ from .simulated_views import LASER, LOOSE, TIGHT, groups, poses, session, surfac
 
 
 def examined(made, **options):
-    return examine_views(groups(made), LASER, surface(), **options)
+    return examine_views(groups(made.views), LASER, surface(), **options)
 
 
 @pytest.mark.parametrize("mistake", ["sign", "conjugate", "rms"])
@@ -91,7 +91,7 @@ def test_refined_poses_hit_nearer_to_the_truth_and_say_how_well():
         made = session(np.random.default_rng(seed), std=LOOSE)
         found = examined(made, refined=True)
         (told,) = [f for f in found.findings if f.kind == "poses_refined"]
-        before.append(hits_off(groups(made)["pose"], made))
+        before.append(hits_off(groups(made.views)["pose"], made))
         after.append(hits_off(found.groups["pose"], made))
         stated.append(told.size)
     assert np.mean(np.square(after)) < np.mean(np.square(before))

@@ -22,7 +22,6 @@ from sldvexp.errors import UserError
 from sldvexp.field.equations.regions import RegionSamples
 from sldvexp.field.streaming.compression import FrequencyModes
 from sldvexp.field.visibility.view import View
-from sldvexp.geometry import rotation_from_vector
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose import EXTRINSICS, INTRINSICS, cross_covariance, label, places
 from sldvexp.typing import Array
@@ -243,12 +242,7 @@ class PoseErrors:
 def _moved(view: View, pose: Array, intrinsic: Array) -> View:
     """Change a view's pose and intrinsics by this much."""
     assert view.intrinsics is not None
-    return replace(
-        view,
-        rotation=rotation_from_vector(pose[:3]) @ view.rotation,
-        origin=view.origin + pose[3:],
-        intrinsics=view.intrinsics + intrinsic,
-    )
+    return replace(view.moved(pose), intrinsics=view.intrinsics + intrinsic)
 
 
 def _covariance(pose: xr.Dataset, views: Sequence[str], adjusted: Sequence[str]) -> Array:

@@ -318,7 +318,7 @@ class Occlusion:
         corner = corner[(corner[..., 2] > 0).all(axis=1)]
         if not len(corner):
             raise UserError(f"view {view.name}: the whole surface is behind the instrument")
-        plane = _plane(project(corner, laser.mirror_offset))
+        plane = image_plane(project(corner, laser.mirror_offset))
         bulge = BULGE * np.ptp(plane, axis=1)
         bins = Bins.from_boxes(plane.min(axis=1) - bulge, plane.max(axis=1) + bulge)
         return cls(view, laser.mirror_offset, corner, clearance, bins)
@@ -338,7 +338,7 @@ class Occlusion:
 
     def _hides(self, end: Array) -> BoolArray:
         angles = project(end, self.mirror_offset)
-        beam, triangle = self.bins.pairs(_plane(angles))
+        beam, triangle = self.bins.pairs(image_plane(angles))
         begin = np.zeros_like(end)
         begin[:, 0] = self.mirror_offset * np.tan(angles[:, 1])
         way = end - begin
@@ -368,7 +368,7 @@ def _meets(begin: Array, way: Array, part: Array, corner: Array, triangle: Index
     return met
 
 
-def _plane(angles: Array) -> Array:
+def image_plane(angles: Array) -> Array:
     """Map angles to places on the image's plane, shape (..., 2)."""
     up_down, left_right = np.moveaxis(angles, -1, 0)
     return np.stack([np.tan(up_down), np.tan(left_right) / np.cos(up_down)], axis=-1)

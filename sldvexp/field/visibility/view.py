@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.dataset import views_without_pose
 from sldvexp.errors import ConfigError, UserError, nearest
+from sldvexp.geometry import rotation_from_vector
 from sldvexp.laser import MIRRORS, Mirror, TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose import EXTRINSICS, nominal_intrinsics, places
@@ -173,6 +174,17 @@ class View:
     def usable(self) -> BoolArray:
         """Pixels that have no flag, shape (pixel,)."""
         return np.asarray(self.flags == 0)
+
+    def moved(self, pose: Array) -> View:
+        """Move it by a rotation vector of the laser frame and a displacement of the origin.
+
+        Parameters
+        ----------
+        pose : ndarray, shape (6,), rad and m
+            In the order of `covariance`.
+        """
+        rotation = rotation_from_vector(pose[:3]) @ self.rotation
+        return replace(self, rotation=rotation, origin=self.origin + pose[3:])
 
     def laser(self, configured: TwoMirror) -> TwoMirror:
         """Return the laser that the view's pose belongs to."""
