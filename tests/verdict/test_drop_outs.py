@@ -51,8 +51,8 @@ def test_drop_outs_are_found(share):
             missed += int((~marked[bad]).sum())
             wrong += int(np.delete(marked, bad).sum())
             total += len(among)
-    assert found >= 0.95 * (found + missed)
-    assert wrong <= 2e-3 * total
+    assert found >= 0.99 * (found + missed)
+    assert wrong <= 1e-3 * total
 
 
 def test_hole_is_found_as_a_patch_at_rest():
