@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sldvexp import dataset
-from sldvexp.dataset import Finding, findings_to_dataset
+from sldvexp.dataset import Finding
 from sldvexp.geometry import euler_from_rotation
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
@@ -36,10 +36,6 @@ PROMISED = (
     "dof",
     *(f"{name}{part}" for name in ("origin", "euler") for part in ("", "_std", "_confidence")),
 )
-
-
-#: Group of what pose methods find, until the run is over.
-FINDINGS = "verdict/pose"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -91,8 +87,7 @@ class PoseResult:
         """Name the groups that the method adds to the run."""
         kept = {"registration": self.registration, "conic": self.conic}
         own = {name: group for name, group in kept.items() if group is not None}
-        told = {FINDINGS: findings_to_dataset(self.findings)} if self.findings else {}
-        return {**own, "pose": self.pose, **told}
+        return {**own, "pose": self.pose}
 
     def to_dataset(self) -> xr.Dataset:
         """Give the group ``pose``."""
