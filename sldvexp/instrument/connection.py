@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import select
 import socket
 from typing import Any, Protocol
@@ -13,9 +14,16 @@ from sldvexp.lazy import pyvisa
 #: Bytes read at once; each such part may take as long as a whole answer.
 CHUNK = 2**16
 
+#: Bytes of the longest line that an instrument may send.
+LONGEST_LINE = 2**20
+
 
 class DisturbanceError(InstrumentError):
     """Failure that may be gone at the next try: no answer, a lost connection, garbage."""
+
+
+class BrokenOffError(DisturbanceError):
+    """Beginning of an answer came, and then nothing."""
 
 
 class Line(Protocol):
@@ -70,7 +78,8 @@ class VisaLine:
         self._session: pyvisa.resources.MessageBasedResource = opened
         self._session.timeout = milliseconds
         self._errors = (pyvisa.VisaIOError, OSError)
-        self._socket = _socket_of(opened)
+        self._link = getattr(opened.visalib, "sessions", {}).get(opened.session)
+        self._socket = _socket_of(self._link)
         if self._socket is not None:
             if refused := self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
                 self.close()
@@ -88,7 +97,17 @@ class VisaLine:
     def receive_line(self, end: bytes, patience: float) -> bytes:
         """See `Line`."""
         self._session.read_termination = end.decode("latin-1")
-        return self._received(self._session.read_raw, patience).removesuffix(end)
+        shown = f"the end {end.decode('latin-1')!r} of a line, its answer_end in the profile,"
+        try:
+            line = self._received(
+                lambda: self._session.read_bytes(LONGEST_LINE, CHUNK, break_on_termchar=True),
+                patience,
+            )
+        except BrokenOffError as error:
+            raise DisturbanceError(f"{shown} did not come ({error})") from error
+        if not line.endswith(end):
+            raise DisturbanceError(f"{shown} did not come within {len(line)} bytes")
+        return line.removesuffix(end)
 
     def receive(self, count: int, patience: float) -> bytes:
         """See `Line`."""
@@ -103,7 +122,7 @@ class VisaLine:
         """Return what a reading function returns, or what came in its way."""
         if self._socket is None:
             self._session.timeout = max(1, round(1000 * max(patience, self._timeout)))
-        else:
+        elif not getattr(self._link, "_pending_buffer", b""):  # or PyVISA-py read it already
             self._wait(self._socket, patience)
         try:
             return bytes(read())
@@ -112,7 +131,7 @@ class VisaLine:
                 raise DisturbanceError(
                     "the connection was lost in the middle of the answer"
                 ) from error
-            raise DisturbanceError(f"the answer broke off ({_first_line(error)})") from error
+            raise BrokenOffError(f"the answer broke off ({_first_line(error)})") from error
 
     def _wait(self, link: socket.socket, patience: float) -> None:
         """Wait for an answer to begin; PyVISA itself does not notice a connection that ends."""
@@ -123,10 +142,54 @@ class VisaLine:
             raise DisturbanceError("the connection was lost")
 
 
-def _socket_of(session: Any) -> socket.socket | None:
-    """Find the socket under a session of PyVISA-py, None if it has none."""
-    known = getattr(session.visalib, "sessions", {})
-    interface = getattr(known.get(session.session), "interface", None)
+#: Last parts of VISA's names.
+CLASSES = ("INSTR", "SOCKET", "RAW", "INTFC")
+
+
+def canonical_resource(name: str) -> str:
+    """Write VISA's name of a device as VISA libraries expect it, whose keywords are capitals.
+
+    Parameters
+    ----------
+    name : str
+        As somebody wrote it.
+
+    Raises
+    ------
+    ValueError
+        If the name is of a kind that people often write for another; says which.
+
+    Examples
+    --------
+    >>> canonical_resource("tcpip0::192.168.0.7::5025::socket ")
+    'TCPIP0::192.168.0.7::5025::SOCKET'
+    >>> canonical_resource("TCPIP::192.168.0.7::5025")
+    Traceback (most recent call last):
+        ...
+    ValueError: names no socket: write TCPIP::192.168.0.7::5025::SOCKET
+    """
+    text = name.strip()
+    if address := re.fullmatch(r"(?:tcp://)?([\w.-]+):(\d+)", text):
+        raise ValueError(f"is no name of VISA's: write TCPIP::{address[1]}::{address[2]}::SOCKET")
+    if serial := re.fullmatch(r"COM(\d+)", text, re.IGNORECASE):
+        raise ValueError(f"is no name of VISA's: write ASRL{serial[1]}::INSTR")
+    if text.startswith("/dev/"):
+        raise ValueError(f"is no name of VISA's: write ASRL{text}::INSTR")
+    first, *rest = text.split("::")
+    keyword = re.match(r"(TCPIP|GPIB|USB|ASRL|VXI|PXI)(?=\d*$|/)", first, re.IGNORECASE)
+    if keyword is None:
+        return text
+    first = keyword[0].upper() + first[keyword.end() :]
+    if rest and rest[-1].upper() in CLASSES:
+        rest[-1] = rest[-1].upper()
+    if first.startswith("TCPIP") and len(rest) > 1 and rest[1].isdigit() and rest[2:] != ["SOCKET"]:
+        raise ValueError(f"names no socket: write {first}::{rest[0]}::{rest[1]}::SOCKET")
+    return "::".join([first, *rest])
+
+
+def _socket_of(link: Any) -> socket.socket | None:
+    """Find the socket of a session of PyVISA-py, None if it has none."""
+    interface = getattr(link, "interface", None)
     return interface if isinstance(interface, socket.socket) else None
 
 

@@ -1,7 +1,6 @@
 """Commands, questions and blocks of samples, as a profile says, over lines to its devices.
 
-`Dialogue` speaks; `Persistence` repeats a step over a new connection when something disturbs it;
-`decoded` turns a block of bytes into samples.
+`Dialogue` speaks; `Persistence` repeats a step over a new connection when something disturbs it.
 """
 
 from __future__ import annotations
@@ -10,30 +9,26 @@ import logging
 import math
 import re
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from sldvexp.instrument.connection import DisturbanceError, Line
+from sldvexp.instrument.connection import BrokenOffError, DisturbanceError, Line
 from sldvexp.instrument.profile import (
-    ChannelOrder,
     Commands,
-    Data,
     Device,
     Header,
     Profile,
-    SampleType,
 )
-from sldvexp.instrument.protocol import CHANNELS, InstrumentError, RawSamples, Status
-from sldvexp.typing import Array
+from sldvexp.instrument.protocol import InstrumentError
 
 #: Errors that are read from a queue at most.
 QUEUE = 20
 
 #: Characters of a command or an answer that messages show.
 SHOWN = 40
+
+#: What some devices send around a line: blanks, ends, fillings and flow control.
+AROUND = " \t\r\n\0\x11\x13"
 
 
 class Dialogue:
@@ -93,13 +88,16 @@ class Dialogue:
     def ask(self, device: str, question: str, patience: float = 0.0) -> str:
         """Ask a question; the line that answers it."""
         self._send(device, question)
-        end = self._ends(device)[1]
-        line = self._lines[device]
-        answer = _told(device, question, line.receive_line, end, self.timeout + patience)
-        return answer.decode("ascii", errors="replace").strip()
+        answer: str = _told(device, question, self._line, device, patience)
+        if answer == question.strip() and not self.profile.devices[device].echo:
+            raise InstrumentError(
+                f"{device} answered {_short(question)} with the question itself: if it echoes, the "
+                f"profile has to say so (devices.{device}.echo: true)"
+            )
+        return answer
 
-    def numbers(self, device: str, question: str, count: int) -> list[float]:
-        """Ask a question; the finite numbers that answer it, separated by commas."""
+    def numbers(self, key: str, device: str, question: str, count: int) -> list[float]:
+        """Ask the question of a key; the finite numbers that answer it, separated by commas."""
         answer = self.ask(device, question)
         try:
             values = [float(text) for text in answer.split(",")]
@@ -108,11 +106,14 @@ class Dialogue:
         if len(values) != count or not all(math.isfinite(v) for v in values):
             wanted = "a finite number" if count == 1 else f"{count} finite numbers"
             raise DisturbanceError(
-                f"{device} answered {_short(answer)} to {question}, where {wanted} had to come"
+                f"{device} answered {_short(answer)} to {question}, where {wanted} had to come "
+                f"({key} of the profile)"
             )
         return values
 
-    def block(self, question: str, count: int, patience: float = 0.0) -> bytes:
+    def block(
+        self, question: str, count: int, patience: float = 0.0, key: str = "data.ask"
+    ) -> bytes:
         """Ask a question of the profile's data; the block of `count` bytes that answers it."""
         data = self.profile.data
         line, end = self._lines[data.device], data.end.encode("latin-1")
@@ -123,12 +124,16 @@ class Dialogue:
         if question:
             self._send(data.device, question)
         if data.header is Header.ieee:
-            self._read_header(received, question, count)
-        block = received(count + len(end))
+            self._read_header(received, question, count, key)
+        right = f"where its end is {data.end!r} (data.end of the profile)"
+        after = f"the {count} bytes that answer {question}"
+        try:
+            block = received(count + len(end))
+        except BrokenOffError as error:
+            raise DisturbanceError(f"{error}, before {after} and their end {data.end!r}") from error
         if block[count:] != end:
-            raise DisturbanceError(
-                f"{data.device} sent more than the {count} bytes that answer {question}"
-            )
+            found = block[count:].decode("latin-1")
+            raise DisturbanceError(f"{data.device} sent {found!r} after {after}, {right}")
         return block[:count]
 
     def require_no_error(self, device: str, after: str, patience: float = 0.0) -> None:
@@ -140,24 +145,28 @@ class Dialogue:
 
     def verify(self, playing: bool) -> None:
         """Ask what must be so for a measurement to be right."""
-        for question in self.profile.verify:
+        for i, question in enumerate(self.profile.verify):
             if playing or not question.while_playing:
                 answer = self.ask(question.device, question.ask)
-                if answer != question.answer:
+                if not same_answer(answer, question.answer):
                     raise InstrumentError(
                         f"{question.otherwise}: {question.device} answered {_short(answer)} to "
-                        f"{question.ask}, not {question.answer}"
+                        f"{question.ask}, not {question.answer}, which is right by "
+                        f"verify[{i}].answer of the profile"
                     )
 
     def _greet(self, name: str, device: Device) -> None:
-        """Ask a device who it is, and forget errors from before."""
+        """Listen to a device's greeting, ask it who it is, and forget errors from before."""
+        for _ in range(device.banner):
+            _told(name, "", self._line, name)
         if device.identify:
             answer = self.ask(name, device.identify)
             if not re.match(device.identity, answer):
                 # Whatever answers here may be the rest of an earlier answer.
                 raise DisturbanceError(
                     f"{name} says that it is {_short(answer)}, which the profile does not expect "
-                    f"({device.identity})"
+                    f"({device.identity}): devices.{name}.identity is what its name begins with, "
+                    f"devices.{name}.banner the number of lines with which it greets"
                 )
         self._errors(name)
 
@@ -171,36 +180,69 @@ class Dialogue:
             if match is None:
                 raise DisturbanceError(
                     f"{device} answered {_short(answer)} to {queue.ask}, which is no entry of its "
-                    "queue of errors"
+                    f"queue of errors as devices.{device}.errors.answer has it"
                 )
-            if match[1] == queue.none:
+            if same_answer(match[1], queue.none):
                 break
             meaning = queue.meaning.get(match[1], "")
             found.append(f"{answer}: {meaning}" if meaning else answer)
         return found
 
     def _send(self, device: str, text: str) -> None:
+        """Send a line, and listen to its echo if there is one."""
         message = text.encode("latin-1") + self._ends(device)[0]
         _told(device, text, self._lines[device].send, message)
+        if self.profile.devices[device].echo:
+            echo = _told(device, text, self._line, device)
+            if echo != text.strip():
+                raise DisturbanceError(
+                    f"{device} sent {_short(echo)} where the echo of {_short(text)} had to come "
+                    f"(devices.{device}.echo)"
+                )
+
+    def _line(self, device: str, patience: float = 0.0) -> str:
+        """Receive a line."""
+        end = self._ends(device)[1]
+        line = self._lines[device].receive_line(end, self.timeout + patience)
+        return line.decode("ascii", errors="replace").strip(AROUND)
 
     def _ends(self, device: str) -> tuple[bytes, bytes]:
         known = self.profile.devices[device]
         return known.sent_end.encode("latin-1"), known.answer_end.encode("latin-1")
 
-    def _read_header(self, received: Callable[[int], bytes], question: str, count: int) -> None:
-        """Require that ``#<digits><bytes>`` announces the right number of bytes."""
+    def _read_header(
+        self, received: Callable[[int], bytes], question: str, count: int, key: str
+    ) -> None:
+        """Require that ``#<digits><bytes>`` announces the right number of bytes; ``#0`` any."""
         start = received(2)
+        if start == b"#0":
+            return
         digits = received(int(start[1:])) if re.fullmatch(rb"#[1-9]", start) else b""
         if not digits.isdigit():
             raise DisturbanceError(
                 f"{self.profile.data.device} answered {_short((start + digits).decode('latin-1'))} "
-                f"to {question}, which is not the beginning of a block"
+                f"to {question}, which is not the beginning of a block ({key} and data.header of "
+                "the profile)"
             )
         if int(digits) != count:
             raise DisturbanceError(
                 f"{self.profile.data.device} announced {int(digits)} bytes to answer {question}, "
-                f"where {count} had to come"
+                f"where {count} had to come ({key}, data.type and samples of the profile)"
             )
+
+
+def same_answer(answer: str, wanted: str) -> bool:
+    """Tell whether two answers mean the same: equal numbers, or equal words in any capitals.
+
+    Examples
+    --------
+    >>> same_answer("+0", "0"), same_answer("1.0", "1"), same_answer("open", "OPEN")
+    (True, True, True)
+    """
+    try:
+        return float(answer) == float(wanted)
+    except ValueError:
+        return answer.strip(' "').casefold() == wanted.strip(' "').casefold()
 
 
 def _told(device: str, command: str, action: Callable[..., Any], *arguments: Any) -> Any:
@@ -304,72 +346,3 @@ class Persistence:
                 self._dialogue = dialogue
             else:
                 dialogue.close()
-
-
-#: Counts on each side of zero.
-HALF_COUNTS = 2**15
-
-
-def block_size(data: Data, pixels: int, samples: int) -> int:
-    """Count bytes of a block of samples."""
-    return pixels * len(CHANNELS) * samples * np.dtype(data.type.value).itemsize
-
-
-def decoded(
-    data: Data,
-    block: bytes,
-    status: bytes,
-    shape: tuple[int, int],
-    volts_per_count: Sequence[float],
-    rate: float,
-) -> RawSamples:
-    """Decode samples of a block.
-
-    Parameters
-    ----------
-    data : Data
-        How the block is written.
-    status : bytes
-        One a pixel; empty if there is none.
-    shape : tuple of int
-        Pixels, and samples a pixel and channel.
-    volts_per_count : sequence of float
-        In the order of `CHANNELS`.
-    rate : float, Hz
-
-    Raises
-    ------
-    DisturbanceError
-        If a sample is not a number.
-    """
-    pixels, samples = shape
-    raw = np.frombuffer(block, np.dtype(data.order.value + data.type.value))
-    if data.layout is ChannelOrder.interleaved:
-        by_channel = raw.reshape(pixels, samples, len(CHANNELS)).transpose(0, 2, 1)
-    else:
-        by_channel = raw.reshape(pixels, len(CHANNELS), samples)
-    ordered = by_channel[:, [data.channels.index(c) for c in CHANNELS]]
-    flags = np.frombuffer(status, np.uint8) if status else np.zeros(pixels, np.uint8)
-    scale = np.array(volts_per_count, float)
-    if data.type is SampleType.float32:
-        counts, over = _rounded(ordered, scale)
-        flags = flags | over
-    elif data.type is SampleType.uint16:
-        counts = (ordered.astype(np.int32) - HALF_COUNTS).astype(np.int16)
-    else:
-        counts = ordered.astype(np.int16, copy=False)
-    return RawSamples(counts, scale, rate, flags)
-
-
-def _rounded(
-    volts: NDArray[np.floating], scale: Array
-) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
-    """Round volts to counts, with the status of pixels whose volts are beyond them."""
-    if not np.isfinite(volts).all():
-        pixel = int(np.argwhere(~np.isfinite(volts))[0, 0])
-        raise DisturbanceError(f"pixel {pixel} has a sample that is not a finite number of volts")
-    counts = np.rint(volts / scale[:, None])
-    clipped = np.clip(counts, -HALF_COUNTS, HALF_COUNTS - 1)
-    beyond = (counts != clipped).any(axis=(1, 2))
-    flags = np.where(beyond, Status.over_range, Status.good).astype(np.uint8)
-    return clipped.astype(np.int16), flags

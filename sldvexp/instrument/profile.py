@@ -53,13 +53,13 @@ class ErrorQueue:
     answer : str
         Regular expression of every answer; its first group is the error's code.
     none : str
-        The code of no error.
+        The code of no error. Codes that are whole numbers are compared as such: ``+0`` is ``0``.
     meaning : dict of str to str
         What a code means, where the answer does not say it.
     """
 
     ask: str
-    answer: str = r"([-+]?\d+),.*"
+    answer: str = r"([-+]?\d+)\s*(,.*)?"
     none: str = "0"
     meaning: dict[str, str] = field(default_factory=dict)
 
@@ -78,6 +78,10 @@ class Device:
         Regular expression that the beginning of the answer must match.
     sent_end, answer_end : str
         What ends a message to it and a line from it.
+    banner : int
+        Lines with which it greets whoever connects.
+    echo : bool
+        Whether it sends every line that it gets back before it does anything else.
     """
 
     errors: ErrorQueue
@@ -85,6 +89,8 @@ class Device:
     identity: str = ".*"
     sent_end: str = "\n"
     answer_end: str = "\n"
+    banner: int = 0
+    echo: bool = False
 
 
 Commands = dict[str, list[str]]
@@ -134,7 +140,7 @@ class Verify:
     ----------
     device, ask : str
     answer : str
-        The right one.
+        The right one. Numbers are compared as numbers, words without regard to capitals.
     otherwise : str
         What any other answer means.
     while_playing : bool
@@ -162,7 +168,7 @@ class Data:
         Answered by a block of one byte a pixel, bits of `sldvexp.instrument.protocol.Status`;
         empty if the device knows of no such thing.
     header : Header
-        Of both blocks.
+        Of both blocks; ``ieee`` also takes ``#0``, since their lengths are known.
     end : str
         What follows the last byte of a block.
     type : SampleType

@@ -112,12 +112,13 @@ def _made(kind: Any, node: Any, key: str, checks: Checks) -> Any:
     if names is not None:
         checks.require(node in names, key, f"cannot be {node or 'empty'}; {nearest(node, names)}")
         return names.get(node)
-    if kind is not float:
+    if kind not in (int, float):
         return node
     try:
-        return float(node)
+        return kind(node)
     except ValueError:
-        checks.require(False, key, f"must be a number, not {node or 'empty'}")
+        number = "a whole number" if kind is int else "a number"
+        checks.require(False, key, f"must be {number}, not {node or 'empty'}")
 
 
 def _made_table(kind: Any, node: Any, key: str, checks: Checks) -> Any:
@@ -192,6 +193,7 @@ def check(profile: Profile, checks: Checks) -> None:
         for end in ("sent_end", "answer_end"):
             text = getattr(device, end)
             checks.require(bool(text), f"devices.{name}.{end}", 'must be given, as in "\\n"')
+        checks.non_negative(f"devices.{name}.banner", device.banner)
     for group, allowed in PLACEHOLDERS.items():
         _check_group(profile, checks, group, allowed)
     for group, purpose in NEEDED.items():

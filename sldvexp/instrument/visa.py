@@ -19,8 +19,9 @@ from omegaconf import MISSING
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError, nearest
-from sldvexp.instrument.connection import DisturbanceError, Line, VisaLine
-from sldvexp.instrument.dialogue import Dialogue, Persistence, block_size, decoded
+from sldvexp.instrument.blocks import better_reading, block_size, decoded
+from sldvexp.instrument.connection import DisturbanceError, Line, VisaLine, canonical_resource
+from sldvexp.instrument.dialogue import Dialogue, Persistence
 from sldvexp.instrument.profile import Profile
 from sldvexp.instrument.profile_file import load_profile, profile_path
 from sldvexp.instrument.protocol import (
@@ -78,6 +79,12 @@ class Visa(ScanningPlugin):
         message = "must be VISA's name of a device, or one for each as in {dac: ..., adc: ...}"
         checks.require(given, "resource", message)
         checks.done()
+        for name in names:
+            try:
+                canonical_resource(name)
+            except ValueError as error:
+                checks.require(False, "resource", f"{name} {error}")
+        checks.done()
         self._spoken: Profile = load_profile(self.profile)
         devices = list(self._spoken.devices)
         named = list(self.resource) if isinstance(self.resource, dict) else devices[:1]
@@ -119,7 +126,7 @@ class Visa(ScanningPlugin):
 
     def _line(self, device: str) -> Line:
         named = self.resource[device] if isinstance(self.resource, dict) else self.resource
-        return VisaLine(named, self.backend, self.timeout)
+        return VisaLine(canonical_resource(named), self.backend, self.timeout)
 
 
 log = logging.getLogger(__name__)
@@ -165,6 +172,7 @@ class CommandedInstrument:
         self._position: tuple[int, int] | None = None
         self._rate = 0.0
         self._scale: list[float] = []
+        self._read_rightly = False
 
     def __enter__(self) -> CommandedInstrument:
         self._persistently("connecting", lambda dialogue: None)
@@ -275,12 +283,13 @@ class CommandedInstrument:
         dialogue.run(commands.generator_on if a.excitation else commands.generator_off, values)
         self._rate = a.rate
         if data.rate:
-            (self._rate,) = dialogue.numbers(data.device, data.rate, 1)
+            (self._rate,) = dialogue.numbers("data.rate", data.device, data.rate, 1)
         in_block = [data.volts_per_count.get(channel, 0.0) for channel in data.channels]
         if data.scale:
-            in_block = dialogue.numbers(data.device, data.scale, len(CHANNELS))
+            in_block = dialogue.numbers("data.scale", data.device, data.scale, len(CHANNELS))
         self._scale = [in_block[data.channels.index(channel)] for channel in CHANNELS]
         dialogue.verify(playing=bool(a.excitation))
+        self._read_rightly = False
 
     def _microseconds(self, rate: float) -> int:
         """Count whole microseconds between samples, for a device that counts them."""
@@ -340,16 +349,32 @@ class CommandedInstrument:
         data, patience = self.profile.data, self._duration(pixels)
         size = block_size(data, pixels, self._configured().samples)
         block = dialogue.block(data.ask, size, patience)
-        status = dialogue.block(data.status, pixels) if data.status else b""
+        status = dialogue.block(data.status, pixels, key="data.status") if data.status else b""
         dialogue.require_no_error(data.device, data.ask or "sending its samples")
+        if not self._read_rightly:
+            self._require_right_reading(block, pixels)
         return self._samples(block, status, pixels)
+
+    def _require_right_reading(self, block: bytes, pixels: int) -> None:
+        """Require, once an acquisition, that the reference is what the generator plays."""
+        data, a = self.profile.data, self._configured()
+        better = better_reading(data, block, (pixels, a.samples), a, self._rate)
+        if better:
+            raise InstrumentError(
+                f"the reference channel is no sum of the generator's sines as the profile reads "
+                f"{data.device}'s samples, and is one with {better}"
+            )
+        self._read_rightly = True
 
     def _samples(self, block: bytes, status: bytes, pixels: int) -> RawSamples:
         shape = (pixels, self._configured().samples)
         found = decoded(self.profile.data, block, status, shape, self._scale, self._rate)
         nonsense = np.flatnonzero(found.status & ~KNOWN)
         if len(nonsense):
-            raise DisturbanceError(f"the status of pixel {nonsense[0]} is nonsense")
+            raise DisturbanceError(
+                f"the status of pixel {nonsense[0]} is nonsense: {found.status[nonsense[0]]} in "
+                f"answer to {self.profile.data.status} (data.status of the profile)"
+            )
         return found
 
     def _duration(self, pixels: int) -> float:

@@ -146,8 +146,8 @@ MISTAKES = {
         r"devices.lab.errors.answer is not a regular expression",
     ),
     "no code": (
-        r"'([-+]?\d+),",
-        r"'[-+]?\d+,",
+        r"'([-+]?\d+)\s*(,.*)?'",
+        r"'[-+]?\d+.*'",
         "devices.lab.errors.answer must have the code in par",
     ),
     "endless": ('answer_end: "\\n"', 'answer_end: ""', "devices.lab.answer_end must be given"),
@@ -164,6 +164,12 @@ MISTAKES = {
         r"commands.view.lab\[0\] must be one value, not",
     ),
     "no numbers": ("settle: 0.0", "settle:", "settle must be a number, not empty"),
+    "half a line": (
+        "banner: 0 ",
+        "banner: 0.5 ",
+        "devices.lab.banner must be a whole number, not 0.5",
+    ),
+    "fewer than no lines": ("banner: 0 ", "banner: -1 ", "devices.lab.banner must be"),
     "no device": (
         "  lab:\n    identify",
         "  lab: x\n  x:\n    identify",

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from sldvexp.instrument import Acquisition, DisturbanceError, InstrumentError, Status
-from sldvexp.instrument.dialogue import decoded
+from sldvexp.instrument.blocks import decoded
 from sldvexp.instrument.profile import SampleType
 from sldvexp.instrument.profile_file import load_profile
 from sldvexp.instrument.visa import CommandedInstrument

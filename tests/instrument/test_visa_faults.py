@@ -35,7 +35,7 @@ PASSING = [
     (partial(f.Cut, "DATA?"), r"lab: the answer broke off .* after 'DATA\?'"),
     (partial(f.Cut, "DATA?", missing=1), r"lab: the answer broke off .* after 'DATA\?'"),
     (partial(f.ShortBlock, "DATA?"), r"announced 8092 bytes to answer DATA\?, where 8192 had"),
-    (partial(f.Surplus, "DATA?"), r"sent more than the 8192 bytes that answer DATA\?"),
+    (partial(f.Surplus, "DATA?"), r"after the 8192 bytes that answer DATA\?"),
     (partial(f.Disconnect, "DATA?"), r"lab: the connection was lost after 'DATA\?'"),
     (partial(f.Disconnect, "DATA?", sent=5000), r"was lost in the middle of the answer after 'DA"),
     (partial(f.Disconnect, "MEAS:LIST"), r"lab: the connection was lost"),
