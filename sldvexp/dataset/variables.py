@@ -131,6 +131,10 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "flags": _V("pixel", "1", "what is wrong with the pixel; 0 for a good one"),
         "f_statistic": _V("pixel channel", "1", "F of the record's constant against none"),
         "f_p_value": _V("pixel channel", "1", "probability of such an F without a constant"),
+        "harmonics": _V("pixel channel", "1", "how many harmonics of the record are fitted"),
+        "harmonic_p_value": _V(
+            "pixel channel harmonic", "1", "probability of such an F without that harmonic"
+        ),
     },
     "pose": {
         "origin": _V("view axis", "m", "origin of the laser frame in the world"),

@@ -65,13 +65,16 @@ def image_to_dataset(
         Flagged pixels keep their values. Attribute ``summary`` counts them.
     """
     found = image.refined
-    tests = [fit.intercept_test(TESTED) for fit in (image.velocity_fit, image.reference_fit)]
+    fits = (image.velocity_fit, image.reference_fit)
+    tests = [fit.intercept_test(TESTED) for fit in fits]
+    tried = [fit.harmonics for fit in fits if fit.harmonics]
     group = dataset.group(
         "image",
         {
             "pixel": np.arange(len(dac)),
             "frequency": np.array(frequency),
             "channel": ["velocity", "reference"],
+            **({"harmonic": np.arange(2, 2 + tried[0].p_value.shape[1])} if tried else {}),
         },
         velocity=image.velocity,
         velocity_std=image.std,
@@ -83,6 +86,8 @@ def image_to_dataset(
         flags=image.flags,
         f_statistic=np.stack([test.statistic for test in tests], axis=1),
         f_p_value=np.stack([test.p_value for test in tests], axis=1),
+        harmonics=np.stack([each.used for each in tried], axis=1) if tried else None,
+        harmonic_p_value=np.stack([each.p_value for each in tried], axis=1) if tried else None,
     )
     group["flags"].attrs |= {
         "flag_masks": np.array([flag.value for flag in Flag], np.uint8),

@@ -9,6 +9,7 @@ and R alike and cancels.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from sldvexp.errors import UserError
 from sldvexp.signal.channel import ChannelFit, fit_channel, squared
 from sldvexp.signal.frequency import Refined
+from sldvexp.signal.harmonics import fit_while_significant
 from sldvexp.signal.pixel_quality import Flag, FlagRules, Intercept
 from sldvexp.signal.projection import Projection, project
 from sldvexp.signal.sine_model import SineModel
@@ -136,6 +138,7 @@ def demodulate(
     confidence: float = 0.95,
     rules: FlagRules | None = None,
     threads: int | None = None,
+    simpler: Sequence[SineModel] = (),
 ) -> ComplexImage:
     """Turn the samples of a whole image into complex pixels with standard errors and flags.
 
@@ -158,7 +161,10 @@ def demodulate(
     quality : array_like of bool, shape (pixel,), optional
         False where the instrument itself reported a lost signal.
     confidence : float
-        Of the intercept's F-test.
+        Of the F-tests of intercept and harmonics.
+    simpler : sequence of SineModel
+        The model without harmonics, with the second, and so on up to `model`: a pixel has the
+        first whose next harmonic is not significant.
 
     Raises
     ------
@@ -184,7 +190,11 @@ def demodulate(
     sums = project(channels, model.columns, limits, threads)
     volts = np.broadcast_to(np.asarray(volts_per_count, float), (2,))
     fits = [
-        fit_channel(c, square, model, intercept, confidence, scale, float(counts))
+        fit_while_significant(
+            c, square, [*simpler, model], intercept, confidence, scale, float(counts)
+        )
+        if simpler
+        else fit_channel(c, square, model, intercept, confidence, scale, float(counts))
         for c, square, scale in zip(
             sums.coefficients, sums.square, (volts[0] * velocity_per_volt, volts[1]), strict=True
         )

@@ -28,13 +28,16 @@ class SineFit(SignalEstimator):
         The default is Ometron's medium range, 100 mV per mm/s.
     harmonics : int
         Harmonics of each frequency that are fitted besides, then discarded: 2 adds 2 f and 3 f.
+    incremental : bool
+        Fit harmonic after harmonic, up to `harmonics`, only while each channel's F-test says that
+        it is significant (recommendation of Section 6.2). The first that is not ends it.
     hum : list of float, Hz
         Other disturbing frequencies that are fitted, then discarded.
     intercept : Intercept
         Whether the fit has the constant of Eq 3.2: as each channel's F-test says (recommendation
         of Section 6.2), always or never.
     confidence : float
-        1 - alpha of that test.
+        1 - alpha of these tests.
     refine : bool
         Find the frequencies from the reference records instead of trusting the set ones.
     search : float, Hz
@@ -46,6 +49,7 @@ class SineFit(SignalEstimator):
 
     velocity_per_volt: float = 0.01
     harmonics: int = 0
+    incremental: bool = False
     hum: list[float] = field(default_factory=list)
     intercept: Intercept = Intercept.test
     confidence: float = 0.95
@@ -59,6 +63,8 @@ class SineFit(SignalEstimator):
         ok = self.velocity_per_volt != 0
         checks.require(ok, "velocity_per_volt", "must not be zero: every velocity would vanish")
         checks.non_negative("harmonics", self.harmonics)
+        useless = self.incremental and self.harmonics == 0
+        checks.require(not useless, "incremental", "has no effect without harmonics")
         for hertz in self.hum:
             checks.positive("hum", hertz)
         checks.probability("confidence", self.confidence)
@@ -82,6 +88,7 @@ class SineFit(SignalEstimator):
         """See `SignalEstimator`; the image has `refined` if `refine` is set."""
 
         def image_at(hertz: ArrayLike) -> ComplexImage:
+            fewer = range(self.harmonics if self.incremental else 0)
             return demodulate(
                 samples,
                 sine_model(times, hertz, self.harmonics, self.hum),
@@ -93,6 +100,7 @@ class SineFit(SignalEstimator):
                 intercept=self.intercept,
                 confidence=self.confidence,
                 rules=self.flags,
+                simpler=[sine_model(times, hertz, count, self.hum) for count in fewer],
             )
 
         image = image_at(frequencies)
