@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import pytest
+import yaml
 
 from sldvexp import dataset
+from sldvexp.config.paths import conf_dir
 
 MARKS = "fiducials: {1: {x: 0, y: 0}, 2: {x: 1, y: 0}, 3: {x: 0, y: 1}}\n"
 FILES = {
@@ -123,3 +125,31 @@ def test_file_of_a_folder_elsewhere_is_told_with_its_whole_path(
     monkeypatch.chdir(tmp_path / "elsewhere")
     done = sldvexp("--config-dir", "../lab", "experiment=may/monday")
     assert done.err.startswith(f"sldvexp: {lab}/mirror/worn.yaml: laser.up_down.gian is not a kno")
+
+
+@pytest.mark.parametrize("name", ["spoiled/sign", "/experiment/spoiled/sign"])
+@pytest.mark.parametrize("mine", ["mine", "may/mine"])
+def test_own_experiment_extends_one_of_the_programs(sldvexp, lab, name, mine):
+    (lab / "experiment" / f"{mine}.yaml").write_text(
+        f"# @package _global_\ndefaults: [{name}, _self_]\nseed: 5\n"
+    )
+    done = sldvexp("--config-dir", "lab", f"experiment={mine}", "--cfg", "job")
+    assert done.status == 0, done.err
+    assert "      sign: -1" in done.out
+    assert "seed: 5\n" in done.out
+
+
+def test_an_own_configuration_chooses_an_experiment_of_the_programs(sldvexp, lab):
+    (lab / "mine.yaml").write_text(
+        "defaults: [config, override experiment: spoiled/sign, _self_]\nseed: 5\n"
+    )
+    done = sldvexp("--config-dir", "lab", "--config-name", "mine", "--cfg", "job")
+    assert done.status == 0, done.err
+    assert "      sign: -1" in done.out
+
+
+def test_experiments_extend_one_another_by_names_that_hold_from_everywhere():
+    for file in (conf_dir() / "experiment").rglob("*.yaml"):
+        included = yaml.safe_load(file.read_text()).get("defaults", [])
+        relative = [d for d in included if isinstance(d, str) and d != "_self_" and d[0] != "/"]
+        assert not relative, f"{file}: write /experiment/{relative[0]}"
