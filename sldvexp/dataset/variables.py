@@ -369,10 +369,12 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "misfit": _V("sample_depth", "1", "squared residuals over their expectation from noise"),
     },
     "examined/left_out": {
-        "error": _V("view sample_depth", "m/s", "r.m.s. of measured minus predicted velocity"),
-        "error_at_surface": _V("view", "m/s", "that where the views agree best"),
+        "error": _V("view", "m/s", "r.m.s. of measured minus predicted velocity"),
         "measured": _V("view", "m/s", "r.m.s. of the measured velocity"),
-        "noise": _V("view", "m/s", "r.m.s. noise of the measured velocity"),
+        "noise": _V("view", "m/s", "r.m.s. noise of the measured velocity, as stated"),
+        "expected": _V("view", "m/s", "that of a view that is right, from noise and poses"),
+        "p_value": _V("view", "1", "probability of such a view if it is right, by three tests"),
+        "named": _V("view", "1", "1 where the verdict names the view, or one of two, as wrong"),
     },
     "examined/love": {
         "variation": _V("component [frequency]", "1", "r.m.s. change through the layers over size"),

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sldvexp.field import View
+from sldvexp.field import PoseErrors, View
 from sldvexp.lazy import scipy
+from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
 from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
 from sldvexp.verdict.joint_fit import POSE, JointFit, PixelDesign
@@ -75,6 +76,12 @@ class Bench:
         at_stated = JointFit(self.data, self.designs(np.zeros(len(self.prior))), self.prior)
         return self.again(at_stated)
 
+    def without(self, k: int) -> JointFit:
+        """Fit all views but one, which this fit predicts from where it is stated to stand."""
+        others = [i for i in range(len(self.data)) if i != k]
+        errors = np.zeros(len(self.prior))
+        return self.again(JointFit(self.data, self.designs(errors), self.prior, views=others))
+
     def again(self, fit: JointFit) -> JointFit:
         """Fit once more with the designs at the poses that a fit has found.
 
@@ -113,6 +120,15 @@ def bench_of(
             break
         best, misfit = tried, found
     return best
+
+
+def stated_covariance(pose: xr.Dataset, views: Sequence[View]) -> Array | None:
+    """Collect the covariance of the poses of some views, shape (6 view, 6 view); None if exact."""
+    errors = PoseErrors.from_dataset(pose, [v.name for v in views])
+    if errors is None:
+        return None
+    of_intrinsics = errors.pose.reshape(len(errors.pose), POSE * len(views))
+    return np.asarray(errors.covariance + of_intrinsics.T @ of_intrinsics)
 
 
 def prior_factor(covariance: Array | None, views: int, thickness: float) -> Array:

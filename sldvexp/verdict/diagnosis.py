@@ -129,16 +129,9 @@ class Tried(NamedTuple):
         return replace(self.explanation, criterion=float(squares + penalty))
 
 
-def _without(bench: Bench, k: int) -> JointFit:
-    """Fit all views but one, at the stated poses and once more at those found."""
-    others = [i for i in range(len(bench.data)) if i != k]
-    errors = np.zeros(len(bench.prior))
-    return bench.again(JointFit(bench.data, bench.designs(errors), bench.prior, views=others))
-
-
 def _of_view(bench: Bench, k: int) -> Iterator[Tried]:
     """Yield all kinds of mistakes of one view."""
-    others = _without(bench, k)
+    others = bench.without(k)
     yield _free_pose(bench, k, others, ROTATION)
     yield _free_pose(bench, k, others, np.arange(POSE))
     squares, numbers = _own_scalar(bench, k, others)
@@ -184,7 +177,7 @@ def _free_factor(
 ) -> tuple[float, complex, Array]:
     """Fit with a complex factor of one view: squares, the factor, its information."""
     design = others.designs[k]
-    predicted = _complex(design.field @ others.m)
+    predicted = _complex(others.predicted(k))
     seen = values[design.present]
     energy = float(np.vdot(predicted, predicted).real)
     c = complex(np.vdot(predicted, seen)) / max(energy, np.finfo(float).tiny)
@@ -247,7 +240,7 @@ def _first_step(bench: Bench, k: int, others: JointFit, free: IndexArray) -> Arr
     """Fit some numbers of a view's pose to the field of the others."""
     design = others.designs[k]
     values = bench.data[k].velocity[design.present]
-    left = np.concatenate([values.real, values.imag], axis=1) - design.field @ others.m
+    left = np.concatenate([values.real, values.imag], axis=1) - others.predicted(k)
     columns = design.pose_columns(others.m)[:, free] * FREE[None, free, None]
     flat = columns.transpose(0, 2, 1).reshape(-1, len(free))
     return np.linalg.lstsq(flat, left.ravel(), rcond=1e-3)[0] * FREE[free]

@@ -246,12 +246,29 @@ class JointFit:
 
     def left(self, k: int) -> Array:
         """Give what field and pose leave of a view, shape (present, channel)."""
-        found = self.velocity(k) - self.field(k) @ self.m
+        found = self.velocity(k) - self.predicted(k)
         return found - np.einsum("nqc,q->nc", self.columns[k], self.shift[self.places(k)])
+
+    def predicted(self, k: int) -> Array:
+        """Predict a view, also one that has no say, shape (present, channel)."""
+        return np.asarray(self.field(k) @ self.m)
+
+    def prediction_variance(self, k: int) -> Array:
+        """Tell how far a view that has no say may lie from its prediction, (present, channel).
+
+        ``1 + A_k (A'A)^-1 A_k' + (G_k - A_k (A'A)^-1 A'G) C (..)'`` of white noise, C the
+        covariance of the poses.
+        """
+        a = self.field(k)
+        moves = -np.tensordot(a, self._by_pose, axes=1)
+        moves[..., self.places(k)] += self._pose_columns(k).transpose(0, 2, 1)
+        of_field = np.einsum("nm,mn->n", a, self._inverse(a.T))
+        of_poses = np.sum((moves @ self.covariance) * moves, axis=-1)
+        return np.asarray(1 + of_field[:, None] + of_poses)
 
     def factor_columns(self, k: int) -> Array:
         """Give columns of a view's gain and phase, shape (present, 2, channel)."""
-        predicted = self.field(k) @ self.m
+        predicted = self.predicted(k)
         return np.stack([predicted, times_i(predicted)], axis=1)
 
     def own_pose_columns(self, k: int) -> Array:

@@ -41,12 +41,15 @@ class PixelData:
         Whitened: real and imaginary part have the variance 1 each.
     weight : ndarray, shape (pixel,)
         What the design's rows are multiplied by.
+    std : ndarray, shape (pixel,), m/s
+        What a whitened number is multiplied by to be a velocity, at a frequency of mean noise.
     """
 
     view: View
     pixel: IndexArray
     velocity: ComplexArray
     weight: Array
+    std: Array
 
 
 def pixel_data(views: Sequence[View], surface: MeasuredSurface) -> tuple[list[PixelData], bool]:
@@ -73,7 +76,7 @@ def pixel_data(views: Sequence[View], surface: MeasuredSurface) -> tuple[list[Pi
     modes = _modes(np.concatenate(white))
     scale = np.sqrt(np.mean(by_frequency**2))  # a number only: all rows alike
     return [
-        PixelData(view, of, values @ modes, scale / a)
+        PixelData(view, of, values @ modes, scale / a, scale * a)
         for (view, of), values, a in zip(_pairs(views, pixels), white, by_pixel, strict=True)
     ], stated
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.dataset import Finding, Severity
-from sldvexp.field import PoseErrors, View
+from sldvexp.field import View
 from sldvexp.field.visibility.view import views_of
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
@@ -24,10 +24,17 @@ from sldvexp.session.images import describe_flagged_pixels
 from sldvexp.signal import Flag
 from sldvexp.typing import BoolArray, IndexArray
 from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
-from sldvexp.verdict.comparison import LEAST_PIXELS, LEAST_VIEWS, Bench, bench_of, compare_views
+from sldvexp.verdict.comparison import (
+    LEAST_PIXELS,
+    LEAST_VIEWS,
+    Bench,
+    bench_of,
+    compare_views,
+    stated_covariance,
+)
 from sldvexp.verdict.diagnosis import diagnose, tells_views_apart
 from sldvexp.verdict.drop_outs import disagreeing, drop_outs, outliers, resting
-from sldvexp.verdict.joint_fit import POSE, JointFit
+from sldvexp.verdict.joint_fit import JointFit
 from sldvexp.verdict.lines import at_few_lines, carried_over
 from sldvexp.verdict.refinement import moved_poses, refine
 from sldvexp.verdict.repairs import Repair, examined_repairs
@@ -161,7 +168,9 @@ class _Examination:
             views = [self._flag(v, resting(v, self._seen(v)), Flag.resting) for v in views]
             views = [self._flag(v, drop_outs(v, self._seen(v)), Flag.unlike) for v in views]
         views = self._that_see_enough(views)
-        bench = bench_of(views, surface, self._covariance(views)) if len(views) >= LEAST else None
+        bench = None
+        if len(views) >= LEAST:
+            bench = bench_of(views, surface, stated_covariance(groups["pose"], views))
         if views and (bench is None or len(views) < LEAST_VIEWS):
             self.findings.append(untested(len(views), "as nothing that they see moves"))
         if bench is None:
@@ -209,13 +218,6 @@ class _Examination:
         if few:
             self.findings.append(not_compared(few))
         return [view for view in views if view.name not in few]
-
-    def _covariance(self, views: Sequence[View]) -> np.ndarray | None:
-        errors = PoseErrors.from_dataset(self.groups["pose"], [v.name for v in views])
-        if errors is None:
-            return None
-        of_intrinsics = errors.pose.reshape(len(errors.pose), POSE * len(views))
-        return np.asarray(errors.covariance + of_intrinsics.T @ of_intrinsics)
 
     def _agree(self, bench: Bench, fit: JointFit) -> bool:
         """Test the views; False if one is wrong, which is then named."""

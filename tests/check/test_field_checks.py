@@ -23,9 +23,12 @@ from sldvexp.geometry import KnownPose, rotation_from_euler
 from sldvexp.laser import TwoMirror, direction_cosines, project
 from sldvexp.pose import Given
 from sldvexp.reconstruction import Absolute
+from sldvexp.verdict.prediction import predict_views
 from sldvexp.virtual_lab.modes import Mode
 from sldvexp.virtual_lab.plate import Plate, PlateScene, truth_to_dataset
 from sldvexp.volume import Grid
+from tests.verdict import simulated_views
+from tests.verdict.simulated_views import TIGHT
 
 EULER, FREQUENCY = [0.3, 0.5, -0.2], [200.0, 230.0]
 #: Through the plate's surface, which is between two of its layers.
@@ -189,39 +192,51 @@ def test_the_other_views_predict_what_one_measured():
     found = LeftOut().examine(session_of(VIEWS))
     assert found["view"].values.tolist() == list(VIEWS)
     np.testing.assert_allclose(found["measured"], 0.01, rtol=0.1)
-    assert (found["error_at_surface"] < 1e-3 * found["measured"]).all()
-    # Of the mean of some pixels; both parts.
-    assert (found["noise"] < np.sqrt(2) * STD).all()
-    assert (found["noise"] > 0.3 * np.sqrt(2) * STD).all()
+    assert (found["error"] < 1e-3 * found["measured"]).all()
+    np.testing.assert_allclose(found["noise"], np.sqrt(2) * STD, rtol=1e-9)  # of both parts
+    assert (found["expected"] > found["noise"]).all()
+    assert not found["named"].any()
 
 
-def test_a_view_that_is_off_is_off_by_as_much():
+def test_a_view_that_is_off_is_off_by_as_much_and_named():
     found = LeftOut().examine(session_of(VIEWS, {"4": 0.003j}))
     np.testing.assert_allclose(found["error"].sel(view="4"), 0.003, rtol=1e-2)
-    np.testing.assert_allclose(found["error_at_surface"].sel(view="4"), 0.003, rtol=1e-2)
-    assert found["sample_depth"].size == found["error"].shape[1] == 4
+    assert found["view"].values[found["named"] == 1].tolist() == ["4"]
 
 
-def test_the_others_agree_best_on_the_surface():
-    def waves(x, y):
-        return 0.01 * np.sin(25 * x)[:, None] * [0.0, 0.0, 1.0]
+def test_errors_are_as_large_as_noise_and_poses_let_expect():
+    """In the mean of clean sessions, whose poses are drawn from their bounds."""
+    square = []
+    for seed in range(4):
+        made = simulated_views.session(np.random.default_rng(seed), 5, TIGHT, pixels=21)
+        groups = simulated_views.groups(made.views)
+        found = predict_views(groups, simulated_views.LASER, simulated_views.surface())
+        square.append(np.mean((found.error / found.expected) ** 2))
+        assert not found.named.any()
+    assert abs(np.mean(square) - 1) < 3 * np.std(square, ddof=1) / np.sqrt(len(square))
+    assert np.std(square) < 0.1
 
-    run = session_of(VIEWS, motion=waves, shape=[16, 6], thickness=0.06, offset=0.03)
-    found = LeftOut().examine(run)
-    assert found["error"].mean("view").values.argmin() == 0
-    np.testing.assert_array_equal(found["error_at_surface"], found["error"][:, 0])
-    assert (found["error"][:, -1] > 1.5 * found["error"][:, 0]).all()
+
+@pytest.mark.parametrize("mistake", ["sign", "gain", "rotation"])
+def test_the_wrong_view_is_named_though_it_spoils_the_predictions_of_others(mistake):
+    size = {"gain": 0.03, "rotation": np.radians(1.0)}.get(mistake, 0.0)
+    made = simulated_views.session(
+        np.random.default_rng(5), mistakes={2: mistake}, size=size, pixels=21
+    )
+    groups = simulated_views.groups(made.views)
+    found = predict_views(groups, simulated_views.LASER, simulated_views.surface())
+    assert np.flatnonzero(found.named).tolist() == [2]
+    assert found.p_value[2] < 1e-6
+    assert found.error[2] > 1.5 * found.expected[2]
 
 
 def test_a_view_can_only_be_left_out_of_four():
     three = dict(list(VIEWS.items())[:3])
-    with pytest.raises(UserError, match="of at least 4 views; choose a reconstruction"):
+    with pytest.raises(UserError, match="predicted from three others at least; 3 have 30 usable"):
         LeftOut().examine(session_of(three))
-    run = session_of(VIEWS)
-    run.experiment.reconstruction = None
-    with pytest.raises(UserError, match="choose a reconstruction"):
-        LeftOut().examine(run)
-    with pytest.raises(UserError, match="only be compared over a volume"):
+    with pytest.raises(UserError, match="nothing that they see moves"):
+        LeftOut().examine(session_of(VIEWS, motion=lambda x, y: 0 * as_one(x, y)))
+    with pytest.raises(UserError, match="check=left_out compares views over a surface"):
         LeftOut().examine(examined({}))
 
 
