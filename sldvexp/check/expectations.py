@@ -33,7 +33,7 @@ class Row(NamedTuple):
 
 
 def evaluate(
-    expect: Mapping[str, Expectation], tree: Mapping[str, xr.Dataset]
+    expect: Mapping[str, Expectation], tree: Mapping[str, xr.Dataset], repaired: bool = False
 ) -> xr.Dataset | None:
     """Compare a run with everything that its configuration expects.
 
@@ -41,11 +41,14 @@ def evaluate(
     ----------
     tree : mapping of str to xarray.Dataset
         Group path to dataset.
+    repaired : bool
+        A mistake of the data was repaired, so that nothing is compared that expects it.
 
     Returns
     -------
     xarray.Dataset or None
-        The group ``check``, one row a number; None if nothing is expected.
+        The group ``check``, one row a number; None if nothing is expected. Its attribute ``notes``
+        says what was not compared.
 
     Raises
     ------
@@ -60,7 +63,10 @@ def evaluate(
     array([1], dtype=int8)
     """
     rows: list[Row] = []
+    skipped = [name for name, e in expect.items() if repaired and e.unrepaired]
     for name, expectation in expect.items():
+        if name in skipped:
+            continue
         try:
             rows += _compare(name, expectation, tree)
             rows += _found(name, expectation, tree)
@@ -72,7 +78,11 @@ def evaluate(
     numbers = ("published", "computed", "correct")
     if not any(np.iscomplex(columns[n]).any() for n in numbers):
         columns |= {n: columns[n].real for n in numbers}
-    return dataset.group("check", {"quantity": columns.pop("quantity")}, **columns)
+    group = dataset.group("check", {"quantity": columns.pop("quantity")}, **columns)
+    if skipped:
+        told = "not compared, as it is of the session before use_repair"
+        group.attrs["notes"] = f"expected {' and '.join(skipped)}: {told}"
+    return group
 
 
 def lookup(of: str, tree: Mapping[str, xr.Dataset]) -> tuple[list[str], np.ndarray]:

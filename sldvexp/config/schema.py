@@ -218,6 +218,8 @@ class Expectation:
         ``trusted``, ``doubtful`` or ``void``.
     finds : list of str
         Findings that the verdict must have, by kind and subject: ``sign of view 4``.
+    unrepaired : bool
+        Of a mistake in the data: not compared where ``use_repair`` repairs one.
     """
 
     source: str = ""
@@ -228,6 +230,7 @@ class Expectation:
     correct: dict[str, str] = field(default_factory=dict)
     verdict: str = ""
     finds: list[str] = field(default_factory=list)
+    unrepaired: bool = False
 
     def __post_init__(self) -> None:
         checks = Checks()

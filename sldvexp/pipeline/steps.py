@@ -330,7 +330,8 @@ def _checks(run: Run) -> None:
 
 def _expectations(run: Run) -> None:
     """Compare published numbers with this run's."""
-    found = evaluate(run.experiment.expect, run.tree)
+    e = run.experiment
+    found = evaluate(e.expect, run.tree, repaired=bool(e.use_repair))
     if found is not None:
         run.tree["check"] = found
 

@@ -36,6 +36,18 @@ def test_complex_numbers_pass_by_real_and_imaginary_part():
     assert passed(published=published, tolerance=0.1) == [True, False, True]
 
 
+def test_what_is_expected_of_a_mistake_is_not_compared_once_it_is_repaired():
+    here = Expectation(at_most={"pose/sse": 0.6})
+    mistake = Expectation(verdict="void", at_least={"pose/sse": 0.9}, unrepaired=True)
+    expect = {"named": mistake, "sse": here}
+    before = evaluate(expect, tree())
+    assert before["passed"].values.tolist() == [0, 0, 1]
+    assert "notes" not in before.attrs
+    after = evaluate(expect, tree(), repaired=True)
+    assert after["quantity"].values.tolist() == ["sse: pose/sse"]
+    assert after.attrs["notes"].startswith("expected named: not compared, as it is of the session")
+
+
 def test_bounds_and_nan():
     assert passed(at_most={"pose/sse": 0.4}) == [False]
     assert passed(at_least={"pose/sse": 0.4}, at_most={"pose/sse": 0.6}) == [True, True]
