@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Protocol, TypeAlias, runtime_checkable
 
 import yaml
 
+from sldvexp.dataset.findings import VERDICT
 from sldvexp.dataset.store import load
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
@@ -29,6 +30,9 @@ class Result(Protocol):
     def to_dataset(self) -> xr.Dataset:
         """Make that group."""
 
+
+#: Variables that a sweep's dataset has of every run, besides its results.
+ABOUT = ("state", "reason", VERDICT, "seconds")
 
 #: What a run can be given as: an opened run.nc, its path, the groups of a run by their path, the
 #: result of a room (a pose, a field), or a sweep's dataset.

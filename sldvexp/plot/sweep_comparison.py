@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from sldvexp.dataset import VERDICT, RunData, Source
+from sldvexp.dataset import RunData, Source
+from sldvexp.dataset.run_data import ABOUT
 from sldvexp.errors import UserError, nearest
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
@@ -16,8 +17,6 @@ from sldvexp.plot.selection import require
 NO_SWEEP = "this is no sweep (a dataset sweep.nc with state and headline results of its runs)"
 NO_RESULT = "no run of the sweep has a result that can be compared"
 
-#: Of every run, besides its results.
-ABOUT = ("state", "reason", VERDICT, "seconds")
 #: Round a run that did not meet what was expected of it.
 RING: dict[str, Any] = {
     **{"linestyle": "none", "marker": "o", "markersize": 10.0},

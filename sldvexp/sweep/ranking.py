@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from sldvexp.dataset import VERDICT
+from sldvexp.dataset.run_data import ABOUT
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import whole_or_nothing
 from sldvexp.lazy import xarray as xr
@@ -36,8 +37,6 @@ FIELD_COLUMNS = {
     "std in plane, mm/s": ("field.std_in_plane", 1000),
     "out of plane, mm/s": ("field.std_out_of_plane", 1000),
 }
-#: Of every run, besides its results.
-ABOUT = ("state", "reason", VERDICT, "seconds")
 
 
 def ranked_by(table: xr.Dataset, wanted: str = "") -> str:

@@ -174,6 +174,12 @@ class ViewTests:
         return float(min(1.0, all_of.min() * len(all_of)))
 
     @property
+    def strongest(self) -> tuple[str, int]:
+        """Name of the test with the smallest p-value, and the view that it is of."""
+        test = min(self.p_value, key=lambda name: float(self.p_value[name].min()))
+        return test, int(self.p_value[test].argmin())
+
+    @property
     def rejects(self) -> bool:
         """True if a view is wrong."""
         return self.least < FAMILY

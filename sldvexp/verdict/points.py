@@ -26,7 +26,7 @@ from sldvexp.typing import Array, ComplexArray, IndexArray
 from sldvexp.verdict.comparison import LEAST_VIEWS, ViewTests
 from sldvexp.verdict.diagnosis import CONJUGATES, NAMED, SMALLEST, Explanation, tells_views_apart
 from sldvexp.verdict.repairs import Repair, examined_repairs
-from sldvexp.verdict.wording import by_tests_alone, disagreement, noise_finding, untested
+from sldvexp.verdict.wording import disagreement, noise_finding, unexplained, untested
 
 #: Points and frequencies that are compared; of more, evenly chosen ones.
 MOST_SAMPLES = 20_000
@@ -219,7 +219,7 @@ def _examine(data: PointData) -> tuple[list[Finding], list[Repair]]:
         return [noise] if noise else [], []
     ranked = _ranked(data, fit, others)
     if not ranked[0].view:
-        return [by_tests_alone(data.names, tests)], []
+        return [unexplained(data.names, tests)], []
     best, other = tells_views_apart(ranked)
     return _named(data.names, tests, best, other)
 

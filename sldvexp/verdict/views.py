@@ -39,10 +39,10 @@ from sldvexp.verdict.lines import at_few_lines, carried_over
 from sldvexp.verdict.refinement import moved_poses, refine
 from sldvexp.verdict.repairs import Repair, examined_repairs
 from sldvexp.verdict.wording import (
-    by_tests_alone,
     disagreement,
     noise_finding,
     not_compared,
+    unexplained,
     untested,
 )
 from sldvexp.volume import Volume
@@ -228,7 +228,7 @@ class _Examination:
             return True
         ranked = diagnose(bench, fit)
         if not ranked[0].view:
-            self.findings.append(by_tests_alone(bench.names, tests))
+            self.findings.append(unexplained(bench.names, tests))
             return False
         best, other = tells_views_apart(ranked)
         finding, self.repairs = disagreement(bench.names, tests, best, other)

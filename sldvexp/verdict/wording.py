@@ -100,7 +100,7 @@ def disagreement(
         Of all views.
     """
     if not is_significant(best):
-        return _unexplained(tests), []
+        return unexplained(names, tests), []
     repairs = [r for h in (best, other) if h for r in [repair_of(names, h)] if r]
     which = " or ".join(_views(names, h.view) for h in (best, other) if h)
     told = sentence(names, best)
@@ -119,8 +119,7 @@ def disagreement(
             "stated, or the field is finer than the test can follow"
         )
     gross = best.kind in GROSS or tests.least < SURE
-    test = min(tests.p_value, key=lambda name: float(tests.p_value[name].min()))
-    at = int(tests.p_value[test].argmin())
+    test, at = tests.strongest
     finding = Finding(
         best.kind,
         which,
@@ -134,20 +133,24 @@ def disagreement(
     return finding, repairs
 
 
-def by_tests_alone(names: Sequence[str], tests: ViewTests) -> Finding:
-    """Name a view that the tests reject though no kind of mistake explains it."""
-    test = min(tests.p_value, key=lambda name: float(tests.p_value[name].min()))
-    k = int(tests.p_value[test].argmin())
+def unexplained(names: Sequence[str], tests: ViewTests) -> Finding:
+    """Say that views disagree by so little that no kind of mistake explains it.
+
+    Such a disagreement accuses no view; the one whose test says most is in the text.
+    """
+    test, k = tests.strongest
     told = {
-        "factor": "has a gain or phase of its own, or something like it",
-        "pose": "was not taken from where its pose says, by more than its bounds",
-        "whole": "disagrees with the others by more than its stated noise: is that right?",
+        "factor": "has a gain or phase of its own",
+        "pose": "was not taken from where its pose says",
+        "whole": "is further off than its noise",
     }
     return Finding(
-        {"factor": "factor", "pose": "pose", "whole": "noise"}[test],
-        f"view {names[k]}",
-        f"view {names[k]} {told[test]}",
-        Severity.doubtful if test == "whole" else Severity.void,
+        "unexplained",
+        "views",
+        f"the views agree less well than chance allows (p = {tests.least:.1g}), most likely as "
+        f"view {names[k]} {told[test]}; but no mistake of one view explains it: the field may be "
+        "a little finer than the test can follow, or the noise larger than stated",
+        Severity.doubtful,
         float(tests.statistic[test][k]),
         tests.least,
     )
@@ -158,18 +161,6 @@ def is_significant(of: Explanation) -> bool:
     gain_std, phase_std = of.factor_std
     far = abs(abs(of.factor) - 1) > SEEN * gain_std or abs(np.angle(of.factor)) > SEEN * phase_std
     return of.kind not in ("gain", "phase", "factor") or bool(far)
-
-
-def _unexplained(tests: ViewTests) -> Finding:
-    """Say that views disagree by so little that no mistake of one explains it."""
-    return Finding(
-        "unexplained",
-        "views",
-        f"the views agree less well than chance allows (p = {tests.least:.1g}), but no mistake of "
-        "one explains it: the field may be a little finer than the test can follow",
-        Severity.doubtful if tests.least < SURE else Severity.note,
-        p_value=tests.least,
-    )
 
 
 def sentence(names: Sequence[str], of: Explanation) -> str:

@@ -119,6 +119,8 @@ def test_factor_that_is_none_accuses_no_view():
     tests = ViewTests({"pose": np.ones(5)}, {"pose": np.full(5, 1e-3)}, 1.0, 0.5)
     slight = Explanation((0,), "gain", 0.0, 1.00002, (1e-5, 1e-5))
     finding, repairs = disagreement(list("abcde"), tests, slight, None)
-    assert (finding.subject, finding.severity.name, repairs) == ("views", "note", [])
+    assert (finding.kind, finding.subject, repairs) == ("unexplained", "views", [])
+    assert finding.severity.name == "doubtful"
+    assert "view a was not taken from where its pose says" in finding.text
     clear = replace(slight, factor=1.01)
     assert disagreement(list("abcde"), tests, clear, None)[0].subject == "view a"
