@@ -22,7 +22,7 @@ from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
 from sldvexp.session.images import describe_flagged_pixels
 from sldvexp.signal import Flag
-from sldvexp.typing import BoolArray, IndexArray
+from sldvexp.typing import Array, BoolArray, IndexArray
 from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
 from sldvexp.verdict.comparison import LEAST_PIXELS, LEAST_VIEWS, Bench, bench_of, compare_views
 from sldvexp.verdict.diagnosis import diagnose, tells_views_apart
@@ -138,7 +138,8 @@ def examine_views(
     _, findings, taken = examined_repairs(few, use_repair, examine)
     groups = passes[-1].groups
     if refined:
-        moved, refinement = passes[-1].refine()
+        freed = {r.view: r.free for r in taken if r.kind == "pose"}
+        moved, refinement = passes[-1].refine(few["pose"], freed)
         groups |= moved
         findings += refinement
     changed = carried_over(tree, few, groups, taken)
@@ -161,7 +162,8 @@ class _Examination:
             views = [self._flag(v, resting(v, self._seen(v)), Flag.resting) for v in views]
             views = [self._flag(v, drop_outs(v, self._seen(v)), Flag.unlike) for v in views]
         views = self._that_see_enough(views)
-        bench = bench_of(views, surface, self._covariance(views)) if len(views) >= LEAST else None
+        known = _covariance(self.groups["pose"], views)
+        bench = bench_of(views, surface, known) if len(views) >= LEAST else None
         if views and (bench is None or len(views) < LEAST_VIEWS):
             self.findings.append(untested(len(views), "as nothing that they see moves"))
         if bench is None:
@@ -173,8 +175,18 @@ class _Examination:
         if robust:
             self._flag_disagreeing(bench, fit)
 
-    def refine(self) -> tuple[dict[str, xr.Dataset], list[Finding]]:
-        """Adjust the poses to the images, unless that would make views disagree."""
+    def refine(
+        self, stated: xr.Dataset, freed: Mapping[str, Sequence[int]]
+    ) -> tuple[dict[str, xr.Dataset], list[Finding]]:
+        """Adjust the poses to the images, unless that would make views disagree.
+
+        Parameters
+        ----------
+        stated : xarray.Dataset
+            The group ``pose`` before any repair.
+        freed : mapping of str to sequence of int
+            Numbers of a view's pose that a repair has freed.
+        """
         bench, pose = self.agreeing, self.groups["pose"]
         if bench is None:
             return {}, [_not_refined("the views do not agree, or are too few")]
@@ -182,7 +194,12 @@ class _Examination:
             return {}, [_not_refined("they have no bounds")]
         if [str(v) for v in pose["view"].values] != bench.names:
             return {}, [_not_refined("a view has a pose but no image")]
-        found = refine(bench)
+        at = {v.name: v for v in views_of(self.groups | {"pose": stated}, self.surface.laser)}
+        views = [at[name] for name in bench.names]
+        covariance = _covariance(stated, views)
+        assert covariance is not None  # the bench has a prior
+        numbers = {bench.names.index(name): of for name, of in freed.items()}
+        found = refine(bench, views, covariance, numbers)
         if not found.agrees:
             return {}, [_not_refined("the views would disagree after it")]
         before, after = (1e3 * np.sqrt(np.mean(h**2)) for h in (found.hit_before, found.hit_after))
@@ -195,7 +212,8 @@ class _Examination:
             Severity.note,
             size=float(after / 1e3),
         )
-        return {"pose": moved_poses(pose, found.moves, found.covariance)}, [told]
+        moved = moved_poses(stated, found.moves, found.covariance)
+        return {"pose": moved.assign_attrs(pose.attrs)}, [told]
 
     def _seen(self, view: View) -> IndexArray:
         """Find a view's usable pixels whose beams meet the surface."""
@@ -209,13 +227,6 @@ class _Examination:
         if few:
             self.findings.append(not_compared(few))
         return [view for view in views if view.name not in few]
-
-    def _covariance(self, views: Sequence[View]) -> np.ndarray | None:
-        errors = PoseErrors.from_dataset(self.groups["pose"], [v.name for v in views])
-        if errors is None:
-            return None
-        of_intrinsics = errors.pose.reshape(len(errors.pose), POSE * len(views))
-        return np.asarray(errors.covariance + of_intrinsics.T @ of_intrinsics)
 
     def _agree(self, bench: Bench, fit: JointFit) -> bool:
         """Test the views; False if one is wrong, which is then named."""
@@ -270,6 +281,15 @@ class _Examination:
         image.attrs["summary"] = describe_flagged_pixels(flags)
         self.groups[name] = image
         return replace(view, flags=flags)
+
+
+def _covariance(pose: xr.Dataset, views: Sequence[View]) -> Array | None:
+    """Join the covariances of views' poses; None if one has none."""
+    errors = PoseErrors.from_dataset(pose, [v.name for v in views])
+    if errors is None:
+        return None
+    of_intrinsics = errors.pose.reshape(len(errors.pose), POSE * len(views))
+    return np.asarray(errors.covariance + of_intrinsics.T @ of_intrinsics)
 
 
 def _left_out(before: Groups, after: Groups) -> list[Finding]:

@@ -141,10 +141,11 @@ def by_tests_alone(names: Sequence[str], tests: ViewTests) -> Finding:
     told = {
         "factor": "has a gain or phase of its own, or something like it",
         "pose": "was not taken from where its pose says, by more than its bounds",
+        "origin": "was not taken from where its pose says, by more than its bounds",
         "whole": "disagrees with the others by more than its stated noise: is that right?",
     }
     return Finding(
-        {"factor": "factor", "pose": "pose", "whole": "noise"}[test],
+        {"factor": "factor", "whole": "noise"}.get(test, "pose"),
         f"view {names[k]}",
         f"view {names[k]} {told[test]}",
         Severity.doubtful if test == "whole" else Severity.void,
@@ -258,7 +259,7 @@ def repair_of(names: Sequence[str], of: Explanation) -> Repair | None:
         case "factor":
             return Repair(of.kind, view, factor=of.factor)
         case "pose":
-            return Repair(of.kind, view, pose=of.pose, covariance=of.covariance)
+            return Repair(of.kind, view, pose=of.pose, free=of.free, covariance=of.covariance)
         case "exchanged":
             return Repair(of.kind, view, names[of.view[1]])
         case _:
