@@ -310,6 +310,8 @@ def _size(problem: EdgeProblem, freed: Freed) -> str:
     value = found.poses[0].intrinsics[place]
     more = value - nominal_intrinsics(problem.laser.mirror_offset)[place]
     if cause == INTRINSICS[0]:
+        if not problem.laser.mirror_offset:
+            return f"{cause}, {1e3 * more:+.2g} mm,"
         # In units of the target, mirrors before a larger object are closer together.
         object_size = f"{abs(100 * more / value):.2g} % {'smaller' if more > 0 else 'larger'}"
         return f"{cause}, {1e3 * more:+.2g} mm, or an object that is {object_size},"

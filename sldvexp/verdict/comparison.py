@@ -1,9 +1,11 @@
 """Comparison of all views with one smooth field, and the family of tests that tells a wrong one.
 
 Each view is tested for a complex factor of its own (gain and phase at once), for a pose further off
-than its bounds, and as a whole, by leaving it out; a family of three tests a view that is held to
-1 % together (Bonferroni). They are F-tests against the misfit that is left, so that noise stated
-5 % too low rejects no view; the misfit of all views together is a test of the stated noise.
+than its bounds, for an origin that is, and as a whole, by leaving it out; a family of four tests a
+view that is held to 1 % together (Bonferroni). A moved tripod shows in two or three combinations of
+the six numbers of a pose: a test of three numbers sees it better than one of six. They are F-tests
+against the misfit that is left, so that noise stated 5 % too low rejects no view; the misfit of all
+views together is a test of the stated noise.
 """
 
 from __future__ import annotations
@@ -22,6 +24,8 @@ from sldvexp.verdict.joint_fit import POSE, JointFit, PixelDesign
 from sldvexp.verdict.pixel_data import PixelData, pixel_data
 from sldvexp.verdict.smooth_field import SmoothField
 
+#: Tests of every view.
+TESTS = ("factor", "pose", "origin", "whole")
 #: Probability of rejecting any view of a clean session.
 FAMILY = 0.01
 #: Views below which nothing can be tested between them: three components take three views.
@@ -150,12 +154,12 @@ def prior_factor(covariance: Array | None, views: int, thickness: float) -> Arra
 
 @dataclass(frozen=True, eq=False)
 class ViewTests:
-    """ViewTests of every view.
+    """Tests of every view.
 
     Attributes
     ----------
     statistic, p_value : dict of str to ndarray, shape (view,)
-        ``factor``, ``pose`` and ``whole``: F statistics.
+        ``factor``, ``pose``, ``origin`` and ``whole``: F statistics.
     misfit : float
         Squares over their expectation from the stated noise.
     misfit_p_value : float
@@ -188,11 +192,13 @@ class ViewTests:
 def compare_views(bench: Bench, fit: JointFit) -> ViewTests:
     """Test every view; `fit` is of all, relinearised."""
     variance = max(fit.squares / fit.dof, np.finfo(float).tiny)
-    found: dict[str, list[tuple[float, int, float]]] = {"factor": [], "pose": [], "whole": []}
+    found: dict[str, list[tuple[float, int, float]]] = {name: [] for name in TESTS}
     for k in range(len(bench.data)):
+        pose = fit.own_pose_columns(k)
         for name, columns in (
             ("factor", fit.factor_columns(k)),
-            ("pose", fit.own_pose_columns(k)),
+            ("pose", pose),
+            ("origin", pose[:, 3:]),
         ):
             score = fit.score(k, columns)
             freedom = max(score.dof, 1)  # of nothing that moves a factor is no column at all

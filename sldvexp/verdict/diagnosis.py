@@ -63,8 +63,10 @@ class Explanation:
         Standard errors of its modulus, relative, and of its argument, rad.
     pose : tuple of float
         Rotation vector (rad) and displacement (m) by which a pose is off.
+    free : tuple of int
+        Numbers of that pose whose prior was taken away.
     covariance : ndarray, shape (6, 6), optional
-        Of that.
+        Of that pose.
     misfit : float
         Squares that it leaves over those of the noise.
     """
@@ -75,6 +77,7 @@ class Explanation:
     factor: complex = 1.0
     factor_std: tuple[float, float] = (np.nan, np.nan)
     pose: tuple[float, ...] = ()
+    free: tuple[int, ...] = ()
     covariance: Array | None = None
     misfit: float = np.nan
 
@@ -231,7 +234,8 @@ def _free_pose(bench: Bench, k: int, others: JointFit, free: IndexArray) -> Trie
                 )
                 numbers = 1 + len(free) - float(known)
                 moves = tuple(map(float, pose))
-                told = Explanation((k,), "pose", fit.squares, pose=moves, covariance=covariance)
+                told = replace(best.explanation, criterion=fit.squares, pose=moves)
+                told = replace(told, free=tuple(map(int, free)), covariance=covariance)
                 best = Tried(told, numbers, fit.count)
     return best
 

@@ -6,22 +6,28 @@ where the calibration tells one. What they tell is the place that a beam hits, n
 origin apart, so that no number is free of its prior. A motion of all views together, with a field
 that moves along, is nearly free; the priors hold it, and how much it is known better than before is
 told apart. The pose of a view that disagrees is not refined but repaired, see
-`sldvexp.verdict.diagnosis`.
+`sldvexp.verdict.diagnosis`. Where it was, it is adjusted anew with the others from where it was
+stated, free of the same prior: the repaired pose comes from these images already, and as a prior it
+would count them twice.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.geometry import rotation_from_vector
+from sldvexp.field import View
+from sldvexp.geometry import rotation_from_vector, vector_from_rotation
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import JointCovariance, pose_to_dataset
 from sldvexp.typing import Array
-from sldvexp.verdict.comparison import Bench, compare_views
+from sldvexp.verdict.comparison import Bench, compare_views, prior_factor
+from sldvexp.verdict.diagnosis import widened
 from sldvexp.verdict.joint_fit import POSE, JointFit
+from sldvexp.verdict.pixel_data import PixelData
 
 #: Steps of the joint adjustment.
 STEPS = 3
@@ -53,12 +59,30 @@ class RefinedPoses:
     agrees: bool
 
 
-def refine(bench: Bench) -> RefinedPoses:
-    """Adjust all poses to all images."""
-    count, fit = POSE * len(bench.data), bench.fit()
-    for _ in range(STEPS - 1):
-        fit = bench.again(fit)
+def refine(
+    bench: Bench, stated: Sequence[View], covariance: Array, free: Mapping[int, Sequence[int]]
+) -> RefinedPoses:
+    """Adjust all poses to all images.
+
+    Parameters
+    ----------
+    bench : Bench
+        At the poses as they are known so far, from where the adjustment starts.
+    stated : sequence of View
+        At the poses that the images have told nothing of yet.
+    covariance : ndarray, shape (6 view, 6 view)
+        Of these.
+    free : mapping of int to sequence of int
+        Numbers of a view's pose that a repair has freed.
+    """
+    count = POSE * len(bench.data)
     before = (bench.prior @ bench.prior.T)[:count, :count]
+    errors = np.r_[_moves(stated, [d.view for d in bench.data]).ravel(), 0.0]
+    bench = _as_stated(bench, stated, covariance, free)
+    standard: Array = np.asarray(np.linalg.lstsq(bench.prior, errors)[0], float)
+    fit = JointFit(bench.data, bench.designs(bench.prior @ standard), bench.prior, standard)
+    for _ in range(STEPS):
+        fit = bench.again(fit)
     after = fit.covariance[:count, :count]
     tested = compare_views(bench, fit)
     return RefinedPoses(
@@ -69,6 +93,31 @@ def refine(bench: Bench) -> RefinedPoses:
         _common(before, after, len(bench.data)),
         not tested.rejects,
     )
+
+
+def _as_stated(
+    bench: Bench, stated: Sequence[View], covariance: Array, free: Mapping[int, Sequence[int]]
+) -> Bench:
+    """Put views back to where they were stated, repaired ones without the prior that was wrong."""
+    data = [_usable(d, view) for d, view in zip(bench.data, stated, strict=True)]
+    prior = prior_factor(covariance, len(data), bench.surface.thickness)
+    found = replace(bench, data=data, prior=prior)
+    for k, numbers in free.items():
+        found = widened(found, k, np.array(numbers))
+    return found
+
+
+def _usable(data: PixelData, view: View) -> PixelData:
+    """Take another place of a view, and of its pixels those that have not been left out since."""
+    kept = view.usable[data.pixel]
+    return PixelData(view, data.pixel[kept], data.velocity[kept], data.weight[kept])
+
+
+def _moves(stated: Sequence[View], views: Sequence[View]) -> Array:
+    """Find by what stated poses were moved, shape (view, 6), rad and m."""
+    pairs = list(zip(stated, views, strict=True))
+    turned = [vector_from_rotation(v.rotation @ s.rotation.T) for s, v in pairs]
+    return np.hstack([turned, [v.origin - s.origin for s, v in pairs]])
 
 
 def _hit_errors(fit: JointFit, covariance: Array) -> Array:

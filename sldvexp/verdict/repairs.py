@@ -38,6 +38,8 @@ class Repair:
         That its velocities have stood to what they should be.
     pose : tuple of float
         Rotation vector (rad) and displacement (m) from the stated pose to the true one.
+    free : tuple of int
+        Numbers of the pose that were found without their prior.
     covariance : ndarray, shape (6, 6), optional
         Of the repaired pose.
     """
@@ -47,6 +49,7 @@ class Repair:
     other: str = ""
     factor: complex = 1.0
     pose: tuple[float, ...] = ()
+    free: tuple[int, ...] = ()
     covariance: Array | None = None
 
     @property

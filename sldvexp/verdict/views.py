@@ -145,7 +145,8 @@ def examine_views(
     _, findings, taken = examined_repairs(few, use_repair, examine)
     groups = passes[-1].groups
     if refined:
-        moved, refinement = passes[-1].refine()
+        freed = {r.view: r.free for r in taken if r.kind == "pose"}
+        moved, refinement = passes[-1].refine(few["pose"], freed)
         groups |= moved
         findings += refinement
     changed = carried_over(tree, few, groups, taken)
@@ -168,9 +169,8 @@ class _Examination:
             views = [self._flag(v, resting(v, self._seen(v)), Flag.resting) for v in views]
             views = [self._flag(v, drop_outs(v, self._seen(v)), Flag.unlike) for v in views]
         views = self._that_see_enough(views)
-        bench = None
-        if len(views) >= LEAST:
-            bench = bench_of(views, surface, stated_covariance(groups["pose"], views))
+        known = stated_covariance(self.groups["pose"], views)
+        bench = bench_of(views, surface, known) if len(views) >= LEAST else None
         if views and (bench is None or len(views) < LEAST_VIEWS):
             self.findings.append(untested(len(views), "as nothing that they see moves"))
         if bench is None:
@@ -182,8 +182,18 @@ class _Examination:
         if robust:
             self._flag_disagreeing(bench, fit)
 
-    def refine(self) -> tuple[dict[str, xr.Dataset], list[Finding]]:
-        """Adjust the poses to the images, unless that would make views disagree."""
+    def refine(
+        self, stated: xr.Dataset, freed: Mapping[str, Sequence[int]]
+    ) -> tuple[dict[str, xr.Dataset], list[Finding]]:
+        """Adjust the poses to the images, unless that would make views disagree.
+
+        Parameters
+        ----------
+        stated : xarray.Dataset
+            The group ``pose`` before any repair.
+        freed : mapping of str to sequence of int
+            Numbers of a view's pose that a repair has freed.
+        """
         bench, pose = self.agreeing, self.groups["pose"]
         if bench is None:
             return {}, [_not_refined("the views do not agree, or are too few")]
@@ -191,7 +201,12 @@ class _Examination:
             return {}, [_not_refined("they have no bounds")]
         if [str(v) for v in pose["view"].values] != bench.names:
             return {}, [_not_refined("a view has a pose but no image")]
-        found = refine(bench)
+        at = {v.name: v for v in views_of(self.groups | {"pose": stated}, self.surface.laser)}
+        views = [at[name] for name in bench.names]
+        covariance = stated_covariance(stated, views)
+        assert covariance is not None  # the bench has a prior
+        numbers = {bench.names.index(name): of for name, of in freed.items()}
+        found = refine(bench, views, covariance, numbers)
         if not found.agrees:
             return {}, [_not_refined("the views would disagree after it")]
         before, after = (1e3 * np.sqrt(np.mean(h**2)) for h in (found.hit_before, found.hit_after))
@@ -204,7 +219,8 @@ class _Examination:
             Severity.note,
             size=float(after / 1e3),
         )
-        return {"pose": moved_poses(pose, found.moves, found.covariance)}, [told]
+        moved = moved_poses(stated, found.moves, found.covariance)
+        return {"pose": moved.assign_attrs(pose.attrs)}, [told]
 
     def _seen(self, view: View) -> IndexArray:
         """Find a view's usable pixels whose beams meet the surface."""

@@ -142,6 +142,7 @@ def unexplained(names: Sequence[str], tests: ViewTests) -> Finding:
     told = {
         "factor": "has a gain or phase of its own",
         "pose": "was not taken from where its pose says",
+        "origin": "was not taken from where its pose says",
         "whole": "is further off than its noise",
     }
     return Finding(
@@ -249,7 +250,7 @@ def repair_of(names: Sequence[str], of: Explanation) -> Repair | None:
         case "factor":
             return Repair(of.kind, view, factor=of.factor)
         case "pose":
-            return Repair(of.kind, view, pose=of.pose, covariance=of.covariance)
+            return Repair(of.kind, view, pose=of.pose, free=of.free, covariance=of.covariance)
         case "exchanged":
             return Repair(of.kind, view, names[of.view[1]])
         case _:

@@ -130,3 +130,12 @@ def test_a_view_that_fails_does_not_end_the_others(edge_lab, method):
     np.testing.assert_array_equal(found.origin, without.origin)
     with pytest.raises(UserError, match=r"^view b: "):
         method.estimate(lab.laser, lab.target, {"edge/b": tree["edge/b"]})
+
+
+def test_a_mirror_offset_of_nothing_does_not_tell_the_size_of_the_object(edge_lab):
+    """A part of nothing is nothing; a small gain looks like an offset as well."""
+    mirrors = MirrorErrors(up_down=MirrorError(gain=0.002))
+    lab = edge_lab(views=2, nominal=0.0, mirrors=mirrors, **SCANNED)
+    wrong = calibration(estimate(lab, Edge()))
+    assert "mirror_offset, " in wrong.text
+    assert "an object that is" not in wrong.text

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.stats import binom
+from scipy.stats import binom, chi2, ncx2
 
 from sldvexp.field.bounds.pose_uncertainty import pose_covariance
-from sldvexp.verdict.comparison import FAMILY, Bench, bench_of, compare_views
+from sldvexp.verdict.comparison import FAMILY, TESTS, Bench, bench_of, compare_views
 from sldvexp.verdict.diagnosis import diagnose, tells_views_apart
 
 from .simulated_views import LOOSE, NOISE, TIGHT, Session, session
@@ -91,16 +91,62 @@ def test_mistakes_are_detected_and_named_as_often_as_promised(
     assert np.mean(named) >= right
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(("mistake", "size"), [("rotation", np.radians(0.3)), ("origin", 2e-3)])
-def test_small_errors_of_good_poses_are_detected(mistake, size):
+def seen_moved(seeds: range, std, size: float, pixels: int, lines: int, mistake="origin") -> float:
+    """Count sessions that a test rejects as a view was moved, in any direction."""
     seen = []
-    for seed in range(50):
-        rng = np.random.default_rng(seed)
-        wrong = int(rng.integers(5))
-        on = bench(session(rng, 5, TIGHT, mistakes={wrong: mistake}, size=size))
+    for seed in seeds:
+        rng = np.random.default_rng([seed, 9])
+        mistakes = {int(rng.integers(5)): mistake}
+        made = session(rng, 5, std, pixels=pixels, frequencies=lines, mistakes=mistakes, size=size)
+        on = bench(made)
         seen.append(compare_views(on, on.fit()).rejects)
-    assert np.mean(seen) >= 0.95
+    return float(np.mean(seen))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("std", "mistake", "size", "pixels", "lines", "power"),
+    [
+        (TIGHT, "rotation", np.radians(0.3), 31, 2, 0.997),
+        (TIGHT, "origin", 2e-3, 31, 2, 0.89),
+        (TIGHT, "origin", 2e-3, 40, 4, 0.97),
+        (LOOSE, "origin", 10e-3, 31, 2, 0.76),
+        (LOOSE, "origin", 10e-3, 40, 4, 0.91),
+        (LOOSE, "origin", 20e-3, 31, 2, 0.99),
+    ],
+)
+def test_wrong_poses_are_detected_as_often_as_the_information_allows(
+    std, mistake, size, pixels, lines, power
+):
+    """Within three standard errors of the power of a chi-square with that information."""
+    seen = seen_moved(range(50), std, size, pixels, lines, mistake)
+    assert abs(seen - power) <= 3 * np.sqrt(power * (1 - power) / 50) + 0.02
+
+
+def power_of(on: Bench, size: float, numbers: int) -> float:
+    """Compute how often a move of a view is detected, over all views and directions.
+
+    The score has the noncentrality ``d' I d`` of a move d.
+    """
+    fit, rng = on.fit(), np.random.default_rng(0)
+    along = rng.standard_normal((500, 3))
+    along *= size / np.linalg.norm(along, axis=1, keepdims=True)
+    threshold = chi2.isf(FAMILY / (len(TESTS) * len(on.data)), numbers)
+    found = []
+    for k in range(len(on.data)):
+        information = fit.score(k, fit.own_pose_columns(k)).information[3:, 3:]
+        off = np.einsum("ni,ij,nj->n", along, information, along)
+        found.append(ncx2.sf(threshold, numbers, off).mean())
+    return float(np.mean(found))
+
+
+def test_no_test_detects_a_move_of_ten_bounds_much_better_than_that_of_the_origin():
+    """One number is what a test would have that knows the direction of the move."""
+    on = bench(session(np.random.default_rng(0)))
+    six, three, one = (power_of(on, 10 * LOOSE[1], numbers) for numbers in (6, 3, 1))
+    assert six == pytest.approx(0.69, abs=0.03)
+    assert three == pytest.approx(0.76, abs=0.03)
+    assert one == pytest.approx(0.84, abs=0.03)
 
 
 def test_noise_stated_too_low_rejects_no_view_and_is_told():
