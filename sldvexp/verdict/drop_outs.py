@@ -18,6 +18,7 @@ import numpy as np
 from sldvexp.field import View
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
+from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
 from sldvexp.verdict.joint_fit import JointFit, PixelDesign
 from sldvexp.verdict.pixel_data import PixelData, local_std
 from sldvexp.verdict.smooth_field import SmoothField
@@ -43,8 +44,29 @@ AT_REST = 1e-4
 RIM = 10.0
 #: Pixels around one, itself among them, that are at rest together.
 PATCH = 9
+#: Pixels beyond the rim of a place's cell from which it is interpolated, its own corners included.
+REACH = 2
 #: Reweightings of the robust fit by Huber's and by Tukey's function.
 HUBER, TUKEY = 3, 4
+
+
+def used_pixels(view: View, surface: MeasuredSurface) -> IndexArray:
+    """Find the usable pixels that samples of the volume may be interpolated from.
+
+    They are those whose beams meet the lowest, the given or the highest surface, and those around:
+    the interpolation of a place takes the corners of its cell and their neighbours.
+    """
+    usable = np.flatnonzero(view.usable)
+    depth = surface.prisms.depth
+    heights = np.unique([depth[0], 0.0, depth[-1]])
+    met = [PixelBeams.trace(view, surface.raised(h), usable).pixel for h in heights]
+    inside = np.isin(usable, np.concatenate(met))
+    if not inside.any() or len(usable) <= PATCH:
+        return usable[inside]
+    near = scipy.spatial.cKDTree(view.dac[usable]).query(view.dac[usable], PATCH)[1]
+    for _ in range(REACH):
+        inside |= inside[near].any(axis=1)
+    return usable[inside]
 
 
 def drop_outs(view: View, among: IndexArray) -> BoolArray:

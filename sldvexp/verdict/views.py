@@ -26,7 +26,7 @@ from sldvexp.typing import BoolArray, IndexArray
 from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
 from sldvexp.verdict.comparison import LEAST_PIXELS, LEAST_VIEWS, Bench, bench_of, compare_views
 from sldvexp.verdict.diagnosis import diagnose, tells_views_apart
-from sldvexp.verdict.drop_outs import disagreeing, drop_outs, outliers, resting
+from sldvexp.verdict.drop_outs import disagreeing, drop_outs, outliers, resting, used_pixels
 from sldvexp.verdict.joint_fit import POSE, JointFit
 from sldvexp.verdict.lines import at_few_lines, carried_over
 from sldvexp.verdict.refinement import moved_poses, refine
@@ -158,8 +158,10 @@ class _Examination:
             v.name: PixelBeams.trace(v, surface, np.flatnonzero(v.usable)).pixel for v in views
         }
         if robust:
-            views = [self._flag(v, resting(v, self._seen(v)), Flag.resting) for v in views]
-            views = [self._flag(v, drop_outs(v, self._seen(v)), Flag.unlike) for v in views]
+            used = {v.name: used_pixels(v, surface) for v in views}
+            views = [self._flag(v, resting(v, used[v.name]), Flag.resting) for v in views]
+            still = {v.name: used[v.name][v.usable[used[v.name]]] for v in views}
+            views = [self._flag(v, drop_outs(v, still[v.name]), Flag.unlike) for v in views]
         views = self._that_see_enough(views)
         bench = bench_of(views, surface, self._covariance(views)) if len(views) >= LEAST else None
         if views and (bench is None or len(views) < LEAST_VIEWS):
