@@ -33,6 +33,7 @@ class Image:
     def __post_init__(self) -> None:
         n = len(self.dac)
         self.usable = np.ones(n, bool) if self.flags is None else ~self.flags
+        self.dropped = np.zeros(n, bool)
         self.velocity = np.zeros((n, 1), complex) if self.velocity is None else self.velocity
         self.std = np.full(n, 1e-5) if self.std is None else self.std
 

@@ -14,6 +14,7 @@ import numpy as np
 from sldvexp.errors import UserError
 from sldvexp.geometry import Bins
 from sldvexp.image.interpolation.base import ImagePixels
+from sldvexp.image.interpolation.standing_in import stand_ins
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 
@@ -160,12 +161,16 @@ class Lattice(ImageMesh):
     ----------
     grid : ndarray, shape (rows, columns, 2), steps
     usable : ndarray of bool, shape (rows * columns,)
+    merge : csr_array, optional
+        As of `ImageMesh`.
     """
 
     biquadratic = True
 
-    def __init__(self, grid: Array, usable: BoolArray) -> None:
-        super().__init__(grid.reshape(-1, 2), corners_of_cells(grid), usable)
+    def __init__(
+        self, grid: Array, usable: BoolArray, merge: scipy.sparse.csr_array | None = None
+    ) -> None:
+        super().__init__(grid.reshape(-1, 2), corners_of_cells(grid), usable, merge)
         self.grid = grid
 
     def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:
@@ -230,7 +235,11 @@ def lattice_of(image: ImagePixels) -> Lattice | None:
     if (cross(edge, np.roll(edge, -1, axis=1)) <= 0).any():
         return None
     straight = np.ptp(grid[..., 0], axis=1).max() == 0 and np.ptp(grid[..., 1], axis=0).max() == 0
-    return (StraightLattice if straight else Lattice)(grid, image.usable)
+    kind = StraightLattice if straight else Lattice
+    if not image.dropped.any():
+        return kind(grid, image.usable)
+    merge, usable = stand_ins(grid, image.usable, image.dropped)
+    return kind(grid, usable, merge)
 
 
 def corners_of_cells(grid: Array) -> IndexArray:
