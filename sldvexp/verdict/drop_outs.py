@@ -25,6 +25,8 @@ from sldvexp.verdict.smooth_field import SmoothField
 
 #: Neighbours that predict a pixel, and reweightings of their fit.
 NEIGHBOURS, PASSES = 24, 6
+#: How often what is left is judged, without the pixels that were found.
+AGAIN = 4
 #: Pixels whose neighbours are in memory together.
 TOGETHER = 4096
 #: Probability of flagging any good pixel of an image.
@@ -72,16 +74,29 @@ def used_pixels(view: View, surface: MeasuredSurface) -> IndexArray:
 def drop_outs(view: View, among: IndexArray) -> BoolArray:
     """Find pixels that their neighbours do not predict, shape (pixel,).
 
+    Those that are found judge no others: the rest is judged again without them.
+
     Parameters
     ----------
     among : ndarray of int
-        Usable pixels whose beams meet the surface; no other is judged, or judges.
+        Usable pixels that are judged; no other judges.
     """
     found = np.zeros(len(view.dac), bool)
+    for _ in range(AGAIN):
+        left = among[~found[among]]
+        unlike = left[_unlike(view, left)]
+        if not len(unlike):
+            break
+        found[unlike] = True
+    return found
+
+
+def _unlike(view: View, among: IndexArray) -> BoolArray:
+    """Find which of some pixels the others do not predict, shape (among,)."""
     values, std = _channels(view, among)
     dac = view.dac[among]
     if len(among) <= 2 * NEIGHBOURS or not std.all() or not np.ptp(dac, axis=0).all():
-        return found
+        return np.zeros(len(among), bool)
     _, near = scipy.spatial.cKDTree(dac).query(dac, NEIGHBOURS + 1)
     channels = values.shape[1]
     off = np.concatenate(
@@ -95,8 +110,7 @@ def drop_outs(view: View, among: IndexArray) -> BoolArray:
     # Where pixels around are not predicted either, the prediction is to blame.
     around = np.median(squares[near[:, 1:PATCH]], axis=1) / scipy.special.chdtri(channels, 0.5)
     limit = scipy.special.chdtri(channels, ANY / len(among))
-    found[among] = squares > limit * np.maximum(1.0, around)
-    return found
+    return np.asarray(squares > limit * np.maximum(1.0, around))
 
 
 def _channels(view: View, pixels: IndexArray) -> tuple[Array, Array]:
@@ -194,7 +208,7 @@ def resting(view: View, among: IndexArray) -> BoolArray:
     for one in _connected(grown, near[:, :PATCH]):
         rim = np.setdiff1d(near[one].ravel(), one)
         if _should_move(view.dac[among], values / std, one, rim, RIM * limit):
-            found[among[one]] = True
+            found[among[one[still[one]]]] = True  # the rim moves: it is no part of the hole
     return found
 
 
