@@ -16,6 +16,7 @@ import numpy as np
 
 from sldvexp.dataset import Finding, Severity
 from sldvexp.field import PoseErrors, View
+from sldvexp.field.visibility.holes import by_hole, nodes_in_holes
 from sldvexp.field.visibility.view import views_of
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
@@ -142,7 +143,7 @@ def examine_views(
         groups |= moved
         findings += refinement
     changed = carried_over(tree, few, groups, taken)
-    return Examined(changed, [*findings, *_left_out(few, groups)])
+    return Examined(changed, [*findings, *_left_out(few, groups), *_holes(groups, surface)])
 
 
 class _Examination:
@@ -293,6 +294,22 @@ def _left_out(before: Groups, after: Groups) -> list[Finding]:
                 text = f"{many} of view {view} ({count / usable:.2%}) left out, {why}"
                 subject = f"pixels of view {view}"
                 found.append(Finding(kind, subject, text, Severity.note, size=count / usable))
+    return found
+
+
+def _holes(groups: Groups, surface: MeasuredSurface) -> list[Finding]:
+    """Say which nodes are in holes, hole by hole."""
+    prisms, found = surface.prisms, []
+    marked = nodes_in_holes(views_of(groups, surface.laser), surface.laser, prisms)
+    for k, nodes in enumerate(by_hole(marked, prisms)):
+        place = prisms.position.reshape(-1, 3)[nodes]
+        limits = zip("xyz", place.min(axis=0), place.max(axis=0), strict=True)
+        where = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in limits)
+        text = (
+            f"{len(nodes)} of {len(marked)} nodes ({where} m) are in a hole, where the images are "
+            "at rest: their velocities are left out"
+        )
+        found.append(Finding("hole", f"hole {k + 1}", text, Severity.note, size=float(len(nodes))))
     return found
 
 

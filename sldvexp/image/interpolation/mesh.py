@@ -148,6 +148,11 @@ class ImageMesh(ABC):
         """Find which of the places outside of all cells are in a hole that flags have made."""
         return np.zeros(len(places), bool)
 
+    def touches(self, places: Array, pixels: BoolArray) -> BoolArray:
+        """Find which places are in a cell that has one of some flagged pixels at a corner."""
+        cell = self.find(places)
+        return np.asarray((cell >= 0) & pixels[self.cells[cell]].any(axis=1))
+
 
 def cross(a: Array, b: Array) -> Array:
     """Compute the third component of a x b, shape (...)."""
@@ -356,7 +361,11 @@ class Triangles(ImageMesh):
 
     def in_hole(self, places: Array) -> BoolArray:
         """Find which places are nearest to a flagged pixel."""
-        return self._flagged_pixel[self._every_pixel.query(places)[1]]
+        return self.touches(places, self._flagged_pixel)
+
+    def touches(self, places: Array, pixels: BoolArray) -> BoolArray:
+        """Find which places are nearest to one of some flagged pixels, which have no cells."""
+        return np.asarray(pixels[self._every_pixel.query(places)[1]])
 
 
 def triangulate(image: ImagePixels) -> Triangles:
