@@ -48,6 +48,8 @@ RIM = 10.0
 PATCH = 9
 #: Pixels beyond the rim of a place's cell from which it is interpolated, its own corners included.
 REACH = 2
+#: Pixels alike around one beside the surface, of which the corner of an image has no more.
+ALIKE = 3
 #: Reweightings of the robust fit by Huber's and by Tukey's function.
 HUBER, TUKEY = 3, 4
 
@@ -55,13 +57,12 @@ HUBER, TUKEY = 3, 4
 def used_pixels(view: View, surface: MeasuredSurface) -> IndexArray:
     """Find the usable pixels that samples of the volume may be interpolated from.
 
-    They are those whose beams meet the lowest, the given or the highest surface, and those around:
+    They are those whose beams meet the lowest or the highest layer, and those around:
     the interpolation of a place takes the corners of its cell and their neighbours.
     """
     usable = np.flatnonzero(view.usable)
-    depth = surface.prisms.depth
-    heights = np.unique([depth[0], 0.0, depth[-1]])
-    met = [PixelBeams.trace(view, surface.raised(h), usable).pixel for h in heights]
+    ends = np.unique(surface.prisms.depth[[0, -1]])
+    met = [PixelBeams.trace(view, surface.raised(depth), usable).pixel for depth in ends]
     inside = np.isin(usable, np.concatenate(met))
     if not inside.any() or len(usable) <= PATCH:
         return usable[inside]
@@ -71,7 +72,7 @@ def used_pixels(view: View, surface: MeasuredSurface) -> IndexArray:
     return usable[inside]
 
 
-def drop_outs(view: View, among: IndexArray) -> BoolArray:
+def drop_outs(view: View, among: IndexArray, met: IndexArray | None = None) -> BoolArray:
     """Find pixels that their neighbours do not predict, shape (pixel,).
 
     Those that are found judge no others: the rest is judged again without them.
@@ -80,11 +81,17 @@ def drop_outs(view: View, among: IndexArray) -> BoolArray:
     ----------
     among : ndarray of int
         Usable pixels that are judged; no other judges.
+    met : ndarray of int, optional
+        Those of them whose beams meet the surface. Others may be beside the structure, where the
+        image is not smooth: they are kept if pixels around them are alike.
     """
     found = np.zeros(len(view.dac), bool)
+    on_it = np.ones(len(view.dac), bool) if met is None else np.isin(np.arange(len(found)), met)
     for _ in range(AGAIN):
         left = among[~found[among]]
         unlike = left[_unlike(view, left)]
+        alike = _alike(view, left, unlike[~on_it[unlike]])
+        unlike = np.setdiff1d(unlike, alike)
         if not len(unlike):
             break
         found[unlike] = True
@@ -111,6 +118,25 @@ def _unlike(view: View, among: IndexArray) -> BoolArray:
     around = np.median(squares[near[:, 1:PATCH]], axis=1) / scipy.special.chdtri(channels, 0.5)
     limit = scipy.special.chdtri(channels, ANY / len(among))
     return np.asarray(squares > limit * np.maximum(1.0, around))
+
+
+def _alike(view: View, among: IndexArray, some: IndexArray) -> IndexArray:
+    """Find which of some pixels are as several around them, or as the mean of two opposite ones."""
+    if not len(some):
+        return some
+    values, std = _channels(view, among)
+    dac, place = view.dac[among], np.searchsorted(among, some)
+    near = scipy.spatial.cKDTree(dac).query(dac[place], PATCH)[1][:, 1:]
+    away, noise = dac[near] - dac[place, None], std[place, None]
+    limit = scipy.special.chdtri(values.shape[1], ANY / len(among))
+    one, other = np.triu_indices(near.shape[1], 1)
+    middle = np.linalg.norm(away[:, one] + away[:, other], axis=2)
+    opposite = middle < 0.5 * np.linalg.norm(away[:, one] - away[:, other], axis=2)
+    own, around = values[place, None], values[near]
+    as_one = np.sum(((own - around) / noise) ** 2, axis=2) / 2.0 < limit
+    between = (around[:, one] + around[:, other]) / 2.0
+    as_two = np.sum(((own - between) / noise) ** 2, axis=2) / 1.5 < limit
+    return some[(as_one.sum(axis=1) >= ALIKE) | (as_two & opposite).any(axis=1)]
 
 
 def _channels(view: View, pixels: IndexArray) -> tuple[Array, Array]:

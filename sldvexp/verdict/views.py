@@ -161,8 +161,10 @@ class _Examination:
         if robust:
             used = {v.name: used_pixels(v, surface) for v in views}
             views = [self._flag(v, resting(v, used[v.name]), Flag.resting) for v in views]
-            still = {v.name: used[v.name][v.usable[used[v.name]]] for v in views}
-            views = [self._flag(v, drop_outs(v, still[v.name]), Flag.unlike) for v in views]
+            views = [
+                self._flag(v, drop_outs(v, _usable(v, used[v.name]), self._seen(v)), Flag.unlike)
+                for v in views
+            ]
         views = self._that_see_enough(views)
         bench = bench_of(views, surface, self._covariance(views)) if len(views) >= LEAST else None
         if views and (bench is None or len(views) < LEAST_VIEWS):
@@ -202,8 +204,7 @@ class _Examination:
 
     def _seen(self, view: View) -> IndexArray:
         """Find a view's usable pixels whose beams meet the surface."""
-        met = self.met[view.name]
-        return met[view.usable[met]]
+        return _usable(view, self.met[view.name])
 
     def _that_see_enough(self, views: Sequence[View]) -> list[View]:
         """Take those of the views that see enough of the surface to be compared."""
@@ -273,6 +274,11 @@ class _Examination:
         image.attrs["summary"] = describe_flagged_pixels(flags)
         self.groups[name] = image
         return replace(view, flags=flags)
+
+
+def _usable(view: View, pixels: IndexArray) -> IndexArray:
+    """Take those of some pixels that have no flag."""
+    return pixels[view.usable[pixels]]
 
 
 def _left_out(before: Groups, after: Groups) -> list[Finding]:
