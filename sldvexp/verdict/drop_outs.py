@@ -48,6 +48,8 @@ RIM = 10.0
 PATCH = 9
 #: Pixels beyond the rim of a place's cell from which it is interpolated, its own corners included.
 REACH = 2
+#: Misfit over the median velocity of pixels that are alike.
+SLIGHT = 0.1
 #: Pixels alike around one beside the surface, of which the corner of an image has no more.
 ALIKE = 3
 #: Reweightings of the robust fit by Huber's and by Tukey's function.
@@ -129,6 +131,7 @@ def _alike(view: View, among: IndexArray, some: IndexArray) -> IndexArray:
     near = scipy.spatial.cKDTree(dac).query(dac[place], PATCH)[1][:, 1:]
     away, noise = dac[near] - dac[place, None], std[place, None]
     limit = scipy.special.chdtri(values.shape[1], ANY / len(among))
+    limit = max(limit, SLIGHT**2 * float(np.median(np.sum((values / std) ** 2, axis=1))))
     one, other = np.triu_indices(near.shape[1], 1)
     middle = np.linalg.norm(away[:, one] + away[:, other], axis=2)
     opposite = middle < 0.5 * np.linalg.norm(away[:, one] - away[:, other], axis=2)

@@ -52,9 +52,9 @@ def by_hole(marked: BoolArray, prisms: Prisms) -> list[IndexArray]:
     marked : ndarray of bool, shape (node,)
     """
     by_layer = marked.reshape(-1, prisms.surface_nodes)
-    some = by_layer.any(axis=0)
+    some = np.asarray(by_layer.any(axis=0))
     side = np.concatenate([prisms.triangles, np.roll(prisms.triangles, 1, axis=1)]).reshape(2, -1)
-    first, second = side[:, some[side].all(axis=0)]
+    first, second = side[:, np.asarray(some[side].all(axis=0))]
     count = len(some)
     graph = scipy.sparse.csr_array((np.ones(len(first)), (first, second)), shape=(count, count))
     label = scipy.sparse.csgraph.connected_components(graph, directed=False)[1]
