@@ -89,6 +89,7 @@ def drop_outs(view: View, among: IndexArray, met: IndexArray | None = None) -> B
     """
     found = np.zeros(len(view.dac), bool)
     on_it = np.ones(len(view.dac), bool) if met is None else np.isin(np.arange(len(found)), met)
+    among = np.sort(among)
     for _ in range(AGAIN):
         left = among[~found[among]]
         unlike = left[_unlike(view, left)]
@@ -220,7 +221,7 @@ def resting(view: View, among: IndexArray) -> BoolArray:
     Parameters
     ----------
     among : ndarray of int
-        As of `drop_outs`.
+        Usable pixels whose beams meet the surface. What is beside it may be a wall at rest.
     """
     found = np.zeros(len(view.dac), bool)
     values, std = _channels(view, among)

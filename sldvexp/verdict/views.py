@@ -159,10 +159,9 @@ class _Examination:
             v.name: PixelBeams.trace(v, surface, np.flatnonzero(v.usable)).pixel for v in views
         }
         if robust:
-            used = {v.name: used_pixels(v, surface) for v in views}
-            views = [self._flag(v, resting(v, used[v.name]), Flag.resting) for v in views]
+            views = [self._flag(v, resting(v, self._seen(v)), Flag.resting) for v in views]
             views = [
-                self._flag(v, drop_outs(v, _usable(v, used[v.name]), self._seen(v)), Flag.unlike)
+                self._flag(v, drop_outs(v, used_pixels(v, surface), self._seen(v)), Flag.unlike)
                 for v in views
             ]
         views = self._that_see_enough(views)
@@ -204,7 +203,8 @@ class _Examination:
 
     def _seen(self, view: View) -> IndexArray:
         """Find a view's usable pixels whose beams meet the surface."""
-        return _usable(view, self.met[view.name])
+        met = self.met[view.name]
+        return met[view.usable[met]]
 
     def _that_see_enough(self, views: Sequence[View]) -> list[View]:
         """Take those of the views that see enough of the surface to be compared."""
@@ -274,11 +274,6 @@ class _Examination:
         image.attrs["summary"] = describe_flagged_pixels(flags)
         self.groups[name] = image
         return replace(view, flags=flags)
-
-
-def _usable(view: View, pixels: IndexArray) -> IndexArray:
-    """Take those of some pixels that have no flag."""
-    return pixels[view.usable[pixels]]
 
 
 def _left_out(before: Groups, after: Groups) -> list[Finding]:
