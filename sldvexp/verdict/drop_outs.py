@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from sldvexp.field import View
+from sldvexp.image.interpolation.standing_in import AROUND
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
@@ -46,8 +47,9 @@ AT_REST = 1e-4
 RIM = 10.0
 #: Pixels around one, itself among them, that are at rest together.
 PATCH = 9
-#: Pixels beyond the rim of a place's cell from which it is interpolated, its own corners included.
-REACH = 2
+#: Pixels beyond the surface from which its rim is interpolated: a corner of a cell, its neighbour,
+#: and what stands in for that if it dropped out.
+REACH = 2 + AROUND
 #: Misfit over the median velocity of pixels that are alike.
 SLIGHT = 0.1
 #: Pixels alike around one beside the surface, of which the corner of an image has no more.
@@ -59,8 +61,7 @@ HUBER, TUKEY = 3, 4
 def used_pixels(view: View, surface: MeasuredSurface) -> IndexArray:
     """Find the usable pixels that samples of the volume may be interpolated from.
 
-    They are those whose beams meet the lowest or the highest layer, and those around:
-    the interpolation of a place takes the corners of its cell and their neighbours.
+    They are those whose beams meet the lowest or the highest layer, and those around.
     """
     usable = np.flatnonzero(view.usable)
     ends = np.unique(surface.prisms.depth[[0, -1]])

@@ -57,7 +57,7 @@ def test_drop_outs_are_found(share):
 
 
 def test_pixels_around_the_surface_are_judged_as_samples_use_them():
-    """Cells at the rim have corners beyond it, and the corners their neighbours."""
+    """Cells at the rim have corners beyond it, the corners neighbours, and these stand-ins."""
     made = session(np.random.default_rng(0))
     view = made.views[0]
     flags = np.zeros_like(view.flags)
@@ -66,8 +66,8 @@ def test_pixels_around_the_surface_are_judged_as_samples_use_them():
     row, column = np.divmod(np.arange(len(flags)), view.shape[1])
     rows, columns = np.abs(row[:, None] - row[met]), np.abs(column[:, None] - column[met])
     away = np.maximum(rows, columns).min(axis=1)
-    assert set(np.flatnonzero(away <= 2)) <= set(used)
-    assert away[used].max() <= 4  # at the image's border neighbours are further
+    assert set(np.flatnonzero(away <= 4)) <= set(used)
+    assert away[used].max() <= 8  # at the image's border neighbours are further
 
 
 def plate_on_a_wall(rng):
