@@ -52,8 +52,8 @@ PATCH = 9
 REACH = 2 + AROUND
 #: Misfit over the median velocity of pixels that are alike.
 SLIGHT = 0.1
-#: Pixels alike around one beside the surface, of which the corner of an image has no more.
-ALIKE = 3
+#: Pixels alike around one beside the surface; a corner of a wall or a plate has no more.
+ALIKE = 2
 #: Reweightings of the robust fit by Huber's and by Tukey's function.
 HUBER, TUKEY = 3, 4
 
