@@ -29,6 +29,7 @@ from sldvexp.field.equations.undetermined import (
 from sldvexp.field.result import LOCAL, WORLD, FieldResult
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.visibility.coverage import flagged
+from sldvexp.field.visibility.holes import nodes_in_holes
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.reconstruction import Reconstruction
 from sldvexp.reconstruction.observability import blank
@@ -72,7 +73,8 @@ class FieldFit:
         """
         parts = RegionIterator(visibility, FieldModel.from_method(method, visibility, local))
         equations = normal_equations(parts, data)
-        found = find_undetermined(equations)
+        hole = nodes_in_holes(visibility.views, visibility.laser, visibility.prisms)
+        found = find_undetermined(equations, hole)
         if not found.observable.any():
             raise UserError(
                 f"field: nothing is determined anywhere by the rows {parts.model.rows}; "

@@ -16,14 +16,18 @@ from dataclasses import replace
 import numpy as np
 
 from sldvexp.field import View
+from sldvexp.image.interpolation.standing_in import AROUND
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
+from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
 from sldvexp.verdict.joint_fit import JointFit, PixelDesign
 from sldvexp.verdict.pixel_data import PixelData, local_std
 from sldvexp.verdict.smooth_field import SmoothField
 
 #: Neighbours that predict a pixel, and reweightings of their fit.
 NEIGHBOURS, PASSES = 24, 6
+#: How often what is left is judged, without the pixels that were found.
+AGAIN = 4
 #: Pixels whose neighbours are in memory together.
 TOGETHER = 4096
 #: Probability of flagging any good pixel of an image.
@@ -43,23 +47,67 @@ AT_REST = 1e-4
 RIM = 10.0
 #: Pixels around one, itself among them, that are at rest together.
 PATCH = 9
+#: Pixels beyond the surface from which its rim is interpolated: a corner of a cell, its neighbour,
+#: and what stands in for that if it dropped out.
+REACH = 2 + AROUND
+#: Misfit over the median velocity of pixels that are alike.
+SLIGHT = 0.1
+#: Pixels alike around one beside the surface; a corner of a wall or a plate has no more.
+ALIKE = 2
 #: Reweightings of the robust fit by Huber's and by Tukey's function.
 HUBER, TUKEY = 3, 4
 
 
-def drop_outs(view: View, among: IndexArray) -> BoolArray:
+def used_pixels(view: View, surface: MeasuredSurface) -> IndexArray:
+    """Find the usable pixels that samples of the volume may be interpolated from.
+
+    They are those whose beams meet the lowest or the highest layer, and those around.
+    """
+    usable = np.flatnonzero(view.usable)
+    ends = np.unique(surface.prisms.depth[[0, -1]])
+    met = [PixelBeams.trace(view, surface.raised(depth), usable).pixel for depth in ends]
+    inside = np.isin(usable, np.concatenate(met))
+    if not inside.any() or len(usable) <= PATCH:
+        return usable[inside]
+    near = scipy.spatial.cKDTree(view.dac[usable]).query(view.dac[usable], PATCH)[1]
+    for _ in range(REACH):
+        inside |= inside[near].any(axis=1)
+    return usable[inside]
+
+
+def drop_outs(view: View, among: IndexArray, met: IndexArray | None = None) -> BoolArray:
     """Find pixels that their neighbours do not predict, shape (pixel,).
+
+    Those that are found judge no others: the rest is judged again without them.
 
     Parameters
     ----------
     among : ndarray of int
-        Usable pixels whose beams meet the surface; no other is judged, or judges.
+        Usable pixels that are judged; no other judges.
+    met : ndarray of int, optional
+        Those of them whose beams meet the surface. Others may be beside the structure, where the
+        image is not smooth: they are kept if pixels around them are alike.
     """
     found = np.zeros(len(view.dac), bool)
+    on_it = np.ones(len(view.dac), bool) if met is None else np.isin(np.arange(len(found)), met)
+    among = np.sort(among)
+    for _ in range(AGAIN):
+        left = among[~found[among]]
+        unlike = left[_unlike(view, left)]
+        alike = _alike(view, left, unlike[~on_it[unlike]])
+        unlike = np.setdiff1d(unlike, alike)
+        if not len(unlike):
+            break
+        found[unlike] = True
+    return found
+
+
+def _unlike(view: View, among: IndexArray) -> BoolArray:
+    """Find which of some pixels the others do not predict, shape (among,)."""
     values, std = _channels(view, among)
     dac = view.dac[among]
     if len(among) <= 2 * NEIGHBOURS or not std.all() or not np.ptp(dac, axis=0).all():
-        return found
+        return np.zeros(len(among), bool)
     _, near = scipy.spatial.cKDTree(dac).query(dac, NEIGHBOURS + 1)
     channels = values.shape[1]
     off = np.concatenate(
@@ -73,8 +121,27 @@ def drop_outs(view: View, among: IndexArray) -> BoolArray:
     # Where pixels around are not predicted either, the prediction is to blame.
     around = np.median(squares[near[:, 1:PATCH]], axis=1) / scipy.special.chdtri(channels, 0.5)
     limit = scipy.special.chdtri(channels, ANY / len(among))
-    found[among] = squares > limit * np.maximum(1.0, around)
-    return found
+    return np.asarray(squares > limit * np.maximum(1.0, around))
+
+
+def _alike(view: View, among: IndexArray, some: IndexArray) -> IndexArray:
+    """Find which of some pixels are as several around them, or as the mean of two opposite ones."""
+    if not len(some):
+        return some
+    values, std = _channels(view, among)
+    dac, place = view.dac[among], np.searchsorted(among, some)
+    near = scipy.spatial.cKDTree(dac).query(dac[place], PATCH)[1][:, 1:]
+    away, noise = dac[near] - dac[place, None], std[place, None]
+    limit = scipy.special.chdtri(values.shape[1], ANY / len(among))
+    limit = max(limit, SLIGHT**2 * float(np.median(np.sum((values / std) ** 2, axis=1))))
+    one, other = np.triu_indices(near.shape[1], 1)
+    middle = np.linalg.norm(away[:, one] + away[:, other], axis=2)
+    opposite = middle < 0.5 * np.linalg.norm(away[:, one] - away[:, other], axis=2)
+    own, around = values[place, None], values[near]
+    as_one = np.sum(((own - around) / noise) ** 2, axis=2) / 2.0 < limit
+    between = (around[:, one] + around[:, other]) / 2.0
+    as_two = np.sum(((own - between) / noise) ** 2, axis=2) / 1.5 < limit
+    return some[(as_one.sum(axis=1) >= ALIKE) | (as_two & opposite).any(axis=1)]
 
 
 def _channels(view: View, pixels: IndexArray) -> tuple[Array, Array]:
@@ -155,7 +222,7 @@ def resting(view: View, among: IndexArray) -> BoolArray:
     Parameters
     ----------
     among : ndarray of int
-        As of `drop_outs`.
+        Usable pixels whose beams meet the surface. What is beside it may be a wall at rest.
     """
     found = np.zeros(len(view.dac), bool)
     values, std = _channels(view, among)
@@ -172,7 +239,7 @@ def resting(view: View, among: IndexArray) -> BoolArray:
     for one in _connected(grown, near[:, :PATCH]):
         rim = np.setdiff1d(near[one].ravel(), one)
         if _should_move(view.dac[among], values / std, one, rim, RIM * limit):
-            found[among[one]] = True
+            found[among[one[still[one]]]] = True  # the rim moves: it is no part of the hole
     return found
 
 

@@ -110,7 +110,7 @@ def _as_stated(
 def _usable(data: PixelData, view: View) -> PixelData:
     """Take another place of a view, and of its pixels those that have not been left out since."""
     kept = view.usable[data.pixel]
-    return PixelData(view, data.pixel[kept], data.velocity[kept], data.weight[kept])
+    return PixelData(view, data.pixel[kept], data.velocity[kept], data.weight[kept], data.std[kept])
 
 
 def _moves(stated: Sequence[View], views: Sequence[View]) -> Array:

@@ -16,6 +16,7 @@ import numpy as np
 
 from sldvexp.dataset import Finding, Severity
 from sldvexp.field import View
+from sldvexp.field.visibility.holes import by_hole, nodes_in_holes
 from sldvexp.field.visibility.view import views_of
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
@@ -33,7 +34,7 @@ from sldvexp.verdict.comparison import (
     stated_covariance,
 )
 from sldvexp.verdict.diagnosis import diagnose, tells_views_apart
-from sldvexp.verdict.drop_outs import disagreeing, drop_outs, outliers, resting
+from sldvexp.verdict.drop_outs import disagreeing, drop_outs, outliers, resting, used_pixels
 from sldvexp.verdict.joint_fit import JointFit
 from sldvexp.verdict.lines import at_few_lines, carried_over
 from sldvexp.verdict.refinement import moved_poses, refine
@@ -150,7 +151,7 @@ def examine_views(
         groups |= moved
         findings += refinement
     changed = carried_over(tree, few, groups, taken)
-    return Examined(changed, [*findings, *_left_out(few, groups)])
+    return Examined(changed, [*findings, *_left_out(few, groups), *_holes(groups, surface)])
 
 
 class _Examination:
@@ -167,7 +168,10 @@ class _Examination:
         }
         if robust:
             views = [self._flag(v, resting(v, self._seen(v)), Flag.resting) for v in views]
-            views = [self._flag(v, drop_outs(v, self._seen(v)), Flag.unlike) for v in views]
+            views = [
+                self._flag(v, drop_outs(v, used_pixels(v, surface), self._seen(v)), Flag.unlike)
+                for v in views
+            ]
         views = self._that_see_enough(views)
         known = stated_covariance(self.groups["pose"], views)
         bench = bench_of(views, surface, known) if len(views) >= LEAST else None
@@ -309,6 +313,22 @@ def _left_out(before: Groups, after: Groups) -> list[Finding]:
                 text = f"{many} of view {view} ({count / usable:.2%}) left out, {why}"
                 subject = f"pixels of view {view}"
                 found.append(Finding(kind, subject, text, Severity.note, size=count / usable))
+    return found
+
+
+def _holes(groups: Groups, surface: MeasuredSurface) -> list[Finding]:
+    """Say which nodes are in holes, hole by hole."""
+    prisms, found = surface.prisms, []
+    marked = nodes_in_holes(views_of(groups, surface.laser), surface.laser, prisms)
+    for k, nodes in enumerate(by_hole(marked, prisms)):
+        place = prisms.position.reshape(-1, 3)[nodes]
+        limits = zip("xyz", place.min(axis=0), place.max(axis=0), strict=True)
+        where = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in limits)
+        text = (
+            f"{len(nodes)} of {len(marked)} nodes ({where} m) are in a hole, where the images are "
+            "at rest: their velocities are left out"
+        )
+        found.append(Finding("hole", f"hole {k + 1}", text, Severity.note, size=float(len(nodes))))
     return found
 
 

@@ -33,6 +33,7 @@ class Image:
     def __post_init__(self) -> None:
         n = len(self.dac)
         self.usable = np.ones(n, bool) if self.flags is None else ~self.flags
+        self.dropped = np.zeros(n, bool)
         self.velocity = np.zeros((n, 1), complex) if self.velocity is None else self.velocity
         self.std = np.full(n, 1e-5) if self.std is None else self.std
 
@@ -429,3 +430,55 @@ def test_auto_stays_linear_where_its_error_is_lost_in_the_noise() -> None:
     assert Interpolation.auto.chosen([image]) is Interpolation.linear
     clear = waving(even(121), noise=1e-4)
     assert Interpolation.auto.chosen([clear]) is Interpolation.cubic
+
+
+def with_dropped(kind: str, dropped: list[tuple[int, int]]) -> Image:
+    whole = KINDS[kind][0](21)
+    flags = np.zeros(whole.shape, bool)
+    flags[tuple(np.transpose(dropped))] = True
+    image = Image(whole.dac, whole.shape, flags.ravel())
+    image.dropped = flags.ravel()
+    return image
+
+
+ALONE = [(5, 5), (9, 9), (9, 10), (12, 4), (0, 8)]
+
+
+@pytest.mark.parametrize("kind", ["even", "rounded", "oblique"])
+@methods
+def test_neighbours_stand_in_for_single_pixels(kind: str, method: Interpolation) -> None:
+    """Also for two side by side and at the border; what is known of them has no say."""
+    image = with_dropped(kind, ALONE)
+    w = method.prepare(image).at(image.dac[image.dropped])
+    assert found(w).all()
+    np.testing.assert_allclose(w.value @ quadratic(image.dac), quadratic(image.dac[image.dropped]))
+    assert not np.isin(w.value.indices, np.flatnonzero(image.dropped)).any()
+    assert (w.value.power(2).sum(axis=1) <= 1.0 + 1e-9).all()
+
+
+HOLES = {"a block": [(i, j) for i in (4, 5, 6) for j in (4, 5, 6)], "the corner": [(0, 0)]}
+HOLES["a block and what hangs on it"] = [*HOLES["a block"], (7, 7), (8, 7)]
+
+
+@pytest.mark.parametrize("hole", HOLES)
+@methods
+def test_nothing_stands_in_for_a_hole(hole: str, method: Interpolation) -> None:
+    image = with_dropped("even", HOLES[hole])
+    assert method.prepare(image).at(image.dac[image.dropped]).flagged.all()
+
+
+@methods
+def test_nothing_stands_in_for_pixels_with_other_flags(method: Interpolation) -> None:
+    image = with_dropped("even", ALONE)
+    image.dropped[:] = False
+    assert method.prepare(image).at(image.dac[~image.usable]).flagged.all()
+
+
+@pytest.mark.parametrize("kind", ["even", "scattered"])
+def test_places_that_touch_some_pixels(kind: str) -> None:
+    image = KINDS[kind][0](21)
+    step = 2 * HALF / 20
+    some = np.zeros(len(image.dac), bool)
+    some[8 * 21 + 8] = True
+    near, far = image.dac[some], image.dac[some] + 2.5 * step
+    assert mesh_of(image).touches(np.concatenate([near, far]), some).tolist() == [True, False]

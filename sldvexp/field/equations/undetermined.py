@@ -48,17 +48,24 @@ class Observability:
     direction: Array
 
 
-def find_undetermined(equations: Equations) -> Observability:
-    """Judge every node by its samples.
+def find_undetermined(equations: Equations, hole: BoolArray | None = None) -> Observability:
+    """Judge every node by its samples; in a hole nothing is determined.
 
     As many parameters are determined as at a part of the node's samples, by each one's views alone.
     The directions that are not are those of the least information of all its samples. Nodes next to
     it and views that turn from sample to sample may say more; that is in the bounds, and no reason
     to trust it.
+
+    Parameters
+    ----------
+    hole : ndarray of bool, shape (node,), optional
+        See `sldvexp.field.visibility.holes.nodes_in_holes`.
     """
     parameters = equations.ranked.shape[-1]
     ranked = equations.ranked.reshape(-1, parameters)
     rank = np.sum(ranked >= SMALLEST_PART, axis=1)
+    if hole is not None:
+        rank[hole] = 0
     node = np.flatnonzero(rank < parameters)
     null = np.zeros((len(node), parameters, parameters))
     lumped = equations.system.lumped.reshape(len(ranked), *equations.system.lumped.shape[2:])

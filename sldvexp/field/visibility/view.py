@@ -175,6 +175,11 @@ class View:
         """Pixels that have no flag, shape (pixel,)."""
         return np.asarray(self.flags == 0)
 
+    @property
+    def dropped(self) -> BoolArray:
+        """Pixels of which nothing is wrong but that they are unlike those around, (pixel,)."""
+        return np.asarray(self.flags == int(Flag.unlike))
+
     def moved(self, pose: Array) -> View:
         """Move it by a rotation vector of the laser frame and a displacement of the origin.
 

@@ -15,7 +15,11 @@ from sldvexp.typing import Array, BoolArray, ComplexArray
 
 
 class ImagePixels(Protocol):
-    """Pixels and their accuracy, as far as interpolation needs a velocity image."""
+    """Pixels and their accuracy, as far as interpolation needs a velocity image.
+
+    Pixels that are not usable have no say; in place of those that `dropped` out one by one stand
+    the pixels around, on a lattice.
+    """
 
     @property
     def name(self) -> str: ...
@@ -27,6 +31,8 @@ class ImagePixels(Protocol):
     def std(self) -> Array: ...
     @property
     def usable(self) -> BoolArray: ...
+    @property
+    def dropped(self) -> BoolArray: ...
     @property
     def shape(self) -> tuple[int, int] | None: ...
 

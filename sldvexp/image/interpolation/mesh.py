@@ -14,6 +14,7 @@ import numpy as np
 from sldvexp.errors import UserError
 from sldvexp.geometry import Bins
 from sldvexp.image.interpolation.base import ImagePixels
+from sldvexp.image.interpolation.standing_in import stand_ins
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 
@@ -147,6 +148,11 @@ class ImageMesh(ABC):
         """Find which of the places outside of all cells are in a hole that flags have made."""
         return np.zeros(len(places), bool)
 
+    def touches(self, places: Array, pixels: BoolArray) -> BoolArray:
+        """Find which places are in a cell that has one of some flagged pixels at a corner."""
+        cell = self.find(places)
+        return np.asarray((cell >= 0) & pixels[self.cells[cell]].any(axis=1))
+
 
 def cross(a: Array, b: Array) -> Array:
     """Compute the third component of a x b, shape (...)."""
@@ -160,12 +166,16 @@ class Lattice(ImageMesh):
     ----------
     grid : ndarray, shape (rows, columns, 2), steps
     usable : ndarray of bool, shape (rows * columns,)
+    merge : csr_array, optional
+        As of `ImageMesh`.
     """
 
     biquadratic = True
 
-    def __init__(self, grid: Array, usable: BoolArray) -> None:
-        super().__init__(grid.reshape(-1, 2), corners_of_cells(grid), usable)
+    def __init__(
+        self, grid: Array, usable: BoolArray, merge: scipy.sparse.csr_array | None = None
+    ) -> None:
+        super().__init__(grid.reshape(-1, 2), corners_of_cells(grid), usable, merge)
         self.grid = grid
 
     def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:
@@ -230,7 +240,11 @@ def lattice_of(image: ImagePixels) -> Lattice | None:
     if (cross(edge, np.roll(edge, -1, axis=1)) <= 0).any():
         return None
     straight = np.ptp(grid[..., 0], axis=1).max() == 0 and np.ptp(grid[..., 1], axis=0).max() == 0
-    return (StraightLattice if straight else Lattice)(grid, image.usable)
+    kind = StraightLattice if straight else Lattice
+    if not image.dropped.any():
+        return kind(grid, image.usable)
+    merge, usable = stand_ins(grid, image.usable, image.dropped)
+    return kind(grid, usable, merge)
 
 
 def corners_of_cells(grid: Array) -> IndexArray:
@@ -347,7 +361,11 @@ class Triangles(ImageMesh):
 
     def in_hole(self, places: Array) -> BoolArray:
         """Find which places are nearest to a flagged pixel."""
-        return self._flagged_pixel[self._every_pixel.query(places)[1]]
+        return self.touches(places, self._flagged_pixel)
+
+    def touches(self, places: Array, pixels: BoolArray) -> BoolArray:
+        """Find which places are nearest to one of some flagged pixels, which have no cells."""
+        return np.asarray(pixels[self._every_pixel.query(places)[1]])
 
 
 def triangulate(image: ImagePixels) -> Triangles:
