@@ -173,8 +173,9 @@ class _Examination:
                 for v in views
             ]
         views = self._that_see_enough(views)
-        known = stated_covariance(self.groups["pose"], views)
-        bench = bench_of(views, surface, known) if len(views) >= LEAST else None
+        bench = None
+        if len(views) >= LEAST:
+            bench = bench_of(views, surface, stated_covariance(self.groups["pose"], views))
         if views and (bench is None or len(views) < LEAST_VIEWS):
             self.findings.append(untested(len(views), "as nothing that they see moves"))
         if bench is None:
