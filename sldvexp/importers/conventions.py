@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.typing import Array, ComplexArray
+from sldvexp.unit_labels import Amplitude as Amplitude
 
 
 class Directions(Enum):
@@ -65,14 +66,6 @@ class MotionUnit(Enum):
     inch = 0.0254
     ft = 0.3048
     g = 9.80665
-
-
-class Amplitude(Enum):
-    """Measure of a sine that a spectrum gives; the value turns it to the peak."""
-
-    peak = 1.0
-    rms = 2**0.5
-    half = 2.0
 
 
 class Phase(Enum):
