@@ -74,6 +74,10 @@ class UnitLabel:
         ``displacement``, ``velocity`` or ``acceleration``, and of others as `QUANTITIES`.
     factor : float
         One of the unit in SI; of a power that of the unit whose square it is.
+    length : float
+        One of a motion's unit of length in m if its times are seconds; 0 of all others.
+    length : float
+        One of a motion's unit of length in m; 0 of others, and of g.
     amplitude : Amplitude or None
         None if the label says nothing of it.
     form : SpectralForm
@@ -86,6 +90,7 @@ class UnitLabel:
     text: str
     quantity: str
     factor: float
+    length: float = 0.0
     amplitude: Amplitude | None = None
     form: SpectralForm = SpectralForm.linear
     reference: str = ""
@@ -230,7 +235,7 @@ def read_unit(text: str) -> UnitLabel:
     Examples
     --------
     >>> read_unit("(mm/s RMS)/N")  # doctest: +NORMALIZE_WHITESPACE
-    UnitLabel(text='(mm/s RMS)/N', quantity='velocity', factor=0.001,
+    UnitLabel(text='(mm/s RMS)/N', quantity='velocity', factor=0.001, length=0.001,
               amplitude=<Amplitude.rms: 1.4142135623730951>,
               form=<SpectralForm.linear: 'linear'>, reference='N', product=False)
     >>> read_unit("m/s/m")
@@ -462,6 +467,7 @@ def _meaning(
     if not rest and len(kinematic) > 1 and kinematic[-1].bracketed and kinematic[-1].exponent == -1:
         rest = [kinematic.pop()]
     quantity, factor, squared = _motion(text, kinematic) if kinematic else ("", 1.0, False)
+    in_seconds = bool(quantity) and _in_seconds(kinematic)
     if not quantity:
         quantity, factor, squared = _other(text, others)
         rest = []
@@ -478,7 +484,14 @@ def _meaning(
         form = SpectralForm.root_density if per_root else whole
     factor *= number**0.5 if squared else number
     reference = "*".join(f.text for f in rest)
-    return UnitLabel(text, quantity, factor, amplitude, form, reference, product)
+    length = factor if in_seconds else 0.0
+    return UnitLabel(text, quantity, factor, length, amplitude, form, reference, product)
+
+
+def _in_seconds(factors: list[_Factor]) -> bool:
+    """Tell whether units are lengths and seconds alone."""
+    names = {n for f in factors for n in f.names} - {"second"}
+    return all(pint_registry().Quantity(1.0, n).check("[length]") for n in names)
 
 
 def _motion(text: str, factors: list[_Factor]) -> tuple[str, float, bool]:

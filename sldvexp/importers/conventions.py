@@ -91,6 +91,52 @@ def unstated(where: str | Path, setting: str, example: str, what: str) -> UserEr
     )
 
 
+class Questions:
+    """Questions that files leave open: collected, and asked in one go.
+
+    Examples
+    --------
+    >>> questions = Questions()
+    >>> questions.ask("a.uff", "positive", "towards", "where a positive velocity points to")
+    >>> questions.ask("b.uff", "positive", "towards", "where a positive velocity points to")
+    >>> bool(questions), len(questions.texts())
+    (True, 1)
+    """
+
+    def __init__(self) -> None:
+        self._places: dict[str, list[str]] = {}
+        self._first: dict[str, UserError] = {}
+
+    def __bool__(self) -> bool:
+        """Whether something is open."""
+        return bool(self._first)
+
+    def ask(self, where: str | Path, setting: str, example: str, what: str) -> None:
+        """Note something that a file does not state, once for all files that do not."""
+        self.note(unstated(where, setting, example, what), where)
+
+    def note(self, error: UserError, where: str | Path) -> None:
+        """Note an error that a setting answers; `where` is what its text begins with."""
+        text = str(error).removeprefix(f"{where}: ")
+        self._places.setdefault(text, []).append(str(where))
+        self._first.setdefault(text, error)
+
+    def texts(self) -> list[str]:
+        """List the questions, each with the place that it is about and how many others."""
+        return [
+            f"{places[0]}{f' and {more} more' if (more := len(set(places)) - 1) else ''}: {text}"
+            for text, places in self._places.items()
+        ]
+
+    def done(self) -> None:
+        """Raise one `UserError` if anything is open."""
+        if len(self._first) == 1:
+            raise next(iter(self._first.values()))
+        if self._first:
+            listed = "; ".join(f"({i}) {text}" for i, text in enumerate(self.texts(), 1))
+            raise UserError(f"{len(self._first)} questions are open: {listed}")
+
+
 @dataclass(frozen=True)
 class Conventions:
     """Rule that turns a file's values to peak velocities towards the instrument, exp(+i omega t).

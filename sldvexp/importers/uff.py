@@ -6,22 +6,31 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-from sldvexp.importers.conventions import Directions, Quantity, Zeros
+from sldvexp.importers.conventions import Conventions, Directions, Quantity, Questions, Zeros
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, close, same_frequencies
-from sldvexp.importers.uff_conventions import FunctionKind, decide_conventions, length_unit
+from sldvexp.importers.uff_conventions import (
+    FunctionKind,
+    ask_positive,
+    decide_conventions,
+    length_unit,
+)
 from sldvexp.importers.uff_estimators import (
     Estimator,
     coherence,
     estimate_response,
     find_reference,
     fit_phasors,
+    no_estimator,
+    no_frequency,
+    no_reference,
 )
 from sldvexp.io.uff import Function, UniversalFile, UniversalGeometry, universal_file
 from sldvexp.io.uff.functions import ACCELERATION, DIRECTIONS, DISPLACEMENT, KINDS, NODAL, VELOCITY
@@ -100,26 +109,87 @@ class UffImport(PointwiseImport):
         return [*([self.geometry] if self.geometry else []), *super().inputs()]
 
     def measured(self) -> Iterator[PointwiseData]:
-        """Read the views' files, one after the other."""
+        """Read the views' files, one after the other, once no question is open."""
         first: PointwiseData | None = None
-        for name, view in self.views.items():
-            with ExitStack() as files:
-                file = files.enter_context(universal_file(locate(view.path)))
-                places = file
-                if self.geometry:
-                    places = files.enter_context(universal_file(locate(self.geometry)))
-                found = _view(self, name, view, file, places)
-            same_frequencies(found, first)
-            first = first or found
-            yield found
+        with ExitStack() as files:
+            opened: dict[str, UniversalFile] = {}
+            for path in self.inputs():
+                if path not in opened:
+                    opened[path] = files.enter_context(universal_file(locate(path)))
+            questions = Questions()
+            chosen = {
+                name: _choose(self, view, opened, questions) for name, view in self.views.items()
+            }
+            questions.done()
+            for name, source in chosen.items():
+                assert source is not None  # or a question would have been open
+                found = _view(self, name, self.views[name], source)
+                same_frequencies(found, first)
+                first = first or found
+                yield found
+
+
+class _ViewSource(NamedTuple):
+    """Functions of a view, and what their numbers mean."""
+
+    file: UniversalFile
+    functions: list[Function]
+    rules: Conventions
+    geometry: UniversalGeometry | None
+    length: tuple[float, str]
+
+
+def _choose(
+    settings: UffImport,
+    view: PointwiseView,
+    opened: dict[str, UniversalFile],
+    questions: Questions,
+) -> _ViewSource | None:
+    """Choose one view's functions and their conventions; None if a question is open."""
+    file = opened[view.path]
+    places = opened[settings.geometry] if settings.geometry else file
+    length = (np.nan, "")
+    if places.geometry is not None:
+        length = length_unit(settings, places, questions)
+    try:
+        functions = _chosen(settings, view, file)
+    except UserError as error:
+        if not questions and settings.positive is not None:
+            raise  # nothing else is open, as far as one can see
+        questions.note(error, file.source.path)
+        ask_positive(settings, file, questions)
+        return None
+    rules = decide_conventions(settings, file, functions, questions)
+    _ask_more(settings, file, functions[0], questions)
+    try:
+        geometry = _turned(settings, file, functions[0], places.geometry)
+    except UserError as error:
+        questions.note(error, file.source.path)
+        return None
+    return _ViewSource(file, functions, rules, geometry, length) if rules else None
+
+
+def _ask_more(
+    settings: UffImport, file: UniversalFile, function: Function, questions: Questions
+) -> None:
+    """Ask for what time records and cross spectra need besides their units."""
+    path = file.source.path
+    if function.kind == FunctionKind.time.value:
+        for missing, error in (
+            (not settings.frequency, no_frequency(file)),
+            (not settings.time_reference, no_reference(file)),
+        ):
+            if missing:
+                questions.note(error, path)
+    if function.kind == FunctionKind.cross.value and settings.estimator is None:
+        questions.note(no_estimator(file), path)
 
 
 def _view(
-    settings: UffImport, name: str, view: PointwiseView, file: UniversalFile, places: UniversalFile
+    settings: UffImport, name: str, view: PointwiseView, source: _ViewSource
 ) -> PointwiseData:
-    """Choose one view's functions, check them, and turn them into velocities."""
-    functions = _chosen(settings, view, file)
-    rules = decide_conventions(settings, file, functions)
+    """Turn one view's functions into velocities."""
+    file, functions, rules, geometry, (length, by) = source
     told = rules.told
     if functions[0].kind == FunctionKind.time.value:
         reference = find_reference(settings.time_reference, file)
@@ -144,8 +214,6 @@ def _view(
     if settings.zeros is Zeros.measured:
         missing[:] = False
     axes = {"nodal_axes": settings.nodal_axes.name} if settings.nodal_axes else {}
-    geometry = _turned(settings, file, functions[0], places.geometry)
-    length, by = length_unit(settings, places) if geometry is not None else (np.nan, "")
     return PointwiseData(
         name,
         str(file.source.path),

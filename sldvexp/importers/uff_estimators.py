@@ -44,6 +44,32 @@ AUTO = 2
 ROUNDING = 1e-4
 
 
+def no_estimator(file: UniversalFile) -> UserError:
+    """Ask how response functions are made of cross spectra."""
+    return UserError(
+        f"{file.source.path}: has cross spectra, of which response functions are made in two "
+        "ways; say it with instrument.estimator=h1 (divided by the reference's auto spectrum: "
+        "noise is in the responses) or h2 (of the response's: noise is in the reference)"
+    )
+
+
+def no_reference(file: UniversalFile) -> UserError:
+    """Ask what the phase of time records is from."""
+    return UserError(
+        f"{file.source.path}: does not state what time records have their phase from; say it "
+        "with instrument.time_reference, as 99+Z (the record of that degree of freedom) or "
+        f"{TRIGGER} (records begin at one phase of the excitation)"
+    )
+
+
+def no_frequency(file: UniversalFile) -> UserError:
+    """Ask for the frequencies of time records."""
+    return UserError(
+        f"{file.source.path}: does not state at which frequencies its time records are to be "
+        "evaluated; say it with instrument.frequency, for example instrument.frequency=[197]"
+    )
+
+
 def estimate_response(
     estimator: Estimator | None,
     containing: str,
@@ -78,11 +104,7 @@ def estimate_response(
         If the estimator is not set, or an auto spectrum is missing or zero.
     """
     if estimator is None:
-        raise UserError(
-            f"{file.source.path}: has cross spectra, of which response functions are made in two "
-            "ways; say it with instrument.estimator=h1 (divided by the reference's auto spectrum: "
-            "noise is in the responses) or h2 (of the response's: noise is in the reference)"
-        )
+        raise no_estimator(file)
     if estimator is Estimator.h1:
         return values / _autos(containing, file, crosses, frequency, lines, of_reference=True)
     response = _autos(containing, file, crosses, frequency, lines, of_reference=False)
@@ -196,11 +218,7 @@ def find_reference(wanted: str, file: UniversalFile) -> Function | None:
         If `wanted` is empty, or there is not one record of that degree of freedom.
     """
     if not wanted:
-        raise UserError(
-            f"{file.source.path}: does not state what time records have their phase from; say it "
-            "with instrument.time_reference, as 99+Z (the record of that degree of freedom) or "
-            f"{TRIGGER} (records begin at one phase of the excitation)"
-        )
+        raise no_reference(file)
     if wanted == TRIGGER:
         return None
     found = [f for f in file.functions if f.kind == FunctionKind.time.value and f.dof == wanted]
@@ -238,10 +256,7 @@ def fit_phasors(
         Standard error from the record's residuals, of real and imaginary part each.
     """
     if not wanted:
-        raise UserError(
-            f"{file.source.path}: does not state at which frequencies its time records are to be "
-            "evaluated; say it with instrument.frequency, for example instrument.frequency=[197]"
-        )
+        raise no_frequency(file)
     frequency = np.array(wanted)
     turn = np.ones(len(frequency), complex)
     if reference is not None:

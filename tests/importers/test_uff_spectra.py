@@ -152,7 +152,7 @@ SPECTRA_REFUSED = {
         {"averages": 4},
     ),
     "unit of two": ({"unit": "m/s*mm/s"}, "say it with instrument.unit", {}),
-    "unit that is no factor": ({"unit": "m*N/s"}, "say it with instrument.unit", {}),
+    "unit that is no factor": ({"unit": "m*s*N"}, "say it with instrument.unit", {}),
 }
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.io.uff.fortran import TextLines, columns, integers, number, table
-from sldvexp.io.uff.source import ASCII_LINES, DataSet, Source, shown
+from sldvexp.io.uff.source import ASCII_LINES, DataSet, Source, decoded, shown
 from sldvexp.typing import Array
 
 #: Types of functions by their number in the file, as far as they are spoken of; and of those that
@@ -280,14 +280,14 @@ def _axis(line: bytes) -> Axis | None:
         kind = int(line[:10].strip() or b"0")
     except ValueError:
         return None
-    label, unit = (line[a:b].decode("utf-8", "replace").strip() for a, b in ((25, 46), (46, 67)))
+    label, unit = (decoded(line[a:b]).strip() for a, b in ((25, 46), (46, 67)))
     return Axis(kind, *("" if t.upper() == "NONE" else t for t in (label, unit)))
 
 
 @lru_cache(maxsize=64)
 def _word(line: bytes) -> str:
     """Decode a line of text."""
-    return line.decode("utf-8", "replace").strip()
+    return decoded(line).strip()
 
 
 #: Scale of amplitudes in data set 1858.
@@ -325,7 +325,7 @@ def read_units(source: Source, entries: list[DataSet]) -> Units | None:
         factor = lines.numbers("the factors of the units", 1, 25)[0]
         if not factor > 0:
             raise lines.wrong(f"the factor of lengths must be a positive number, not {factor:g}")
-        units = Units(head[10:30].decode("utf-8", "replace").strip(), 1.0 / factor)
+        units = Units(decoded(head[10:30]).strip(), 1.0 / factor)
         if found is not None and found.length != units.length:
             raise lines.wrong(
                 f"states one unit of length as {units.length:g} m, an earlier data set 164 as "

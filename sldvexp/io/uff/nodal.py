@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sldvexp.errors import UserError
 from sldvexp.io.uff.fortran import TextLines, between_blanks
 from sldvexp.io.uff.functions import NODAL, Axis, Function
-from sldvexp.io.uff.source import DataSet, Source
+from sldvexp.io.uff.source import DataSet, Source, decoded
 from sldvexp.typing import Array, IntArray
 
 #: Names of analyses by their number; only a frequency response has values of one frequency.
@@ -65,7 +65,7 @@ def read_nodal(source: Source, entry: DataSet, containing: str = "") -> Nodal | 
         If it is broken, is of a mode, or its values are of more than displacements in space.
     """
     lines = TextLines(source, entry)
-    text = tuple(lines.next("a line of text").decode("utf-8", "replace").strip() for _ in range(5))
+    text = tuple(decoded(lines.next("a line of text")).strip() for _ in range(5))
     if containing not in " ".join(text):
         return None
     _, analysis, _, quantity, type_, count = lines.integers("the kinds of the values", 6)[:6]
