@@ -223,7 +223,7 @@ def test_components_of_nodal_values(read, nodal):
         np.testing.assert_allclose(group["velocity"][0], V[:, i], rtol=1e-5)
         np.testing.assert_array_equal(group["direction_cosines"][0], [np.eye(3)[i]] * 3)
         np.testing.assert_allclose(group["frequency"], FREQUENCY)
-    assert group.attrs["import_function"] == "nodal values (data set 55)"
+    assert group.attrs["import_function"] == "nodal values (data sets 55, 2414)"
 
 
 def test_scalars_along_a_view(read, nodal):

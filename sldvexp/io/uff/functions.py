@@ -29,7 +29,7 @@ KINDS = {
     6: "coherence",
     9: "power spectral density",
     12: "spectrum",
-    (NODAL := 55): "nodal values (data set 55)",
+    (NODAL := 55): "nodal values (data sets 55, 2414)",
 }
 #: Types of values: (complex, double).
 TYPES = {2: (False, False), 4: (False, True), 5: (True, False), 6: (True, True)}
@@ -41,6 +41,8 @@ DIRECTIONS = {0: "scalar"} | {
     for turned in (0, 1)
     for k, axis in enumerate("XYZ", 1)
 }
+#: Sizes between which measured values are, in any unit.
+SMALLEST, LARGEST = 1e-25, 1e13
 #: Longest header, eleven lines of 80 columns and what others make of them.
 LONGEST_HEADER = 1 << 14
 
@@ -214,9 +216,49 @@ def _binary_values(source: Source, function: Function) -> Array:
     x = [] if function.even else [("x", f"{entry.binary.order}f{size - numbers * int(y[-1])}")]
     raw = source.read_binary(entry.data, entry.data + size * function.size)
     records = np.frombuffer(raw, np.dtype([*x, ("y", y, (numbers,))]))
+    _require_byte_order(source, entry, records)
     if function.even:
         return records["y"].astype(np.float64)
     return np.column_stack([records["x"].astype(np.float64), records["y"]])
+
+
+def _require_byte_order(source: Source, entry: DataSet, records: NDArray) -> None:
+    """Refuse values whose bytes stand in the other order than the file states.
+
+    Exponents of numbers that are read in the wrong order are random: some of them are beyond
+    anything physical. Zeros are zeros in both orders.
+    """
+    stated = _sizes(records)
+    if _is_physical(stated) or entry.binary is None:
+        return
+    other = _sizes(records.view(records.dtype.newbyteorder()))
+    names = {"<": ("least", 1), ">": ("most", 2)}
+    first, _ = names[entry.binary.order]
+    finite = stated[np.isfinite(stated)]
+    message = f"in the order of bytes that its first line states, {first} significant one first, "
+    message += f"values reach {finite.max():.2g}" if len(finite) else "values are no numbers"
+    if _is_physical(other):
+        right, number = names[">" if entry.binary.order == "<" else "<"]
+        raise entry.wrong(
+            source,
+            entry.data,
+            f"{message}; with the {right} significant one first they are {other.max():.2g} at "
+            f"most, so that the number behind 58b must be {number}",
+        )
+    if not len(finite) or finite.max() > LARGEST:
+        raise entry.wrong(source, entry.data, f"{message}, which nothing physical does")
+
+
+def _sizes(records: NDArray) -> Array:
+    """List the absolute values of all numbers of records."""
+    with np.errstate(invalid="ignore"):
+        columns = [records[name].astype(np.float64).ravel() for name in records.dtype.names or ()]
+    return np.abs(np.concatenate(columns))
+
+
+def _is_physical(sizes: Array) -> bool:
+    """Tell whether all are zero or of a size that measured values may have."""
+    return bool(((sizes == 0) | ((sizes > SMALLEST) & (sizes < LARGEST))).all())
 
 
 def _bytes_a_value(function: Function) -> tuple[int, ...]:
