@@ -173,7 +173,10 @@ WITH_PREFIX = {
     *("newton", "volt", "ampere", "pascal", "watt", "gram", "joule", "hertz", "ohm", "coulomb"),
     *("kelvin",),
 }
-MILLI_G = "mg"
+#: Names of several meanings: a thousandth of g or a milligram, a micron or a prefix alone.
+AMBIGUOUS = ("mg", "μ")
+#: Largest exponents of a unit and of a number that make sense.
+UNIT_EXPONENT, NUMBER_EXPONENT = 6, 15
 #: How far from a whole number the decimal logarithm of a power of ten may be.
 ROUNDING = 1e-9
 
@@ -247,7 +250,7 @@ def read_unit(text: str) -> UnitLabel:
     if LOGARITHMIC.search(text):
         raise _asked(text, "is logarithmic; export linear values")
     bare, amplitude = _without_amplitude(text, _one_spelling(text))
-    if not bare:
+    if not bare.strip("-"):
         raise _asked(text, "names no unit")
     capitals = not any(c.islower() for c in bare)
     factors, number = _Parser(text, bare, capitals).factors()
@@ -288,9 +291,10 @@ def _without_amplitude(text: str, bare: str) -> tuple[str, Amplitude | None]:
         found += [amplitude] * count
     if len(found) > 1:
         raise _asked(text, "names more than one measure of the amplitude")
-    bare = re.sub(r"\(\s*\)", "", bare).strip(" ,;:_-")
+    beside = " ,;:_-" if found else " "
+    bare = re.sub(r"\(\s*\)", "", bare).strip(beside)
     while bare.startswith("(") and _closing(bare) == len(bare) - 1:
-        bare = bare[1:-1].strip(" ,;:_-")
+        bare = bare[1:-1].strip(beside)
     return bare, found[0] if found else None
 
 
@@ -368,7 +372,7 @@ class _Parser:
                 sign, expected = (1 if match["sign"] == "*" else -1), True
                 continue
             if match["number"]:
-                self.number *= float(match["number"]) ** (sign * self._exponent(bare=False))
+                self.number *= self._power(float(match["number"]), sign)
             elif match["sign"] == "(":
                 inner = self._product(nested=True)
                 if not inner or self.bare[self.at : self.at + 1] != ")":
@@ -392,7 +396,20 @@ class _Parser:
         if not match or (match[3] and not bare):
             return 1
         self.at = match.end()
-        return int(match[1] or match[2] or match[3])
+        found = int(match[1] or match[2] or match[3])
+        if abs(found) > (UNIT_EXPONENT if bare else NUMBER_EXPONENT):
+            raise self._unknown(match[0])
+        return found
+
+    def _power(self, number: float, sign: int) -> float:
+        """Raise a number to the exponent that may follow."""
+        exponent = sign * self._exponent(bare=False)
+        if not 0 < number < math.inf:
+            raise self._unknown(f"{number:g}")
+        try:
+            return float(number**exponent)
+        except OverflowError:
+            raise self._unknown(f"{number:g}") from None
 
     def _named(self, name: str, sign: int) -> list[_Factor]:
         """Look up one name, with its exponent."""
@@ -434,7 +451,7 @@ def _known(name: str) -> str | None:
     """Find the name in pint of a unit with its prefix; None if it is none that we know."""
     if name == "rootHz":
         return name
-    if name == MILLI_G:  # as often a thousandth of g as a milligram
+    if name in AMBIGUOUS:
         return None
     for spelling in (name, name.lower()) if len(name) > 2 else (name,):
         if spelling in SPELLINGS:

@@ -16,6 +16,7 @@ from sldvexp.errors import Checks, UserError
 from sldvexp.importers.conventions import Conventions, Directions, Quantity, Questions, Zeros
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, close, same_frequencies
+from sldvexp.importers.uff_choice import FunctionChoice, require_witnesses_agree
 from sldvexp.importers.uff_conventions import (
     FunctionKind,
     ask_positive,
@@ -33,13 +34,11 @@ from sldvexp.importers.uff_estimators import (
     no_reference,
 )
 from sldvexp.io.uff import Function, UniversalFile, UniversalGeometry, universal_file
-from sldvexp.io.uff.functions import ACCELERATION, DIRECTIONS, DISPLACEMENT, KINDS, NODAL, VELOCITY
+from sldvexp.io.uff.functions import DIRECTIONS, NODAL
 from sldvexp.io.uff.geometry import CARTESIAN, WORLD
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 
 COHERENCE = 6
-#: Quantities that are, or may be, a motion; others are of a reference.
-MOTION = (0, 1, DISPLACEMENT, VELOCITY, ACCELERATION)
 #: How far a wanted frequency may be from a line, in line spacings.
 BESIDE = 0.01
 
@@ -81,6 +80,9 @@ class UffImport(PointwiseImport):
         Needed of nodal values with directions=dof if nodes have coordinate systems of their own.
     containing : str
         Text that the identifying lines of a function must have, as ``H1``.
+    reference_dof : str
+        Of the functions that are read, as ``1+Z``; needed if a file has several references.
+        ``any`` if one excitation was behind them all.
     averages : int
         Of spectra behind each response function: with it, standard errors come from the file's
         coherence functions, or from cross and both auto spectra. 0 if not known.
@@ -94,8 +96,20 @@ class UffImport(PointwiseImport):
     estimator: Estimator | None = None
     nodal_axes: NodalAxes | None = None
     containing: str = ""
+    reference_dof: str = ""
     averages: int = 0
     time_reference: str = ""
+
+    def choice(self, view: PointwiseView) -> FunctionChoice:
+        """Choose among the functions of a view's file."""
+        return FunctionChoice(
+            self.function,
+            view.dof,
+            self.containing,
+            self.reference_dof,
+            self.time_reference,
+            self.quantity,
+        )
 
     def check(self, checks: Checks) -> None:
         """Note what cannot be."""
@@ -152,7 +166,7 @@ def _choose(
     if places.geometry is not None:
         length = length_unit(settings, places, questions)
     try:
-        functions = _chosen(settings, view, file)
+        functions = settings.choice(view).functions(file)
     except UserError as error:
         if not questions and settings.positive is not None:
             raise  # nothing else is open, as far as one can see
@@ -201,6 +215,7 @@ def _view(
     else:
         frequency, lines = _lines(settings, file, functions[0], rules.quantity)
         values = _at_lines(file, functions, frequency, lines)
+        require_witnesses_agree(file, functions, rules, frequency, lines)
         if functions[0].kind == FunctionKind.cross.value:
             made_by, containing = settings.estimator, settings.containing
             values = estimate_response(
@@ -244,72 +259,6 @@ def _at_lines(
             )
         row[:] = values[lines]
     return found
-
-
-def _chosen(settings: UffImport, view: PointwiseView, file: UniversalFile) -> list[Function]:
-    """Choose one function a node, by ascending node."""
-    wanted = _of_view(settings, view, file)
-    kinds = {f.kind for f in wanted}
-    if settings.function is not None:
-        kinds &= {settings.function.value}
-    if FunctionKind.frf.value in kinds:
-        kinds.discard(FunctionKind.cross.value)  # it was made of these
-    known = kinds & {k.value for k in FunctionKind}
-    if len(known) != 1:
-        has = ", ".join(sorted(KINDS.get(k, f"type {k}") for k in {f.kind for f in file.functions}))
-        fix = "needed are frequency response functions, spectra, cross spectra or time records"
-        fix = "choose with instrument.function" if known else fix
-        raise UserError(
-            f"{file.source.path}: has functions of the type {has or 'none'}"
-            f"{_restricted(settings, view)}; {fix}"
-        )
-    by_node: dict[int, Function] = {}
-    of_kind = [f for f in wanted if f.kind in known and f.ordinate.kind in MOTION]
-    if known == {FunctionKind.time.value}:
-        of_kind = [f for f in of_kind if f.dof != settings.time_reference]
-    for function in of_kind:
-        if abs(function.direction) > 3:
-            raise file.wrong(function, f"is of a rotation ({function.dof}); leave it out with dof")
-        if (other := by_node.setdefault(function.node, function)) is not function:
-            if function.entry is other.entry:
-                raise file.wrong(
-                    function,
-                    f"has values of node {function.node} in several directions ({other.dof}, "
-                    f"{function.dof}); choose one with dof of the view",
-                )
-            raise file.wrong(
-                function,
-                f"and data set {other.entry.number} are both of node {function.node} "
-                f"({function.dof} and {other.dof}); choose one with instrument.containing or "
-                f"dof of the view",
-            )
-    if not by_node:
-        raise UserError(
-            f"{file.source.path}: has functions of the type {KINDS[known.pop()]}, but none of a "
-            "displacement, velocity or acceleration"
-        )
-    return [by_node[node] for node in sorted(by_node)]
-
-
-def _of_view(settings: UffImport, view: PointwiseView, file: UniversalFile) -> list[Function]:
-    """Keep the functions of the view's dof that have the wanted text."""
-    functions = file.functions
-    if settings.function is FunctionKind.nodal or (settings.function is None and not functions):
-        functions = file.nodal_functions(settings.containing)
-    return [
-        f
-        for f in functions
-        if (not view.dof or DIRECTIONS[f.direction] == view.dof)
-        and (settings.containing in " ".join(f.text))
-    ]
-
-
-def _restricted(settings: UffImport, view: PointwiseView) -> str:
-    """Say how the functions were restricted, for a message."""
-    by = [f"containing {settings.containing!r}"] if settings.containing else []
-    by += [f"of dof {view.dof}"] if view.dof else []
-    by += [f"of function={settings.function.name}"] if settings.function else []
-    return f", none that is wanted among those {' and '.join(by)}" if by else ""
 
 
 def _lines(

@@ -197,7 +197,7 @@ def _meaning(
     """Find quantity and unit of values: by the settings, the function's own words, data set 164."""
     where = f"{file.source.path}, data set {f.entry.number}"
     by_number = BY_NUMBER.get(f.ordinate.kind)
-    label, trouble = _label(f)
+    label, trouble = read_label(f)
     if label is not None:
         _require_form(file, f, label)
     quantity = settings.quantity or by_number or (Quantity[label.quantity] if label else None)
@@ -216,7 +216,7 @@ def _meaning(
     return None
 
 
-def _label(f: Function) -> tuple[UnitLabel | None, str]:
+def read_label(f: Function) -> tuple[UnitLabel | None, str]:
     """Understand the label of a function's unit as one of a motion, or tell why not."""
     if not f.ordinate.unit:
         return None, ""

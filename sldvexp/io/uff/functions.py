@@ -104,6 +104,12 @@ class Function(NamedTuple):
         """The degree of freedom, as ``12+Z``, or ``12`` of a scalar."""
         return f"{self.node}{DIRECTIONS[self.direction] if self.direction else ''}"
 
+    @property
+    def reference_dof(self) -> str:
+        """The reference's degree of freedom, likewise; a number no direction has is shown."""
+        code = self.reference_direction
+        return f"{self.reference_node}{DIRECTIONS.get(code, f'({code})') if code else ''}"
+
 
 def read_header(source: Source, entry: DataSet) -> Function:
     """Read the header of a function, and nothing beyond it.
