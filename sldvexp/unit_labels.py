@@ -215,6 +215,8 @@ AMPLITUDES = (
     (Amplitude.peak, r"p(?:ea)?k"),
     (Amplitude.rms, r"r\.?m\.?s\.?|eff\.?|effektiv|effective"),
 )
+#: Signs between a unit and such a word.
+BESIDE = r"[\s,;:_-]*"
 GLUED = re.compile(r"(?<![^\W_])(gn?|[munk]?m|ips|m?V|N)(?=(rms|pk|pp|p-p)\b)", re.I)
 LOGARITHMIC = re.compile(r"(?<![^\W\d_])dB", re.I)
 TOKEN = re.compile(
@@ -286,15 +288,14 @@ def _without_amplitude(text: str, bare: str) -> tuple[str, Amplitude | None]:
     found = []
     bare = GLUED.sub(r"\1 ", bare)
     for amplitude, words in AMPLITUDES:
-        pattern = re.compile(rf"(?<![^\W_])_?\(?(?:{words})\)?(?![^\W_])", re.I)
+        pattern = re.compile(rf"{BESIDE}(?<![^\W_])\(?(?:{words})\)?(?![^\W_]){BESIDE}", re.I)
         bare, count = pattern.subn(_keep_brackets, bare)
         found += [amplitude] * count
     if len(found) > 1:
         raise _asked(text, "names more than one measure of the amplitude")
-    beside = " ,;:_-" if found else " "
-    bare = re.sub(r"\(\s*\)", "", bare).strip(beside)
+    bare = re.sub(r"\(\s*\)", "", bare).strip()
     while bare.startswith("(") and _closing(bare) == len(bare) - 1:
-        bare = bare[1:-1].strip(beside)
+        bare = bare[1:-1].strip()
     return bare, found[0] if found else None
 
 

@@ -263,7 +263,7 @@ KNOWN = VELOCITIES | DISPLACEMENTS | ACCELERATIONS
 @given(
     st.sampled_from(sorted(MORE) + sorted(KNOWN)),
     st.integers(0, 20),
-    st.sampled_from("xqz@#;~!Ł%&|"),
+    st.sampled_from("xqz@#~!Ł%&|"),
 )
 def test_a_strange_character_is_never_passed_over(text, at, strange):
     with pytest.raises(UnitNotUnderstoodError):
@@ -276,7 +276,7 @@ def test_any_text_is_understood_or_asked_about(text):
     try:
         label = read_unit(text)
     except UnitNotUnderstoodError as error:
-        assert len(str(error)) < 200
+        assert len(error.args[0]) < 200  # noqa: PT017
     else:
         assert label.factor > 0
         assert math.isfinite(label.factor)
