@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sldvexp.dataset import findings_of, take_findings
 from sldvexp.errors import UserError
 from sldvexp.importers import PointwiseView
 from sldvexp.importers import conventions as settings
@@ -358,3 +359,44 @@ def test_nodes_given_twice_must_be_alike(uff, tmp_path):
     path.write_bytes(uff.nodes(POINTS) + uff.nodes_15(np.array(POINTS) + 1e-3))
     with universal_file(path) as file, pytest.raises(UserError, match=r"here at .* before at"):
         _ = file.geometry
+
+
+def test_response_direction_that_contradicts_positive_is_said(uff, tmp_path):
+    path = tmp_path / "a.uff"
+    away = {"direction": (0.0, 0.3, -1.0)}
+    towards, along = settings.Positive.towards, settings.Positive.away
+    for code, more, kinds in (
+        (3, {}, []),
+        (-3, {}, ["sign"]),
+        (3, away, ["sign"]),
+        (-3, away, []),
+        (3, {"positive": along}, ["sign"]),
+        (-3, {"positive": along}, []),
+        (1, {}, []),  # across: nothing is said of the sense
+        (0, away, []),
+        (3, {"positive": towards}, []),
+    ):
+        functions = uff.function(1, FIRST, direction=code)
+        path.write_bytes(uff.units() + uff.nodes(POINTS) + functions)
+        groups = {"line_of_sight": read(path, **more)}
+        found = take_findings(groups)
+        assert [f.kind for f in found] == kinds, (code, more)
+        assert not groups["line_of_sight"].attrs.get("findings")
+    path.write_bytes(uff.units() + uff.nodes(POINTS) + uff.function(1, FIRST, direction=-3))
+    (finding,) = take_findings({"line_of_sight": read(path)})
+    assert "is -Z, 180 deg from that to the instrument" in finding.text
+    assert finding.remedy == "instrument.positive=away"
+
+
+def test_finding_of_an_import_is_in_the_verdict(uff, tmp_path, sldvexp):
+    views = []
+    for name in ("front", "left", "below"):
+        path = tmp_path / f"{name}.uff"
+        path.write_bytes(uff.units() + uff.nodes(POINTS) + uff.function(1, FIRST, first=1.0))
+        views.append(f"instrument.views.{name}.path={path}")
+    behind = "instrument.views.left.origin=[-0.9,-0.2,-1.1]"
+    done = sldvexp("experiment=tutorial_points", *views, behind, "instrument.frequency=[]")
+    assert done.status == 0, done.err
+    said = [f for f in findings_of(done.tree.children) if "response direction" in f.text]
+    assert [(f.subject, f.severity.name) for f in said] == [("view left", "doubtful")]
+    assert done.out.startswith("\nverdict: doubtful"), done.out
