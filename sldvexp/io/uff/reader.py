@@ -29,6 +29,7 @@ from sldvexp.io.uff.functions import (
 )
 from sldvexp.io.uff.geometry import UniversalGeometry, read_geometry
 from sldvexp.io.uff.nodal import ANALYSIS, ShapeFunctions, read_nodal
+from sldvexp.io.uff.seal import require_seal
 from sldvexp.io.uff.source import ASCII_LINES, Binary, DataSet, Source, opened, shown
 
 #: The line that begins and ends every data set: -1 in columns 5 and 6, blanks up to its end.
@@ -345,7 +346,7 @@ def universal_file(path: Path) -> Iterator[UniversalFile]:
     Raises
     ------
     UserError
-        If it is missing or is no universal file.
+        If it is missing, is no universal file, or is not what its seal says.
 
     Examples
     --------
@@ -359,4 +360,6 @@ def universal_file(path: Path) -> Iterator[UniversalFile]:
     Units(name='SI: Meter (newton)', length=1.0) [1 2 3]
     """
     with opened(path) as source:
-        yield UniversalFile(source, index(source))
+        entries = index(source)
+        require_seal(source, entries)
+        yield UniversalFile(source, entries)
