@@ -204,7 +204,7 @@ def _view(
 ) -> PointwiseData:
     """Turn one view's functions into velocities."""
     file, functions, rules, geometry, (length, by) = source
-    told = rules.told
+    told = rules.told | settings.choice(view).left_out(file, functions)
     if functions[0].kind == FunctionKind.time.value:
         reference = find_reference(settings.time_reference, file)
         frequency, values, errors = fit_phasors(settings.frequency, file, functions, reference)

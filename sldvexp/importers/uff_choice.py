@@ -89,6 +89,13 @@ class FunctionChoice:
             _require_one_reference(file, chosen)
         return chosen
 
+    def left_out(self, file: UniversalFile, chosen: list[Function]) -> dict[str, str]:
+        """Count the functions of the chosen kind that are of no motion, for the record."""
+        others = [
+            f for f in file.functions if f.kind == chosen[0].kind and f.ordinate.kind not in MOTION
+        ]
+        return {"left_out": f"{len(others)} functions of no motion"} if others else {}
+
     def _wanted(self, file: UniversalFile) -> list[Function]:
         """Keep the functions of the view's dof that have the wanted text."""
         functions = file.functions

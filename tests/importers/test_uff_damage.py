@@ -229,3 +229,122 @@ def test_five_thousand_damages_of_files_of_ours(tmp_path):
         count += try_all(tmp_path / "a.uff", sealed(frequency), ANY, 200, seed=6)
     print(dict(count))
     assert count.total() >= 5000
+
+
+# Files without a seal: damages of the form.
+
+
+def functions_of(content):
+    """The lines, and of each function the marks that begin and end it."""
+    lines = content.splitlines(keepends=True)
+    marks = [i for i, line in enumerate(lines) if line == b"    -1\n"]
+    pairs = zip(marks[::2], marks[1::2], strict=True)
+    return lines, [(a, b) for a, b in pairs if lines[a + 1].strip() == b"58"]
+
+
+def _of_values(content, rng, work):
+    lines, sets = functions_of(content)
+    first, last = sets[int(rng.integers(len(sets)))]
+    work(lines, int(rng.integers(first + 13, last)))
+    return b"".join(lines)
+
+
+def lost_values(content, rng):
+    return _of_values(content, rng, lambda lines, at: lines.pop(at))
+
+
+def doubled_values(content, rng):
+    return _of_values(content, rng, lambda lines, at: lines.insert(at, lines[at]))
+
+
+def no_number(content, rng):
+    """A strange character in a number."""
+
+    def work(lines, at):
+        digits = [i for i, byte in enumerate(lines[at]) if byte in b"0123456789"]
+        i, strange = int(rng.choice(digits)), int(rng.choice(list(b"xOl?*#\xb5_/:")))
+        lines[at] = lines[at][:i] + bytes([strange]) + lines[at][i + 1 :]
+
+    return _of_values(content, rng, work)
+
+
+def _of_shape(content, rng, work):
+    """Change type, number and spacing of the values in the header of a function."""
+    lines, sets = functions_of(content)
+    at = sets[int(rng.integers(len(sets)))][0] + 8
+    numbers = [int(lines[at][i : i + 10]) for i in (0, 10, 20)]
+    lines[at] = b"%10d%10d%10d" % tuple(work(*numbers)) + lines[at][30:]
+    return b"".join(lines)
+
+
+def wrong_count(content, rng):
+    wrong = int(rng.choice([0, 1, 2, 3, 4, 6, 7, 9, 50, 10**6]))
+    return _of_shape(content, rng, lambda type_, count, spacing: (type_, wrong, spacing))
+
+
+def wrong_type(content, rng):
+    wrong = int(rng.choice([2, 4, 1, 3, 7]))
+    return _of_shape(content, rng, lambda type_, count, spacing: (wrong, count, spacing))
+
+
+def wrong_spacing(content, rng):
+    return _of_shape(content, rng, lambda type_, count, spacing: (type_, count, 1 - spacing))
+
+
+NO_MARKS = (b"     1\n", b"    - 1\n", b"   -1\n", b"    -11\n", b"\n", b"     -1\n", b"    -1x\n")
+
+
+def broken_mark(content, rng):
+    lines = content.splitlines(keepends=True)
+    at = int(rng.choice([i for i, line in enumerate(lines) if line == b"    -1\n"]))
+    lines[at] = NO_MARKS[int(rng.integers(len(NO_MARKS)))]
+    return b"".join(lines)
+
+
+def moved_header(content, rng):
+    """One line of a function's header lost or given twice."""
+    lines, sets = functions_of(content)
+    at = sets[int(rng.integers(len(sets)))][0] + 2 + int(rng.integers(11))
+    if rng.integers(2):
+        lines.pop(at)
+    else:
+        lines.insert(at, lines[at])
+    return b"".join(lines)
+
+
+FORM = (
+    *(cut, lost_values, doubled_values, no_number),
+    *(wrong_count, wrong_type, wrong_spacing, changed_label),
+)
+
+
+@pytest.mark.parametrize("frequency", [EVEN, UNEVEN], ids=["even", "uneven"])
+def test_damage_of_the_form_of_any_file_is_harmless_or_refused(tmp_path, frequency):
+    content = bare(frequency)
+    count = try_all(tmp_path / "a.uff", content, FORM, 30, seed=7)
+    assert count["refused"] > 0.9 * count.total()
+
+
+@pytest.mark.parametrize("damage", [broken_mark, moved_header])
+def test_function_that_is_lost_by_its_form_is_never_read_as_another(tmp_path, damage):
+    """A mark that is none joins two data sets: a function may be lost, but no number changes."""
+    content, rng = bare(), np.random.default_rng(8)
+    path = tmp_path / "a.uff"
+    sound, _ = read(path, content)
+    for _ in range(60):
+        try:
+            found, _ = read(path, damage(content, rng))
+        except UserError:
+            continue
+        place = [sound["point"].tolist().index(p) for p in found["point"]]
+        np.testing.assert_array_equal(found["velocity"], sound["velocity"][:, place])
+        np.testing.assert_array_equal(found["position"], sound["position"][place])
+
+
+@pytest.mark.long
+def test_thousands_of_damages_of_the_form(tmp_path):
+    count = Counter()
+    for frequency in (EVEN, UNEVEN):
+        count += try_all(tmp_path / "a.uff", bare(frequency), FORM, 200, seed=9)
+    print(dict(count))
+    assert count.total() >= 3200

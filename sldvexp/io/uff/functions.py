@@ -13,9 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sldvexp.errors import UserError
 from sldvexp.io.uff.fortran import TextLines, columns, integers, number, table
 from sldvexp.io.uff.source import ASCII_LINES, DataSet, Source, decoded, shown
 from sldvexp.typing import Array
+from sldvexp.unit_labels import SpectralForm, UnitNotUnderstoodError, read_unit
 
 #: Types of functions by their number in the file, as far as they are spoken of; and of those that
 #: values at nodes, one data set a frequency, are put together to.
@@ -34,6 +36,10 @@ KINDS = {
 #: Types of values: (complex, double).
 TYPES = {2: (False, False), 4: (False, True), 5: (True, False), 6: (True, True)}
 DISPLACEMENT, VELOCITY, ACCELERATION = 8, 11, 12
+#: Abscissae of functions by their type, and the numbers of these in the file.
+ABSCISSAE = {1: "time"} | dict.fromkeys((2, 3, 4, 6, 9, 12), "frequency")
+BY_ABSCISSA = {"time": 17, "frequency": 18, "revolutions": 19, "order": 20}
+ANGULAR = ("rad/s", "rad/sec", "radian/s", "rads-1", "rads^-1")
 #: Degrees of freedom by their number in the file.
 DIRECTIONS = {0: "scalar"} | {
     sign * (3 * turned + k): f"{'+' if sign > 0 else '-'}{'R' * turned}{axis}"
@@ -169,7 +175,7 @@ def read_values(source: Source, function: Function) -> tuple[NDArray, NDArray]:
 
     Returns
     -------
-    abscissa : ndarray of float64, shape (value,)
+    abscissa : ndarray of float64, shape (value,), Hz or s
     ordinate : ndarray of float64 or complex128, shape (value,)
         In the file's units.
 
@@ -201,7 +207,34 @@ def read_values(source: Source, function: Function) -> tuple[NDArray, NDArray]:
     else:
         abscissa, found = np.ascontiguousarray(found[:, 0]), np.ascontiguousarray(found[:, 1:])
     ordinate = found.view(np.complex128) if function.complex else found
-    return abscissa, ordinate.reshape(function.size)
+    return _abscissa_unit(source, function) * abscissa, ordinate.reshape(function.size)
+
+
+def _abscissa_unit(source: Source, function: Function) -> float:
+    """Find one unit of a function's abscissa in Hz, or of a time record's in s."""
+    axis, wanted = function.abscissa, ABSCISSAE.get(function.kind)
+    if wanted is None:
+        return 1.0
+
+    def wrong(what: str) -> UserError:
+        unit = "s" if wanted == "time" else "Hz"
+        message = f"its abscissa {what}; a {KINDS[function.kind]} must be of {wanted} in {unit}"
+        return function.entry.wrong(source, function.entry.first, message)
+
+    if axis.kind not in (0, 1, BY_ABSCISSA[wanted]):
+        other = {number: name for name, number in BY_ABSCISSA.items()}.get(axis.kind)
+        raise wrong(f"is of {other or f'the quantity {axis.kind}'}")
+    if not axis.unit:
+        return 1.0
+    if axis.unit.replace(" ", "").lower() in ANGULAR and wanted == "frequency":
+        return 1 / (2 * np.pi)
+    try:
+        label = read_unit(axis.unit)
+    except UnitNotUnderstoodError as error:
+        raise wrong(f"is in a unit that is not understood, as {error}") from None
+    if label.quantity != wanted or label.form is not SpectralForm.linear:
+        raise wrong(f"is in {axis.unit}")
+    return label.factor
 
 
 def _binary_values(source: Source, function: Function) -> Array:

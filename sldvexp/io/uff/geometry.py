@@ -211,9 +211,9 @@ def read_geometry(source: Source, entries: list[DataSet]) -> UniversalGeometry |
         _nodes(TextLines(source, entry), systems, nodes)
     index = {label: i for i, label in enumerate(nodes)}
     elements: list[tuple[int, ...]] = []
-    solids = 0
+    solids, seen = 0, set[tuple[int, ...]]()
     for entry in of[ELEMENTS]:
-        found, others = _elements(TextLines(source, entry), index)
+        found, others = _elements(TextLines(source, entry), index, seen)
         elements, solids = elements + found, solids + others
     lines: list[tuple[int, ...]] = []
     for entry in of[LINES]:
@@ -302,7 +302,9 @@ def _system(
     raise lines.wrong(message, line)
 
 
-def _elements(lines: TextLines, index: dict[int, int]) -> tuple[list[tuple[int, ...]], int]:
+def _elements(
+    lines: TextLines, index: dict[int, int], seen: set[tuple[int, ...]]
+) -> tuple[list[tuple[int, ...]], int]:
     """Read corners of the surface elements of a data set 2412, and count the solid ones."""
     found, solids = [], 0
     while lines:
@@ -321,7 +323,8 @@ def _elements(lines: TextLines, index: dict[int, int]) -> tuple[list[tuple[int, 
         corners = _corners(kind, nodes)
         if len(set(corners)) != len(corners):
             raise lines.wrong(f"the element {label} has one node twice")
-        if corners:
+        if corners and (label, *corners) not in seen:  # the same element may be given twice
+            seen.add((label, *corners))
             found.append(_indices(lines, corners, index, f"the element {label}"))
     return found, solids
 
