@@ -64,6 +64,7 @@ class MotionUnit(Enum):
     um = 1e-6
     nm = 1e-9
     inch = 0.0254
+    mil = 2.54e-5
     ft = 0.3048
     g = 9.80665
 
@@ -149,6 +150,8 @@ class Conventions:
         Whether the file's time dependence is exp(-i omega t).
     told : dict of str to str
         What was decided and by what, for the record.
+    odd : tuple of str
+        What else the file says that was not heeded, a sentence each.
 
     Examples
     --------
@@ -161,6 +164,7 @@ class Conventions:
     factor: float
     conjugate: bool
     told: dict[str, str]
+    odd: tuple[str, ...] = ()
 
     def velocity(self, values: NDArray, frequency: Array) -> ComplexArray:
         """Turn values of any shape that ends with frequency to velocities, m/s."""
@@ -190,15 +194,6 @@ class Motion(NamedTuple):
     quantity: Quantity
     unit: MotionUnit
     rest: str
-
-
-def motion_in_product(text: str) -> Motion | None:
-    """Find the motion in a cross spectrum's unit, ``(m/s)*N/Hz``; None unless one factor is one."""
-    bare = re.sub(r"\s*/\s*Hz[\s\])]*$", "", text.strip()).replace("**", "^")
-    factors = [factor.strip(" ()[]") for factor in re.split(r"[*·⋅×]", bare)]
-    found = {motion for factor in factors if (motion := motion_of(factor))}
-    others = [factor for factor in factors if not motion_of(factor)]
-    return found.pop() if len(found) == 1 and "/" not in "".join(others) else None
 
 
 def motion_of(text: str) -> Motion | None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
+from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import Checks, UserError
 from sldvexp.importers.conventions import Conventions, Directions, Quantity, Questions, Zeros
 from sldvexp.importers.pointwise import PointwiseImport
@@ -241,6 +242,10 @@ def _view(
         geometry,
         length,
         told | axes | ({"length_unit": f"{length:g} m, {by}"} if by else {}),
+        [
+            Finding("unit", f"view {name}", f"{file.source.path}: {text}", Severity.note)
+            for text in rules.odd
+        ],
     )
 
 

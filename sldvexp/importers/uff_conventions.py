@@ -66,12 +66,15 @@ class Meaning(NamedTuple):
         Who says so.
     amplitude : Amplitude or None
         By the label.
+    odd : tuple of str
+        What else the file says that is not heeded.
     """
 
     quantity: Quantity
     factor: float
     by: str
     amplitude: Amplitude | None = None
+    odd: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """Name the quantity with its unit, for a message."""
@@ -125,7 +128,7 @@ def decide_conventions(
         "directions": settings.directions.name,
     }
     factor = meaning.factor * scale * sign
-    return Conventions(meaning.quantity, factor, phase is Phase.exp_minus, told)
+    return Conventions(meaning.quantity, factor, phase is Phase.exp_minus, told, meaning.odd)
 
 
 def ask_positive(settings: PointwiseImport, file: UniversalFile, questions: Questions) -> None:
@@ -205,7 +208,9 @@ def _meaning(
         what = "whether its values are a displacement, a velocity or an acceleration"
         questions.ask(where, "quantity", "velocity", what + trouble)
     if settings.unit is not None and quantity is not None:
-        return Meaning(quantity, settings.unit.value, "as set")
+        amplitude = label.amplitude if label is not None else None
+        odd = _not_heeded(settings, f, label)
+        return Meaning(quantity, settings.unit.value, "as set", amplitude, odd)
     if label is not None and quantity is not None:
         return _by_label(settings, file, f, label, quantity, questions)
     if not f.ordinate.unit and file.units is not None:
@@ -264,8 +269,8 @@ def _by_label(
 ) -> Meaning | None:
     """Find the unit by a label that is understood, unless others contradict it."""
     where = f"{file.source.path}, data set {f.entry.number}"
-    entry, factor = f.entry, label.factor
-    place = str(entry.wrong(file.source, entry.first, "")).removesuffix(": ")
+    factor = label.factor
+    place = str(f.entry.wrong(file.source, f.entry.first, "")).removesuffix(": ")
     if label.quantity != quantity.name:
         if settings.quantity is None:
             message = (
@@ -279,19 +284,46 @@ def _by_label(
             questions.ask(where, "unit", "m", f"{what} quantity")
             return None
         factor = label.length
-    stated = file.units.length if file.units is not None else 1.0
-    by = f"by the label {label.text}"
-    if label.length and abs(label.length / stated - 1) > SAME_UNIT:
-        if abs(stated - 1) > SAME_UNIT:
+    odd = _not_heeded(settings, f, label)
+    if label.length and file.units is not None:
+        stated = file.units.length
+        differ = abs(label.length / stated - 1) > SAME_UNIT
+        if differ and stated != 1:
             message = (
                 f"has values in {label.text}, but data set 164 states a unit of length of "
                 f"{stated:g} m; units are mixed, say which with instrument.unit"
             )
             questions.note(UserError(f"{place}: {message}"), place)
             return None
-        # Programs write a data set 164 of SI whatever the labels are.
-        by += " and not data set 164 of SI" if file.units is not None else ""
-    return Meaning(quantity, factor, by, label.amplitude)
+        if differ:  # programs write a data set 164 of SI whatever the labels are
+            said = f"values are in {label.text} as their label says, although data set 164 states m"
+            odd = (*odd, said)
+    return Meaning(quantity, factor, f"by the label {label.text}", label.amplitude, odd)
+
+
+def _not_heeded(settings: PointwiseImport, f: Function, label: UnitLabel | None) -> tuple[str, ...]:
+    """Say where settings win over a function's own words."""
+    by_number = BY_NUMBER.get(f.ordinate.kind)
+    stated = {label.quantity} if label is not None else set()
+    stated |= {by_number.name} if by_number is not None else set()
+    amplitude = label.amplitude if label is not None else None
+    unit_differs = (
+        settings.unit is not None
+        and f.ordinate.unit
+        and (label is None or abs(label.factor / settings.unit.value - 1) > SAME_UNIT)
+    )
+    contradictions = {
+        "quantity": settings.quantity is not None and stated - {settings.quantity.name},
+        "unit": unit_differs,
+        "amplitude": None not in (settings.amplitude, amplitude)
+        and settings.amplitude is not amplitude,
+    }
+    return tuple(
+        f"instrument.{name}={getattr(settings, name).name} wins, although the file says "
+        f"{by_number.name + ' in ' if by_number else ''}{f.ordinate.unit or 'no unit'}"
+        for name, differs in contradictions.items()
+        if differs
+    )
 
 
 def _amplitude(

@@ -400,3 +400,93 @@ def test_finding_of_an_import_is_in_the_verdict(uff, tmp_path, sldvexp):
     said = [f for f in findings_of(done.tree.children) if "response direction" in f.text]
     assert [(f.subject, f.severity.name) for f in said] == [("view left", "doubtful")]
     assert done.out.startswith("\nverdict: doubtful"), done.out
+
+
+NOT_HEEDED = {
+    "nothing": ({"unit": "m/s"}, {}, []),
+    "unit": (
+        {"unit": "mm/s"},
+        {"unit": settings.MotionUnit.m},
+        ["instrument.unit=m wins, although the file says velocity in mm/s"],
+    ),
+    "unknown label": (
+        {"unit": "EU"},
+        {"unit": settings.MotionUnit.mil},
+        ["instrument.unit=mil wins, although the file says velocity in EU"],
+    ),
+    "same unit": ({"unit": "mm/s"}, {"unit": settings.MotionUnit.mm}, []),
+    "quantity": (
+        {"unit": "m/s"},
+        {"quantity": settings.Quantity.displacement},
+        ["instrument.quantity=displacement wins, although the file says velocity in m/s"],
+    ),
+    "amplitude": (
+        {"unit": "mm/s rms", "kind": 12},
+        {"amplitude": settings.Amplitude.peak, "unit": settings.MotionUnit.mm},
+        ["instrument.amplitude=peak wins, although the file says velocity in mm/s rms"],
+    ),
+    "units of SI": (
+        {"unit": "mm/s"},
+        {},
+        ["values are in mm/s as their label says, although data set 164 states m"],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NOT_HEEDED)
+def test_words_of_a_file_that_are_not_heeded_are_noted(uff, tmp_path, name):
+    written, more, said = NOT_HEEDED[name]
+    path = tmp_path / "a.uff"
+    path.write_bytes(uff.units() + uff.nodes(POINTS) + uff.function(1, FIRST, first=1.0, **written))
+    found = take_findings({"line_of_sight": read(path, **more)})
+    assert [f.text.removeprefix(f"{path}: ") for f in found] == said
+    assert {f.severity.name for f in found} <= {"note"}
+
+
+ABSCISSAE = {"Hz": 1.0, "": 1.0, "kHz": 1e3, "1/s": 1.0, "rad/s": 1 / (2 * np.pi), "Hertz": 1.0}
+
+
+@pytest.mark.parametrize("unit", ABSCISSAE)
+def test_frequencies_by_the_label_of_the_abscissa(uff, tmp_path, unit):
+    path = tmp_path / "a.uff"
+    path.write_bytes(
+        uff.units()
+        + uff.nodes(POINTS)
+        + uff.function(1, FIRST, first=2.0, axis=(18, "Frequency", unit))
+    )
+    expected = ABSCISSAE[unit] * (2.0 + np.arange(5))
+    np.testing.assert_allclose(read(path)["frequency"], expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("axis", "said"),
+    [
+        ((18, "", "m/s"), "its abscissa is in m/s; a frequency response function must be of"),
+        ((18, "", "Ordnung"), "its abscissa is in a unit that is not understood"),
+        ((17, "", "s"), "its abscissa is of time; a frequency response function must be of"),
+        ((19, "", ""), "its abscissa is of revolutions"),
+        ((20, "", ""), "its abscissa is of order"),
+        ((13, "", ""), "its abscissa is of the quantity 13"),
+    ],
+)
+def test_other_abscissae_are_refused(uff, tmp_path, axis, said):
+    path = tmp_path / "a.uff"
+    path.write_bytes(uff.units() + uff.nodes(POINTS) + uff.function(1, FIRST, axis=axis))
+    refused(path, said)
+
+
+def test_times_by_the_label_of_the_abscissa(uff, tmp_path):
+    path = tmp_path / "a.uff"
+    t = np.arange(100) / 1e3
+    record = uff.function(
+        1,
+        np.cos(2 * np.pi * 50 * t),
+        kind=1,
+        type_=4,
+        first=0.0,
+        step=1.0,
+        axis=(17, "Time", "ms"),
+    )
+    path.write_bytes(uff.units() + uff.nodes(POINTS) + record)
+    group = read(path, frequency=[50.0], time_reference="trigger", phase=None, reference=None)
+    np.testing.assert_allclose(group["velocity"][0, 0], [1.0], atol=1e-9)
