@@ -178,9 +178,8 @@ def with_findings(made: xr.Dataset, findings: Sequence[Finding]) -> xr.Dataset:
     --------
     >>> from sldvexp.lazy import xarray as xr
     >>> found = with_findings(xr.Dataset(), [Finding("sign", "view left", "is it turned?")])
-    >>> groups = {"line_of_sight": found}
-    >>> [finding.kind for finding in take_findings(groups)], groups["line_of_sight"].attrs
-    (['sign'], {})
+    >>> list(found.attrs)
+    ['findings']
     """
     if not findings:
         return made
@@ -193,7 +192,15 @@ def with_findings(made: xr.Dataset, findings: Sequence[Finding]) -> xr.Dataset:
 
 
 def take_findings(groups: MutableMapping[str, xr.Dataset]) -> list[Finding]:
-    """Take what `with_findings` left out of groups, each finding once."""
+    """Take what `with_findings` left out of groups, each finding once.
+
+    Examples
+    --------
+    >>> from sldvexp.lazy import xarray as xr
+    >>> odd = with_findings(xr.Dataset(), [Finding("unit", "view left", "metres or millimetres?")])
+    >>> [finding.text for finding in take_findings({"image/a": odd, "image/b": odd})]
+    ['metres or millimetres?']
+    """
     found: dict[Finding, None] = {}
     for name, made in groups.items():
         if FINDINGS in made.attrs:
