@@ -242,11 +242,25 @@ def _view(
         geometry,
         length,
         told | axes | ({"length_unit": f"{length:g} m, {by}"} if by else {}),
-        [
-            Finding("unit", f"view {name}", f"{file.source.path}: {text}", Severity.note)
-            for text in rules.odd
-        ],
+        _findings(name, source),
     )
+
+
+def _findings(name: str, source: _ViewSource) -> list[Finding]:
+    """List what is odd about a view's file but no reason to refuse it."""
+    file, functions, subject = source.file, source.functions, f"view {name}"
+    found = [
+        Finding("unit", subject, f"{file.source.path}: {text}", Severity.note)
+        for text in source.rules.odd
+    ]
+    real = [f for f in functions if not f.complex]
+    if real and functions[0].kind != FunctionKind.time.value:
+        text = (
+            f"{file.source.path}: {len(real)} of {len(functions)} functions of view {name} are of "
+            "real numbers, as magnitudes are, whose phase is lost; export complex values"
+        )
+        found.append(Finding("phase", subject, text))
+    return found
 
 
 def _at_lines(

@@ -22,6 +22,7 @@ from sldvexp.importers.uff_conventions import FunctionKind
 from sldvexp.io.uff import Function, UniversalFile
 from sldvexp.io.uff.functions import DIRECTIONS
 from sldvexp.typing import Array, ComplexArray, IndexArray
+from sldvexp.unit_labels import SpectralForm, UnitNotUnderstoodError, read_unit
 
 
 class Estimator(Enum):
@@ -188,14 +189,29 @@ def _auto(
             f"needs one auto spectrum of its {of} {name} (function type {AUTO}) in the file for "
             f"{'H1' if of == 'reference' else 'H2'} or the coherence; there are {len(autos)}",
         )
-    density = [f.ordinate.unit.rstrip(" )]").endswith("Hz") for f in (cross, autos[0])]
-    if cross.ordinate.unit and autos[0].ordinate.unit and density[0] != density[1]:
-        raise file.wrong(
-            cross,
-            f"is in {cross.ordinate.unit}, its auto spectrum in {autos[0].ordinate.unit}; both "
-            "must be powers, or both power densities",
-        )
+    _require_one_scale(file, cross, autos[0], of)
     return autos[0]
+
+
+def _require_one_scale(file: UniversalFile, cross: Function, auto: Function, of: str) -> None:
+    """Refuse a cross spectrum and an auto spectrum whose labels contradict each other.
+
+    A label that is not understood is asked about where it is needed, and says nothing here.
+    """
+    labels = []
+    for function in (cross, auto):
+        try:
+            labels.append(read_unit(function.ordinate.unit))
+        except UnitNotUnderstoodError:
+            return
+    both = f"is in {cross.ordinate.unit}, its auto spectrum in {auto.ordinate.unit}; "
+    whole, square = labels
+    if (whole.form is SpectralForm.density) is not (square.form is SpectralForm.density):
+        raise file.wrong(cross, f"{both}both must be powers, or both power densities")
+    one = read_unit(whole.reference) if of == "reference" and whole.reference else whole
+    known = of == "response" or bool(whole.reference) or whole.form is not SpectralForm.linear
+    if known and abs(one.factor / square.factor - 1) > ROUNDING:
+        raise file.wrong(cross, f"{both}the {of} must be in one unit in both")
 
 
 #: Setting `time_reference` of records that begin at one phase of the excitation.

@@ -490,3 +490,12 @@ def test_times_by_the_label_of_the_abscissa(uff, tmp_path):
     path.write_bytes(uff.units() + uff.nodes(POINTS) + record)
     group = read(path, frequency=[50.0], time_reference="trigger", phase=None, reference=None)
     np.testing.assert_allclose(group["velocity"][0, 0], [1.0], atol=1e-9)
+
+
+def test_real_functions_are_doubtful(uff, tmp_path):
+    path = tmp_path / "a.uff"
+    functions = uff.function(1, abs(FIRST)) + uff.function(2, FIRST)
+    path.write_bytes(uff.units() + uff.nodes(POINTS) + functions)
+    (finding,) = take_findings({"line_of_sight": read(path)})
+    assert "1 of 2 functions of view a are of real numbers, as magnitudes are" in finding.text
+    assert (finding.kind, finding.severity.name) == ("phase", "doubtful")

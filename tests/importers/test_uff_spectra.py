@@ -146,6 +146,16 @@ SPECTRA_REFUSED = {
     ),
     "other lines": ({"references": (G_FF[:2],)}, "has other frequencies than data set 2", {}),
     "other scales": ({"unit": "(m/s)*N/Hz"}, "both must be powers, or both power densities", {}),
+    "reference in another unit": (
+        {"of_reference": "mN^2"},
+        "is in m/s*N, its auto spectrum in mN^2; the reference must be in one unit in both",
+        {},
+    ),
+    "response in another unit": (
+        {"unit": "(mm/s)*N"},
+        "its auto spectrum in (m/s)^2; the response must be in one unit in both",
+        {"estimator": Estimator.h2},
+    ),
     "coherence": (
         {"responses": G_XX / 2},
         "with the auto spectra its coherence is 1 to 2",
