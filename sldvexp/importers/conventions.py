@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sldvexp.dataset import Severity
 from sldvexp.errors import UserError
 from sldvexp.typing import Array, ComplexArray
 from sldvexp.unit_labels import Amplitude as Amplitude
@@ -117,9 +118,9 @@ class Questions:
         self.note(unstated(where, setting, example, what), where)
 
     def note(self, error: UserError, where: str | Path) -> None:
-        """Note an error that a setting answers; `where` is what its text begins with."""
-        text = str(error).removeprefix(f"{where}: ")
-        self._places.setdefault(text, []).append(str(where))
+        """Note an error that a setting answers; `where` is the file that its text begins with."""
+        place, _, text = str(error).removeprefix(str(where)).partition(": ")
+        self._places.setdefault(text, []).append(f"{where}{place}")
         self._first.setdefault(text, error)
 
     def texts(self) -> list[str]:
@@ -150,8 +151,8 @@ class Conventions:
         Whether the file's time dependence is exp(-i omega t).
     told : dict of str to str
         What was decided and by what, for the record.
-    odd : tuple of str
-        What else the file says that was not heeded, a sentence each.
+    odd : tuple of (str, Severity)
+        What else the file says that was not heeded, a sentence each, and how much that weighs.
 
     Examples
     --------
@@ -164,7 +165,7 @@ class Conventions:
     factor: float
     conjugate: bool
     told: dict[str, str]
-    odd: tuple[str, ...] = ()
+    odd: tuple[tuple[str, Severity], ...] = ()
 
     def velocity(self, values: NDArray, frequency: Array) -> ComplexArray:
         """Turn values of any shape that ends with frequency to velocities, m/s."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
-from sldvexp.dataset import Finding, Severity
+from sldvexp.dataset import Finding
 from sldvexp.errors import Checks, UserError
 from sldvexp.importers.conventions import Conventions, Directions, Quantity, Questions, Zeros
 from sldvexp.importers.pointwise import PointwiseImport
@@ -250,8 +250,8 @@ def _findings(name: str, source: _ViewSource) -> list[Finding]:
     """List what is odd about a view's file but no reason to refuse it."""
     file, functions, subject = source.file, source.functions, f"view {name}"
     found = [
-        Finding("unit", subject, f"{file.source.path}: {text}", Severity.note)
-        for text in source.rules.odd
+        Finding("unit", subject, f"{file.source.path}: {text}", severity)
+        for text, severity in source.rules.odd
     ]
     real = [f for f in functions if not f.complex]
     if real and functions[0].kind != FunctionKind.time.value:

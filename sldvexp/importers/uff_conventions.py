@@ -10,6 +10,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import NamedTuple
 
+from sldvexp.dataset import Severity
 from sldvexp.errors import UserError
 from sldvexp.importers.conventions import (
     Amplitude,
@@ -66,15 +67,15 @@ class Meaning(NamedTuple):
         Who says so.
     amplitude : Amplitude or None
         By the label.
-    odd : tuple of str
-        What else the file says that is not heeded.
+    odd : tuple of (str, Severity)
+        What else the file says that is not heeded, and how much that weighs.
     """
 
     quantity: Quantity
     factor: float
     by: str
     amplitude: Amplitude | None = None
-    odd: tuple[str, ...] = ()
+    odd: tuple[tuple[str, Severity], ...] = ()
 
     def __str__(self) -> str:
         """Name the quantity with its unit, for a message."""
@@ -297,12 +298,17 @@ def _by_label(
             return None
         if differ:  # programs write a data set 164 of SI whatever the labels are
             said = f"values are in {label.text} as their label says, although data set 164 states m"
-            odd = (*odd, said)
+            odd = (*odd, (said, Severity.note))
     return Meaning(quantity, factor, f"by the label {label.text}", label.amplitude, odd)
 
 
-def _not_heeded(settings: PointwiseImport, f: Function, label: UnitLabel | None) -> tuple[str, ...]:
-    """Say where settings win over a function's own words."""
+def _not_heeded(
+    settings: PointwiseImport, f: Function, label: UnitLabel | None
+) -> tuple[tuple[str, Severity], ...]:
+    """Say where settings win over a function's own words.
+
+    A label that is not understood was asked about; it is no contradiction.
+    """
     by_number = BY_NUMBER.get(f.ordinate.kind)
     stated = {label.quantity} if label is not None else set()
     stated |= {by_number.name} if by_number is not None else set()
@@ -318,9 +324,13 @@ def _not_heeded(settings: PointwiseImport, f: Function, label: UnitLabel | None)
         "amplitude": None not in (settings.amplitude, amplitude)
         and settings.amplitude is not amplitude,
     }
+    said = f"{by_number.name + ' in ' if by_number else ''}{f.ordinate.unit or 'no unit'}"
+    answer = "unit" if label is None else ""
     return tuple(
-        f"instrument.{name}={getattr(settings, name).name} wins, although the file says "
-        f"{by_number.name + ' in ' if by_number else ''}{f.ordinate.unit or 'no unit'}"
+        (
+            f"instrument.{name}={getattr(settings, name).name} wins, although the file says {said}",
+            Severity.note if name == answer else Severity.doubtful,
+        )
         for name, differs in contradictions.items()
         if differs
     )
