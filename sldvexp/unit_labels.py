@@ -104,6 +104,7 @@ class UnitLabel:
 
 #: Quantity of a motion by the powers of length and time.
 MOTIONS = {(1, 0): "displacement", (1, -1): "velocity", (1, -2): "acceleration"}
+_KINEMATIC = {"[length]", "[time]"}
 #: Other quantities by a unit of theirs.
 QUANTITIES = {
     "newton": "force",
@@ -197,7 +198,7 @@ SAME = (
     (re.compile(r"\bm[iy]u?cro[-\s]*(?=met|m\b)", re.I), "micro"),
     (
         re.compile(
-            r"(?:√|\b(?:sqrt|root|rt))\s*[({]?\s*Hz\s*[)}]?"
+            r"(?:√|\b(?:sqrt|root|rt))\s*[({]?\s*Hz(?:\s*[)}])?"
             r"|\bHz\s*(?:½|\^\s*[({]?\s*(?:0?[.,]5|1\s*/\s*2)\s*[)}]?)",
             re.I,
         ),
@@ -217,7 +218,10 @@ AMPLITUDES = (
 )
 #: Signs between a unit and such a word.
 BESIDE = r"[\s,;:_-]*"
-GLUED = re.compile(r"(?<![^\W_])(gn?|[munk]?m|ips|m?V|N)(?=(rms|pk|pp|p-p)\b)", re.I)
+#: A unit with such a word at once behind it, as in ``grms``.
+GLUED = re.compile(
+    r"((?<=\d)|(?<![^\W_])(?:gn?|[munk]?m|ips|m?V|N|s(?:ec)?))(?=(?:rms|pk|pp|p-p)\b)", re.I
+)
 LOGARITHMIC = re.compile(r"(?<![^\W\d_])dB", re.I)
 TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[^\W\d_]+|[°%])"
@@ -326,12 +330,15 @@ class _Factor(NamedTuple):
         Of the units in pint.
     unit : pint.Quantity
         Without the exponent.
+    inner : tuple of _Factor
+        Those in brackets.
     """
 
     text: str
     names: tuple[str, ...]
     unit: Any
     exponent: int
+    inner: tuple[_Factor, ...] = ()
 
     @property
     def powers(self) -> dict[str, float]:
@@ -438,7 +445,19 @@ def _joined(text: str, inner: list[_Factor], exponent: int) -> _Factor:
     unit = inner[0].unit ** inner[0].exponent
     for factor in inner[1:]:
         unit = unit * factor.unit**factor.exponent
-    return _Factor(text.strip(), tuple(n for f in inner for n in f.names), unit, exponent)
+    names = tuple(n for f in inner for n in f.names)
+    return _Factor(text.strip(), names, unit, exponent, tuple(inner))
+
+
+def _without_mixtures(text: str, factors: list[_Factor]) -> list[_Factor]:
+    """Take motions with their reference out of brackets, as in ``(m/s/N)/√Hz``."""
+    found = []
+    for f in factors:
+        mixed = len({set(part.powers) <= _KINEMATIC for part in f.inner}) > 1
+        if mixed and f.exponent != 1:  # m/(N s) is a displacement per impulse, or a velocity per N
+            raise _asked(text, "may mean several things")
+        found += list(f.inner) if mixed else [f]
+    return found
 
 
 @lru_cache(maxsize=1)
@@ -471,6 +490,7 @@ def _meaning(
     """Tell motion, reference and form of a spectrum by the factors."""
     if not factors:
         raise _asked(text, "names no unit")
+    factors = _without_mixtures(text, factors)
     hertz = [f for f in factors if f.names in (("hertz",), ("rootHz",))]
     others = [f for f in factors if f not in hertz]
     if not others:
@@ -479,7 +499,7 @@ def _meaning(
         raise _asked(text, "may mean several things")
     if len(hertz) > 1 or (hertz and hertz[0].exponent != -1):
         raise _asked(text, "may mean several things")
-    kinematic = [f for f in others if set(f.powers) <= {"[length]", "[time]"}]
+    kinematic = [f for f in others if set(f.powers) <= _KINEMATIC]
     rest = [f for f in others if f not in kinematic]
     # In (m/s)/g and g/(m/s) the last one is the reference.
     if not rest and len(kinematic) > 1 and kinematic[-1].bracketed and kinematic[-1].exponent == -1:
