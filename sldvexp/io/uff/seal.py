@@ -19,7 +19,7 @@ from sldvexp.io.uff.source import CHUNK, DataSet, Source
 from sldvexp.io.uff.writer import dataset
 
 HEADER = 151
-STATED = re.compile(rb"^ *(\d+) lines follow this data set, crc32 ([0-9a-f]{8})", re.M)
+STATED = re.compile(rb"^ *(\d+) lines follow this set, crc32 ([0-9a-f]{8})", re.M)
 
 
 class SealedWriter:
@@ -38,7 +38,7 @@ class SealedWriter:
     >>> with SealedWriter(file) as sealed:
     ...     sealed.write(writer.units())
     >>> file.getvalue().splitlines()[3].strip()
-    '6 lines follow this data set, crc32 24f8a2d7; delete it if you change them'
+    '6 lines follow this set, crc32 24f8a2d7; delete it if you change them'
     """
 
     def __init__(self, file: TextIO):
@@ -68,7 +68,7 @@ class SealedWriter:
 
 def _header(lines: int, crc: int) -> str:
     """Write data set 151; its length does not depend on the numbers."""
-    said = f"{lines:12d} lines follow this data set, crc32 {crc:08x}; delete it if you change them"
+    said = f"{lines:10d} lines follow this set, crc32 {crc:08x}; delete it if you change them"
     nothing = f"{'NONE':<10}{'NONE':<10}"
     about = ["sldvexp", said, "sldvexp", nothing + f"{0:10d}" * 3, nothing, "sldvexp", nothing]
     return dataset(HEADER, about)
