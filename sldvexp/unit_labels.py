@@ -176,6 +176,8 @@ WITH_PREFIX = {
 }
 #: Names of several meanings: a thousandth of g or a milligram, a micron or a prefix alone.
 AMBIGUOUS = ("mg", "μ")
+#: Length of a label beyond which it is no unit.
+LONGEST = 80
 #: Largest exponents of a unit and of a number that make sense.
 UNIT_EXPONENT, NUMBER_EXPONENT = 6, 15
 #: How far from a whole number the decimal logarithm of a power of ten may be.
@@ -208,7 +210,7 @@ SAME = (
     (re.compile("[}\\]]"), ")"),
 )
 _PEAK = r"p(?:ea)?k?"
-_TO = r"\s*(?:-|_|/|2|to|\s)*\s*"
+_TO = r"(?:[-_/2\s]|to)*"
 #: Words for the amplitude; the longer come first.
 AMPLITUDES = (
     (Amplitude.peak, rf"(?:0|o|zero){_TO}{_PEAK}"),
@@ -251,6 +253,8 @@ def read_unit(text: str) -> UnitLabel:
     Traceback (most recent call last):
     sldvexp.unit_labels.UnitNotUnderstoodError: the unit 'm/s/m' may mean several things
     """
+    if len(text) > LONGEST:
+        raise _asked(text, "is too long for a unit")
     if "�" in text or "?" in text:
         raise _asked(text, "has a character that was lost on the way")
     if LOGARITHMIC.search(text):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 import pytest
 from hypothesis import given, settings
@@ -221,6 +222,11 @@ ASKED = {
     "(mm/s": "'(mm/s'",
     "Velocity": "not known here",
     "m/s p": "'p'",
+    "m/s" + " " * 100: "is too long",
+    "(" * 80: "is not known here",
+    "m^99999": "has a part that is not known",
+    "10^9999 m/s": "has a part that is not known",
+    "m/0s": "has a part that is not known",
 }
 
 
@@ -292,3 +298,13 @@ def test_any_text_is_understood_or_asked_about(text):
     else:
         assert label.factor > 0
         assert math.isfinite(label.factor)
+
+
+@pytest.mark.parametrize(
+    "text", ["p" + " " * 78, "-_ /2to" * 11, "p-" * 40, "(" * 79 + "m", "0" * 80]
+)
+def test_hostile_labels_take_no_time(text):
+    begin = time.process_time()
+    with pytest.raises(UnitNotUnderstoodError):
+        read_unit(text)
+    assert time.process_time() - begin < 0.5

@@ -103,8 +103,8 @@ class FunctionChoice:
             functions = file.nodal_functions(self.containing)
         if not functions:
             raise UserError(
-                f"{file.source.path}: has functions of the type none (data sets 58, 58b) and no "
-                f"values at nodes (55, 2414){self._restricted()}, but {file.contents}"
+                f"{file.source.path}: has no functions (data sets 58, 58b) and no values at nodes "
+                f"(55, 2414){self._restricted()}, but {file.contents}"
             )
         return [
             f

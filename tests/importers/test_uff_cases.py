@@ -500,3 +500,15 @@ def test_real_functions_are_doubtful(uff, tmp_path):
     (finding,) = take_findings({"line_of_sight": read(path)})
     assert "1 of 2 functions of view a are of real numbers, as magnitudes are" in finding.text
     assert (finding.kind, finding.severity.name) == ("phase", "doubtful")
+
+
+def test_coordinate_systems_given_twice_must_be_alike(uff, tmp_path):
+    path = tmp_path / "a.uff"
+    turned = np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1.0]])
+    one = uff.systems({5: (turned, [0.1, 0, 0])})
+    path.write_bytes(one * 2 + uff.nodes(POINTS, motion=5))
+    with universal_file(path) as file:
+        np.testing.assert_array_equal(file.geometry.system[0].axes, turned)
+    path.write_bytes(one + uff.systems({5: (turned, [0.2, 0, 0])}) + uff.nodes(POINTS, motion=5))
+    with universal_file(path) as file, pytest.raises(UserError, match="5 is given twice"):
+        _ = file.geometry

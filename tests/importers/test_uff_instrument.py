@@ -324,7 +324,7 @@ def contradictions(write, uff):
         ),
         "no functions": (
             {"change": lambda n, c: uff.nodes(POINTS)},
-            "functions of the type none",
+            "has no functions (data sets 58, 58b) and no values at nodes (55, 2414), but 1",
             {},
         ),
         "only coherences": ({"kind": 6}, "of the type coherence", {}),

@@ -43,6 +43,11 @@ class CoordinateSystem:
     axes: Array
     origin: Array
 
+    def is_like(self, other: CoordinateSystem) -> bool:
+        """Tell whether two are the same, of which one may have six digits."""
+        same = self.kind == other.kind and np.abs(self.axes - other.axes).max() <= SIX_DIGITS
+        return bool(same and _alike(self.origin, other.origin))
+
     def position(self, coordinates: Array) -> Array:
         """Put a point of the system into the world, shape (3,)."""
         a, b, c = coordinates
@@ -92,7 +97,9 @@ def read_systems(source: Source, entries: list[DataSet]) -> dict[int, Coordinate
             lines.next("the part's name")
         while lines:
             system = (_system_2420 if entry.kind == 2420 else _system_18)(lines, systems)
-            if system.label in systems:
+            if (before := systems.get(system.label)) is not None:
+                if before.is_like(system):
+                    continue
                 raise lines.wrong(f"the coordinate system {system.label} is given twice")
             systems[system.label] = system
     return systems
@@ -250,10 +257,7 @@ def _nodes(
         position = of_position.position(np.array(coordinates))
         if label in nodes:
             before, motion = nodes[label]
-            if not _alike(position, before) or (of_motion.kind, of_motion.label) != (
-                motion.kind,
-                motion.label,
-            ):
+            if not (_alike(position, before) and of_motion.is_like(motion)):
                 raise lines.wrong(
                     f"the node {label} is given twice, here at {_shown(position)} and before at "
                     f"{_shown(before)}",
