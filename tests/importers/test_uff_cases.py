@@ -512,3 +512,45 @@ def test_coordinate_systems_given_twice_must_be_alike(uff, tmp_path):
     path.write_bytes(one + uff.systems({5: (turned, [0.2, 0, 0])}) + uff.nodes(POINTS, motion=5))
     with universal_file(path) as file, pytest.raises(UserError, match="5 is given twice"):
         _ = file.geometry
+
+
+#: Labels of a file to one of their unit in SI, and how often it must be integrated.
+SPELLINGS = {
+    "mm/s": (1e-3, 0),
+    "µm/s": (1e-6, 0),
+    "µm/s²": (1e-6, 1),
+    "micron/s": (1e-6, 0),
+    "ips": (0.0254, 0),
+    "mil/s": (2.54e-5, 0),
+    "MM/S": (1e-3, 0),
+    "mm/min": (1e-3 / 60, 0),
+    "m s-1": (1.0, 0),
+    "m·s^-1": (1.0, 0),
+    "m/s²": (1.0, 1),
+    "M/S**2": (1.0, 1),
+    "(m/s²)/N": (1.0, 1),
+    "G": (9.80665, 1),
+    "gn": (9.80665, 1),
+    "g": (9.80665, 1),
+    "mil": (2.54e-5, -1),
+    "µm": (1e-6, -1),
+}
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
+@pytest.mark.parametrize("unit", SPELLINGS)
+def test_spellings_in_files_that_state_si(uff, tmp_path, unit, encoding):
+    factor, integrated = SPELLINGS[unit]
+    numbers = {0: 11, 1: 12, -1: 8}
+    path = tmp_path / "a.uff"
+    omega = 2j * np.pi * FREQUENCY
+    for quantity in (0, 1, numbers[integrated]):
+        function = uff.function(1, FIRST, quantity=quantity, unit=unit, first=100.0, step=10.0)
+        content = uff.units() + uff.nodes(POINTS) + function
+        path.write_bytes(content.decode().encode(encoding))
+        velocity = read(path)["velocity"][0, 0]
+        np.testing.assert_allclose(velocity, factor * FIRST / omega**integrated, rtol=SIX_DIGITS)
+    for quantity in {8, 11, 12} - {numbers[integrated]}:
+        function = uff.function(1, FIRST, quantity=quantity, unit=unit, first=100.0, step=10.0)
+        path.write_bytes((uff.units() + uff.nodes(POINTS) + function).decode().encode(encoding))
+        refused(path, "states the quantity", "say which with instrument.quantity")
