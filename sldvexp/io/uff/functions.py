@@ -216,15 +216,16 @@ def _abscissa_unit(source: Source, function: Function) -> float:
     if wanted is None:
         return 1.0
 
+    unit = "s" if wanted == "time" else "Hz"
+
     def wrong(what: str) -> UserError:
-        unit = "s" if wanted == "time" else "Hz"
         message = f"its abscissa {what}; a {KINDS[function.kind]} must be of {wanted} in {unit}"
         return function.entry.wrong(source, function.entry.first, message)
 
     if axis.kind not in (0, 1, BY_ABSCISSA[wanted]):
         other = {number: name for name, number in BY_ABSCISSA.items()}.get(axis.kind)
         raise wrong(f"is of {other or f'the quantity {axis.kind}'}")
-    if not axis.unit:
+    if axis.unit in ("", unit):
         return 1.0
     if axis.unit.replace(" ", "").lower() in ANGULAR and wanted == "frequency":
         return 1 / (2 * np.pi)
