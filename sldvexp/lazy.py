@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # so that type checkers see the libraries' own types
     import markupsafe
     import netCDF4
     import pandas
+    import pint
     import plotly
     import pyvisa
     import scipy
@@ -28,6 +29,7 @@ else:
     markupsafe = lazy_loader.load("markupsafe")
     netCDF4 = lazy_loader.load("netCDF4")
     pandas = lazy_loader.load("pandas")
+    pint = lazy_loader.load("pint")
     plotly = lazy_loader.load("plotly")
     pyvisa = lazy_loader.load("pyvisa")
     scipy = lazy_loader.load("scipy")
@@ -38,6 +40,7 @@ __all__ = [
     "markupsafe",
     "netCDF4",
     "pandas",
+    "pint",
     "plotly",
     "pyvisa",
     "scipy",

@@ -14,8 +14,10 @@ from sldvexp.dataset.findings import (
     findings_of,
     findings_to_dataset,
     is_void,
+    take_findings,
     verdict_of,
     views_without_pose,
+    with_findings,
 )
 from sldvexp.dataset.run_data import RunData, Source, read_yaml
 from sldvexp.dataset.store import (
@@ -55,6 +57,8 @@ __all__ = [
     "read_yaml",
     "save",
     "save_table",
+    "take_findings",
     "verdict_of",
     "views_without_pose",
+    "with_findings",
 ]

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import enum
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -165,6 +165,52 @@ def findings_of(groups: Mapping[str, xr.Dataset]) -> list[Finding]:
         for one in (stage.isel(finding=i) for i in range(stage.sizes["finding"]))
     ]
     return sorted(found, key=lambda f: -f.severity)
+
+
+#: Attribute of a group whose maker leaves no group of findings of its own, as JSON.
+FINDINGS = "findings"
+
+
+def with_findings(made: xr.Dataset, findings: Sequence[Finding]) -> xr.Dataset:
+    """Leave findings with a group, for the step that takes it into the run.
+
+    Examples
+    --------
+    >>> from sldvexp.lazy import xarray as xr
+    >>> found = with_findings(xr.Dataset(), [Finding("sign", "view left", "is it turned?")])
+    >>> list(found.attrs)
+    ['findings']
+    """
+    if not findings:
+        return made
+    texts = [
+        {name: getattr(f, name) for name in ("kind", "subject", "text", "remedy")}
+        | {"severity": f.severity.name}
+        for f in findings
+    ]
+    return made.assign_attrs({FINDINGS: json.dumps(texts)})
+
+
+def take_findings(groups: MutableMapping[str, xr.Dataset]) -> list[Finding]:
+    """Take what `with_findings` left out of groups, each finding once.
+
+    Examples
+    --------
+    >>> from sldvexp.lazy import xarray as xr
+    >>> odd = with_findings(xr.Dataset(), [Finding("unit", "view left", "metres or millimetres?")])
+    >>> [finding.text for finding in take_findings({"image/a": odd, "image/b": odd})]
+    ['metres or millimetres?']
+    """
+    found: dict[Finding, None] = {}
+    for name, made in groups.items():
+        if FINDINGS in made.attrs:
+            attrs = dict(made.attrs)
+            for one in json.loads(attrs.pop(FINDINGS)):
+                found[Finding(**one | {"severity": Severity[one["severity"]]})] = None
+            bare = made.copy()
+            bare.attrs = attrs
+            groups[name] = bare
+    return list(found)
 
 
 def views_without_pose(groups: Mapping[str, xr.Dataset]) -> list[str]:

@@ -25,6 +25,7 @@ from sldvexp.export.velocities import (
 )
 from sldvexp.files import whole_or_nothing
 from sldvexp.io.uff import writer as uf
+from sldvexp.io.uff.seal import SealedWriter
 from sldvexp.io.uff.writer import qualifiers, units
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
@@ -65,8 +66,9 @@ class ShapeNames(Enum):
 class UffExport(Export):
     """Geometry, shapes at every frequency and spectra of every node and direction, SI units.
 
-    Shapes (data set 55, six digits) come with their standard error and confidence as real shapes
-    after them. Spectra (58, thirteen digits) are labelled with node and direction; of local
+    A checksum of all lines comes first (151), by which this program sees later damage. Shapes
+    (55, six digits) come with their standard error and confidence as real shapes after them.
+    Spectra (58, thirteen digits) are labelled with node and direction; of local
     components the directions 1, 2, 3 are t1, t2, n, and every node refers to a coordinate system
     (2420) that tells what these are in the world, so that bounds stay what they are. Nodes count
     from 1. What is not determined is left out: a direction's spectrum, a node of the shapes. A run
@@ -99,7 +101,11 @@ class UffExport(Export):
                 "export=uff: the run's velocities have no frequency, and a universal file needs "
                 "one; give it with the velocities, as in a column frequency"
             )
-        with whole_or_nothing(path) as beside, beside.open("w", encoding="ascii") as file:
+        with (
+            whole_or_nothing(path) as beside,
+            beside.open("w", encoding="ascii") as plain,
+            SealedWriter(plain) as file,
+        ):
             file.write(units())
             if is_field(run):
                 file.writelines(self._geometry(mesh_of(run, "uff"), is_local(found)))

@@ -52,7 +52,8 @@ class PointImporter(Importer):
         xarray.Dataset
             ``direction_cosines (view[, point], axis)``, unit vectors from the surface to the
             instrument, ``velocity (view[, point][, frequency])`` in m/s, and where the file tells
-            them ``velocity_std`` and ``position (point, axis)``; see `sldvexp.dataset.group`.
+            them ``velocity_std`` and ``position (point, axis)``; see `sldvexp.dataset.group`. What
+            is odd but no reason to refuse is left with it by `sldvexp.dataset.with_findings`.
 
         Raises
         ------

@@ -17,8 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sldvexp.dataset import Severity
 from sldvexp.errors import UserError
 from sldvexp.typing import Array, ComplexArray
+from sldvexp.unit_labels import Amplitude as Amplitude
 
 
 class Directions(Enum):
@@ -63,16 +65,9 @@ class MotionUnit(Enum):
     um = 1e-6
     nm = 1e-9
     inch = 0.0254
+    mil = 2.54e-5
     ft = 0.3048
     g = 9.80665
-
-
-class Amplitude(Enum):
-    """Measure of a sine that a spectrum gives; the value turns it to the peak."""
-
-    peak = 1.0
-    rms = 2**0.5
-    half = 2.0
 
 
 class Phase(Enum):
@@ -98,6 +93,52 @@ def unstated(where: str | Path, setting: str, example: str, what: str) -> UserEr
     )
 
 
+class Questions:
+    """Questions that files leave open: collected, and asked in one go.
+
+    Examples
+    --------
+    >>> questions = Questions()
+    >>> questions.ask("a.uff", "positive", "towards", "where a positive velocity points to")
+    >>> questions.ask("b.uff", "positive", "towards", "where a positive velocity points to")
+    >>> bool(questions), len(questions.texts())
+    (True, 1)
+    """
+
+    def __init__(self) -> None:
+        self._places: dict[str, list[str]] = {}
+        self._first: dict[str, UserError] = {}
+
+    def __bool__(self) -> bool:
+        """Whether something is open."""
+        return bool(self._first)
+
+    def ask(self, where: str | Path, setting: str, example: str, what: str) -> None:
+        """Note something that a file does not state, once for all files that do not."""
+        self.note(unstated(where, setting, example, what), where)
+
+    def note(self, error: UserError, where: str | Path) -> None:
+        """Note an error that a setting answers; `where` is the file that its text begins with."""
+        place, _, text = str(error).removeprefix(str(where)).partition(": ")
+        self._places.setdefault(text, []).append(f"{where}{place}")
+        self._first.setdefault(text, error)
+
+    def texts(self) -> list[str]:
+        """List the questions, each with the place that it is about and how many others."""
+        return [
+            f"{places[0]}{f' and {more} more' if (more := len(set(places)) - 1) else ''}: {text}"
+            for text, places in self._places.items()
+        ]
+
+    def done(self) -> None:
+        """Raise one `UserError` if anything is open."""
+        if len(self._first) == 1:
+            raise next(iter(self._first.values()))
+        if self._first:
+            listed = "; ".join(f"({i}) {text}" for i, text in enumerate(self.texts(), 1))
+            raise UserError(f"{len(self._first)} questions are open: {listed}")
+
+
 @dataclass(frozen=True)
 class Conventions:
     """Rule that turns a file's values to peak velocities towards the instrument, exp(+i omega t).
@@ -110,6 +151,8 @@ class Conventions:
         Whether the file's time dependence is exp(-i omega t).
     told : dict of str to str
         What was decided and by what, for the record.
+    odd : tuple of (str, Severity)
+        What else the file says that was not heeded, a sentence each, and how much that weighs.
 
     Examples
     --------
@@ -122,6 +165,7 @@ class Conventions:
     factor: float
     conjugate: bool
     told: dict[str, str]
+    odd: tuple[tuple[str, Severity], ...] = ()
 
     def velocity(self, values: NDArray, frequency: Array) -> ComplexArray:
         """Turn values of any shape that ends with frequency to velocities, m/s."""
@@ -151,15 +195,6 @@ class Motion(NamedTuple):
     quantity: Quantity
     unit: MotionUnit
     rest: str
-
-
-def motion_in_product(text: str) -> Motion | None:
-    """Find the motion in a cross spectrum's unit, ``(m/s)*N/Hz``; None unless one factor is one."""
-    bare = re.sub(r"\s*/\s*Hz[\s\])]*$", "", text.strip()).replace("**", "^")
-    factors = [factor.strip(" ()[]") for factor in re.split(r"[*·⋅×]", bare)]
-    found = {motion for factor in factors if (motion := motion_of(factor))}
-    others = [factor for factor in factors if not motion_of(factor)]
-    return found.pop() if len(found) == 1 and "/" not in "".join(others) else None
 
 
 def motion_of(text: str) -> Motion | None:

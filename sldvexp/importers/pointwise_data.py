@@ -19,13 +19,16 @@ from omegaconf import MISSING
 
 from sldvexp import dataset
 from sldvexp.errors import UserError, nearest
-from sldvexp.importers.conventions import Directions
+from sldvexp.importers.conventions import Directions, Positive
 from sldvexp.io.uff import UniversalGeometry
+from sldvexp.io.uff.functions import DIRECTIONS
 from sldvexp.io.velocities import LineOfSight
 from sldvexp.laser import TwoMirror, direction_cosines, project
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray, IntArray
 
+#: Cosine between a response direction and that of positive velocities, below which they differ.
+OPPOSITE = -0.5
 #: How far one node's positions in two files may be apart, relative to the object's size.
 SAME_PLACE = 1e-4
 
@@ -75,6 +78,8 @@ class PointwiseData:
         One of the geometry's units in m.
     told : dict of str to str
         Conventions, for the record.
+    findings : list of Finding
+        What is odd but no reason to refuse.
     """
 
     name: str
@@ -88,6 +93,7 @@ class PointwiseData:
     geometry: UniversalGeometry | None
     length: float
     told: dict[str, str]
+    findings: list[dataset.Finding] = field(default_factory=list)
 
 
 def close(one: Array, two: Array) -> bool:
@@ -157,7 +163,37 @@ def to_line_of_sight(
     if position is not None:
         geometry = next(view.geometry for view in views if view.geometry is not None)
         made = made.merge(_shape(geometry, node, position), combine_attrs="override")
-    return made.assign_attrs(_record(views))
+    findings = [finding for view in views for finding in view.findings]
+    if directions is not Directions.dof:
+        for view, at, cosine in zip(views, where, cosines, strict=True):
+            findings += _turned_away(view, at, cosine)
+    return dataset.with_findings(made.assign_attrs(_record(views)), findings)
+
+
+def _turned_away(view: PointwiseData, at: IndexArray, cosines: Array) -> list[dataset.Finding]:
+    """Find response directions of a file that are the opposite of a view's positive velocity."""
+    codes = view.direction[at]
+    known = view.geometry is not None and np.isin(view.node[at], view.geometry.label).all()
+    if not known or not codes.all() or "positive" not in view.told:
+        return []
+    sense = Positive[view.told["positive"]].value
+    along = (cosines * _of_dofs(view, view.node[at], codes)).sum(axis=1)
+    if not np.median(sense * along) < OPPOSITE:
+        return []
+    name = DIRECTIONS[int(codes[0])]
+    angle = np.degrees(np.arccos(np.clip(np.median(along), -1, 1)))
+    other = Positive(-sense).name
+    return [
+        dataset.Finding(
+            "sign",
+            f"view {view.name}",
+            f"{view.source}: the response direction of view {view.name} is {name}, {angle:.0f} deg "
+            f"from that to the instrument, but instrument.positive={Positive(sense).name}; either "
+            f"the file's direction is nominal, or positive is {other}",
+            size=float(angle),
+            remedy=f"instrument.positive={other}",
+        )
+    ]
 
 
 def _record(views: list[PointwiseData]) -> dict[str, str]:
@@ -346,6 +382,8 @@ def _image(
         )
     angle = project((position - origin) @ rotation.T, laser.mirror_offset)
     dac = laser.dac_from_angle(angle, [f"view {view.name}, node {n}" for n in view.node])
+    cosines = direction_cosines(angle, rotation)
+    findings = view.findings + _turned_away(view, np.arange(len(view.node)), cosines)
     flagged = int(view.missing.sum())
     made = dataset.group(
         "image",
@@ -357,4 +395,5 @@ def _image(
         flags=view.missing.astype(np.int8),
     )
     summary = f"{flagged} of {len(view.node)} pixels are flagged"
-    return made.assign_attrs({"summary": summary} | _record([view]))
+    made = made.assign_attrs({"summary": summary} | _record([view]))
+    return dataset.with_findings(made, findings)

@@ -6,31 +6,40 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
+from sldvexp.dataset import Finding
 from sldvexp.errors import Checks, UserError
-from sldvexp.importers.conventions import Directions, Quantity, Zeros
+from sldvexp.importers.conventions import Conventions, Directions, Quantity, Questions, Zeros
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, close, same_frequencies
-from sldvexp.importers.uff_conventions import FunctionKind, decide_conventions, length_unit
+from sldvexp.importers.uff_choice import FunctionChoice, require_witnesses_agree
+from sldvexp.importers.uff_conventions import (
+    FunctionKind,
+    ask_positive,
+    decide_conventions,
+    length_unit,
+)
 from sldvexp.importers.uff_estimators import (
     Estimator,
     coherence,
     estimate_response,
     find_reference,
     fit_phasors,
+    no_estimator,
+    no_frequency,
+    no_reference,
 )
 from sldvexp.io.uff import Function, UniversalFile, UniversalGeometry, universal_file
-from sldvexp.io.uff.functions import ACCELERATION, DIRECTIONS, DISPLACEMENT, KINDS, NODAL, VELOCITY
+from sldvexp.io.uff.functions import DIRECTIONS, NODAL
 from sldvexp.io.uff.geometry import CARTESIAN, WORLD
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 
 COHERENCE = 6
-#: Quantities that are, or may be, a motion; others are of a reference.
-MOTION = (0, 1, DISPLACEMENT, VELOCITY, ACCELERATION)
 #: How far a wanted frequency may be from a line, in line spacings.
 BESIDE = 0.01
 
@@ -72,6 +81,9 @@ class UffImport(PointwiseImport):
         Needed of nodal values with directions=dof if nodes have coordinate systems of their own.
     containing : str
         Text that the identifying lines of a function must have, as ``H1``.
+    reference_dof : str
+        Of the functions that are read, as ``1+Z``; needed if a file has several references.
+        ``any`` if one excitation was behind them all.
     averages : int
         Of spectra behind each response function: with it, standard errors come from the file's
         coherence functions, or from cross and both auto spectra. 0 if not known.
@@ -85,8 +97,20 @@ class UffImport(PointwiseImport):
     estimator: Estimator | None = None
     nodal_axes: NodalAxes | None = None
     containing: str = ""
+    reference_dof: str = ""
     averages: int = 0
     time_reference: str = ""
+
+    def choice(self, view: PointwiseView) -> FunctionChoice:
+        """Choose among the functions of a view's file."""
+        return FunctionChoice(
+            self.function,
+            view.dof,
+            self.containing,
+            self.reference_dof,
+            self.time_reference,
+            self.quantity,
+        )
 
     def check(self, checks: Checks) -> None:
         """Note what cannot be."""
@@ -100,27 +124,88 @@ class UffImport(PointwiseImport):
         return [*([self.geometry] if self.geometry else []), *super().inputs()]
 
     def measured(self) -> Iterator[PointwiseData]:
-        """Read the views' files, one after the other."""
+        """Read the views' files, one after the other, once no question is open."""
         first: PointwiseData | None = None
-        for name, view in self.views.items():
-            with ExitStack() as files:
-                file = files.enter_context(universal_file(locate(view.path)))
-                places = file
-                if self.geometry:
-                    places = files.enter_context(universal_file(locate(self.geometry)))
-                found = _view(self, name, view, file, places)
-            same_frequencies(found, first)
-            first = first or found
-            yield found
+        with ExitStack() as files:
+            opened: dict[str, UniversalFile] = {}
+            for path in self.inputs():
+                if path not in opened:
+                    opened[path] = files.enter_context(universal_file(locate(path)))
+            questions = Questions()
+            chosen = {
+                name: _choose(self, view, opened, questions) for name, view in self.views.items()
+            }
+            questions.done()
+            for name, source in chosen.items():
+                assert source is not None  # or a question would have been open
+                found = _view(self, name, self.views[name], source)
+                same_frequencies(found, first)
+                first = first or found
+                yield found
+
+
+class _ViewSource(NamedTuple):
+    """Functions of a view, and what their numbers mean."""
+
+    file: UniversalFile
+    functions: list[Function]
+    rules: Conventions
+    geometry: UniversalGeometry | None
+    length: tuple[float, str]
+
+
+def _choose(
+    settings: UffImport,
+    view: PointwiseView,
+    opened: dict[str, UniversalFile],
+    questions: Questions,
+) -> _ViewSource | None:
+    """Choose one view's functions and their conventions; None if a question is open."""
+    file = opened[view.path]
+    places = opened[settings.geometry] if settings.geometry else file
+    length = (np.nan, "")
+    if places.geometry is not None:
+        length = length_unit(settings, places, questions)
+    try:
+        functions = settings.choice(view).functions(file)
+    except UserError as error:
+        if not questions and settings.positive is not None:
+            raise  # nothing else is open, as far as one can see
+        questions.note(error, file.source.path)
+        ask_positive(settings, file, questions)
+        return None
+    rules = decide_conventions(settings, file, functions, questions)
+    _ask_more(settings, file, functions[0], questions)
+    try:
+        geometry = _turned(settings, file, functions[0], places.geometry)
+    except UserError as error:
+        questions.note(error, file.source.path)
+        return None
+    return _ViewSource(file, functions, rules, geometry, length) if rules else None
+
+
+def _ask_more(
+    settings: UffImport, file: UniversalFile, function: Function, questions: Questions
+) -> None:
+    """Ask for what time records and cross spectra need besides their units."""
+    path = file.source.path
+    if function.kind == FunctionKind.time.value:
+        for missing, error in (
+            (not settings.frequency, no_frequency(file)),
+            (not settings.time_reference, no_reference(file)),
+        ):
+            if missing:
+                questions.note(error, path)
+    if function.kind == FunctionKind.cross.value and settings.estimator is None:
+        questions.note(no_estimator(file), path)
 
 
 def _view(
-    settings: UffImport, name: str, view: PointwiseView, file: UniversalFile, places: UniversalFile
+    settings: UffImport, name: str, view: PointwiseView, source: _ViewSource
 ) -> PointwiseData:
-    """Choose one view's functions, check them, and turn them into velocities."""
-    functions = _chosen(settings, view, file)
-    rules = decide_conventions(settings, file, functions)
-    told = rules.told
+    """Turn one view's functions into velocities."""
+    file, functions, rules, geometry, (length, by) = source
+    told = rules.told | settings.choice(view).left_out(file, functions)
     if functions[0].kind == FunctionKind.time.value:
         reference = find_reference(settings.time_reference, file)
         frequency, values, errors = fit_phasors(settings.frequency, file, functions, reference)
@@ -131,6 +216,7 @@ def _view(
     else:
         frequency, lines = _lines(settings, file, functions[0], rules.quantity)
         values = _at_lines(file, functions, frequency, lines)
+        require_witnesses_agree(file, functions, rules, frequency, lines)
         if functions[0].kind == FunctionKind.cross.value:
             made_by, containing = settings.estimator, settings.containing
             values = estimate_response(
@@ -144,8 +230,6 @@ def _view(
     if settings.zeros is Zeros.measured:
         missing[:] = False
     axes = {"nodal_axes": settings.nodal_axes.name} if settings.nodal_axes else {}
-    geometry = _turned(settings, file, functions[0], places.geometry)
-    length, by = length_unit(settings, places) if geometry is not None else (np.nan, "")
     return PointwiseData(
         name,
         str(file.source.path),
@@ -158,7 +242,25 @@ def _view(
         geometry,
         length,
         told | axes | ({"length_unit": f"{length:g} m, {by}"} if by else {}),
+        _findings(name, source),
     )
+
+
+def _findings(name: str, source: _ViewSource) -> list[Finding]:
+    """List what is odd about a view's file but no reason to refuse it."""
+    file, functions, subject = source.file, source.functions, f"view {name}"
+    found = [
+        Finding("unit", subject, f"{file.source.path}: {text}", severity)
+        for text, severity in source.rules.odd
+    ]
+    real = [f for f in functions if not f.complex]
+    if real and functions[0].kind != FunctionKind.time.value:
+        text = (
+            f"{file.source.path}: {len(real)} of {len(functions)} functions of view {name} are of "
+            "real numbers, as magnitudes are, whose phase is lost; export complex values"
+        )
+        found.append(Finding("phase", subject, text))
+    return found
 
 
 def _at_lines(
@@ -176,72 +278,6 @@ def _at_lines(
             )
         row[:] = values[lines]
     return found
-
-
-def _chosen(settings: UffImport, view: PointwiseView, file: UniversalFile) -> list[Function]:
-    """Choose one function a node, by ascending node."""
-    wanted = _of_view(settings, view, file)
-    kinds = {f.kind for f in wanted}
-    if settings.function is not None:
-        kinds &= {settings.function.value}
-    if FunctionKind.frf.value in kinds:
-        kinds.discard(FunctionKind.cross.value)  # it was made of these
-    known = kinds & {k.value for k in FunctionKind}
-    if len(known) != 1:
-        has = ", ".join(sorted(KINDS.get(k, f"type {k}") for k in {f.kind for f in file.functions}))
-        fix = "needed are frequency response functions, spectra, cross spectra or time records"
-        fix = "choose with instrument.function" if known else fix
-        raise UserError(
-            f"{file.source.path}: has functions of the type {has or 'none'}"
-            f"{_restricted(settings, view)}; {fix}"
-        )
-    by_node: dict[int, Function] = {}
-    of_kind = [f for f in wanted if f.kind in known and f.ordinate.kind in MOTION]
-    if known == {FunctionKind.time.value}:
-        of_kind = [f for f in of_kind if f.dof != settings.time_reference]
-    for function in of_kind:
-        if abs(function.direction) > 3:
-            raise file.wrong(function, f"is of a rotation ({function.dof}); leave it out with dof")
-        if (other := by_node.setdefault(function.node, function)) is not function:
-            if function.entry is other.entry:
-                raise file.wrong(
-                    function,
-                    f"has values of node {function.node} in several directions ({other.dof}, "
-                    f"{function.dof}); choose one with dof of the view",
-                )
-            raise file.wrong(
-                function,
-                f"and data set {other.entry.number} are both of node {function.node} "
-                f"({function.dof} and {other.dof}); choose one with instrument.containing or "
-                f"dof of the view",
-            )
-    if not by_node:
-        raise UserError(
-            f"{file.source.path}: has functions of the type {KINDS[known.pop()]}, but none of a "
-            "displacement, velocity or acceleration"
-        )
-    return [by_node[node] for node in sorted(by_node)]
-
-
-def _of_view(settings: UffImport, view: PointwiseView, file: UniversalFile) -> list[Function]:
-    """Keep the functions of the view's dof that have the wanted text."""
-    functions = file.functions
-    if settings.function is FunctionKind.nodal or (settings.function is None and not functions):
-        functions = file.nodal_functions(settings.containing)
-    return [
-        f
-        for f in functions
-        if (not view.dof or DIRECTIONS[f.direction] == view.dof)
-        and (settings.containing in " ".join(f.text))
-    ]
-
-
-def _restricted(settings: UffImport, view: PointwiseView) -> str:
-    """Say how the functions were restricted, for a message."""
-    by = [f"containing {settings.containing!r}"] if settings.containing else []
-    by += [f"of dof {view.dof}"] if view.dof else []
-    by += [f"of function={settings.function.name}"] if settings.function else []
-    return f", none that is wanted among those {' and '.join(by)}" if by else ""
 
 
 def _lines(

@@ -1,19 +1,24 @@
-"""Conventions of a universal file: from its own words and the settings, or asked for."""
+"""Conventions of a universal file: from its own words and the settings, or asked for.
+
+The quantity of values is stated by a number (8, 11 or 12; 0 and 1 say nothing) and by the label of
+their unit, the unit by the label and by data set 164. A label that is there and not understood is
+asked about: nothing else in the file replaces it.
+"""
 
 from __future__ import annotations
 
 from enum import Enum
+from typing import NamedTuple
 
+from sldvexp.dataset import Severity
+from sldvexp.errors import UserError
 from sldvexp.importers.conventions import (
     Amplitude,
     Conventions,
     Directions,
-    MotionUnit,
     Phase,
     Quantity,
-    motion_in_product,
-    motion_of,
-    unstated,
+    Questions,
 )
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.io.uff import Function, UniversalFile
@@ -26,6 +31,7 @@ from sldvexp.io.uff.functions import (
     RMS,
     VELOCITY,
 )
+from sldvexp.unit_labels import SpectralForm, UnitLabel, UnitNotUnderstoodError, read_unit
 
 
 class FunctionKind(Enum):
@@ -46,145 +52,327 @@ BY_NUMBER = {
 #: How far two statements of one unit may be apart, relatively.
 SAME_UNIT = 1e-3
 SCALES = {PEAK: Amplitude.peak, RMS: Amplitude.rms}
+#: Kinds whose values are amplitudes of motions.
+OF_AMPLITUDES = (FunctionKind.spectrum, FunctionKind.nodal)
+
+
+class Meaning(NamedTuple):
+    """Meaning of the values of a function.
+
+    Parameters
+    ----------
+    factor : float
+        One of their unit in SI.
+    by : str
+        Who says so.
+    amplitude : Amplitude or None
+        By the label.
+    odd : tuple of (str, Severity)
+        What else the file says that is not heeded, and how much that weighs.
+    """
+
+    quantity: Quantity
+    factor: float
+    by: str
+    amplitude: Amplitude | None = None
+    odd: tuple[tuple[str, Severity], ...] = ()
+
+    def __str__(self) -> str:
+        """Name the quantity with its unit, for a message."""
+        return f"units of {self.factor:g} m of {self.quantity.name} ({self.by})"
 
 
 def decide_conventions(
-    settings: PointwiseImport, file: UniversalFile, functions: list[Function]
-) -> Conventions:
+    settings: PointwiseImport,
+    file: UniversalFile,
+    functions: list[Function],
+    questions: Questions,
+) -> Conventions | None:
     """Decide how values of the chosen functions of a file become velocities.
+
+    Parameters
+    ----------
+    questions : Questions
+        To which is added what is not said anywhere, or in two ways.
+
+    Returns
+    -------
+    Conventions or None
+        None if a question is open.
 
     Raises
     ------
     UserError
-        If functions differ, the file contradicts itself, or something is not said anywhere.
+        If functions differ, or are powers.
     """
-    kind = FunctionKind(functions[0].kind)
-    each = {f.ordinate: f for f in reversed(functions)}  # the first function of each
-    meanings = {_meaning(settings, file, f): f for f in reversed(each.values())}
-    if len(meanings) > 1:
-        (one, first), (two, second) = list(meanings.items())[:2]
-        raise file.wrong(
-            second,
-            f"has values in {_shown(*two)}, but data set {first.entry.number} in {_shown(*one)}; "
-            "functions of mixed units must come in different files, or instrument.containing must "
-            "choose among them",
-        )
-    ((quantity, unit, by),) = meanings
-    told = {"quantity": quantity.name, "unit": f"{unit:g} m per unit, {by}"}
-    scale, said = _scale(settings, file, kind, functions[0])
+    path, kind = file.source.path, FunctionKind(functions[0].kind)
+    meaning = _one_meaning(settings, file, functions, questions)
+    scaled = _scale(settings, file, functions[0], meaning, questions)
     phase = Phase.exp_plus if kind is FunctionKind.time else settings.phase
     if phase is None:
         what = "the sign of the phase (exp_plus or exp_minus)"
         if kind is FunctionKind.cross:
             what += "; a cross spectrum of the response and the conjugate reference is exp_plus"
-        raise unstated(file.source.path, "phase", "exp_plus", what)
-    sign = 1
-    if settings.directions is not Directions.dof:
-        if settings.positive is None:
-            what = "where a positive velocity points to"
-            raise unstated(file.source.path, "positive", "towards", what)
-        sign = settings.positive.value
+        questions.ask(path, "phase", "exp_plus", what)
+    along_dof = settings.directions is Directions.dof
+    ask_positive(settings, file, questions)
+    if meaning is None or scaled is None or phase is None or questions:
+        return None
+    scale, said = scaled
+    sign = 1 if along_dof or settings.positive is None else settings.positive.value
+    told = {"quantity": meaning.quantity.name, "unit": f"{meaning.factor:g} m per unit, "}
+    told["unit"] += meaning.by
     told |= said | {
         "positive": settings.positive.name if settings.positive else "along the dof",
         "phase": phase.name,
         "function": KINDS[kind.value],
         "directions": settings.directions.name,
     }
-    return Conventions(quantity, unit * scale * sign, phase is Phase.exp_minus, told)
+    factor = meaning.factor * scale * sign
+    return Conventions(meaning.quantity, factor, phase is Phase.exp_minus, told, meaning.odd)
+
+
+def ask_positive(settings: PointwiseImport, file: UniversalFile, questions: Questions) -> None:
+    """Ask where a positive velocity points to, unless a dof tells it."""
+    if settings.directions is not Directions.dof and settings.positive is None:
+        what = "where a positive velocity points to"
+        questions.ask(file.source.path, "positive", "towards", what)
+
+
+def _one_meaning(
+    settings: PointwiseImport, file: UniversalFile, functions: list[Function], questions: Questions
+) -> Meaning | None:
+    """Find the meaning that all functions have in common."""
+    each = {f.ordinate: f for f in reversed(functions)}  # the first function of each
+    meanings = {_meaning(settings, file, f, questions): f for f in reversed(each.values())}
+    if None in meanings:
+        return None
+    if len(meanings) > 1:
+        (one, first), (two, second) = list(meanings.items())[:2]
+        raise file.wrong(
+            second,
+            f"has values in {two}, but data set {first.entry.number} in {one}; functions of mixed "
+            "units must come in different files, or instrument.containing must choose among them",
+        )
+    return next(iter(meanings))
 
 
 def _scale(
-    settings: PointwiseImport, file: UniversalFile, kind: FunctionKind, function: Function
-) -> tuple[float, dict[str, str]]:
+    settings: PointwiseImport,
+    file: UniversalFile,
+    function: Function,
+    meaning: Meaning | None,
+    questions: Questions,
+) -> tuple[float, dict[str, str]] | None:
     """Find the factor to peak amplitudes: the reference, or the scale of spectra."""
+    kind = FunctionKind(function.kind)
     if kind is FunctionKind.time:
         return 1.0, {"amplitude": "peak, of the sines of time records"}
-    if kind in (FunctionKind.spectrum, FunctionKind.nodal):
-        amplitude, by = _amplitude(settings, file, kind)
-        return amplitude.value, {"amplitude": f"{amplitude.name}, {by}"}
+    if kind in OF_AMPLITUDES:
+        found = _amplitude(settings, file, function, meaning, questions)
+        return (found[0].value, {"amplitude": f"{found[0].name}, {found[1]}"}) if found else None
     if settings.reference is None:
         what = (
             "the reference's peak amplitude, which response functions are multiplied with (1: "
             "velocities per unit of the reference)"
         )
-        raise unstated(file.source.path, "reference", "1.0", what)
+        questions.ask(file.source.path, "reference", "1.0", what)
+        return None
     unit = function.reference.unit
     return settings.reference, {"reference": f"{settings.reference:g} {unit}".strip()}
 
 
-def length_unit(settings: PointwiseImport, file: UniversalFile) -> tuple[float, str]:
+def length_unit(
+    settings: PointwiseImport, file: UniversalFile, questions: Questions
+) -> tuple[float, str]:
     """Find one unit of the file's coordinates in m, and who says so."""
     if settings.length_unit is not None:
         return settings.length_unit.value, "as set"
     if file.units is not None:
         return file.units.length, "by data set 164"
     what = "the unit of its coordinates in a data set 164"
-    raise unstated(file.source.path, "length_unit", "mm", what)
+    questions.ask(file.source.path, "length_unit", "mm", what)
+    return 1.0, ""
 
 
 def _meaning(
-    settings: PointwiseImport, file: UniversalFile, f: Function
-) -> tuple[Quantity, float, str]:
+    settings: PointwiseImport, file: UniversalFile, f: Function, questions: Questions
+) -> Meaning | None:
     """Find quantity and unit of values: by the settings, the function's own words, data set 164."""
     where = f"{file.source.path}, data set {f.entry.number}"
     by_number = BY_NUMBER.get(f.ordinate.kind)
-    cross = f.kind == FunctionKind.cross.value
-    motion = (motion_in_product if cross else motion_of)(f.ordinate.unit)
-    quantity = settings.quantity or by_number or (motion.quantity if motion else None)
+    label, trouble = read_label(f)
+    if label is not None:
+        _require_form(file, f, label)
+    quantity = settings.quantity or by_number or (Quantity[label.quantity] if label else None)
     if quantity is None:
         what = "whether its values are a displacement, a velocity or an acceleration"
-        raise unstated(where, "quantity", "velocity", what)
-    differ = by_number and motion and by_number is not motion.quantity
-    if settings.quantity is None and by_number and motion and differ:
-        raise file.wrong(
-            f,
-            f"states the quantity {by_number.name}, but its unit {f.ordinate.unit} is one of "
-            f"{motion.quantity.name}; say which with instrument.quantity",
-        )
-    if settings.unit is not None:
-        return quantity, settings.unit.value, "as set"
-    if motion is not None:
-        if file.units is not None and motion.unit is not MotionUnit.g:
-            _check_agree(file, f, motion.unit.value, file.units.length)
-        return quantity, motion.unit.value, f"by the label {f.ordinate.unit}"
-    if file.units is not None:
-        return quantity, file.units.length, "by data set 164"
-    raise unstated(where, "unit", "m", "the unit of its values (m of m/s)")
+        questions.ask(where, "quantity", "velocity", what + trouble)
+    if settings.unit is not None and quantity is not None:
+        amplitude = label.amplitude if label is not None else None
+        odd = _not_heeded(settings, f, label)
+        return Meaning(quantity, settings.unit.value, "as set", amplitude, odd)
+    if label is not None and quantity is not None:
+        return _by_label(settings, file, f, label, quantity, questions)
+    if not f.ordinate.unit and file.units is not None:
+        by = "by data set 164"
+        return Meaning(quantity, file.units.length, by) if quantity is not None else None
+    if settings.unit is None:
+        questions.ask(where, "unit", "m", f"the unit of its values (m of m/s){trouble}")
+    return None
 
 
-def _check_agree(file: UniversalFile, f: Function, label: float, stated: float) -> None:
-    """Complain unless a function's label and data set 164 have the same unit of length."""
-    if abs(label / stated - 1) > SAME_UNIT:
+def read_label(f: Function) -> tuple[UnitLabel | None, str]:
+    """Understand the label of a function's unit as one of a motion, or tell why not."""
+    if not f.ordinate.unit:
+        return None, ""
+    try:
+        label = read_unit(f.ordinate.unit)
+    except UnitNotUnderstoodError as error:
+        return None, f": {error}"
+    if not label.is_motion:
+        return None, (
+            f": {label.text} is a unit of {label.quantity}; export values in a unit of motion, "
+            f"unless 1 {label.text} is 1 of what the settings name"
+        )
+    cross = f.kind == FunctionKind.cross.value
+    if label.reference and label.product is not cross:
+        what = "divided by" if cross else "multiplied with"
+        return None, f": {label.text} is of a motion {what} a reference"
+    of_amplitudes = FunctionKind(f.kind) in OF_AMPLITUDES
+    if label.amplitude is not None and not of_amplitudes:
+        return None, (
+            f": {label.text} names a measure of amplitudes, but the function is a {KINDS[f.kind]}"
+        )
+    return label, ""
+
+
+def _require_form(file: UniversalFile, f: Function, label: UnitLabel) -> None:
+    """Refuse values that are powers or densities, which have no phase or depend on a bandwidth."""
+    good = {SpectralForm.linear}
+    if f.kind == FunctionKind.cross.value:
+        good |= {SpectralForm.power, SpectralForm.density}
+    if label.form not in good:
         raise file.wrong(
             f,
-            f"has values in {f.ordinate.unit}, but data set 164 states a unit of length of "
-            f"{stated:g} m; units are mixed, say which with instrument.unit",
+            f"has values in {label.text}, a {label.form.value} of a {label.quantity}; export "
+            "complex amplitudes or response functions",
         )
+
+
+def _by_label(
+    settings: PointwiseImport,
+    file: UniversalFile,
+    f: Function,
+    label: UnitLabel,
+    quantity: Quantity,
+    questions: Questions,
+) -> Meaning | None:
+    """Find the unit by a label that is understood, unless others contradict it."""
+    where = f"{file.source.path}, data set {f.entry.number}"
+    factor = label.factor
+    place = str(f.entry.wrong(file.source, f.entry.first, "")).removesuffix(": ")
+    if label.quantity != quantity.name:
+        if settings.quantity is None:
+            message = (
+                f"states the quantity {quantity.name}, but its unit {label.text} is one of "
+                f"{label.quantity}; say which with instrument.quantity"
+            )
+            questions.note(UserError(f"{place}: {message}"), place)
+            return None
+        if label.factor != label.length:  # of times other than seconds, or of g
+            what = f"the unit of length of its {quantity.name}; the label {label.text} has another"
+            questions.ask(where, "unit", "m", f"{what} quantity")
+            return None
+        factor = label.length
+    odd = _not_heeded(settings, f, label)
+    if label.length and file.units is not None:
+        stated = file.units.length
+        differ = abs(label.length / stated - 1) > SAME_UNIT
+        if differ and stated != 1:
+            message = (
+                f"has values in {label.text}, but data set 164 states a unit of length of "
+                f"{stated:g} m; units are mixed, say which with instrument.unit"
+            )
+            questions.note(UserError(f"{place}: {message}"), place)
+            return None
+        if differ:  # programs write a data set 164 of SI whatever the labels are
+            said = f"values are in {label.text} as their label says, although data set 164 states m"
+            odd = (*odd, (said, Severity.note))
+    return Meaning(quantity, factor, f"by the label {label.text}", label.amplitude, odd)
+
+
+def _not_heeded(
+    settings: PointwiseImport, f: Function, label: UnitLabel | None
+) -> tuple[tuple[str, Severity], ...]:
+    """Say where settings win over a function's own words.
+
+    A label that is not understood was asked about; it is no contradiction.
+    """
+    by_number = BY_NUMBER.get(f.ordinate.kind)
+    stated = {label.quantity} if label is not None else set()
+    stated |= {by_number.name} if by_number is not None else set()
+    amplitude = label.amplitude if label is not None else None
+    unit_differs = (
+        settings.unit is not None
+        and f.ordinate.unit
+        and (label is None or abs(label.factor / settings.unit.value - 1) > SAME_UNIT)
+    )
+    contradictions = {
+        "quantity": settings.quantity is not None and stated - {settings.quantity.name},
+        "unit": unit_differs,
+        "amplitude": None not in (settings.amplitude, amplitude)
+        and settings.amplitude is not amplitude,
+    }
+    said = f"{by_number.name + ' in ' if by_number else ''}{f.ordinate.unit or 'no unit'}"
+    answer = "unit" if label is None else ""
+    return tuple(
+        (
+            f"instrument.{name}={getattr(settings, name).name} wins, although the file says {said}",
+            Severity.note if name == answer else Severity.doubtful,
+        )
+        for name, differs in contradictions.items()
+        if differs
+    )
 
 
 def _amplitude(
-    settings: PointwiseImport, file: UniversalFile, kind: FunctionKind
-) -> tuple[Amplitude, str]:
+    settings: PointwiseImport,
+    file: UniversalFile,
+    function: Function,
+    meaning: Meaning | None,
+    questions: Questions,
+) -> tuple[Amplitude, str] | None:
     """Find the scale of amplitudes of a spectrum, or of nodal values, of which 1858 is silent."""
+    path = file.source.path
     if settings.amplitude is not None:
         return settings.amplitude, "as set"
-    if kind is FunctionKind.nodal:
-        what = "whether nodal amplitudes are peak or rms"
-        raise unstated(file.source.path, "amplitude", "peak", what)
-    if file.amplitude is not None and file.amplitude[0] == HALF_PEAK:
-        entry = file.amplitude[1]
-        raise entry.wrong(
+    stated = file.amplitude if function.kind == FunctionKind.spectrum.value else None
+    by_label = meaning.amplitude if meaning is not None else None
+    if by_label is not None and stated is not None and SCALES.get(stated[0]) is not by_label:
+        message = (
+            f"{path}, data set {function.entry.number}: its unit {function.ordinate.unit} says "
+            f"{by_label.name}, but data set {stated[1].number} (1858) the scale {stated[0]} (1 "
+            "half-peak, 2 peak, 3 rms); say which with instrument.amplitude"
+        )
+        questions.note(UserError(message), path)
+        return None
+    if by_label is not None:
+        return by_label, f"by the label {function.ordinate.unit}"
+    if stated is None:
+        what = "whether amplitudes are peak or rms in a data set 1858"
+        if function.kind == FunctionKind.nodal.value:
+            what = "whether nodal amplitudes are peak or rms"
+        questions.ask(path, "amplitude", "peak", what)
+        return None
+    scale, entry = stated
+    if scale == HALF_PEAK:
+        error = entry.wrong(
             file.source,
             entry.first,
             "states half-peak amplitudes, by which programs mean the peak or half of it; say "
             "which with instrument.amplitude=peak or half",
         )
-    if file.amplitude is not None:
-        return SCALES[file.amplitude[0]], f"by data set {file.amplitude[1].number} (1858)"
-    what = "whether amplitudes are peak or rms in a data set 1858"
-    raise unstated(file.source.path, "amplitude", "rms", what)
-
-
-def _shown(quantity: Quantity, unit: float, by: str) -> str:
-    """Name a quantity with its unit, for a message."""
-    return f"units of {unit:g} m of {quantity.name} ({by})"
+        questions.note(error, path)
+        return None
+    return SCALES[scale], f"by data set {entry.number} (1858)"

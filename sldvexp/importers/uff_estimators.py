@@ -22,6 +22,7 @@ from sldvexp.importers.uff_conventions import FunctionKind
 from sldvexp.io.uff import Function, UniversalFile
 from sldvexp.io.uff.functions import DIRECTIONS
 from sldvexp.typing import Array, ComplexArray, IndexArray
+from sldvexp.unit_labels import SpectralForm, UnitNotUnderstoodError, read_unit
 
 
 class Estimator(Enum):
@@ -42,6 +43,32 @@ class Estimator(Enum):
 AUTO = 2
 #: By how much rounded spectra may make a coherence larger than 1.
 ROUNDING = 1e-4
+
+
+def no_estimator(file: UniversalFile) -> UserError:
+    """Ask how response functions are made of cross spectra."""
+    return UserError(
+        f"{file.source.path}: has cross spectra, of which response functions are made in two "
+        "ways; say it with instrument.estimator=h1 (divided by the reference's auto spectrum: "
+        "noise is in the responses) or h2 (of the response's: noise is in the reference)"
+    )
+
+
+def no_reference(file: UniversalFile) -> UserError:
+    """Ask what the phase of time records is from."""
+    return UserError(
+        f"{file.source.path}: does not state what time records have their phase from; say it "
+        "with instrument.time_reference, as 99+Z (the record of that degree of freedom) or "
+        f"{TRIGGER} (records begin at one phase of the excitation)"
+    )
+
+
+def no_frequency(file: UniversalFile) -> UserError:
+    """Ask for the frequencies of time records."""
+    return UserError(
+        f"{file.source.path}: does not state at which frequencies its time records are to be "
+        "evaluated; say it with instrument.frequency, for example instrument.frequency=[197]"
+    )
 
 
 def estimate_response(
@@ -78,11 +105,7 @@ def estimate_response(
         If the estimator is not set, or an auto spectrum is missing or zero.
     """
     if estimator is None:
-        raise UserError(
-            f"{file.source.path}: has cross spectra, of which response functions are made in two "
-            "ways; say it with instrument.estimator=h1 (divided by the reference's auto spectrum: "
-            "noise is in the responses) or h2 (of the response's: noise is in the reference)"
-        )
+        raise no_estimator(file)
     if estimator is Estimator.h1:
         return values / _autos(containing, file, crosses, frequency, lines, of_reference=True)
     response = _autos(containing, file, crosses, frequency, lines, of_reference=False)
@@ -166,14 +189,29 @@ def _auto(
             f"needs one auto spectrum of its {of} {name} (function type {AUTO}) in the file for "
             f"{'H1' if of == 'reference' else 'H2'} or the coherence; there are {len(autos)}",
         )
-    density = [f.ordinate.unit.rstrip(" )]").endswith("Hz") for f in (cross, autos[0])]
-    if cross.ordinate.unit and autos[0].ordinate.unit and density[0] != density[1]:
-        raise file.wrong(
-            cross,
-            f"is in {cross.ordinate.unit}, its auto spectrum in {autos[0].ordinate.unit}; both "
-            "must be powers, or both power densities",
-        )
+    _require_one_scale(file, cross, autos[0], of)
     return autos[0]
+
+
+def _require_one_scale(file: UniversalFile, cross: Function, auto: Function, of: str) -> None:
+    """Refuse a cross spectrum and an auto spectrum whose labels contradict each other.
+
+    A label that is not understood is asked about where it is needed, and says nothing here.
+    """
+    labels = []
+    for function in (cross, auto):
+        try:
+            labels.append(read_unit(function.ordinate.unit))
+        except UnitNotUnderstoodError:
+            return
+    both = f"is in {cross.ordinate.unit}, its auto spectrum in {auto.ordinate.unit}; "
+    whole, square = labels
+    if (whole.form is SpectralForm.density) is not (square.form is SpectralForm.density):
+        raise file.wrong(cross, f"{both}both must be powers, or both power densities")
+    one = read_unit(whole.reference) if of == "reference" and whole.reference else whole
+    known = of == "response" or bool(whole.reference) or whole.form is not SpectralForm.linear
+    if known and abs(one.factor / square.factor - 1) > ROUNDING:
+        raise file.wrong(cross, f"{both}the {of} must be in one unit in both")
 
 
 #: Setting `time_reference` of records that begin at one phase of the excitation.
@@ -196,11 +234,7 @@ def find_reference(wanted: str, file: UniversalFile) -> Function | None:
         If `wanted` is empty, or there is not one record of that degree of freedom.
     """
     if not wanted:
-        raise UserError(
-            f"{file.source.path}: does not state what time records have their phase from; say it "
-            "with instrument.time_reference, as 99+Z (the record of that degree of freedom) or "
-            f"{TRIGGER} (records begin at one phase of the excitation)"
-        )
+        raise no_reference(file)
     if wanted == TRIGGER:
         return None
     found = [f for f in file.functions if f.kind == FunctionKind.time.value and f.dof == wanted]
@@ -238,10 +272,7 @@ def fit_phasors(
         Standard error from the record's residuals, of real and imaginary part each.
     """
     if not wanted:
-        raise UserError(
-            f"{file.source.path}: does not state at which frequencies its time records are to be "
-            "evaluated; say it with instrument.frequency, for example instrument.frequency=[197]"
-        )
+        raise no_frequency(file)
     frequency = np.array(wanted)
     turn = np.ones(len(frequency), complex)
     if reference is not None:

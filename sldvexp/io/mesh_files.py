@@ -16,12 +16,17 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
-from sldvexp.io.uff.reader import universal_file
+from sldvexp.io.uff import UniversalGeometry, universal_file
 from sldvexp.typing import Array, IntArray
 
 SUFFIXES = (".uff", ".unv", ".uf", ".bunv")
 #: How far a universal file's unit of length may be from the one of the configuration.
 SAME_UNIT = 1e-3
+#: Way to a surface from a file that has none.
+WAY_ON = (
+    "write shell elements of the surface into it, as mesh programs do of the faces of solids, or "
+    "write the surface's nodes as a table x_m,y_m,z_m for volume=points, which connects them"
+)
 #: Corners of meshio's surface cells; nodes beyond them are inside of edges and faces.
 TRIANGLES = ("triangle", "triangle6", "triangle7")
 QUADRILATERALS = ("quad", "quad8", "quad9")
@@ -73,7 +78,7 @@ def _of_universal_file(path: Path, unit: float) -> tuple[Array, IntArray, IntArr
     with universal_file(path) as file:
         geometry, units = file.geometry, file.units
     if geometry is None:
-        raise UserError(f"{path}: has no geometry (data set 15 or 2411)")
+        raise UserError(f"{path}: has no geometry (data set 15 or 2411), but {file.contents}")
     if units is not None and abs(units.length / unit - 1) > SAME_UNIT:
         raise UserError(
             f"{path}: states coordinates in units of {units.length:g} m, the configuration "
@@ -82,9 +87,19 @@ def _of_universal_file(path: Path, unit: float) -> tuple[Array, IntArray, IntArr
     position = np.asarray(geometry.position * unit)
     triangles = np.concatenate([geometry.triangles, _halves(position, geometry.quadrilaterals)])
     if not len(triangles):
-        raise UserError(f"{path}: has neither triangles nor quadrilaterals (data set 2412)")
+        raise UserError(
+            f"{path}: has neither triangles nor quadrilaterals (data set 2412), but "
+            f"{_other_cells(geometry)}; {WAY_ON}"
+        )
     used, renumbered = np.unique(triangles, return_inverse=True)
     return position[used], renumbered.reshape(-1, 3), geometry.label[used]
+
+
+def _other_cells(geometry: UniversalGeometry) -> str:
+    """Name what a geometry has instead of a surface."""
+    found = f"{len(geometry.label)} nodes"
+    found += f", {geometry.solids} solid elements" if geometry.solids else ""
+    return found + (f" and {len(geometry.lines)} lines" if geometry.lines else "")
 
 
 def _of_meshio(path: Path, unit: float) -> tuple[Array, IntArray, IntArray]:

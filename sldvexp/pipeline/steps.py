@@ -23,6 +23,7 @@ from sldvexp.dataset import (
     Severity,
     findings_of,
     findings_to_dataset,
+    take_findings,
     verdict_of,
 )
 from sldvexp.errors import UserError
@@ -235,14 +236,22 @@ def _line_of_sight(run: Run) -> None:
     """Read velocities along the lines of sight."""
     e = run.experiment
     run.inputs += e.instrument.inputs()
-    run.tree["line_of_sight"] = e.instrument.read(run.tree, e.laser)
+    _take_in(run, {"line_of_sight": e.instrument.read(run.tree, e.laser)})
 
 
 def _images_of_points(run: Run) -> None:
     """Read velocities of points that were measured one by one, as the images that a field needs."""
     e = run.experiment
     run.inputs += e.instrument.inputs()
-    run.tree |= e.instrument.images_of_points(run.tree, e.laser)
+    _take_in(run, e.instrument.images_of_points(run.tree, e.laser))
+
+
+def _take_in(run: Run, groups: dict[str, xr.Dataset]) -> None:
+    """Add what an importer read, and what it found."""
+    findings = take_findings(groups)
+    run.tree |= groups
+    if findings:
+        run.tree[f"{VERDICT}/import"] = findings_to_dataset(findings)
 
 
 def _point(run: Run) -> None:
@@ -451,14 +460,14 @@ STEPS: tuple[Step, ...] = (
         "line-of-sight velocities",
         lambda e: hasattr(e.instrument, "read") and not _has_pixels(e),
         _line_of_sight,
-        makes=("line_of_sight",),
+        makes=("line_of_sight", f"{VERDICT}/import"),
         needs=("pose",),
     ),
     Step(
         PIXELS,
         lambda e: _has_pixels(e),
         _images_of_points,
-        makes=("image/",),
+        makes=("image/", f"{VERDICT}/import"),
         needs=("pose",),
         reads=("laser", "instrument"),
     ),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from sldvexp.dataset import take_findings
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.geometry import KnownPose, rotation_from_euler
 from sldvexp.importers import PointwiseView
@@ -212,6 +213,17 @@ def test_directions_and_pixels_of_poses(write, truth):
         own.read()
 
 
+def test_response_directions_are_compared_with_those_of_poses(write):
+    tree, laser = poses()
+    more = {**PLAIN, "directions": settings.Directions.pose, "std": 1e-6}
+    for direction, found in ((3, []), (-3, list(ORIGINS)), (2, ["c"])):
+        views = {n: PointwiseView(path=v["path"]) for n, v in write(direction=direction).items()}
+        images = UffImport(views=views, **more).images_of_points(tree, laser)
+        told = take_findings(images)
+        assert [f.subject for f in told if f.kind == "sign"] == [f"view {n}" for n in found]
+        assert not any("findings" in image.attrs for image in images.values())
+
+
 def test_views_whose_pose_was_not_found_are_left_out(write):
     tree, laser = poses()
     lost, *others = ORIGINS
@@ -324,7 +336,7 @@ def contradictions(write, uff):
         ),
         "no functions": (
             {"change": lambda n, c: uff.nodes(POINTS)},
-            "functions of the type none",
+            "has no functions (data sets 58, 58b) and no values at nodes (55, 2414), but 1",
             {},
         ),
         "only coherences": ({"kind": 6}, "of the type coherence", {}),

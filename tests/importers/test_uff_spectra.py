@@ -146,13 +146,23 @@ SPECTRA_REFUSED = {
     ),
     "other lines": ({"references": (G_FF[:2],)}, "has other frequencies than data set 2", {}),
     "other scales": ({"unit": "(m/s)*N/Hz"}, "both must be powers, or both power densities", {}),
+    "reference in another unit": (
+        {"of_reference": "mN^2"},
+        "is in m/s*N, its auto spectrum in mN^2; the reference must be in one unit in both",
+        {},
+    ),
+    "response in another unit": (
+        {"unit": "(mm/s)*N"},
+        "its auto spectrum in (m/s)^2; the response must be in one unit in both",
+        {"estimator": Estimator.h2},
+    ),
     "coherence": (
         {"responses": G_XX / 2},
         "with the auto spectra its coherence is 1 to 2",
         {"averages": 4},
     ),
     "unit of two": ({"unit": "m/s*mm/s"}, "say it with instrument.unit", {}),
-    "unit that is no factor": ({"unit": "m*N/s"}, "say it with instrument.unit", {}),
+    "unit that is no factor": ({"unit": "m*s*N"}, "say it with instrument.unit", {}),
 }
 
 
@@ -223,7 +233,7 @@ def test_components_of_nodal_values(read, nodal):
         np.testing.assert_allclose(group["velocity"][0], V[:, i], rtol=1e-5)
         np.testing.assert_array_equal(group["direction_cosines"][0], [np.eye(3)[i]] * 3)
         np.testing.assert_allclose(group["frequency"], FREQUENCY)
-    assert group.attrs["import_function"] == "nodal values (data set 55)"
+    assert group.attrs["import_function"] == "nodal values (data sets 55, 2414)"
 
 
 def test_scalars_along_a_view(read, nodal):

@@ -101,6 +101,8 @@ def numbers(line: bytes, width: int) -> list[float] | None:
 def table(source: Source, entry: DataSet, start: int, widths: Sequence[int], count: int) -> Array:
     """Read all numbers from `start` to the end of a data set, which must be `count` of them.
 
+    Zeros may fill the last line.
+
     Parameters
     ----------
     entry : DataSet
@@ -119,6 +121,9 @@ def table(source: Source, entry: DataSet, start: int, widths: Sequence[int], cou
     values = between_blanks(text)
     if values is None or len(values) != count:
         values = _in_columns(source, entry, start, text, widths)
+    fills = 0 < len(values) - count < len(widths) and not len(values) % len(widths)
+    if fills and not values[count:].any():  # zeros that fill the last line
+        return values[:count]
     if len(values) != count:
         more = "more" if len(values) > count else "fewer"
         message = f"the header claims {count} numbers, but there are {more}: {len(values)}"

@@ -13,9 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sldvexp.errors import UserError
 from sldvexp.io.uff.fortran import TextLines, columns, integers, number, table
-from sldvexp.io.uff.source import ASCII_LINES, DataSet, Source, shown
+from sldvexp.io.uff.source import ASCII_LINES, DataSet, Source, decoded, shown
 from sldvexp.typing import Array
+from sldvexp.unit_labels import SpectralForm, UnitNotUnderstoodError, read_unit
 
 #: Types of functions by their number in the file, as far as they are spoken of; and of those that
 #: values at nodes, one data set a frequency, are put together to.
@@ -29,11 +31,15 @@ KINDS = {
     6: "coherence",
     9: "power spectral density",
     12: "spectrum",
-    (NODAL := 55): "nodal values (data set 55)",
+    (NODAL := 55): "nodal values (data sets 55, 2414)",
 }
 #: Types of values: (complex, double).
 TYPES = {2: (False, False), 4: (False, True), 5: (True, False), 6: (True, True)}
 DISPLACEMENT, VELOCITY, ACCELERATION = 8, 11, 12
+#: Abscissae of functions by their type, and the numbers of these in the file.
+ABSCISSAE = {1: "time"} | dict.fromkeys((2, 3, 4, 6, 9, 12), "frequency")
+BY_ABSCISSA = {"time": 17, "frequency": 18, "revolutions": 19, "order": 20}
+ANGULAR = ("rad/s", "rad/sec", "radian/s", "rads-1", "rads^-1")
 #: Degrees of freedom by their number in the file.
 DIRECTIONS = {0: "scalar"} | {
     sign * (3 * turned + k): f"{'+' if sign > 0 else '-'}{'R' * turned}{axis}"
@@ -41,6 +47,8 @@ DIRECTIONS = {0: "scalar"} | {
     for turned in (0, 1)
     for k, axis in enumerate("XYZ", 1)
 }
+#: Sizes between which measured values are, in any unit.
+SMALLEST, LARGEST = 1e-25, 1e13
 #: Longest header, eleven lines of 80 columns and what others make of them.
 LONGEST_HEADER = 1 << 14
 
@@ -102,6 +110,12 @@ class Function(NamedTuple):
         """The degree of freedom, as ``12+Z``, or ``12`` of a scalar."""
         return f"{self.node}{DIRECTIONS[self.direction] if self.direction else ''}"
 
+    @property
+    def reference_dof(self) -> str:
+        """The reference's degree of freedom, likewise; a number no direction has is shown."""
+        code = self.reference_direction
+        return f"{self.reference_node}{DIRECTIONS.get(code, f'({code})') if code else ''}"
+
 
 def read_header(source: Source, entry: DataSet) -> Function:
     """Read the header of a function, and nothing beyond it.
@@ -161,7 +175,7 @@ def read_values(source: Source, function: Function) -> tuple[NDArray, NDArray]:
 
     Returns
     -------
-    abscissa : ndarray of float64, shape (value,)
+    abscissa : ndarray of float64, shape (value,), Hz or s
     ordinate : ndarray of float64 or complex128, shape (value,)
         In the file's units.
 
@@ -193,7 +207,35 @@ def read_values(source: Source, function: Function) -> tuple[NDArray, NDArray]:
     else:
         abscissa, found = np.ascontiguousarray(found[:, 0]), np.ascontiguousarray(found[:, 1:])
     ordinate = found.view(np.complex128) if function.complex else found
-    return abscissa, ordinate.reshape(function.size)
+    return _abscissa_unit(source, function) * abscissa, ordinate.reshape(function.size)
+
+
+def _abscissa_unit(source: Source, function: Function) -> float:
+    """Find one unit of a function's abscissa in Hz, or of a time record's in s."""
+    axis, wanted = function.abscissa, ABSCISSAE.get(function.kind)
+    if wanted is None:
+        return 1.0
+
+    unit = "s" if wanted == "time" else "Hz"
+
+    def wrong(what: str) -> UserError:
+        message = f"its abscissa {what}; a {KINDS[function.kind]} must be of {wanted} in {unit}"
+        return function.entry.wrong(source, function.entry.first, message)
+
+    if axis.kind not in (0, 1, BY_ABSCISSA[wanted]):
+        other = {number: name for name, number in BY_ABSCISSA.items()}.get(axis.kind)
+        raise wrong(f"is of {other or f'the quantity {axis.kind}'}")
+    if axis.unit in ("", unit):
+        return 1.0
+    if axis.unit.replace(" ", "").lower() in ANGULAR and wanted == "frequency":
+        return 1 / (2 * np.pi)
+    try:
+        label = read_unit(axis.unit)
+    except UnitNotUnderstoodError as error:
+        raise wrong(f"is in a unit that is not understood, as {error}") from None
+    if label.quantity != wanted or label.form is not SpectralForm.linear:
+        raise wrong(f"is in {axis.unit}")
+    return label.factor
 
 
 def _binary_values(source: Source, function: Function) -> Array:
@@ -214,9 +256,49 @@ def _binary_values(source: Source, function: Function) -> Array:
     x = [] if function.even else [("x", f"{entry.binary.order}f{size - numbers * int(y[-1])}")]
     raw = source.read_binary(entry.data, entry.data + size * function.size)
     records = np.frombuffer(raw, np.dtype([*x, ("y", y, (numbers,))]))
+    _require_byte_order(source, entry, records)
     if function.even:
         return records["y"].astype(np.float64)
     return np.column_stack([records["x"].astype(np.float64), records["y"]])
+
+
+def _require_byte_order(source: Source, entry: DataSet, records: NDArray) -> None:
+    """Refuse values whose bytes stand in the other order than the file states.
+
+    Exponents of numbers that are read in the wrong order are random: some of them are beyond
+    anything physical. Zeros are zeros in both orders.
+    """
+    stated = _sizes(records)
+    if _is_physical(stated) or entry.binary is None:
+        return
+    other = _sizes(records.view(records.dtype.newbyteorder()))
+    names = {"<": ("least", 1), ">": ("most", 2)}
+    first, _ = names[entry.binary.order]
+    finite = stated[np.isfinite(stated)]
+    message = f"in the order of bytes that its first line states, {first} significant one first, "
+    message += f"values reach {finite.max():.2g}" if len(finite) else "values are no numbers"
+    if _is_physical(other):
+        right, number = names[">" if entry.binary.order == "<" else "<"]
+        raise entry.wrong(
+            source,
+            entry.data,
+            f"{message}; with the {right} significant one first they are {other.max():.2g} at "
+            f"most, so that the number behind 58b must be {number}",
+        )
+    if not len(finite) or finite.max() > LARGEST:
+        raise entry.wrong(source, entry.data, f"{message}, which nothing physical does")
+
+
+def _sizes(records: NDArray) -> Array:
+    """List the absolute values of all numbers of records."""
+    with np.errstate(invalid="ignore"):
+        columns = [records[name].astype(np.float64).ravel() for name in records.dtype.names or ()]
+    return np.abs(np.concatenate(columns))
+
+
+def _is_physical(sizes: Array) -> bool:
+    """Tell whether all are zero or of a size that measured values may have."""
+    return bool(((sizes == 0) | ((sizes > SMALLEST) & (sizes < LARGEST))).all())
 
 
 def _bytes_a_value(function: Function) -> tuple[int, ...]:
@@ -280,14 +362,14 @@ def _axis(line: bytes) -> Axis | None:
         kind = int(line[:10].strip() or b"0")
     except ValueError:
         return None
-    label, unit = (line[a:b].decode("utf-8", "replace").strip() for a, b in ((25, 46), (46, 67)))
+    label, unit = (decoded(line[a:b]).strip() for a, b in ((25, 46), (46, 67)))
     return Axis(kind, *("" if t.upper() == "NONE" else t for t in (label, unit)))
 
 
 @lru_cache(maxsize=64)
 def _word(line: bytes) -> str:
     """Decode a line of text."""
-    return line.decode("utf-8", "replace").strip()
+    return decoded(line).strip()
 
 
 #: Scale of amplitudes in data set 1858.
@@ -325,7 +407,7 @@ def read_units(source: Source, entries: list[DataSet]) -> Units | None:
         factor = lines.numbers("the factors of the units", 1, 25)[0]
         if not factor > 0:
             raise lines.wrong(f"the factor of lengths must be a positive number, not {factor:g}")
-        units = Units(head[10:30].decode("utf-8", "replace").strip(), 1.0 / factor)
+        units = Units(decoded(head[10:30]).strip(), 1.0 / factor)
         if found is not None and found.length != units.length:
             raise lines.wrong(
                 f"states one unit of length as {units.length:g} m, an earlier data set 164 as "

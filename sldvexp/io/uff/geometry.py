@@ -16,6 +16,8 @@ from sldvexp.io.uff.source import DataSet, Source, shown
 from sldvexp.typing import Array, IntArray
 
 CARTESIAN, CYLINDRICAL, SPHERICAL = 0, 1, 2
+#: How far two positions may be apart of which one has six digits, relatively.
+SIX_DIGITS = 1e-5
 #: How far from orthonormal axes may be that are written with six digits.
 ORTHONORMAL = 1e-4
 
@@ -40,6 +42,11 @@ class CoordinateSystem:
     kind: int
     axes: Array
     origin: Array
+
+    def is_like(self, other: CoordinateSystem) -> bool:
+        """Tell whether two are the same, of which one may have six digits."""
+        same = self.kind == other.kind and np.abs(self.axes - other.axes).max() <= SIX_DIGITS
+        return bool(same and _alike(self.origin, other.origin))
 
     def position(self, coordinates: Array) -> Array:
         """Put a point of the system into the world, shape (3,)."""
@@ -90,7 +97,9 @@ def read_systems(source: Source, entries: list[DataSet]) -> dict[int, Coordinate
             lines.next("the part's name")
         while lines:
             system = (_system_2420 if entry.kind == 2420 else _system_18)(lines, systems)
-            if system.label in systems:
+            if (before := systems.get(system.label)) is not None:
+                if before.is_like(system):
+                    continue
                 raise lines.wrong(f"the coordinate system {system.label} is given twice")
             systems[system.label] = system
     return systems
@@ -148,6 +157,7 @@ TRIANGLES = (41, 51, 61, 74, 81, 91)
 TRIANGLES_2 = (42, 52, 62, 72, 82, 92)
 QUADRILATERALS = (44, 54, 64, 71, 84, 94)
 QUADRILATERALS_2 = (45, 55, 65, 85, 95)
+SOLIDS = range(101, 120)
 NODES_15, NODES_2411, ELEMENTS, LINES = 15, 2411, 2412, 82
 GEOMETRY = (NODES_15, NODES_2411, 18, 2420, ELEMENTS, LINES)
 
@@ -168,6 +178,8 @@ class UniversalGeometry:
         Indices of nodes.
     lines : tuple of tuple of int
         Indices of nodes that a line joins.
+    solids : int
+        Number of solid elements, which are left out.
     """
 
     label: IntArray
@@ -176,6 +188,7 @@ class UniversalGeometry:
     triangles: IntArray
     quadrilaterals: IntArray
     lines: tuple[tuple[int, ...], ...]
+    solids: int = 0
 
     def index(self) -> dict[int, int]:
         """Map each node's label to its index."""
@@ -205,8 +218,10 @@ def read_geometry(source: Source, entries: list[DataSet]) -> UniversalGeometry |
         _nodes(TextLines(source, entry), systems, nodes)
     index = {label: i for i, label in enumerate(nodes)}
     elements: list[tuple[int, ...]] = []
+    solids, seen = 0, set[tuple[int, ...]]()
     for entry in of[ELEMENTS]:
-        elements += _elements(TextLines(source, entry), index)
+        found, others = _elements(TextLines(source, entry), index, seen)
+        elements, solids = elements + found, solids + others
     lines: list[tuple[int, ...]] = []
     for entry in of[LINES]:
         lines += _lines(TextLines(source, entry), index)
@@ -218,6 +233,7 @@ def read_geometry(source: Source, entries: list[DataSet]) -> UniversalGeometry |
         np.array(corners[3], np.int64).reshape(-1, 3),
         np.array(corners[4], np.int64).reshape(-1, 4),
         tuple(lines),
+        solids,
     )
 
 
@@ -237,10 +253,29 @@ def _nodes(
             head = lines.integers("label and coordinate systems of a node", 3)
             coordinates = lines.numbers(f"coordinates of node {head[0]}", 3, 25)
         label = head[0]
-        if label in nodes:
-            raise lines.wrong(f"the node {label} is given twice", begin)
         of_position, of_motion = (_system(lines, begin, label, s, systems) for s in head[1:3])
-        nodes[label] = (of_position.position(np.array(coordinates)), of_motion)
+        position = of_position.position(np.array(coordinates))
+        if label in nodes:
+            before, motion = nodes[label]
+            if not (_alike(position, before) and of_motion.is_like(motion)):
+                raise lines.wrong(
+                    f"the node {label} is given twice, here at {_shown(position)} and before at "
+                    f"{_shown(before)}",
+                    begin,
+                )
+            if lines.entry.kind == NODES_15:  # of fewer digits
+                continue
+        nodes[label] = (position, of_motion)
+
+
+def _alike(one: Array, two: Array) -> bool:
+    """Tell whether two positions are the same, of which one may have six digits."""
+    return bool(np.abs(one - two).max() <= SIX_DIGITS * max(np.abs(one).max(), np.abs(two).max()))
+
+
+def _shown(position: Array) -> str:
+    """Show a position in a message."""
+    return f"({', '.join(f'{x:g}' for x in position)})"
 
 
 def _node_15(lines: TextLines) -> tuple[list[int], list[float]]:
@@ -271,14 +306,17 @@ def _system(
     raise lines.wrong(message, line)
 
 
-def _elements(lines: TextLines, index: dict[int, int]) -> list[tuple[int, ...]]:
-    """Read corners of the surface elements of a data set 2412; others are left out."""
-    found = []
+def _elements(
+    lines: TextLines, index: dict[int, int], seen: set[tuple[int, ...]]
+) -> tuple[list[tuple[int, ...]], int]:
+    """Read corners of the surface elements of a data set 2412, and count the solid ones."""
+    found, solids = [], 0
     while lines:
         head = lines.integers("label, kind and number of nodes of an element", 6)
         label, kind, count = head[0], head[1], head[5]
         if not 1 <= count <= 8 * (len(lines.text) - lines.at):
             raise lines.wrong(f"the element {label} claims {count} nodes, which are not there")
+        solids += kind in SOLIDS
         if kind in BEAMS:
             lines.next(f"the orientation of element {label}")
         nodes: list[int] = []
@@ -289,9 +327,10 @@ def _elements(lines: TextLines, index: dict[int, int]) -> list[tuple[int, ...]]:
         corners = _corners(kind, nodes)
         if len(set(corners)) != len(corners):
             raise lines.wrong(f"the element {label} has one node twice")
-        if corners:
+        if corners and (label, *corners) not in seen:  # the same element may be given twice
+            seen.add((label, *corners))
             found.append(_indices(lines, corners, index, f"the element {label}"))
-    return found
+    return found, solids
 
 
 def _corners(kind: int, nodes: list[int]) -> list[int]:

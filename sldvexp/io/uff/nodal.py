@@ -1,4 +1,4 @@
-"""Data set 55: values at nodes at one frequency, as functions of each node and direction."""
+"""Data sets 55 and 2414: values at nodes at one frequency, as functions of node and direction."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sldvexp.errors import UserError
 from sldvexp.io.uff.fortran import TextLines, between_blanks
 from sldvexp.io.uff.functions import NODAL, Axis, Function
-from sldvexp.io.uff.source import DataSet, Source
+from sldvexp.io.uff.source import DataSet, Source, decoded
 from sldvexp.typing import Array, IntArray
 
 #: Names of analyses by their number; only a frequency response has values of one frequency.
@@ -28,10 +28,12 @@ DIRECTIONS_OF = {1: (0,), 3: (1, 2, 3), 6: (1, 2, 3, 4, 5, 6)}
 #: Types of values: whether they are complex.
 COMPLEX = {2: False, 4: False, 5: True, 6: True}
 WIDTH = 13
+#: Data set with more about the analysis, and the place of values that is read, nodes.
+ANALYSIS, AT_NODES = 2414, 1
 
 
 class Nodal(NamedTuple):
-    """One data set 55.
+    """One data set 55 or 2414.
 
     Parameters
     ----------
@@ -65,7 +67,13 @@ def read_nodal(source: Source, entry: DataSet, containing: str = "") -> Nodal | 
         If it is broken, is of a mode, or its values are of more than displacements in space.
     """
     lines = TextLines(source, entry)
-    text = tuple(lines.next("a line of text").decode("utf-8", "replace").strip() for _ in range(5))
+    if entry.kind == ANALYSIS:
+        lines.integers("the label of the data set", 1)
+        lines.next("the name of the data set")
+        place = lines.integers("the place of the values", 1)[0]
+        if place != AT_NODES:
+            raise lines.wrong(f"the values must be at nodes (place {AT_NODES}), not place {place}")
+    text = tuple(decoded(lines.next("a line of text")).strip() for _ in range(5))
     if containing not in " ".join(text):
         return None
     _, analysis, _, quantity, type_, count = lines.integers("the kinds of the values", 6)[:6]
@@ -80,11 +88,7 @@ def read_nodal(source: Source, entry: DataSet, containing: str = "") -> Nodal | 
             "must be real or complex values (type 2 or 5) of 1, 3 or 6 directions, not of type "
             f"{type_} and {count} directions"
         )
-    integers = lines.integers("number of integers and of reals", 2)
-    if integers[1] != 1 or not 0 <= integers[0] <= 6:
-        message = f"a frequency response has one real number, its frequency, not {integers[1]}"
-        raise lines.wrong(message)
-    (frequency,) = lines.numbers("the frequency", 1, WIDTH)
+    frequency = (_frequency_2414 if entry.kind == ANALYSIS else _frequency_55)(lines)
     if frequency < 0:
         raise lines.wrong(f"the frequency must be zero or positive, not {frequency:g}")
     node, flat = _rows(lines, count * (1 + COMPLEX[type_]))
@@ -94,6 +98,24 @@ def read_nodal(source: Source, entry: DataSet, containing: str = "") -> Nodal | 
         raise lines.wrong(f"the node {twice[0]} has values twice")
     values = flat.view(np.complex128) if COMPLEX[type_] else flat
     return Nodal(entry, text, quantity, frequency, node, values)
+
+
+def _frequency_55(lines: TextLines) -> float:
+    """Read the only real number of a frequency response."""
+    integers = lines.integers("number of integers and of reals", 2)
+    if integers[1] != 1 or not 0 <= integers[0] <= 6:
+        message = f"a frequency response has one real number, its frequency, not {integers[1]}"
+        raise lines.wrong(message)
+    return lines.numbers("the frequency", 1, WIDTH)[0]
+
+
+def _frequency_2414(lines: TextLines) -> float:
+    """Read the lines about the analysis; the second of its first numbers is the frequency."""
+    lines.integers("numbers of design, iteration, solution and frequency", 8)
+    lines.integers("how the values were made", 1)
+    frequency = lines.numbers("time and frequency", 2, WIDTH)[1]
+    lines.numbers("eigenvalue and modal quantities", 1, WIDTH)
+    return frequency
 
 
 def _rows(lines: TextLines, count: int) -> tuple[IntArray, Array]:

@@ -5,7 +5,9 @@ The index finds where data sets begin and end without reading what is in them.
 
 from __future__ import annotations
 
+import codecs
 import re
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -26,7 +28,8 @@ from sldvexp.io.uff.functions import (
     read_values,
 )
 from sldvexp.io.uff.geometry import UniversalGeometry, read_geometry
-from sldvexp.io.uff.nodal import ShapeFunctions, read_nodal
+from sldvexp.io.uff.nodal import ANALYSIS, ShapeFunctions, read_nodal
+from sldvexp.io.uff.seal import require_seal
 from sldvexp.io.uff.source import ASCII_LINES, Binary, DataSet, Source, opened, shown
 
 #: The line that begins and ends every data set: -1 in columns 5 and 6, blanks up to its end.
@@ -34,6 +37,10 @@ MARK = b"    -1"
 MARK_LINE = re.compile(rb"    -1[ \t]*(\r\n|\n|\r|\Z)")
 BLANK = re.compile(rb"[\s\0\x1a]*")
 IDENTIFIER = re.compile(rb"[ \t]*(\d{1,6})([ \t]|([bB])(?=[ \t]|\d|$)|$)")
+#: Marks of the encoding that editors put before a text.
+UTF_8, UTF_16 = codecs.BOM_UTF8, (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+#: Line ends and filling before the mark behind binary values, as little of it as there is.
+FILLING = re.compile(rb"[\s\0\x1a]*?(?=" + MARK_LINE.pattern + rb")")
 #: Formats of binary numbers by their number in the file.
 IEEE = 2
 OTHER_FORMATS = {1: "VAX floating-point", 3: "IBM floating-point"}
@@ -52,7 +59,13 @@ def index(source: Source) -> list[DataSet]:
         If it is no universal file, or a data set has no end or no number.
     """
     entries: list[DataSet] = []
-    position, binary = 0, False
+    start = source.peek(0, len(UTF_8))
+    if start.startswith(UTF_16):
+        raise UserError(
+            f"{source.path}: is text in UTF-16, as an editor or a shell may have saved it; write "
+            "the file anew, or save it as plain text (ASCII or UTF-8)"
+        )
+    position, binary = (len(UTF_8) if start == UTF_8 else 0), False
     while (begin := _begin(source, position, entries)) is not None:
         entry, position = _entry(source, begin, len(entries) + 1, binary)
         entries.append(entry)
@@ -158,7 +171,7 @@ def _closed(source: Source, entry: DataSet) -> tuple[DataSet, int]:
             if (after := _after_mark(source, entry.data + needed)) is not None:
                 entry = entry._replace(end=entry.data + needed)
                 break
-    if after is not None:
+    if after is not None and not _turned(source, entry):
         return entry, after
     claimed, left = entry.end - entry.data, source.size - entry.data
     if claimed > left:
@@ -177,13 +190,26 @@ def _closed(source: Source, entry: DataSet) -> tuple[DataSet, int]:
 def _after_mark(source: Source, end: int) -> int | None:
     """Find the byte after the line of -1 at the end of binary values, None if there is none.
 
-    Programs that write text put a line end before the mark.
+    Programs that write text put a line end before the mark, others fill a block with zeros.
     """
     tail = source.peek(end, SHORT) if end < source.size else b""
-    for ahead in (b"", b"\n", b"\r\n", b"\r"):
-        if tail.startswith(ahead) and (mark := MARK_LINE.match(tail, len(ahead))):
-            return end + mark.end()
-    return None
+    filling = FILLING.match(tail)
+    mark = MARK_LINE.match(tail, filling.end()) if filling else None
+    return end + mark.end() if mark else None
+
+
+def _turned(source: Source, entry: DataSet) -> bool:
+    """Tell whether a transfer as text turned each LF of header and values to CR LF.
+
+    As there are more values then than the header claims, the last of them look like filling.
+    """
+    if MARK_LINE.match(source.peek(entry.end, SHORT)):
+        return False  # nothing is between
+    header = source.read_binary(entry.first, entry.data)
+    if header.count(b"\n") != header.count(b"\r\n"):
+        return False
+    values = source.read_binary(entry.data, entry.end)
+    return 0 < values.count(b"\n") == values.count(b"\r\n")
 
 
 def _line_ends(source: Source, entry: DataSet) -> str:
@@ -194,7 +220,7 @@ def _line_ends(source: Source, entry: DataSet) -> str:
     turned, at = 0, entry.data
     while 0 <= (at := source.find(b"\r\n", at)) < later:
         turned, at = turned + 1, at + 2
-    if later < 0 or not 0 < extra <= turned + 2:
+    if later < 0 or not turned or not 0 < extra <= turned + 2:
         return ""
     return (
         f", but {extra} bytes later: CR LF stands where the values have LF; transfer the file "
@@ -223,6 +249,24 @@ def _line(source: Source, start: int) -> tuple[bytes, int]:
     return piece[:stop].rstrip(b"\r"), start + stop + 1
 
 
+#: Names of data sets by their number.
+NAMES = {
+    15: "nodes",
+    18: "coordinate systems",
+    55: "values at nodes",
+    56: "values at elements",
+    58: "functions",
+    82: "lines",
+    151: "about the file",
+    164: "units",
+    1858: "about functions",
+    2411: "nodes",
+    2412: "elements",
+    2414: "values of an analysis",
+    2420: "coordinate systems",
+}
+
+
 @dataclass(eq=False)
 class UniversalFile:
     """An open universal file. Nothing but `values` reads what a function's header does not say.
@@ -243,7 +287,7 @@ class UniversalFile:
         return [read_header(self.source, e) for e in self.entries if e.kind == 58]
 
     def nodal_functions(self, containing: str = "") -> list[Function]:
-        """Read data sets 55, each as a whole, as functions of frequency.
+        """Read data sets 55 and 2414, each as a whole, as functions of frequency.
 
         Parameters
         ----------
@@ -255,7 +299,7 @@ class UniversalFile:
         UserError
             See `sldvexp.io.uff.nodal.read_nodal` and `ShapeFunctions`.
         """
-        entries = [e for e in self.entries if e.kind == NODAL]
+        entries = [e for e in self.entries if e.kind in (NODAL, ANALYSIS)]
         sets = [n for e in entries if (n := read_nodal(self.source, e, containing)) is not None]
         self._shapes = ShapeFunctions(self.source, sets) if sets else None
         return self._shapes.functions if self._shapes else []
@@ -281,6 +325,15 @@ class UniversalFile:
             return self._shapes.values_of(function)
         return read_values(self.source, function)
 
+    @property
+    def contents(self) -> str:
+        """The numbers of its data sets, how many of each, and what these are."""
+        count = Counter(entry.kind for entry in self.entries)
+        return ", ".join(
+            f"{n} data set{'s' * (n > 1)} {kind}" + (f" ({NAMES[kind]})" if kind in NAMES else "")
+            for kind, n in count.items()
+        )
+
     def wrong(self, function: Function, message: str) -> Exception:
         """Word the error of a function as a whole."""
         return function.entry.wrong(self.source, function.entry.first, message)
@@ -293,7 +346,7 @@ def universal_file(path: Path) -> Iterator[UniversalFile]:
     Raises
     ------
     UserError
-        If it is missing or is no universal file.
+        If it is missing, is no universal file, or is not what its seal says.
 
     Examples
     --------
@@ -307,4 +360,6 @@ def universal_file(path: Path) -> Iterator[UniversalFile]:
     Units(name='SI: Meter (newton)', length=1.0) [1 2 3]
     """
     with opened(path) as source:
-        yield UniversalFile(source, index(source))
+        entries = index(source)
+        require_seal(source, entries)
+        yield UniversalFile(source, entries)

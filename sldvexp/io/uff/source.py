@@ -167,6 +167,22 @@ def opened(path: Path) -> Iterator[Source]:
         yield source
 
 
+def decoded(text: bytes) -> str:
+    r"""Decode text in UTF-8 or, as programs of Windows write it, the Western code page or Latin-1.
+
+    Examples
+    --------
+    >>> decoded(b"\xb5m/s"), decoded("µm/s".encode())
+    ('µm/s', 'µm/s')
+    """
+    for encoding in ("utf-8", "cp1252"):
+        try:
+            return text.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    return text.decode("latin-1")
+
+
 def shown(line: bytes) -> str:
     """Show the beginning of a line in a message, whatever is in it."""
     text = line[:40].decode("ascii", "replace").rstrip()

@@ -96,15 +96,17 @@ def header(
     words=("made", "", "", "", ""),
     reference=(1, 3),
     reference_kind=13,
+    axis=None,
 ):
     """The eleven lines of a data set 58."""
     names = f"{'':10s}"
+    axis = axis or ((17, "Time", "s") if kind == 1 else (18, "Frequency", "Hz"))
     return [
         *words,
         f"{kind:5d}{1:10d}{0:5d}{0:10d} {names}{node:10d}{direction:4d} {names}{reference[0]:10d}"
         f"{reference[1]:4d}",
         f"{type_:10d}{count:10d}{int(even):10d}{first:13.5E}{step:13.5E}{0.0:13.5E}",
-        f"{18:10d}{0:5d}{0:5d}{0:5d} {'Frequency':20s} {'Hz':20s}".rstrip(),
+        f"{axis[0]:10d}{0:5d}{0:5d}{0:5d} {axis[1]:20s} {axis[2]:20s}".rstrip(),
         f"{quantity:10d}{0:5d}{0:5d}{0:5d} {'Schwinggeschwindig.':20s} {unit:20s}".rstrip(),
         f"{reference_kind:10d}{0:5d}{0:5d}{0:5d} {'Kraft':20s} {'N':20s}".rstrip(),
         f"{0:10d}{0:5d}{0:5d}{0:5d} {'NONE':20s} {'NONE':20s}".rstrip(),

@@ -43,3 +43,28 @@ def test_what_is_refused(uff, tmp_path):
         with pytest.raises(UserError) as error:
             mesh(path).surface()
         assert said in str(error.value), str(error.value)
+
+
+def test_files_without_a_surface_say_what_they_have_and_a_way_on(uff, tmp_path):
+    path = tmp_path / "plate.uff"
+    nodes, solid = uff.nodes(PLATE), uff.elements([[5, 7, 9, 11]], kind=111)
+    way = "write the surface's nodes as a table x_m,y_m,z_m for volume=points"
+    for content, said in (
+        (nodes + solid, ("but 5 nodes, 1 solid elements; ", way)),
+        (nodes + uff.trace([5, 7, 0, 9, 11]), ("but 5 nodes and 2 lines; ", way)),
+        (uff.units(1e-3) * 2, ("has no geometry", "but 2 data sets 164 (units)")),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(UserError) as error:
+            mesh(path).surface()
+        for part in said:
+            assert part in str(error.value), str(error.value)
+
+
+def test_an_element_that_is_given_twice_is_read_once(uff, tmp_path):
+    path = tmp_path / "plate.uff"
+    elements = uff.elements([[5, 7, 9, 11]])
+    path.write_bytes(uff.nodes(PLATE) + elements)
+    once = mesh(path).surface()
+    path.write_bytes(uff.nodes(PLATE) + 2 * elements)
+    np.testing.assert_array_equal(mesh(path).surface().triangles, once.triangles)
