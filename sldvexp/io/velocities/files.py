@@ -23,8 +23,6 @@ from sldvexp.units import VelocityUnit
 
 REQUIRED = ("view", "dx", "dy", "dz", "real")
 OPTIONAL = ("point", "frequency", "imag", "std")
-#: What others put between columns.
-OTHER_DELIMITERS = {";": "semicolons", "\t": "tabs"}
 #: Least values, and what is said of smaller ones.
 LEAST = {
     "frequency": (0.0, "must be a finite number of zero or more"),
@@ -137,13 +135,6 @@ def _table(path: Path, layout: FileLayout) -> TextTable:
     table = read_table(path, inline_comments=True)
     if not table.header:
         raise UserError(f"{path}: is empty; needed are the columns {', '.join(REQUIRED)}")
-    if len(table.header) == 1:  # then commas may be decimal marks
-        for mark, name in OTHER_DELIMITERS.items():
-            if mark in table.header[0]:
-                raise UserError(
-                    f"{table.where(-1)}: {name} are between the columns; write commas there, and "
-                    "decimal points in the numbers"
-                )
     layout.require(table.header, path)
     table = replace(table, header=[layout.mapping.get(c, c) for c in table.header])
     known = REQUIRED + OPTIONAL
