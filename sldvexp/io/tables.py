@@ -2,8 +2,9 @@
 
 Cells are between commas, semicolons or tabs, whichever the header has, and numbers have a decimal
 point or, in all of a table, a comma. Lines that start with ``#`` are comments, and every complaint
-names the file, the line and the column. Rows are read with the module `csv` and not with pandas, which tells
-neither on which line a row stands nor that it is too short, and gives columns of one name others.
+names the file, the line and the column. Rows are read with the module `csv` and not with pandas,
+which tells neither on which line a row stands nor that it is too short, and gives columns of one
+name others.
 """
 
 from __future__ import annotations

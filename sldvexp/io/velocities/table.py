@@ -40,6 +40,8 @@ class LineOfSight:
         Real or complex.
     std : ndarray or None, shape of `velocity`, m/s
         Standard error of a velocity, per real and imaginary part.
+    missing : ndarray of bool or None, shape of `velocity`
+        Where there is no velocity, which is NaN; None if all are there.
 
     Raises
     ------
@@ -61,6 +63,7 @@ class LineOfSight:
     direction_cosines: Array
     velocity: Array | ComplexArray
     std: Array | None = None
+    missing: BoolArray | None = None
 
     def __repr__(self) -> str:
         names = ("views", "points", "frequencies")
@@ -69,13 +72,17 @@ class LineOfSight:
 
     def __post_init__(self) -> None:
         cosines, velocity, std = self.direction_cosines, self.velocity, self.std
-        self._check("direction cosine", cosines, np.isfinite(cosines), "must be finite")
-        self._check("velocity", velocity, np.isfinite(velocity), "must be finite")
+        gap = np.zeros(velocity.shape, bool) if self.missing is None else self.missing
+        no_line = gap.all(axis=2) & np.isnan(cosines).all(axis=2)
+        known = np.isfinite(cosines) | no_line[..., None]
+        self._check("direction cosine", cosines, known, "must be finite")
+        self._check("velocity", velocity, np.isfinite(velocity) | gap, "must be finite")
         if std is not None:
-            self._check("standard error", std, np.isfinite(std) & (std > 0), "must be positive")
+            good = (np.isfinite(std) & (std > 0)) | gap
+            self._check("standard error", std, good, "must be positive")
         with np.errstate(over="ignore"):
             length = np.linalg.norm(cosines, axis=-1)
-        unit = abs(length - 1) <= LARGEST_LENGTH_ERROR
+        unit = (abs(length - 1) <= LARGEST_LENGTH_ERROR) | no_line
         right = "must be 1: directions are unit vectors from the surface to the instrument"
         self._check("length of the direction", length, unit, right)
         for name, labels in (("view", self.view), ("point", self.point or [])):
@@ -108,19 +115,21 @@ class LineOfSight:
     def to_dataset(self) -> xr.Dataset:
         """Make the run's group ``line_of_sight``, without unnamed single points and frequencies."""
         coords: dict[str, list[str] | Array] = {"view": self.view}
-        sight, velocity, std = self.direction_cosines, self.velocity, self.std
+        sight = self.direction_cosines
+        values = {"velocity": self.velocity, "velocity_std": self.std, "flags": self.missing}
+        there = {name: array for name, array in values.items() if array is not None}
+        if self.missing is not None:
+            there["flags"] = self.missing.astype(np.int8)
         if self.point is None:
-            sight, velocity = sight[:, 0], velocity[:, 0]
-            std = None if std is None else std[:, 0]
+            sight = sight[:, 0]
+            there = {name: array[:, 0] for name, array in there.items()}
         else:
             coords["point"] = self.point
         if self.frequency is None:
-            velocity, std = velocity[..., 0], None if std is None else std[..., 0]
+            there = {name: array[..., 0] for name, array in there.items()}
         else:
             coords["frequency"] = self.frequency
-        made = dataset.group(
-            "line_of_sight", coords, direction_cosines=sight, velocity=velocity, velocity_std=std
-        )
+        made = dataset.group("line_of_sight", coords, direction_cosines=sight, **there)
         made.attrs["source"] = Path(self.source).name
         return made
 
