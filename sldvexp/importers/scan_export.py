@@ -12,11 +12,16 @@ from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import Checks
-from sldvexp.importers.conventions import Conventions, Directions, Quantity, Zeros
+from sldvexp.importers.conventions import (
+    Conventions,
+    Directions,
+    Quantity,
+    Questions,
+    Zeros,
+)
 from sldvexp.importers.incomplete import Incomplete, incomplete_by
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, same_frequencies
-from sldvexp.importers.questions import OpenQuestionsError, Questions, asked_together
 from sldvexp.importers.scan_rows import read_table
 from sldvexp.importers.scan_table import (
     ScanTable,
@@ -74,33 +79,30 @@ class ScanExport(PointwiseImport):
 
     def measured(self) -> Iterator[PointwiseData]:
         """Read the views' tables, one after the other; what they leave open is asked together."""
-        views: list[PointwiseData] = []
-        left_open: list[OpenQuestionsError] = []
-        for name, view in self.views.items():
-            try:
-                views.append(_view(self, name, view))
-            except OpenQuestionsError as error:
-                left_open.append(error)
-        asked_together(left_open)
-        for view_data in views:
-            same_frequencies(view_data, views[0])
-            yield view_data
+        questions = Questions()
+        views = [_view(self, name, view, questions) for name, view in self.views.items()]
+        questions.done()
+        for found in filter(None, views):
+            same_frequencies(found, views[0])
+            yield found
 
 
-def _view(settings: ScanExport, name: str, view: PointwiseView) -> PointwiseData:
-    """Read one view's table and turn its values into velocities."""
+def _view(
+    settings: ScanExport, name: str, view: PointwiseView, questions: Questions
+) -> PointwiseData | None:
+    """Read one view's table and turn its values into velocities; None if a question is open."""
     table, columns = by_rows(read_table(locate(view.path)), settings.columns)
     roles = table.roles(columns)
     for needed in ("x", "y", "z"):
         if needed not in roles:
             raise table.wrong(f"instrument.columns does not name {needed}")
-    left_open = Questions(table.path)
-    node, frequency, row = _grid(settings, table, roles, left_open)
-    rules = _conventions(settings, table, roles, left_open)
+    node, frequency, row = _grid(settings, table, roles, questions)
+    rules = _conventions(settings, table, roles, questions)
     values = _values(table, roles)
-    missing, said = _missing(settings, table, roles, row, values, left_open)
-    length, by = _length(settings, table, roles, left_open)
-    left_open.done()
+    missing, said = _missing(settings, table, roles, row, values, questions)
+    length, by = _length(settings, table, roles, questions)
+    if questions:
+        return None
     if (frequency == 0).any() and rules.quantity is Quantity.acceleration:
         raise table.wrong("an acceleration at 0 Hz says nothing of velocity; leave 0 Hz out")
     chosen = _chosen(settings, table, frequency)
@@ -133,8 +135,10 @@ def _view(settings: ScanExport, name: str, view: PointwiseView) -> PointwiseData
 
 def _gaps(name: str, roles: dict[str, int], node: IntArray) -> list[Finding]:
     """Tell which point numbers there are not, of which a file may have lost the rows."""
-    absent = np.setdiff1d(np.arange(node[0], node[-1] + 1), node) if node[-1] < MOST_NUMBERS else []
-    if "index" not in roles or not len(absent):
+    if "index" not in roles or node[-1] - node[0] > MOST_NUMBERS:
+        return []
+    absent = np.setdiff1d(np.arange(node[0], node[-1] + 1), node)
+    if not len(absent):
         return []
     shown = ", ".join(str(n) for n in absent[:5]) + (" and more" if len(absent) > 5 else "")
     text = (
@@ -169,16 +173,16 @@ def _known(table: ScanTable, role: str, column: int) -> Array:
 
 
 def _grid(
-    settings: ScanExport, table: ScanTable, roles: dict[str, int], left_open: Questions
+    settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: Questions
 ) -> tuple[IntArray, Array, IndexArray]:
     """Find points, frequencies, and the row of each of their pairs, -1 if there is none."""
     rows = len(table.values)
     if "frequency" not in roles:
-        frequency = np.array([_one_frequency(settings, table, left_open)])
+        frequency = np.array([_one_frequency(settings, table, questions)])
         of_row = np.zeros(rows, np.intp)
     else:
-        label = meaning(table.units[roles["frequency"]])
-        factor = label.factor if label is not None and label.quantity == "frequency" else 1.0
+        unit = meaning(table.units[roles["frequency"]])
+        factor = unit.factor if unit is not None and unit.quantity == "frequency" else 1.0
         stated = factor * _known(table, "frequency", roles["frequency"])
         frequency, of_row = np.unique(stated, return_inverse=True)
     if "index" in roles:
@@ -214,7 +218,7 @@ def _whole(table: ScanTable, column: int) -> IntArray:
     return values.astype(np.int64)
 
 
-def _one_frequency(settings: ScanExport, table: ScanTable, left_open: Questions) -> float:
+def _one_frequency(settings: ScanExport, table: ScanTable, questions: Questions) -> float:
     """Find the frequency of a table without a column of it; one that is asked for is 1 Hz."""
     lines = table.before.splitlines()
     # Cells too: the comma before `100 Hz` is a delimiter here and a decimal mark there.
@@ -224,7 +228,7 @@ def _one_frequency(settings: ScanExport, table: ScanTable, left_open: Questions)
         return settings.frequency[0]
     if len(stated) != 1:
         several = f"states {', '.join(f'{f:g}' for f in stated)} Hz" if stated else "states none"
-        left_open.ask("frequency", "[197]", f"one frequency of its values ({several})")
+        questions.ask(table.path, "frequency", "[197]", f"one frequency of its values ({several})")
         return 1.0
     return stated[0]
 
@@ -262,7 +266,7 @@ def _missing(
     roles: dict[str, int],
     row: IndexArray,
     values: NDArray,
-    left_open: Questions,
+    questions: Questions,
 ) -> tuple[BoolArray, dict[int, str]]:
     """Mark points without numbers or rows, or of a bad status, or that are zero throughout.
 
@@ -273,13 +277,13 @@ def _missing(
         Where the file says so, by the point's place.
     """
     absent, there = np.isnan(values) | np.isinf(values), row >= 0
-    of_row = absent | ~_good(settings, table, roles, left_open)
+    of_row = absent | ~_good(settings, table, roles, questions)
     missing = np.asarray((of_row[row] | ~there).any(axis=1))
     zero = ~missing & ~values[row].any(axis=1)
     if settings.zeros is Zeros.refuse and zero.any():
         line = table.line[row[zero][0, 0]]
         what = f"whether points whose values are all zero, as in line {line}, were measured"
-        left_open.ask("zeros", "missing", what)
+        questions.ask(table.path, "zeros", "missing", what)
     if settings.zeros is Zeros.missing:
         missing = missing | zero
     said = {
@@ -294,12 +298,12 @@ def _missing(
             f"the values of {len(lines)} of {len(values)} rows (the first is line {lines[0]}), "
             "whose points may be left out, or kept and marked"
         )
-        left_open.ask("incomplete", "drop", what)
+        questions.ask(table.path, "incomplete", "drop", what)
     return missing, said
 
 
 def _good(
-    settings: ScanExport, table: ScanTable, roles: dict[str, int], left_open: Questions
+    settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: Questions
 ) -> BoolArray:
     """Tell which rows are to be trusted by their status, shape (row,)."""
     if "status" not in roles:
@@ -309,43 +313,44 @@ def _good(
         seen = ", ".join(map(str, np.unique(status)))
         column = table.place[roles["status"]]
         what = f"which are good of the values {seen}, of which column {column} may be a status"
-        left_open.ask("good_status", f"[{status[0]}]", what)
+        questions.ask(table.path, "good_status", f"[{status[0]}]", what)
         return np.ones(len(status), bool)
     return np.isin(status, settings.good_status or status)
 
 
 def _length(
-    settings: ScanExport, table: ScanTable, roles: dict[str, int], left_open: Questions
+    settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: Questions
 ) -> tuple[float, str]:
     """Find one unit of the coordinates in m, and who says so."""
     if settings.length_unit is not None:
         return settings.length_unit.value, "as set"
     units = {table.units[roles[axis]] for axis in "xyz"}
-    if len(units) != 1 or not is_length(unit := units.pop()):
-        left_open.ask("length_unit", "mm", "the unit of its coordinates")
+    label = meaning(unit := units.pop()) if len(units) == 1 else None
+    if label is None or not is_length(unit):
+        questions.ask(table.path, "length_unit", "mm", "the unit of its coordinates")
         return 1.0, ""
-    label = meaning(unit)
-    assert label is not None  # a length is understood
     return label.factor, f"by the label {unit}"
 
 
 def _conventions(
-    settings: ScanExport, table: ScanTable, roles: dict[str, int], left_open: Questions
+    settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: Questions
 ) -> Conventions:
     """Decide how values become velocities: by the settings, or the unit of their column."""
     text = table.units[roles.get("real", roles.get("magnitude", 0))]
     label = _motion(table, text)
     quantity = settings.quantity or (Quantity[label.quantity] if label else None)
     if quantity is None:
-        left_open.ask("quantity", "velocity", "the unit of its values")
+        questions.ask(table.path, "quantity", "velocity", "the unit of its values")
     unit = settings.unit.value if settings.unit else label.factor if label else None
     if unit is None:
-        left_open.ask("unit", "m", "the unit of its values (m of m/s)")
-    factor, told = _scale(settings, label, left_open)
+        questions.ask(table.path, "unit", "m", "the unit of its values (m of m/s)")
+    factor, told = _scale(settings, table, label, questions)
     if settings.positive is None:
-        left_open.ask("positive", "towards", "where a positive velocity points to")
+        questions.ask(table.path, "positive", "towards", "where a positive velocity points to")
     if settings.phase is None:
-        left_open.ask("phase", "exp_plus", "the sign of the phase (exp_plus or exp_minus)")
+        questions.ask(
+            table.path, "phase", "exp_plus", "the sign of the phase (exp_plus or exp_minus)"
+        )
     if quantity is None or unit is None or settings.positive is None or settings.phase is None:
         return Conventions(Quantity.velocity, 1.0, False, {})  # what is missing is asked for
     told |= {
@@ -380,7 +385,7 @@ def _motion(table: ScanTable, text: str) -> UnitLabel | None:
 
 
 def _scale(
-    settings: ScanExport, label: UnitLabel | None, left_open: Questions
+    settings: ScanExport, table: ScanTable, label: UnitLabel | None, questions: Questions
 ) -> tuple[float, dict[str, str]]:
     """Find the factor to peak amplitudes, or to those of the reference, and what says so."""
     if label is not None and label.reference:
@@ -388,12 +393,12 @@ def _scale(
             what = (
                 f"the reference's peak amplitude, which values in {label.text} are multiplied with"
             )
-            left_open.ask("reference", "1.0", what)
+            questions.ask(table.path, "reference", "1.0", what)
             return 1.0, {}
         return settings.reference, {"reference": f"{settings.reference:g} {label.reference}"}
     amplitude = settings.amplitude or (label.amplitude if label else None)
     if amplitude is None:
-        left_open.ask("amplitude", "peak", "whether amplitudes are peak or rms")
+        questions.ask(table.path, "amplitude", "peak", "whether amplitudes are peak or rms")
         return 1.0, {}
     by = "" if settings.amplitude else f" by {label.text if label else ''}"
     return amplitude.value, {"amplitude": f"{amplitude.name}{by}"}

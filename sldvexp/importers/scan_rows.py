@@ -31,12 +31,10 @@ from sldvexp.importers.scan_table import (
     number,
     of_frequencies,
 )
+from sldvexp.io.tables import MISSING
 from sldvexp.typing import Array
 
 DELIMITERS = ("\t", ";", ",", None)
-#: Cells that stand for a number which is not there, in small letters.
-MISSING = {"", "-", "--", "---", "nan", "na", "n/a", "#n/a", "#nv", "null", "none", "*", "***"}
-MISSING |= {"inf", "-inf", "+inf", "1.#inf", "-1.#inf", "1.#qnan", "-1.#ind", "nan(ind)"}
 COMMENTS = ("#", "%", "//", "!")
 #: Numbers that make a line look like a row.
 LEAST_NUMBERS = 3
@@ -230,9 +228,9 @@ class _Reader:
             [[number(c) if _is_number(c) else np.nan for c in row] for row in self.rows]
         )
         if np.isinf(values).any():
-            row = int(np.argwhere(np.isinf(values))[0, 0])
+            place = int(np.argwhere(np.isinf(values))[0, 0])
             raise UserError(
-                f"{self.path}, line {self.numbers[row]}: has a number that is too large"
+                f"{self.path}, line {self.numbers[place]}: has a number that is too large"
             )
         return values
 

@@ -291,8 +291,9 @@ def is_frequency(unit: str) -> bool:
 def is_length(unit: str) -> bool:
     """Tell whether a unit is one of length alone."""
     label = meaning(unit)
-    plain = label is not None and label.amplitude is None and label.form is SpectralForm.linear
-    return plain and label.quantity == "displacement" and not label.reference
+    if label is None or label.amplitude is not None or label.form is not SpectralForm.linear:
+        return False
+    return label.quantity == "displacement" and not label.reference
 
 
 def frequencies_in(text: str) -> list[float]:

@@ -24,7 +24,7 @@ def gaps_of(line_of_sight: xr.Dataset) -> xr.DataArray:
     array([False,  True])
     """
     velocity = line_of_sight["velocity"]
-    lost = (~np.isfinite(velocity)).any("view")
+    lost = xr.apply_ufunc(lambda v: ~np.isfinite(v), velocity).any("view")
     if bool(lost.all()):
         raise UserError("line_of_sight: at every point some view has no velocity")
     return lost
@@ -45,7 +45,7 @@ def filled(line_of_sight: xr.Dataset) -> xr.Dataset:
 def _first(cosines: Array) -> Array:
     """Take a view's first known direction where there is none."""
     rows = np.atleast_2d(cosines)
-    known = np.isfinite(rows).all(axis=1)
+    known = np.asarray(np.isfinite(rows).all(axis=1))
     return np.where(known[:, None], rows, rows[known.argmax()]).reshape(cosines.shape)
 
 

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
+from sldvexp.io.tables import AXES
 from sldvexp.io.velocities.table import KNOWN, ORDER, OWN, FileLayout, LineOfSight
 from sldvexp.lazy import netCDF4, scipy
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
-from sldvexp.units import VelocityUnit
+from sldvexp.units import LengthUnit, VelocityUnit, unit_named
 
 REQUIRED = ("direction_cosines", "velocity")
 DIMENSIONS = (*ORDER, "axis")
@@ -30,7 +31,9 @@ ALLOWED = {
     "direction_cosines": ("view", "point", "axis"),
     "velocity": ("view", "point", "frequency"),
     "velocity_std": ("view", "point", "frequency"),
+    "position": ("point", "axis"),
 }
+JOINED = ("triangle", "line")
 #: How others may call a dimension.
 LIKE = {
     "axis": "xyz|ax[ie]s|comp|dir|coord|dim|cart",
@@ -74,7 +77,28 @@ def read_netcdf(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> Lin
     if ("point" in data["velocity"].dims) != ("point" in data["direction_cosines"].dims):
         raise UserError(f"{path}: velocity and direction_cosines must both have a dimension point")
     values |= {d: data[d].values for d in ORDER if d in data.variables}
-    return from_arrays(values, path, unit)
+    values |= _places(data, theirs, layout, path)
+    return from_arrays(values, path, unit, layout)
+
+
+def _places(
+    data: xr.Dataset, theirs: dict[str, str], layout: FileLayout, path: Path
+) -> dict[str, NDArray]:
+    """Find positions, m, and the triangles and lines between points, from 0."""
+    there: dict[str, NDArray] = {}
+    if "position" not in data and all(c in data and data[c].dims == ("point",) for c in AXES):
+        data = data.assign(position=xr.concat([data[c] for c in AXES], "axis", coords="minimal"))
+        data["position"].attrs = dict(data["x"].attrs)
+    if "position" in data:
+        stated = data["position"].attrs.get("units")
+        unit = unit_named(LengthUnit, stated, f"{path}, position") if stated else layout.length
+        there["position"] = unit.value * _in_order(data, "position", theirs, path)
+    for name in ("triangle", "line"):
+        if name in data and name not in data.dims:
+            there[name] = data[name].values - int(data[name].attrs.get("start_index", 0))
+        elif name in data:
+            there[name] = data[name].values
+    return there
 
 
 def read_matlab(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSight:
@@ -101,14 +125,16 @@ def read_matlab(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> Lin
     return from_arrays(values, path, unit)
 
 
-def from_arrays(values: Mapping[str, Any], path: Path, unit: VelocityUnit) -> LineOfSight:
+def from_arrays(
+    values: Mapping[str, Any], path: Path, unit: VelocityUnit, layout: FileLayout = OWN
+) -> LineOfSight:
     """Give missing point and frequency dimensions length one and check the shapes.
 
     Parameters
     ----------
     values : mapping of str to array
-        ``direction_cosines``, ``velocity``, and perhaps ``std``, ``view``, ``point`` and
-        ``frequency``.
+        ``direction_cosines``, ``velocity``, and perhaps ``std``, ``view``, ``point``,
+        ``frequency``, ``position`` in m, and ``triangle`` and ``line``, from 0.
     path : Path
         Of the file, for messages.
     unit : VelocityUnit
@@ -141,14 +167,23 @@ def from_arrays(values: Mapping[str, Any], path: Path, unit: VelocityUnit) -> Li
                 f"{path}: the standard errors have the shape {std.shape}, the velocities "
                 f"{velocity.shape}; they must agree, or have length 1 where they stay the same"
             ) from None
+    missing = np.isnan(velocity) if layout.gaps else np.zeros(velocity.shape, bool)
+    if std is not None and layout.gaps:
+        missing |= np.isnan(std)
+        std = np.where(missing, np.nan, std)
+    named = several or "position" in values
+    joined = {k: _numbers(values, k, path).astype(np.int64) for k in JOINED if k in values}
     return LineOfSight(
         source=str(path),
         view=_labels(values, "view", views, path),
-        point=_labels(values, "point", points, path) if several else None,
+        point=_labels(values, "point", points, path) if named else None,
         frequency=frequency,
         direction_cosines=cosines.astype(float),
-        velocity=velocity * unit.value,
+        velocity=np.where(missing, np.nan, velocity) * unit.value,
         std=std,
+        missing=missing if missing.any() else None,
+        position=np.atleast_2d(values["position"]) if "position" in values else None,
+        **joined,
     )
 
 
@@ -335,7 +370,8 @@ def _in_order(data: xr.Dataset, name: str, theirs: dict[str, str], path: Path) -
     allowed = ALLOWED[name]
     array = data[name]
     strange = [str(d) for d in array.dims if d not in allowed]
-    needed = {"direction_cosines": ("view", "axis"), "velocity": ("view",)}.get(name, ())
+    whole = {"direction_cosines": ("view", "axis"), "velocity": ("view",)}
+    needed = (whole | {"position": ("point", "axis")}).get(name, ())
     lost = [d for d in needed if d not in array.dims]
     if strange or lost:
         free = lost + [d for d in allowed if d not in array.dims and d not in lost]
