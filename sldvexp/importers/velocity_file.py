@@ -16,7 +16,7 @@ from sldvexp.importers.base import PointImporter
 from sldvexp.importers.conventions import Amplitude, Phase, Positive
 from sldvexp.importers.incomplete import Incomplete, check_incomplete, incomplete_by
 from sldvexp.io.velocities import FileLayout, LineOfSight, read
-from sldvexp.io.velocities.table import KNOWN, ORDER
+from sldvexp.io.velocities.table import DIMENSIONS, KNOWN
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.units import LengthUnit, VelocityUnit
@@ -45,7 +45,8 @@ class File(PointImporter):
         From the file's names of variables, dimensions or columns to the program's, ``{vlos:
         velocity, head: view}``; complex velocities may come as ``real`` and ``imag``.
     order : list of str
-        Dimensions of the velocities of a ``.mat``, if not view, point, frequency.
+        Dimensions of the arrays of a ``.mat``, if not view, point, frequency, axis; each array has
+        those that it needs, and the axis comes last unless it is named.
     group : str
         Of a ``.nc``; empty for the group ``line_of_sight``, or the root.
     length_unit : LengthUnit
@@ -73,8 +74,8 @@ class File(PointImporter):
             message = f"the file's name comes first: write {{{own}: {theirs}}}"
             message = message if turned else f"there is no {own} here; {nearest(own, KNOWN)}"
             checks.require(own in KNOWN, f"mapping.{theirs}", message)
-        known = set(self.order) <= set(ORDER) and len(set(self.order)) == len(self.order)
-        message = f"must be each once of {', '.join(ORDER)}, with view among them"
+        known = set(self.order) <= set(DIMENSIONS) and len(set(self.order)) == len(self.order)
+        message = f"must be each once of {', '.join(DIMENSIONS)}, with view among them"
         checks.require(not self.order or (known and "view" in self.order), "order", message)
         check_incomplete(checks, self.incomplete)
         checks.done()
@@ -114,8 +115,9 @@ def _missing(table: LineOfSight, incomplete: Incomplete) -> list[Finding]:
     count = int(lost.any(axis=1).sum() if of_points else lost.sum())
     whole = lost.shape[0] if of_points else lost.shape[1]
     done = "left out" if incomplete is Incomplete.drop else "kept without a velocity"
+    gone = np.asarray(table.missing.any(axis=2) if of_points else table.missing[:, 0])
     counts = ", ".join(
-        f"view {name} {int(own.sum())}" for name, own in zip(table.view, table.missing, strict=True)
+        f"view {name} {int(own.sum())}" for name, own in zip(table.view, gone, strict=True)
     )
     text = (
         f"{count} of {whole} {'points' if of_points else 'frequencies'} are {done}, as not all "

@@ -233,6 +233,7 @@ KNOWN = (
     "line",
 )
 ORDER = ("view", "point", "frequency")
+DIMENSIONS = (*ORDER, "axis")
 
 
 @dataclass(frozen=True)
