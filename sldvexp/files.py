@@ -2,8 +2,8 @@
 
 All text is opened here, whatever program wrote it: UTF-8, UTF-16 and UTF-32 with a mark, UTF-16
 without one, else the Western code page of Windows, which has Latin-1 in it. Tables that are written
-here begin with a line that has their number of lines and a checksum, so that what was damaged
-or cut off later is refused.
+here have a comment with their number of lines and a checksum, so that what was damaged or cut off
+later is refused.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import os
 import platform
 import re
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -104,41 +104,51 @@ def decoded(content: bytes) -> str | None:
 CHECK_LINE = re.compile(r"#\s*(?P<lines>\d+) lines, crc32 (?P<sum>[0-9a-f]{8})\b")
 
 
-def with_check_line(text: str) -> str:
-    r"""Put a comment with the number of lines and a checksum before a table.
+def with_check_line(text: str, last: bool = False) -> str:
+    r"""Put a comment with the number of lines and a checksum before a table, or behind it.
 
     Ends of lines and blanks there do not count, as programs that only pass a file on change them.
+
+    Parameters
+    ----------
+    last : bool
+        Where a format's number of rows shows that a file was cut, and other programs, which know
+        no comments, read no further than that.
 
     Examples
     --------
     >>> with_check_line("x_m,y_m\n1,2\n").splitlines()[0]
     '# 2 lines, crc32 3af407be; delete this line if you change the others'
     """
-    lines, found = _sum(text)
-    return f"# {lines} lines, crc32 {found}; delete this line if you change the others\n{text}"
+    lines, found = _sum(text.splitlines())
+    check = f"# {lines} lines, crc32 {found}; delete this line if you change the others\n"
+    return text + check if last else check + text
 
 
-def _sum(text: str) -> tuple[int, str]:
+def _sum(text: Iterable[str]) -> tuple[int, str]:
     """Count the lines of a text that are not blank, and compute their checksum."""
-    lines = [line.rstrip() for line in text.splitlines() if line.strip()]
+    lines = [line.rstrip() for line in text if line.strip()]
     return len(lines), f"{zlib.crc32(chr(10).join(lines).encode('utf-8', 'replace')):08x}"
 
 
 def _require_check(text: str, path: Path) -> None:
-    """Refuse a text that is not what its first line says."""
-    first, _, rest = text.partition("\n")
-    stated = CHECK_LINE.match(first)
-    if stated is None:
+    """Refuse a text that is not what its check line says, if it has one."""
+    if "crc32" not in text:
         return
-    lines, found = _sum(rest)
-    if int(stated["lines"]) != lines:
+    lines = text.splitlines()
+    stated = {i: match for i, line in enumerate(lines) if (match := CHECK_LINE.match(line))}
+    if not stated:
+        return
+    at, promised = next(iter(stated.items()))
+    count, found = _sum(line for i, line in enumerate(lines) if i != at)
+    if int(promised["lines"]) != count:
         raise UserError(
-            f"{path}: has {lines} lines behind the first, which promises {stated['lines']}; the "
-            "file was cut or changed; delete its first line if the change is meant"
+            f"{path}: has {count} lines besides line {at + 1}, which promises {promised['lines']}; "
+            "the file was cut or changed; delete that line if the change is meant"
         )
-    if stated["sum"] != found:
+    if promised["sum"] != found:
         raise UserError(
-            f"{path}: was changed since it was written, as the checksum in its first line tells; "
+            f"{path}: was changed since it was written, as the checksum in line {at + 1} tells; "
             "delete that line if the change is meant"
         )
 

@@ -128,7 +128,7 @@ def test_missing_values_are_refused_dropped_or_marked(read, name):
         assert list(group["point"].values) == ["p0", "p1", "p3"]
         np.testing.assert_array_equal(group["velocity"], VALUES[:, [0, 1, 3]])
         np.testing.assert_allclose(group["position"], POSITIONS[[0, 1, 3]])
-        group, (found,) = dataset.taken_findings(group)
+        (found,) = dataset.take_findings({"line_of_sight": group})
         assert found.text == (
             "1 of 4 points are left out, as not all views have values there (missing: view v0 0, "
             "view v1 1, view v2 0)"
@@ -140,7 +140,7 @@ def test_missing_values_are_refused_dropped_or_marked(read, name):
         gone[place] = 1
     np.testing.assert_array_equal(group["flags"], gone)
     np.testing.assert_array_equal(group["velocity"], np.where(gone, np.nan, VALUES))
-    assert dataset.taken_findings(group)[1][0].size == 1
+    assert dataset.take_findings({"line_of_sight": group})[0].size == 1
 
 
 def test_a_single_point_loses_frequencies(read):
@@ -294,21 +294,22 @@ def test_a_file_that_lacks_an_array_is_told_by_what_it_has(tmp_path, version):
         "one so"
     )
     WRITERS[version](path, {"one": ARRAYS, "two": ARRAYS})
-    with pytest.raises(
-        UserError, match=r"the structs one and two have all .*\{one\.velocity: vel"
-    ):
+    with pytest.raises(UserError, match=r"the structs one and two have all .*\{one\.velocity: vel"):
         File(path=str(path)).read()
 
 
 def test_netcdf_has_positions_and_gaps(tmp_path):
     path = tmp_path / "mine.csv"
     path.write_text(rows(empty=[(1, 2, 0)]))
-    group, _ = dataset.taken_findings(File(path=str(path), incomplete="mark").read())
+    group = File(path=str(path), incomplete="mark").read()
     group.to_netcdf(tmp_path / "mine.nc", engine="netcdf4", auto_complex=True)
     settings = {"path": str(tmp_path / "mine.nc")}
-    with pytest.raises(UserError, match=r"the velocity of view v1, point p2, 100 Hz is nan.*, but must be finite; leave"):
+    with pytest.raises(
+        UserError,
+        match=r"the velocity of view v1, point p2, 100 Hz is nan.*, but must be finite; leave",
+    ):
         File(**settings).read()
-    again = dataset.taken_findings(File(**settings, incomplete="mark").read())[0]
+    again = File(**settings, incomplete="mark").read()
     for name in ("velocity", "position", "flags", "velocity_std"):
         np.testing.assert_array_equal(again[name], group[name])
     whole = File(**settings, incomplete="drop").read()

@@ -37,7 +37,7 @@ def right(group, expected=CORNERS, frequency=(195.0,)):
 
 
 def counted(group):
-    return [(f.kind, f.size) for f in dataset.taken_findings(group)[1]]
+    return [(f.kind, f.size) for f in dataset.take_findings({"line_of_sight": group})]
 
 
 @pytest.mark.parametrize("name", ["blank_front", "blank_left", "blank_below", "page_front"])
@@ -275,7 +275,7 @@ def test_numbers_of_points_that_have_no_row_are_counted(tmp_path):
     path.write_text(TABLE.replace(ROWS[2] + "\n", ""))
     group = read(path)
     right(group, CORNERS[[0, 1, 3]])
-    (found,) = dataset.taken_findings(group)[1]
+    (found,) = dataset.take_findings({"line_of_sight": group})
     assert found.text == (
         "the table of view front has no rows for 1 of the point numbers 1 to 4: 3"
     )

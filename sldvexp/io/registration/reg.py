@@ -8,7 +8,7 @@
     REGPOINT number x y z up_down left_right
 
 Lengths are in UNITS, angles in degrees. Keywords may be in any case, ``#`` starts a comment; the
-first line of those that are written here is one, with a checksum of the others.
+last line of those that are written here is one, with a checksum of the others.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def write(path: Path, tables: Sequence[RegistrationTable]) -> None:
         numbers = [decimal_in(table.unit, v) for v in point]
         numbers += [decimal_in(AngleUnit.deg, v) for v in angle]
         lines.append(f"REGPOINT {n} {' '.join(numbers)}")
-    path.write_text(with_check_line("\n".join(lines) + "\n"), encoding="utf-8")
+    path.write_text(with_check_line("\n".join(lines) + "\n", last=True), encoding="utf-8")
 
 
 def _read_line(content: _Content, words: list[str], line: int, where: str) -> None:
