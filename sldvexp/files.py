@@ -47,7 +47,7 @@ MARKS = {
     codecs.BOM_UTF16_LE: "utf-16",
     codecs.BOM_UTF16_BE: "utf-16",
 }
-#: Characters that no text has, but numbers in binary do.
+#: Characters that no text has, but numbers in binary do, and some of which Python takes for blanks.
 CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")
 
 
@@ -96,8 +96,7 @@ def decoded(content: bytes) -> str | None:
             text = content.decode(name).removesuffix("\x1a")  # the end of a file of DOS
         except UnicodeDecodeError:
             continue
-        surely = name == "utf-8" or encoding in MARKS.values()
-        return None if ("\0" in text if surely else CONTROL.search(text)) else text
+        return None if CONTROL.search(text) else text
     return None
 
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from sldvexp.dataset import CONVENTIONS
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import UserError
+from sldvexp.geometry import joined_points
 from sldvexp.lazy import xarray as xr
-from sldvexp.plot.shape import joined_points
 from sldvexp.typing import Array, ComplexArray, IntArray
 
 WORLD = ("x", "y", "z")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from sldvexp.lazy import scipy
+from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, IntArray
 
 #: Extent across the plane, over the shorter one in it, beyond which points are no surface.
@@ -46,3 +47,28 @@ def joined_in_plane(position: Array) -> IntArray:
     kept = (edges.max(axis=1) <= GAP * np.median(edges)) & (abs(area) > 1e-9 * abs(area).max())
     first = found[kept].argmin(axis=1)[:, None]
     return np.take_along_axis(found[kept], (first + np.arange(3)) % 3, axis=1)
+
+
+def joined_points(line_of_sight: xr.Dataset) -> tuple[Array, IntArray, IntArray]:
+    """Find where the points of several lines of sight are, and what joins them.
+
+    Returns
+    -------
+    position : ndarray, shape (point, 3), m
+    triangles : ndarray of int, shape (triangle, 3)
+        By points; if the file that they come from joins none, those in the points' plane.
+    lines : ndarray of int, shape (line, 2)
+
+    Examples
+    --------
+    >>> from sldvexp.lazy import xarray as xr
+    >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    >>> joined_points(xr.Dataset({"position": (("point", "axis"), corners)}))[1].tolist()
+    [[0, 1, 2]]
+    """
+    none = xr.DataArray(np.empty((0, 0), np.int64))
+    corners, ends = (line_of_sight.get(name, none).values for name in ("triangle", "line"))
+    position = line_of_sight["position"].transpose("point", "axis").values
+    if not corners.size and not ends.size:
+        corners = joined_in_plane(position)
+    return position, corners.reshape(-1, 3).astype(np.int64), ends.reshape(-1, 2).astype(np.int64)

@@ -38,6 +38,8 @@ from sldvexp.unit_labels import SpectralForm, UnitLabel
 
 #: Beyond such point numbers gaps mean nothing, as they are names then.
 MOST_NUMBERS = 10**7
+#: Phases beyond this are of no spectrum in rad, but of one in deg.
+MOST_RADIANS = 25.0
 #: Roles that a column may have.
 ROLES = ("index", "x", "y", "z", "frequency", "status", "real", "imag", "magnitude", "phase")
 
@@ -254,6 +256,12 @@ def _values(table: ScanTable, roles: dict[str, int]) -> NDArray:
         label = meaning(table.units[roles["phase"]])
         if label is None or label.quantity != "angle":
             raise table.wrong("the phase must be in deg or rad, as its column's name must state")
+        largest = float(np.nanmax(np.abs(column["phase"]), initial=0.0))
+        if label.factor == 1.0 and largest > MOST_RADIANS:
+            raise table.wrong(
+                f"the phase is in {table.units[roles['phase']]} and reaches {largest:g}, which are "
+                "many turns; correct the unit in the column's name if it is in deg"
+            )
         return np.asarray(column["magnitude"] * np.exp(1j * label.factor * column["phase"]))
     if "real" not in column:
         raise table.wrong("instrument.columns must name real (and imag), or magnitude and phase")

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from sldvexp.dataset import RunData, Source
 from sldvexp.errors import UserError
-from sldvexp.geometry import joined_in_plane
-from sldvexp.lazy import xarray as xr
+from sldvexp.geometry import joined_points
 from sldvexp.plot import style
 from sldvexp.plot.layer import AXES, PLACE, layer_of
 from sldvexp.plot.selection import at_frequency, require
@@ -131,24 +130,6 @@ def points_unavailable_because(run: RunData) -> bool:
     """Tell whether no points in space can be shown."""
     there = run.has("point", "velocity") and run.has("line_of_sight", "position")
     return not there or run.groups["point"].sizes.get("point", 1) < 2
-
-
-def joined_points(line_of_sight: xr.Dataset) -> tuple[Array, IntArray, IntArray]:
-    """Find where the points of several lines of sight are, and what joins them.
-
-    Returns
-    -------
-    position : ndarray, shape (point, 3), m
-    triangles : ndarray of int, shape (triangle, 3)
-        By points; if the file that they come from joins none, those in the points' plane.
-    lines : ndarray of int, shape (line, 2)
-    """
-    none = xr.DataArray(np.empty((0, 0), np.int64))
-    corners, ends = (line_of_sight.get(name, none).values for name in ("triangle", "line"))
-    position = line_of_sight["position"].transpose("point", "axis").values
-    if not corners.size and not ends.size:
-        corners = joined_in_plane(position)
-    return position, corners.reshape(-1, 3).astype(np.int64), ends.reshape(-1, 2).astype(np.int64)
 
 
 def normals(position: Array, triangles: IntArray) -> Array:
