@@ -244,7 +244,9 @@ def knowable(table, raw):
     ):
         return True
     for _, k, old, new in changed:
-        number = k in table.alone and NUMBER.fullmatch(old) and NUMBER.fullmatch(new.strip().strip(' "'))
+        number = (
+            k in table.alone and NUMBER.fullmatch(old) and NUMBER.fullmatch(new.strip().strip(' "'))
+        )
         unit = k == table.magnitude and "[" in old and is_motion(new.partition("[")[2].strip("] "))
         if not number and not unit:
             return True
