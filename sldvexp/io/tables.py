@@ -28,7 +28,7 @@ from sldvexp.units import LengthUnit, Unit
 AXES = ("x", "y", "z")
 #: Cells that stand for a number which is not there, in small letters.
 MISSING = {"", "-", "--", "---", "nan", "na", "n/a", "#n/a", "#nv", "null", "none", "*", "***"}
-MISSING |= {"inf", "-inf", "+inf", "1.#inf", "-1.#inf", "1.#qnan", "-1.#ind", "nan(ind)"}
+MISSING |= {"1.#qnan", "-1.#ind", "nan(ind)"}
 #: How the columns of coordinates are named, for messages.
 COORDINATES = f"x_U, y_U, z_U with U one of {', '.join(LengthUnit.__members__)}"
 
