@@ -1,11 +1,11 @@
 """Lines of a text table of points: which are its rows, and that none of them is lost.
 
-Rows are the lines with as many cells as most lines of numbers have. A cell that is empty, a dash
-or NaN makes its row one of a point that was not measured. Between rows may stand blank lines,
-comments, and what stood above the table already, as on each page; a line above that states a
-frequency may come again with another, which begins a block of rows of that frequency. Below the
-last row may stand text. Everything else that holds numbers is refused by its line: a row that is
-not understood is no row that is not there.
+Rows are the lines with as many cells as most lines of numbers have, and words where those do. A
+cell that is empty, a dash or NaN makes its row one of a point that was not measured. Between rows
+may stand blank lines, comments, and what stood above the table already, as on each page; a line
+above that states a frequency may come again with another, which begins a block of rows of that
+frequency. Below the last row may stand text. Everything else that holds numbers is refused by its
+line: a row that is not understood is no row that is not there.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from sldvexp.importers.scan_table import (
     number,
     of_frequencies,
 )
-from sldvexp.io.tables import MISSING
+from sldvexp.io.tables import MISSING, require_decimals
 from sldvexp.typing import Array
 
 DELIMITERS = ("\t", ";", ",", None)
@@ -55,21 +55,26 @@ def read_table(path: Path) -> ScanTable:
     """
     require_file(path)
     lines = read_text(path).splitlines()
-    delimiter, width, _ = max(map(lambda d: _widest(lines, d), DELIMITERS), key=lambda w: w[2])
-    if not width:
+    delimiter, shape, count = max((_shape(lines, d) for d in DELIMITERS), key=lambda s: s[2])
+    if not count:
         raise UserError(
             f"{path}: has no table of numbers with at least {LEAST_COLUMNS} columns, as number, x, "
             "y, z and velocity"
         )
-    return _Reader(path, lines, delimiter, width).table()
+    return _Reader(path, lines, delimiter, shape).table()
 
 
-def _widest(lines: list[str], delimiter: str | None) -> tuple[str | None, int, int]:
-    """Find how many cells most lines of numbers alone have, and how many such lines there are."""
+#: True for each column of a table that has numbers, and False where words are.
+Shape = tuple[bool, ...]
+
+
+def _shape(lines: list[str], delimiter: str | None) -> tuple[str | None, Shape, int]:
+    """Find which columns of most lines hold numbers, and how many such lines there are."""
     cells = (fields(line, delimiter) for line in lines)
-    widths = Counter(len(c) for c in cells if len(c) >= LEAST_COLUMNS and all(map(_is_number, c)))
-    width, count = max(widths.items(), key=lambda w: (w[1], w[0]), default=(0, 0))
-    return delimiter, width, count
+    shapes = Counter(tuple(map(_is_number, c)) for c in cells if len(c) >= LEAST_COLUMNS)
+    tables = {s: n for s, n in shapes.items() if sum(s) >= LEAST_COLUMNS and 2 * sum(s) > len(s)}
+    shape, count = max(tables.items(), key=lambda s: (s[1], sum(s[0])), default=((), 0))
+    return delimiter, shape, count
 
 
 def _is_number(cell: str) -> bool:
@@ -88,11 +93,16 @@ class _Reader:
     path: Path
     lines: list[str]
     delimiter: str | None
-    width: int
+    shape: Shape
     rows: list[list[str]] = field(default_factory=list)
     numbers: list[int] = field(default_factory=list)
     frequency: list[float] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return len(self.shape)
 
     def table(self) -> ScanTable:
         """Read all rows, and what is said of them."""
@@ -136,12 +146,20 @@ class _Reader:
         """Tell whether cells are numbers, or say that there is none."""
         if len(cells) != self.width or sum(map(_is_number, cells)) < LEAST_NUMBERS:
             return False
-        return all(_is_number(c) or c.lower() in MISSING for c in cells)
+        return not self._odd(cells)
+
+    def _odd(self, cells: Sequence[str]) -> list[int]:
+        """Find cells that are neither a number nor say that there is none, where numbers are."""
+        return [
+            k
+            for k, (cell, numeric) in enumerate(zip(cells, self.shape, strict=True))
+            if numeric and not _is_number(cell) and cell.lower() not in MISSING
+        ]
 
     def _is_alike(self, cells: Sequence[str]) -> bool:
         """Tell whether a line that is none looks like a row: it has numbers as rows have."""
         count = sum(map(_is_number, cells))
-        return count >= LEAST_NUMBERS and 2 * count >= min(self.width, len(cells))
+        return count >= LEAST_NUMBERS and 2 * count >= min(sum(self.shape), len(cells))
 
     def _check_above(self, above: list[str]) -> None:
         """Refuse a first row that cannot be read and so seems to be a heading."""
@@ -191,19 +209,17 @@ class _Reader:
 
     def _wrong(self, i: int, cells: list[str]) -> NoReturn:
         """Refuse a line that looks like a row."""
-        odd = [k for k, c in enumerate(cells) if not _is_number(c) and c.lower() not in MISSING]
-        if len(cells) == self.width and odd:
+        odd = self._odd(cells) if len(cells) == self.width else []
+        if odd:
             raise UserError(
                 f"{self.path}, line {i + 1}: looks like a row of the table, but column "
                 f"{odd[0] + 1} is {cells[odd[0]]!r}, which is no number; correct it, or leave the "
                 "cell empty if there is none"
             )
-        few = (
-            f"has {len(cells)} cells and not {self.width}"
-            if odd or len(cells) != self.width
-            else ""
-        )
-        raise self._error(i, f"looks like a row of the table but {few or 'is a comment'}")
+        few = "is a comment"
+        if len(cells) != self.width:
+            few = f"has {len(cells)} cells and not {self.width}"
+        raise self._error(i, f"looks like a row of the table but {few}")
 
     def _error(self, i: int, message: str) -> UserError:
         shown = " ".join(self.lines[i].split())
@@ -217,15 +233,23 @@ class _Reader:
         """Convert the rows; NaN where there is no number."""
         marks: dict[str, int] = {}
         for line, row in zip(self.numbers, self.rows, strict=True):
-            marks |= {
-                m: line for c in row if _is_number(c) for m in ".," if m in c and m not in marks
-            }
+            for cell in filter(_is_number, row):
+                for mark in set(".,") & set(cell):
+                    marks.setdefault(mark, line)
         if len(marks) > 1:
             raise UserError(
                 f"{self.path}, line {max(marks.values())}: decimal points and commas are mixed"
             )
+        if "," in marks:
+            require_decimals((c for row in self.rows for c in row if "," in c), self.path)
         values = np.array(
-            [[number(c) if _is_number(c) else np.nan for c in row] for row in self.rows]
+            [
+                [
+                    number(c) if n and _is_number(c) else np.nan
+                    for c, n in zip(row, self.shape, strict=True)
+                ]
+                for row in self.rows
+            ]
         )
         if np.isinf(values).any():
             place = int(np.argwhere(np.isinf(values))[0, 0])

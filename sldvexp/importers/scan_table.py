@@ -180,7 +180,13 @@ NEEDED = (
     "needed is one, two in one unit that are named real and imaginary part, or a magnitude and a "
     "phase in deg or rad"
 )
-HOW = "say which is what with instrument.columns={index: 1, x: 2, y: 3, z: 4, real: 5, imag: 6}"
+#: Without numbers, as an example that somebody copied would be a guess.
+HOW = (
+    "write the number of each into instrument.columns={index: , x: , y: , z: , real: , imag: }, "
+    "without imag if there is none, or with magnitude and phase"
+)
+
+
 #: What the names of real and imaginary part say, in either order; one of them tells both.
 PAIRS = [("real", "imag"), ("imag", "real"), ("real", None), (None, "imag")]
 PAIRS += [("imag", None), (None, "real")]

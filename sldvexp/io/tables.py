@@ -235,7 +235,51 @@ def _with_points(table: TextTable) -> list[list[str]]:
                 f"{table.where(i)}: has a decimal point, but line {table.lines[1 + commas[0]]} a "
                 "decimal comma; one of them is needed throughout"
             )
+    require_decimals((c for row in table.rows for c in row if WITH_COMMA.fullmatch(c)), table.path)
     return [[c.replace(",", ".") if WITH_COMMA.fullmatch(c) else c for c in r] for r in table.rows]
+
+
+#: A number whose comma may part thousands.
+THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
+
+
+def require_decimals(cells: Iterable[str], path: Path) -> None:
+    """Refuse commas in numbers if all of them may part thousands.
+
+    Raises
+    ------
+    UserError
+        If so.
+
+    Examples
+    --------
+    >>> require_decimals(["1,234", "0,5"], Path("a.csv"))
+    """
+    commas = list(cells)
+    if commas and all(map(THOUSANDS.fullmatch, commas)):
+        plain = commas[0].replace(",", "")
+        raise UserError(
+            f"{path}: {commas[0]} may be {commas[0].replace(',', '.')} or {plain}; write decimal "
+            "points, and nothing between thousands"
+        )
+
+
+def plain_cells(line: str) -> list[str]:
+    """Split a line of numbers between blanks, commas or semicolons, with decimal points.
+
+    Commas are decimal marks where blanks or semicolons part the numbers, and each has digits on
+    both sides.
+
+    Examples
+    --------
+    >>> plain_cells("1, 2.5, 3"), plain_cells("1,0; 2,5; 3")
+    (['1', '2.5', '3'], ['1.0', '2.5', '3'])
+    """
+    parts = re.split(r"[;\s]+", line.strip(" ;\t"))
+    decimal = len(parts) > 1 and all(re.fullmatch(r"[^,]+(,[0-9]+[^,]*)?", p) for p in parts)
+    if decimal:
+        return [part.replace(",", ".") for part in parts]
+    return line.replace(",", " ").replace(";", " ").split()
 
 
 def write_table(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:

@@ -99,6 +99,13 @@ def test_columns_of_two_channels_are_asked_about():
     right(read(path, columns=only), CORNERS.real)
 
 
+def test_a_column_of_words_may_be_left_out(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text(ASKED["a column of words"][0])
+    columns = {"index": 1, "x": 2, "y": 3, "z": 4, "real": 5, "imag": 6}
+    right(read(path, columns=columns))
+
+
 @pytest.mark.parametrize(("name", "factor"), [("rms", 2**0.5), ("pp", 0.5), ("sm1", 1.0)])
 def test_units_tell_amplitude_and_quantity(name, factor):
     settings = {} if name == "sm1" else {"amplitude": None}
@@ -227,6 +234,14 @@ ASKED = {
     "a point that moves": (
         (CASES / "two_freq_blocks.txt").read_text()[::-1].replace("051", "052", 1)[::-1],
         "line 12: point 3 stood elsewhere before",
+    ),
+    "a column of words": (
+        re.sub("(?m)([0-9])$", r"\1\tValid", TABLE.replace("Imag [mm/s]", "Imag [mm/s]\tStatus")),
+        "the column 7 (Status) is not understood",
+    ),
+    "thousands": (
+        re.sub(r"\t-?[0-9]\.", "\t1,", TABLE).replace("1,402", "1,402").replace("195", "195"),
+        "may be 1.213 or 1213; write decimal points",
     ),
     "milligravities": (TABLE.replace("mm/s", "mg"), "the unit 'mg'"),
     "spectral density": (TABLE.replace("mm/s", "mm/s/√Hz"), "no amplitude of a motion"),

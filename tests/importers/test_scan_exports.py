@@ -206,7 +206,7 @@ def test_columns_of_frequencies_that_are_refused(read):
         read(text + "\n" + rows(INDEX, *XYZ, *F_EACH.real[:, :2].T))
     numbers = rows(INDEX, *XYZ, *RE_IM.reshape(4, 6).T)
     heading = "\tA 100 Hz [m/s]\tB 100 Hz [m/s]\tC 100 Hz [m/s]" * 2
-    said = r"the columns of 100 Hz are 5 \(A 100 Hz \[m/s\]\), 6 .* of one frequency, say which is"
+    said = r"the columns of 100 Hz are 5 \(A 100 Hz \[m/s\]\), 6 .* of one frequency, write the"
     with pytest.raises(UserError, match=said):
         read(NAMES + heading.replace("100", "200").replace("200", "100", 3) + "\n" + numbers)
 
@@ -218,7 +218,7 @@ def test_one_of_several_functions_for_each_frequency(read):
     )
     columns = np.concatenate([RE_IM, 2 * RE_IM, np.full((4, 3, 1), 0.875)], axis=2)
     text = NAMES + heading + "\n" + rows(INDEX, *XYZ, *columns.reshape(4, 15).T)
-    with pytest.raises(UserError, match=r"columns of 100 Hz are 5 .* 8 .* of one frequency, say"):
+    with pytest.raises(UserError, match=r"columns of 100 Hz are 5 .* 8 .* of one frequency, write"):
         read(text)
     named = {"index": 1, "x": 2, "y": 3, "z": 4}
     units = {"length_unit": LengthUnit.m}
