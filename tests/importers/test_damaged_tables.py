@@ -225,10 +225,10 @@ def knowable(table, raw):
     if table.checked:
         return True
     try:
-        now = raw.decode("utf-8").split("\n")
+        now = raw.decode("utf-8").rstrip("\n").split("\n")
     except UnicodeDecodeError:
         return True
-    before = table.text.split("\n")
+    before = table.text.rstrip("\n").split("\n")
     if len(now) != len(before):
         return True
     changed = [
