@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 if TYPE_CHECKING:  # so that type checkers see the libraries' own types
+    import h5py
     import jinja2
     import markupsafe
     import netCDF4
@@ -26,6 +27,7 @@ if TYPE_CHECKING:  # so that type checkers see the libraries' own types
     import xarray
 else:
     jinja2 = lazy_loader.load("jinja2")
+    h5py = lazy_loader.load("h5py")
     markupsafe = lazy_loader.load("markupsafe")
     netCDF4 = lazy_loader.load("netCDF4")
     pandas = lazy_loader.load("pandas")
@@ -36,6 +38,7 @@ else:
     xarray = lazy_loader.load("xarray")
 
 __all__ = [
+    "h5py",
     "jinja2",
     "markupsafe",
     "netCDF4",

@@ -190,6 +190,7 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "velocity_std": _V(
             "view [point] [frequency]", "m/s", "its standard error, per real and imaginary part"
         ),
+        "flags": _V("view [point] [frequency]", "1", "1 where nothing was measured"),
         "position": _V("point axis", "m", "position of the point"),
         "triangle": _V("triangle corner", "1", "indices of points that a surface joins"),
         "line": _V("line end", "1", "indices of points that a line joins"),

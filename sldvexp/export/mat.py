@@ -29,7 +29,8 @@ class Mat(Export):
     """A MATLAB v5 file with one struct, ``sldvexp``.
 
     ``velocity(node, component, frequency)`` is complex and in m/s, as is what bounds it;
-    ``position(node, 1:3)`` and ``element(element, 1:6)``, nodes from 1, are there for a field.
+    ``position(node, 1:3)`` and ``triangle(triangle, 1:3)``, nodes from 1, are there where places
+    are known, ``element(element, 1:6)`` for a field.
     ``about`` has the conventions. What is not determined is NaN and has a zero in ``observable``.
     """
 
@@ -49,12 +50,12 @@ class Mat(Export):
             "units": {"velocity": "m/s", "frequency": "Hz", "position": "m"},
             "about": describe(run),
         }
-        if is_field(run):
+        if is_field(run) or run.has("line_of_sight", "position"):
             mesh = mesh_of(run, "mat")
+            struct |= {"position": mesh.position, "triangle": mesh.surface_triangles + 1}
+        if is_field(run):
             struct |= {
-                "position": mesh.position,
                 "element": mesh.prisms + 1,
-                "triangle": mesh.surface_triangles + 1,
                 "depth": mesh.depth,
                 "frame": mesh.frame,
             }

@@ -72,7 +72,7 @@ class UffExport(Export):
     components the directions 1, 2, 3 are t1, t2, n, and every node refers to a coordinate system
     (2420) that tells what these are in the world, so that bounds stay what they are. Nodes count
     from 1. What is not determined is left out: a direction's spectrum, a node of the shapes. A run
-    of points has shapes and spectra only.
+    of points has geometry if their positions are known.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class UffExport(Export):
             SealedWriter(plain) as file,
         ):
             file.write(units())
-            if is_field(run):
+            if is_field(run) or run.has("line_of_sight", "position"):
                 file.writelines(self._geometry(mesh_of(run, "uff"), is_local(found)))
             file.writelines(self._shapes(run, found, frequency))
             file.write(qualifiers())
@@ -123,11 +123,16 @@ class UffExport(Export):
         if self.geometry is GeometryDataSets.current:
             yield uf.systems(frames)
             yield uf.nodes(mesh.position, system)
-            yield uf.elements(mesh.prisms, mesh.surface_triangles)
+            if len(mesh.prisms) or len(mesh.triangles):
+                yield uf.elements(mesh.prisms, mesh.surface_triangles)
+            if len(mesh.lines):
+                yield uf.trace_lines(mesh.lines, "lines")
         else:
             yield uf.systems_18(frames)
             yield uf.nodes_15(mesh.position, system)
-            yield uf.trace_lines(mesh.surface_triangles, "surface")
+            for joined in (mesh.surface_triangles, mesh.lines):
+                if len(joined):
+                    yield uf.trace_lines(joined, "surface")
 
     def _shapes(self, run: RunData, found: xr.Dataset, frequency: Array) -> Iterator[str]:
         """Write a shape and its bounds at each frequency."""

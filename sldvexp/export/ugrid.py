@@ -1,4 +1,4 @@
-"""`export=ugrid`: a field as netCDF by the conventions CF and UGRID."""
+"""`export=ugrid`: a field, or a surface of points, as netCDF by the conventions CF and UGRID."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sldvexp.config.registry import register
 from sldvexp.dataset.run_data import RunData
+from sldvexp.errors import UserError
 from sldvexp.export.base import Export
 from sldvexp.export.velocities import (
     PrismMesh,
@@ -48,7 +49,7 @@ class Ugrid(Export):
         Raises
         ------
         UserError
-            If there is no field.
+            If there is neither a field nor a surface that joins points.
         """
         found = ugrid_dataset(run)
         with whole_or_nothing(path) as beside:
@@ -58,6 +59,11 @@ class Ugrid(Export):
 def ugrid_dataset(run: RunData) -> xr.Dataset:
     """Put the field onto a layered two-dimensional mesh."""
     velocities, mesh = velocities_of(run), mesh_of(run, "ugrid")
+    if not len(mesh.triangles):
+        raise UserError(
+            "export=ugrid needs triangles between the points, which their file does not give, and "
+            "which only points in a plane tell; vtu, csv, mat and uff hold points alone"
+        )
     position = mesh.position.reshape(len(mesh.depth), mesh.surface_nodes, 3)
     surface = position[int(np.abs(mesh.depth).argmin())]
     variables: dict[str, Any] = {

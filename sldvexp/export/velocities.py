@@ -6,7 +6,7 @@ comes from a field or from points, the prisms below a field, and what the number
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from sldvexp.dataset import CONVENTIONS
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import UserError
+from sldvexp.geometry import joined_points
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, ComplexArray, IntArray
 
@@ -54,14 +55,14 @@ def velocities_of(run: RunData) -> xr.Dataset:
     >>> dict(velocities_of(run).sizes)
     {'place': 1, 'component': 3, 'frequency': 1}
     """
-    field = is_field(run)
-    if not field and not run.has("point"):
+    over_volume = is_field(run)
+    if not over_volume and not run.has("point"):
         raise UserError(
             "the run has no velocities to export; choose a reconstruction, for example "
             "with experiment=plate or experiment=point"
         )
-    group = run.groups["field" if field else "point"]
-    own = ("node" if field else "point", "component", "frequency")
+    group = run.groups["field" if over_volume else "point"]
+    own = ("node" if over_volume else "point", "component", "frequency")
 
     def values(name: str, count: int = 3) -> NDArray:
         missing = [d for d in own[:count] if d not in group[name].dims]
@@ -123,23 +124,34 @@ def positions_of(run: RunData) -> Array | None:
 
 
 def mesh_of(run: RunData, format_name: str) -> PrismMesh:
-    """Give the mesh below a field to a format that cannot do without.
+    """Give the mesh below a field, or the points and what joins them.
 
     Raises
     ------
     UserError
-        If the velocities are those of points.
+        If the velocities are those of points without positions.
     """
     if not is_field(run):
-        raise UserError(
-            f"export={format_name} needs a field over a volume, and this run has velocities at "
-            "points only; csv, mat and uff hold those"
-        )
+        return _mesh_of_points(run, format_name)
     volume = run.groups["volume"]
     prisms, depth = volume["element"].values.astype(np.int64), volume["depth"].values
     count = len(prisms) // (len(depth) - 1)
     frame = np.tile(volume["frame"].values, (len(depth), 1, 1))
     return PrismMesh(volume["position"].values, prisms, prisms[:count, :3], depth, frame)
+
+
+def _mesh_of_points(run: RunData, format_name: str) -> PrismMesh:
+    """Make one layer of points, without prisms."""
+    if not run.has("line_of_sight", "position"):
+        raise UserError(
+            f"export={format_name} needs a field over a volume or points with positions, and this "
+            "run has velocities at points of which nobody says where they are; csv, mat and uff "
+            "hold those"
+        )
+    position, triangles, lines = joined_points(run.groups["line_of_sight"])
+    none = np.empty((0, 6), np.int64)
+    frame = np.tile(np.eye(3), (len(position), 1, 1))
+    return PrismMesh(position, none, triangles, np.zeros(1), frame, lines)
 
 
 def velocity_in_world(velocities: xr.Dataset, mesh: PrismMesh) -> ComplexArray:
@@ -150,7 +162,7 @@ def velocity_in_world(velocities: xr.Dataset, mesh: PrismMesh) -> ComplexArray:
 
 @dataclass(frozen=True, eq=False)
 class PrismMesh:
-    """Prisms of the volume that a field is given over.
+    """Prisms of the volume that a field is given over, or points in one layer.
 
     Attributes
     ----------
@@ -164,6 +176,8 @@ class PrismMesh:
         Of the layers along the normals, ascending; 0 is the given surface.
     frame : ndarray, shape (node, 3, 3)
         Unit rows t1, t2, n in the world's axes.
+    lines : ndarray of int, shape (line, 2)
+        Between points; none in a volume.
     """
 
     position: Array
@@ -171,6 +185,15 @@ class PrismMesh:
     triangles: IntArray
     depth: Array
     frame: Array
+    lines: IntArray = field(default_factory=lambda: np.empty((0, 2), np.int64))
+
+    @property
+    def cells(self) -> list[IntArray]:
+        """Cells with their corners: prisms; of points triangles and lines, or else the points."""
+        if len(self.prisms):
+            return [self.prisms]
+        joined = [cells for cells in (self.triangles, self.lines) if len(cells)]
+        return joined or [np.arange(len(self.position))[:, None]]
 
     @property
     def surface_nodes(self) -> int:

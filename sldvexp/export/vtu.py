@@ -1,4 +1,4 @@
-"""`export=vtu`: a field for ParaView."""
+"""`export=vtu`: a field, or points whose positions are known, for ParaView."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from sldvexp.typing import Array, ComplexArray
 @register("export", "vtu")
 @dataclass
 class Vtu(Export):
-    """Prisms with the complex velocity and its bounds as VTU, collected in two PVD files.
+    """Prisms, or points, with the complex velocity and its bounds as VTU, collected in PVD files.
 
     ``<name>.pvd`` steps through the frequencies, with the frequency in Hz as its time: real and
     imaginary part, amplitude and phase (rad) along x, y, z in m/s, and standard error, confidence
@@ -67,7 +67,7 @@ class Vtu(Export):
         Raises
         ------
         UserError
-            If there is no field, or not the frequency that is to be animated.
+            If places are not known, or not the frequency that is to be animated.
         """
         found, mesh = velocities_of(run), mesh_of(run, "vtu")
         frequency, world = frequencies_of(found), velocity_in_world(found, mesh)
@@ -79,7 +79,7 @@ class Vtu(Export):
         components = dict.fromkeys(own, found["component"].values.tolist())
 
         def put(name: str, arrays: dict[str, NDArray], time: float) -> Path:
-            text = vtu(mesh.position, mesh.prisms, arrays, components, time, comment)
+            text = vtu(mesh.position, mesh.cells, arrays, components, time, comment)
             _put(folder / name, text)
             return (folder / name).relative_to(path.parent)
 

@@ -17,6 +17,7 @@ from sldvexp.importers.conventions import (
     Quantity,
     Zeros,
 )
+from sldvexp.importers.incomplete import check_incomplete, incomplete_by
 from sldvexp.importers.pointwise_data import (
     PointwiseData,
     PointwiseView,
@@ -62,8 +63,9 @@ class PointwiseImport(PointImporter):
         Standard error of every velocity, of real and imaginary part each.
     zeros : Zeros
         What a function is whose values are all zero: refused, missing, or measured.
-    incomplete : bool
-        Leave out points that not all views have; otherwise they are refused.
+    incomplete : bool or str
+        What becomes of points that not all views have: false refuses them, drop (or true) leaves
+        them out, mark keeps them as NaN with a flag. They are counted in the verdict.
     """
 
     views: dict[str, PointwiseView] = field(default_factory=dict)
@@ -78,7 +80,7 @@ class PointwiseImport(PointImporter):
     reference: float | None = None
     std: float | None = None
     zeros: Zeros = Zeros.refuse
-    incomplete: bool = False
+    incomplete: bool | str = False
 
     def __post_init__(self) -> None:
         checks = Checks()
@@ -91,6 +93,7 @@ class PointwiseImport(PointImporter):
         for name in ("std", "reference"):
             if (value := getattr(self, name)) is not None:
                 checks.positive(name, value)
+        check_incomplete(checks, self.incomplete)
         self.check(checks)
         checks.done()
 
@@ -135,9 +138,8 @@ class PointwiseImport(PointImporter):
     ) -> xr.Dataset:
         """Read the group ``line_of_sight``, with the points' positions if the files have them."""
         views = list(self.measured())
-        return to_line_of_sight(
-            views, self.views, self.directions, self.incomplete, tree or {}, laser
-        )
+        incomplete = incomplete_by(self.incomplete)
+        return to_line_of_sight(views, self.views, self.directions, incomplete, tree or {}, laser)
 
     def images_of_points(
         self, tree: Mapping[str, xr.Dataset], laser: TwoMirror | None

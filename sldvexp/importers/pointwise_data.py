@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 from omegaconf import MISSING
 
 from sldvexp import dataset
+from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import UserError, nearest
 from sldvexp.importers.conventions import Directions, Positive
+from sldvexp.importers.incomplete import Incomplete
 from sldvexp.io.uff import UniversalGeometry
 from sldvexp.io.uff.functions import DIRECTIONS
 from sldvexp.io.velocities import LineOfSight
@@ -80,6 +82,8 @@ class PointwiseData:
         Conventions, for the record.
     findings : list of Finding
         What is odd but no reason to refuse.
+    said : dict of int to str
+        Where a file says that a point was not measured, by its place in `node`.
     """
 
     name: str
@@ -93,7 +97,13 @@ class PointwiseData:
     geometry: UniversalGeometry | None
     length: float
     told: dict[str, str]
-    findings: list[dataset.Finding] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+    said: dict[int, str] = field(default_factory=dict)
+
+    @property
+    def measured(self) -> IntArray:
+        """Nodes that were measured."""
+        return self.node[~self.missing]
 
 
 def close(one: Array, two: Array) -> bool:
@@ -114,7 +124,7 @@ def to_line_of_sight(
     views: list[PointwiseData],
     settings: Mapping[str, PointwiseView],
     directions: Directions,
-    incomplete: bool,
+    incomplete: Incomplete,
     tree: Mapping[str, xr.Dataset],
     laser: TwoMirror | None,
 ) -> xr.Dataset:
@@ -126,8 +136,8 @@ def to_line_of_sight(
     ----------
     settings : mapping of str to PointwiseView
         By the views' names.
-    incomplete : bool
-        Whether nodes that a view lacks may be left out.
+    incomplete : Incomplete
+        What becomes of nodes that a view lacks.
     tree : mapping of str to Dataset
         With the group ``pose``, for directions from it.
     laser : TwoMirror, optional
@@ -136,37 +146,45 @@ def to_line_of_sight(
     Raises
     ------
     UserError
-        If the views have no point in common, or not all of them and `incomplete` is false.
+        If the views have no point in common, or not all of them and these are to be refused.
     """
     if directions is not Directions.dof:
         lost = dataset.views_without_pose(tree)
         told = {name: own.origin or own.direction for name, own in settings.items()}
         views = [view for view in views if view.name not in lost or told[view.name]]
-    node = _common(views, incomplete)
-    where = [np.searchsorted(view.node, node) for view in views]
+    node, findings = _common(views, incomplete)
     position = _positions(views, node)
-    cosines = [
-        _directions(settings[view.name], directions, view, node, at, position, tree, laser)
-        for view, at in zip(views, where, strict=True)
-    ]
-    errors = [view.std[at] for view, at in zip(views, where, strict=True) if view.std is not None]
+    here = [np.isin(node, view.measured) for view in views]
+    shape = (len(views), len(node), len(views[0].frequency))
+    cosines = np.full((*shape[:2], 3), np.nan)
+    velocity = np.full(shape, np.nan, complex)
+    std = np.full(shape, np.nan)
+    for k, (view, seen) in enumerate(zip(views, here, strict=True)):
+        at = np.searchsorted(view.node, node[seen])
+        place = None if position is None else position[seen]
+        own = settings[view.name]
+        cosines[k, seen] = _directions(own, directions, view, node[seen], at, place, tree, laser)
+        if directions is not Directions.dof:
+            findings += _turned_away(view, at, cosines[k, seen])
+        velocity[k, seen] = view.velocity[at]
+        if view.std is not None:
+            std[k, seen] = view.std[at]
+    missing = ~np.stack(here)
     table = LineOfSight(
         ", ".join(dict.fromkeys(view.source for view in views)),
         [view.name for view in views],
         [str(n) for n in node],
         views[0].frequency,
-        np.stack(cosines),
-        np.stack([view.velocity[at] for view, at in zip(views, where, strict=True)]),
-        np.stack(errors) if errors else None,
+        cosines,
+        velocity,
+        std if all(view.std is not None for view in views) else None,
+        np.broadcast_to(missing[..., None], shape) if missing.any() else None,
     )
     made = table.to_dataset()
     if position is not None:
         geometry = next(view.geometry for view in views if view.geometry is not None)
         made = made.merge(_shape(geometry, node, position), combine_attrs="override")
-    findings = [finding for view in views for finding in view.findings]
-    if directions is not Directions.dof:
-        for view, at, cosine in zip(views, where, cosines, strict=True):
-            findings += _turned_away(view, at, cosine)
+    findings += [finding for view in views for finding in view.findings]
     return dataset.with_findings(made.assign_attrs(_record(views)), findings)
 
 
@@ -218,43 +236,62 @@ def _positions(views: list[PointwiseData], node: IntArray) -> Array | None:
         if view.geometry is None:
             continue
         index = view.geometry.index()
-        lost = [int(n) for n in node if int(n) not in index]
+        there = np.array([int(n) in index for n in node])
+        lost = [int(n) for n in node[~there] if n in view.measured]
         if lost:
             raise UserError(
                 f"{view.source}: the geometry of view {view.name} lacks node {lost[0]}, for which "
                 "there are functions"
             )
-        own = view.length * view.geometry.position[[index[int(n)] for n in node]]
+        own = np.full((len(node), 3), np.nan)
+        places = view.geometry.position[[index[int(n)] for n in node[there]]]
+        own[there] = view.length * places
         if found is None:
             found = own
-        apart = np.linalg.norm(own - found, axis=1)
-        if (apart > SAME_PLACE * max(float(np.ptp(found, axis=0).max()), 1e-9)).any():
-            worst = int(apart.argmax())
+        apart = np.linalg.norm(own - found, axis=1)  # NaN where only one has the node
+        extent = float(np.nanmax(np.ptp(found[~np.isnan(found).any(axis=1)], axis=0)))
+        if (apart > SAME_PLACE * max(extent, 1e-9)).any():
+            worst = int(np.nanargmax(apart))
             raise UserError(
                 f"{view.source}: the node {node[worst]} of view {view.name} is "
                 f"{apart[worst]:.3g} m from where view {views[0].name} has it; the views must have "
                 "one geometry"
             )
+        found = np.where(np.isnan(found), own, found)
     return found
 
 
-def _common(views: list[PointwiseData], incomplete: bool) -> IntArray:
-    """Find the nodes that all views have."""
-    everywhere = views[0].node
-    measured_by = [view.node[~view.missing] for view in views]
-    for nodes in measured_by:
-        everywhere = np.intersect1d(everywhere, nodes)
+def _common(views: list[PointwiseData], incomplete: Incomplete) -> tuple[IntArray, list[Finding]]:
+    """Find the nodes that all views have measured, or all nodes if they are to be marked."""
+    everywhere = views[0].measured
+    for view in views[1:]:
+        everywhere = np.intersect1d(everywhere, view.measured)
     whole = np.unique(np.concatenate([view.node for view in views]))
     lost = np.setdiff1d(whole, everywhere)
-    if len(lost) and not incomplete:
-        by = next(v for v, n in zip(views, measured_by, strict=True) if lost[0] not in n)
-        raise UserError(
-            f"{by.source}: the view {by.name} has not measured node {lost[0]}, as others have; "
-            "leave such points out with instrument.incomplete=true"
-        )
     if not len(everywhere):
-        raise UserError("instrument.views: the views have no node in common")
-    return everywhere
+        raise UserError("instrument.views: the views have no node in common that was measured")
+    if not len(lost):
+        return everywhere, []
+    by = next(view for view in views if lost[0] not in view.measured)
+    place = int(np.searchsorted(by.node, lost[0]))
+    where = f", {by.said[place]}" if lost[0] in by.node and place in by.said else ""
+    if incomplete is Incomplete.refuse:
+        others = f" ({len(lost)} nodes are measured by some views only)" if len(lost) > 1 else ""
+        raise UserError(
+            f"{by.source}{where}: the view {by.name} has not measured node {lost[0]}, as others "
+            f"have{others}; leave such points out with instrument.incomplete=drop, or keep them "
+            "marked with instrument.incomplete=mark"
+        )
+    counts = ", ".join(
+        f"view {view.name} {len(np.setdiff1d(whole, view.measured))}" for view in views
+    )
+    done = "left out" if incomplete is Incomplete.drop else "kept without a velocity"
+    text = (
+        f"{len(lost)} of {len(whole)} points are {done}, as not all views have measured them "
+        f"(missing: {counts}; the first is node {lost[0]})"
+    )
+    found = Finding("missing_points", "points", text, Severity.note, size=float(len(lost)))
+    return (whole if incomplete is Incomplete.mark else everywhere), [found]
 
 
 def _directions(
@@ -395,5 +432,9 @@ def _image(
         flags=view.missing.astype(np.int8),
     )
     summary = f"{flagged} of {len(view.node)} pixels are flagged"
+    if flagged:
+        text = f"view {view.name} has not measured {flagged} of its {len(view.node)} points"
+        own = f"view {view.name}"
+        findings.append(Finding("missing_points", own, text, Severity.note, size=float(flagged)))
     made = made.assign_attrs({"summary": summary} | _record([view]))
     return dataset.with_findings(made, findings)

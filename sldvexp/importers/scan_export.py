@@ -10,29 +10,36 @@ from numpy.typing import NDArray
 
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
-from sldvexp.errors import Checks, UserError
+from sldvexp.dataset import Finding, Severity
+from sldvexp.errors import Checks
 from sldvexp.importers.conventions import (
     Conventions,
     Directions,
     Quantity,
+    Questions,
     Zeros,
-    motion_of,
-    unstated,
 )
+from sldvexp.importers.incomplete import Incomplete, incomplete_by
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, same_frequencies
+from sldvexp.importers.scan_rows import read_table
 from sldvexp.importers.scan_table import (
-    ANGLES,
     ScanTable,
     by_rows,
     fields,
     frequencies_in,
-    read_table,
+    is_length,
+    meaning,
 )
 from sldvexp.io.uff import UniversalGeometry
 from sldvexp.io.uff.geometry import WORLD
 from sldvexp.typing import Array, BoolArray, IndexArray, IntArray
+from sldvexp.unit_labels import SpectralForm, UnitLabel
 
+#: Beyond such point numbers gaps mean nothing, as they are names then.
+MOST_NUMBERS = 10**7
+#: Phases beyond this are of no spectrum in rad, but of one in deg.
+MOST_RADIANS = 25.0
 #: Roles that a column may have.
 ROLES = ("index", "x", "y", "z", "frequency", "status", "real", "imag", "magnitude", "phase")
 
@@ -73,31 +80,36 @@ class ScanExport(PointwiseImport):
             checks.require(not view.dof, f"views.{name}.dof", "is for universal files only")
 
     def measured(self) -> Iterator[PointwiseData]:
-        """Read the views' tables, one after the other."""
-        first: PointwiseData | None = None
-        for name, view in self.views.items():
-            found = _view(self, name, view)
-            same_frequencies(found, first)
-            first = first or found
+        """Read the views' tables, one after the other; what they leave open is asked together."""
+        questions = Questions()
+        views = [_view(self, name, view, questions) for name, view in self.views.items()]
+        questions.done()
+        for found in filter(None, views):
+            same_frequencies(found, views[0])
             yield found
 
 
-def _view(settings: ScanExport, name: str, view: PointwiseView) -> PointwiseData:
-    """Read one view's table and turn its values into velocities."""
+def _view(
+    settings: ScanExport, name: str, view: PointwiseView, questions: Questions
+) -> PointwiseData | None:
+    """Read one view's table and turn its values into velocities; None if a question is open."""
     table, columns = by_rows(read_table(locate(view.path)), settings.columns)
     roles = table.roles(columns)
     for needed in ("x", "y", "z"):
         if needed not in roles:
             raise table.wrong(f"instrument.columns does not name {needed}")
-    node, frequency, row = _grid(settings, table, roles)
-    rules = _conventions(settings, table, roles)
-    values = _values(table, roles)[row]
+    node, frequency, row = _grid(settings, table, roles, questions)
+    rules = _conventions(settings, table, roles, questions)
+    values = _values(table, roles)
+    missing, said = _missing(settings, table, roles, row, values, questions)
+    length, by = _length(settings, table, roles, questions)
+    if questions:
+        return None
     if (frequency == 0).any() and rules.quantity is Quantity.acceleration:
         raise table.wrong("an acceleration at 0 Hz says nothing of velocity; leave 0 Hz out")
     chosen = _chosen(settings, table, frequency)
-    missing = _missing(settings, table, roles, row, values)
-    length, by = _length(settings, table, roles)
-    position = table.values[row[:, 0]][:, [roles[axis] for axis in "xyz"]]
+    measured = np.where(missing[:, None], 0.0, values[row])
+    velocity = rules.velocity(measured, frequency)[:, chosen]
     none = np.empty((0, 3), np.int64)
     return PointwiseData(
         name,
@@ -105,28 +117,75 @@ def _view(settings: ScanExport, name: str, view: PointwiseView) -> PointwiseData
         node,
         np.zeros(len(node), np.int64),
         frequency[chosen],
-        (velocity := rules.velocity(values, frequency)[:, chosen]),
+        velocity,
         None if settings.std is None else np.full(velocity.shape, settings.std),
         missing,
         UniversalGeometry(
-            node, position, (WORLD,) * len(node), none, np.empty((0, 4), np.int64), ()
+            node,
+            _position(table, roles, row, node),
+            (WORLD,) * len(node),
+            none,
+            np.empty((0, 4), np.int64),
+            (),
         ),
         length,
-        rules.told | {"length_unit": f"{length:g} m, {by}"},
+        rules.told | {"length_unit": f"{length:g} m, {by}", "lines": table.told},
+        _gaps(name, roles, node),
+        said,
     )
 
 
+def _gaps(name: str, roles: dict[str, int], node: IntArray) -> list[Finding]:
+    """Tell which point numbers there are not, of which a file may have lost the rows."""
+    if "index" not in roles or node[-1] - node[0] > MOST_NUMBERS:
+        return []
+    absent = np.setdiff1d(np.arange(node[0], node[-1] + 1), node)
+    if not len(absent):
+        return []
+    shown = ", ".join(str(n) for n in absent[:5]) + (" and more" if len(absent) > 5 else "")
+    text = (
+        f"the table of view {name} has no rows for {len(absent)} of the point numbers {node[0]} to "
+        f"{node[-1]}: {shown}"
+    )
+    size = float(len(absent))
+    return [Finding("missing_rows", f"view {name}", text, Severity.note, size=size)]
+
+
+def _position(table: ScanTable, roles: dict[str, int], row: IndexArray, node: IntArray) -> Array:
+    """Find the points' coordinates, the same at all frequencies, in the file's unit."""
+    place = np.column_stack([_known(table, axis, roles[axis]) for axis in "xyz"])
+    found = np.array([place[own[own >= 0][0]] for own in row])
+    for p, f in np.argwhere(row >= 0):
+        if (place[row[p, f]] != found[p]).any():
+            raise table.wrong(f"point {node[p]} stood elsewhere before", int(row[p, f]))
+    return found
+
+
+def _known(table: ScanTable, role: str, column: int) -> Array:
+    """Read a column whose numbers must all be there."""
+    values = table.values[:, column]
+    if np.isnan(values).any():
+        row = int(np.flatnonzero(np.isnan(values))[0])
+        raise table.wrong(
+            f"column {table.place[column]}, {role}, has no number, so that nobody knows what the "
+            "row is of",
+            row,
+        )
+    return values
+
+
 def _grid(
-    settings: ScanExport, table: ScanTable, roles: dict[str, int]
+    settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: Questions
 ) -> tuple[IntArray, Array, IndexArray]:
-    """Find points, frequencies, and the row of each of their pairs, shape (point, frequency)."""
+    """Find points, frequencies, and the row of each of their pairs, -1 if there is none."""
     rows = len(table.values)
     if "frequency" not in roles:
-        frequency = np.array([_one_frequency(settings, table)])
+        frequency = np.array([_one_frequency(settings, table, questions)])
         of_row = np.zeros(rows, np.intp)
     else:
-        unit = table.units[roles["frequency"]].lower()
-        stated = table.values[:, roles["frequency"]] * (1000.0 if unit == "khz" else 1.0)
+        unit = meaning(table.units[roles["frequency"]])
+        factor = unit.factor if unit is not None and unit.quantity == "frequency" else 1.0
+        stated = factor * _known(table, "frequency", roles["frequency"])
         frequency, of_row = np.unique(stated, return_inverse=True)
     if "index" in roles:
         label = _whole(table, roles["index"])
@@ -140,15 +199,18 @@ def _grid(
         if row[place] >= 0:
             raise table.wrong(f"point {label[i]} at {frequency[place[1]]:g} Hz is given twice", i)
         row[place] = i
-    if (row < 0).any():
+    if (row < 0).any() and incomplete_by(settings.incomplete) is Incomplete.refuse:
         p, f = np.argwhere(row < 0)[0]
-        raise table.wrong(f"there is no row for point {node[p]} at {frequency[f]:g} Hz")
+        raise table.wrong(
+            f"there is no row for point {node[p]} at {frequency[f]:g} Hz; leave such points out "
+            "with instrument.incomplete=drop, or keep them marked with instrument.incomplete=mark"
+        )
     return node, frequency, row
 
 
 def _whole(table: ScanTable, column: int) -> IntArray:
     """Read a column of integers."""
-    values = table.values[:, column]
+    values = _known(table, "the point's number or status", column)
     wrong = np.flatnonzero((values != np.round(values)) | (np.abs(values) > 1e15))
     if len(wrong):
         row = int(wrong[0])
@@ -158,8 +220,8 @@ def _whole(table: ScanTable, column: int) -> IntArray:
     return values.astype(np.int64)
 
 
-def _one_frequency(settings: ScanExport, table: ScanTable) -> float:
-    """Find the frequency of a table without a column of it."""
+def _one_frequency(settings: ScanExport, table: ScanTable, questions: Questions) -> float:
+    """Find the frequency of a table without a column of it; one that is asked for is 1 Hz."""
     lines = table.before.splitlines()
     # Cells too: the comma before `100 Hz` is a delimiter here and a decimal mark there.
     cells = [cell for line in lines for cell in fields(line, table.delimiter)]
@@ -168,10 +230,8 @@ def _one_frequency(settings: ScanExport, table: ScanTable) -> float:
         return settings.frequency[0]
     if len(stated) != 1:
         several = f"states {', '.join(f'{f:g}' for f in stated)} Hz" if stated else "states none"
-        raise UserError(
-            f"{table.path}: does not state one frequency of its values ({several}); say it with "
-            "instrument.frequency, for example instrument.frequency=[197]"
-        )
+        questions.ask(table.path, "frequency", "[197]", f"one frequency of its values ({several})")
+        return 1.0
     return stated[0]
 
 
@@ -193,10 +253,16 @@ def _values(table: ScanTable, roles: dict[str, int]) -> NDArray:
     """Read the rows' values, real or complex, in the file's unit."""
     column = {role: table.values[:, i] for role, i in roles.items()}
     if "magnitude" in column and "phase" in column:
-        unit = table.units[roles["phase"]].lower()
-        if unit not in ANGLES:
+        label = meaning(table.units[roles["phase"]])
+        if label is None or label.quantity != "angle":
             raise table.wrong("the phase must be in deg or rad, as its column's name must state")
-        return np.asarray(column["magnitude"] * np.exp(1j * ANGLES[unit] * column["phase"]))
+        largest = float(np.nanmax(np.abs(column["phase"]), initial=0.0))
+        if label.factor == 1.0 and largest > MOST_RADIANS:
+            raise table.wrong(
+                f"the phase is in {table.units[roles['phase']]} and reaches {largest:g}, which are "
+                "many turns; correct the unit in the column's name if it is in deg"
+            )
+        return np.asarray(column["magnitude"] * np.exp(1j * label.factor * column["phase"]))
     if "real" not in column:
         raise table.wrong("instrument.columns must name real (and imag), or magnitude and phase")
     return column["real"] + 1j * column["imag"] if "imag" in column else column["real"]
@@ -208,74 +274,139 @@ def _missing(
     roles: dict[str, int],
     row: IndexArray,
     values: NDArray,
-) -> BoolArray:
-    """Mark points that are not to be trusted by their status, or are zero throughout."""
-    zero = np.asarray(~values.any(axis=1))
+    questions: Questions,
+) -> tuple[BoolArray, dict[int, str]]:
+    """Mark points without numbers or rows, or of a bad status, or that are zero throughout.
+
+    Returns
+    -------
+    missing : ndarray of bool, shape (point,)
+    said : dict of int to str
+        Where the file says so, by the point's place.
+    """
+    absent, there = np.isnan(values) | np.isinf(values), row >= 0
+    of_row = absent | ~_good(settings, table, roles, questions)
+    missing = np.asarray((of_row[row] | ~there).any(axis=1))
+    zero = ~missing & ~values[row].any(axis=1)
     if settings.zeros is Zeros.refuse and zero.any():
-        raise table.wrong(
-            "all values of this point are zero, as programs write where nothing was measured; say "
-            "instrument.zeros=missing, or measured if they are",
-            int(row[zero][0, 0]),
+        line = table.line[row[zero][0, 0]]
+        what = f"whether points whose values are all zero, as in line {line}, were measured"
+        questions.ask(table.path, "zeros", "missing", what)
+    if settings.zeros is Zeros.missing:
+        missing = missing | zero
+    said = {
+        int(p): f"line {table.line[r]}"
+        for p in np.flatnonzero(missing)
+        for r in row[p]
+        if r >= 0 and (of_row[r] or not values[r])
+    }
+    if absent.any() and incomplete_by(settings.incomplete) is Incomplete.refuse:
+        lines = [table.line[i] for i in np.flatnonzero(absent)]
+        what = (
+            f"the values of {len(lines)} of {len(values)} rows (the first is line {lines[0]}), "
+            "whose points may be left out, or kept and marked"
         )
-    missing = zero if settings.zeros is Zeros.missing else np.zeros(len(row), bool)
+        questions.ask(table.path, "incomplete", "drop", what)
+    return missing, said
+
+
+def _good(
+    settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: Questions
+) -> BoolArray:
+    """Tell which rows are to be trusted by their status, shape (row,)."""
     if "status" not in roles:
-        return missing
+        return np.ones(len(table.values), bool)
     status = _whole(table, roles["status"])
     if not settings.good_status and len(np.unique(status)) > 1:
         seen = ", ".join(map(str, np.unique(status)))
         column = table.place[roles["status"]]
-        raise UserError(
-            f"{table.path}: column {column} may be a status with the values {seen}, of which "
-            "nobody says which are good; say it with instrument.good_status, for example "
-            f"instrument.good_status=[{status[0]}]"
-        )
-    bad = ~np.isin(status, settings.good_status or status)
-    return np.asarray(missing | bad[row].any(axis=1))
+        what = f"which are good of the values {seen}, of which column {column} may be a status"
+        questions.ask(table.path, "good_status", f"[{status[0]}]", what)
+        return np.ones(len(status), bool)
+    return np.isin(status, settings.good_status or status)
 
 
-def _length(settings: ScanExport, table: ScanTable, roles: dict[str, int]) -> tuple[float, str]:
+def _length(
+    settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: Questions
+) -> tuple[float, str]:
     """Find one unit of the coordinates in m, and who says so."""
     if settings.length_unit is not None:
         return settings.length_unit.value, "as set"
-    motion = motion_of(unit := table.units[roles["x"]])
-    if motion is None:
-        raise unstated(table.path, "length_unit", "mm", "the unit of its coordinates")
-    return motion.unit.value, f"by the label {unit}"
+    units = {table.units[roles[axis]] for axis in "xyz"}
+    label = meaning(unit := units.pop()) if len(units) == 1 else None
+    if label is None or not is_length(unit):
+        questions.ask(table.path, "length_unit", "mm", "the unit of its coordinates")
+        return 1.0, ""
+    return label.factor, f"by the label {unit}"
 
 
-def _conventions(settings: ScanExport, table: ScanTable, roles: dict[str, int]) -> Conventions:
+def _conventions(
+    settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: Questions
+) -> Conventions:
     """Decide how values become velocities: by the settings, or the unit of their column."""
-    label = table.units[roles.get("real", roles.get("magnitude", 0))]
-    motion = motion_of(label)
-    quantity = settings.quantity or (motion.quantity if motion else None)
+    text = table.units[roles.get("real", roles.get("magnitude", 0))]
+    label = _motion(table, text)
+    quantity = settings.quantity or (Quantity[label.quantity] if label else None)
     if quantity is None:
-        raise unstated(table.path, "quantity", "velocity", "the unit of its values")
-    unit = settings.unit or (motion.unit if motion else None)
+        questions.ask(table.path, "quantity", "velocity", "the unit of its values")
+    unit = settings.unit.value if settings.unit else label.factor if label else None
     if unit is None:
-        raise unstated(table.path, "unit", "m", "the unit of its values (m of m/s)")
-    told = {
-        "quantity": quantity.name,
-        "unit": f"{unit.value:g} m per unit, {'as set' if settings.unit else f'by {label}'}",
-    }
-    factor = unit.value
-    if motion is not None and motion.rest:
-        if settings.reference is None:
-            what = f"the reference's peak amplitude, which values in {label} are multiplied with"
-            raise unstated(table.path, "reference", "1.0", what)
-        factor *= settings.reference
-        told["reference"] = f"{settings.reference:g} {motion.rest}"
-    else:
-        if settings.amplitude is None:
-            raise unstated(table.path, "amplitude", "peak", "whether amplitudes are peak or rms")
-        factor *= settings.amplitude.value
-        told["amplitude"] = settings.amplitude.name
+        questions.ask(table.path, "unit", "m", "the unit of its values (m of m/s)")
+    factor, told = _scale(settings, table, label, questions)
     if settings.positive is None:
-        raise unstated(table.path, "positive", "towards", "where a positive velocity points to")
+        questions.ask(table.path, "positive", "towards", "where a positive velocity points to")
     if settings.phase is None:
-        what = "the sign of the phase (exp_plus or exp_minus)"
-        raise unstated(table.path, "phase", "exp_plus", what)
-    told |= {"positive": settings.positive.name, "phase": settings.phase.name}
-    told["directions"] = settings.directions.name
-    told["columns"] = ", ".join(f"{role} {table.place[i]}" for role, i in roles.items())
+        questions.ask(
+            table.path, "phase", "exp_plus", "the sign of the phase (exp_plus or exp_minus)"
+        )
+    if quantity is None or unit is None or settings.positive is None or settings.phase is None:
+        return Conventions(Quantity.velocity, 1.0, False, {})  # what is missing is asked for
+    told |= {
+        "quantity": quantity.name,
+        "unit": f"{unit:g} per unit in SI, {'as set' if settings.unit else f'by {text}'}",
+        "positive": settings.positive.name,
+        "phase": settings.phase.name,
+        "directions": settings.directions.name,
+        "columns": ", ".join(f"{role} {table.place[i]}" for role, i in roles.items()),
+    }
     conjugate = settings.phase.value < 0
-    return Conventions(quantity, factor * settings.positive.value, conjugate, told)
+    return Conventions(quantity, factor * unit * settings.positive.value, conjugate, told)
+
+
+def _motion(table: ScanTable, text: str) -> UnitLabel | None:
+    """Understand the values' unit; None if it is none of a motion.
+
+    Raises
+    ------
+    UserError
+        If values are squares, or spectra over a frequency, which have no amplitude.
+    """
+    label = meaning(text)
+    if label is None or not label.is_motion:
+        return None
+    if label.form is not SpectralForm.linear or label.product:
+        raise table.wrong(
+            f"its values are in {text}, which is no amplitude of a motion; export linear values, "
+            "as in mm/s, or response functions"
+        )
+    return label
+
+
+def _scale(
+    settings: ScanExport, table: ScanTable, label: UnitLabel | None, questions: Questions
+) -> tuple[float, dict[str, str]]:
+    """Find the factor to peak amplitudes, or to those of the reference, and what says so."""
+    if label is not None and label.reference:
+        if settings.reference is None:
+            what = (
+                f"the reference's peak amplitude, which values in {label.text} are multiplied with"
+            )
+            questions.ask(table.path, "reference", "1.0", what)
+            return 1.0, {}
+        return settings.reference, {"reference": f"{settings.reference:g} {label.reference}"}
+    amplitude = settings.amplitude or (label.amplitude if label else None)
+    if amplitude is None:
+        questions.ask(table.path, "amplitude", "peak", "whether amplitudes are peak or rms")
+        return 1.0, {}
+    by = "" if settings.amplitude else f" by {label.text if label else ''}"
+    return amplitude.value, {"amplitude": f"{amplitude.name}{by}"}

@@ -1,8 +1,9 @@
 """Tables of numbers in text files of any language, their columns recognised by unit and place.
 
-The longest run of lines with as many numbers each is the table, whatever stands between them; the
-line above it has names, of which only the units are understood. Where columns have a frequency
-each, they are put below one another, so that every table has a row for each point and frequency.
+The line above a table has names: their units tell coordinates, values and phases, their words in
+common languages which value is which part; where there are no such words, and where a column is
+not understood, the user is asked. Where columns, or blocks of rows, have a frequency each, they are
+put below one another, so that every table has a row for each point and frequency.
 """
 
 from __future__ import annotations
@@ -15,18 +16,33 @@ from pathlib import Path
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.files import require_file
-from sldvexp.importers.conventions import Quantity, motion_of
 from sldvexp.typing import Array
+from sldvexp.unit_labels import SpectralForm, UnitLabel, UnitNotUnderstoodError, read_unit
 
-DELIMITERS = ("\t", ";", ",", None)
-NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+NUMBER = re.compile(r"[+\-\u2212]?([0-9]+([.,][0-9]*)?|[.,][0-9]+)([eEdD][+\-\u2212]?[0-9]+)?")
 #: The unit at the end of a column's name, in brackets.
 IN_BRACKETS = re.compile(r"[\[(]\s*(?P<unit>[^\[\]]+?)\s*[\])]\s*$")
 HERTZ = re.compile(r"(?<![\d.,])(?P<number>\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*(?P<kilo>k?)Hz\b")
 #: A frequency in a column's name, as ``@ 100 Hz`` or ``(0,1 kHz)``.
 FREQUENCY = re.compile(rf"[@(\[]?\s*{HERTZ.pattern}\s*[)\]]?")
-ANGLES = {"deg": np.pi / 180, "°": np.pi / 180, "grad": np.pi / 180, "rad": 1.0}
+#: Names of one degree and one radian in other languages than English.
+ANGLES = dict.fromkeys(("degré", "degrés", "gradi", "grado", "grados", "graus"), "deg")
+ANGLES |= dict.fromkeys(("radiant", "radianti", "radianes", "radianos", "radians"), "rad")
+#: What the words of a column's name begin with, and whole words, by the role that they tell.
+STEMS = {
+    "real": ("real", "réel", "reel", "reell", "実部", "实部", "действ"),
+    "imag": ("imag", "immag", "虚部", "мним"),
+    "magnitude": ("magn", "ampl", "ampiez", "betrag", "modul", "módul", "振幅", "амплит"),
+    "phase": ("phas", "fase", "winkel", "angle", "angol", "ángul", "位相", "相位", "фаз"),
+    "none": ("coher", "kohär", "kohaer", "cohér", "coer", "コヒーレンス"),
+}
+WORDS = {
+    "real": ("re",),
+    "imag": ("im",),
+    "magnitude": ("mag", "amp", "abs", "mod"),
+    "phase": ("arg", "ang", "ph", "phi", "φ", "ϕ", "∠"),
+    "none": ("coh", "γ²", "γ2"),
+}
 LEAST_COLUMNS = 4
 
 
@@ -47,6 +63,10 @@ class ScanTable:
         Between columns; None for blanks.
     place : list of str
         Numbers, from 1, of the file's columns that each column was made of.
+    block : ndarray or None, shape (row,), Hz
+        Frequencies of blocks of rows; None unless there are several.
+    told : str
+        Which other lines there were, for the record.
     """
 
     path: Path
@@ -57,6 +77,8 @@ class ScanTable:
     before: str
     delimiter: str | None
     place: list[str]
+    block: Array | None = None
+    told: str = ""
 
     def wrong(self, message: str, row: int | None = None) -> UserError:
         """Word the error of the table, or of one of its rows."""
@@ -73,9 +95,19 @@ class ScanTable:
         if given:
             return self.checked(given)
         found = self.places()
-        values = [i for i, u in enumerate(self.units) if motion_of(u) and i not in found.values()]
-        phase = [i for i, unit in enumerate(self.units) if unit.lower() in ANGLES]
-        return found | ({"phase": phase[-1]} if phase else {}) | self._values(values, bool(phase))
+        values = [i for i, u in enumerate(self.units) if is_motion(u) and i not in found.values()]
+        angles = [i for i, unit in enumerate(self.units) if is_angle(unit)]
+        self.require_understood([*found.values(), *values, *angles])
+        return found | self.parts([*values, *angles])
+
+    def require_understood(self, columns: list[int]) -> None:
+        """Refuse columns that nobody says anything of, but these, and those of no interest."""
+        for i, name in enumerate(self.names):
+            if i not in columns and said_by(name) != "none":
+                raise self.wrong(
+                    f"the column {self.listed([i])} is not understood{_why(self.units[i])}; "
+                    f"{HOW}, which leaves the others out"
+                )
 
     def checked(self, given: dict[str, int]) -> dict[str, int]:
         """Check the columns that are given, and count them from 0."""
@@ -93,11 +125,11 @@ class ScanTable:
             whole = not unit and (self.values[:, i] == np.round(self.values[:, i])).all()
             if first <= i <= last:
                 continue
-            if unit.lower() in ("hz", "khz"):
-                found["frequency"] = i
-            elif unit.lower().startswith("db"):
+            if is_frequency(unit):
+                found.setdefault("frequency", i)
+            elif "db" in unit.lower():
                 raise self.wrong(f"column {i + 1} is in {unit}; export linear values")
-            elif whole:
+            elif whole and said_by(self.names[i]) is None:
                 found.setdefault("index" if i < first else "status", i)
         return found
 
@@ -107,11 +139,11 @@ class ScanTable:
 
     def _coordinates(self) -> dict[str, int]:
         """Find the first three columns in a row that are in one unit of length."""
-        units = [u if _is_length(u) else "" for u in self.units]
+        units = [u if is_length(u) else "" for u in self.units]
         for i in range(len(units) - 2):
             if units[i] and units[i] == units[i + 1] == units[i + 2]:
                 return {"x": i, "y": i + 1, "z": i + 2}
-        if self.units and self.units[0].lower() in ("hz", "khz"):
+        if self.units and is_frequency(self.units[0]):
             raise self.wrong(
                 "its rows are frequencies and its columns points, which leaves these without "
                 "coordinates; export a table with a row for each point, or a universal file"
@@ -121,69 +153,71 @@ class ScanTable:
             "say which columns are what with instrument.columns={x: 2, y: 3, z: 4, ...}"
         )
 
-    def _values(self, columns: list[int], phase: bool) -> dict[str, int]:
-        """Tell real and imaginary part, magnitude with its phase, or a real value."""
-        if len(columns) == 1:
-            return {"magnitude" if phase else "real": columns[0]}
-        if len(columns) == 2 and not phase and self.units[columns[0]] == self.units[columns[1]]:
-            return {"real": columns[0], "imag": columns[1]}
-        raise self.wrong(
-            f"the columns of velocities are {self.listed(columns)}; needed is one, or two of real "
-            "and imaginary part; say which with instrument.columns={real: 5, imag: 6, ...}"
-        )
+    def parts(self, columns: list[int]) -> dict[str, int]:
+        """Tell which columns of values are which part: of one frequency, by units and names.
+
+        Raises
+        ------
+        UserError
+            If they are not a real value, real and imaginary part, or magnitude and phase, or do not
+            say which is which.
+        """
+        angles = [i for i in columns if is_angle(self.units[i])]
+        values = [i for i in columns if i not in angles]
+        said = [said_by(self.names[i]) for i in values]
+        if len(values) == 1 and len(angles) == 1 and said[0] in (None, "magnitude"):
+            return {"magnitude": values[0], "phase": angles[0]}
+        if len(values) == 1 and not angles and said[0] in (None, "real"):
+            return {"real": values[0]}
+        alike = len(values) == 2 and not angles and self.units[values[0]] == self.units[values[1]]
+        if alike and tuple(said) in PAIRS:
+            real, imag = values if "imag" in said[1:] or said[0] == "real" else values[::-1]
+            return {"real": real, "imag": imag}
+        raise self.wrong(f"the columns of values are {self.listed(columns)}; {NEEDED}; {HOW}")
 
 
-def read_table(path: Path) -> ScanTable:
-    """Read the longest table of numbers in a text file, with names and units above it.
+NEEDED = (
+    "needed is one, two in one unit that are named real and imaginary part, or a magnitude and a "
+    "phase in deg or rad"
+)
+#: Without numbers, as an example that somebody copied would be a guess.
+HOW = (
+    "write the number of each into instrument.columns={index: , x: , y: , z: , real: , imag: }, "
+    "without imag if there is none, or with magnitude and phase"
+)
 
-    Columns are between tabs, semicolons, commas or blanks, whichever makes the longest table; the
-    decimal mark is a point or a comma.
 
-    Raises
-    ------
-    UserError
-        If the file is missing or no text, or has no table, or one that mixes decimal marks.
+#: What the names of real and imaginary part say, in either order; one of them tells both.
+PAIRS = [("real", "imag"), ("imag", "real"), ("real", None), (None, "imag")]
+PAIRS += [("imag", None), (None, "real")]
+
+
+def said_by(name: str) -> str | None:
+    """Tell the role that a column's name says, in common languages; None if it says none.
+
+    Examples
+    --------
+    >>> said_by("Realteil"), said_by("Im [m/s]"), said_by("|v|"), said_by("Ref")
+    ('real', 'imag', 'magnitude', None)
     """
-    lines = _text(path).splitlines()
-    best = max((_longest(lines, d) for d in DELIMITERS), key=lambda run: run[1] - run[0])
-    begin, end, delimiter = best
-    if begin == end:
-        raise UserError(
-            f"{path}: has no table of numbers with at least {LEAST_COLUMNS} columns, as number, x, "
-            "y, z and velocity"
-        )
-    rows = [fields(line, delimiter) for line in lines[begin:end]]
-    marks = {m for row in rows for cell in row for m in ".," if m in cell}
-    if len(marks) > 1:
-        row = next(i for i, r in enumerate(rows) if {m for c in r for m in ".," if m in c} != {"."})
-        raise UserError(f"{path}, line {begin + row + 1}: decimal points and commas are mixed")
-    values = np.array([[float(cell.replace(",", ".")) for cell in row] for row in rows])
-    if not np.isfinite(values).all():
-        row = int(np.argwhere(~np.isfinite(values))[0, 0])
-        raise UserError(f"{path}, line {begin + row + 1}: has a number that is too large")
-    names, units = _header(lines[:begin], delimiter, values.shape[1])
-    before = "\n".join(lines[:begin])
-    place = [str(i + 1) for i in range(len(names))]
-    numbers = list(range(begin + 1, end + 1))
-    return ScanTable(path, values, numbers, names, units, before, delimiter, place)
+    bare = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])", " ", IN_BRACKETS.sub("", FREQUENCY.sub("", name)))
+    words = re.findall(r"[^\W\d_]+[²2]?|∠", bare.lower())
+    found = [
+        role
+        for role, stems in STEMS.items()
+        if any(w.startswith(stems) or w in WORDS[role] for w in words)
+        or any(stem in bare for stem in stems if stem > "\u3000")  # scripts without blanks
+    ]
+    if not found and re.search(r"\|.+\|", bare):
+        return "magnitude"
+    # The amplitude's real part is a real part.
+    return found[0] if found else None
 
 
-def _text(path: Path) -> str:
-    """Read the text of a file in UTF-8, UTF-16 or Latin-1."""
-    require_file(path)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read: {error.strerror or error}") from None
-    utf_16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
-    for encoding in ("utf-16",) if utf_16 else ("utf-8-sig", "latin-1"):
-        try:
-            text = content.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        if "\0" not in text:
-            return text
-    raise UserError(f"{path}: is not a text file")
+def number(cell: str) -> float:
+    """Convert a cell that `NUMBER` matches."""
+    plain = cell.replace(",", ".").replace("\u2212", "-").lower().replace("d", "e")
+    return float(plain)
 
 
 def fields(line: str, delimiter: str | None) -> list[str]:
@@ -194,27 +228,15 @@ def fields(line: str, delimiter: str | None) -> list[str]:
     return cells
 
 
-def _longest(lines: list[str], delimiter: str | None) -> tuple[int, int, str | None]:
-    """Find first and last but one line of the longest run with as many numbers each."""
-    best, begin, width = (0, 0, delimiter), 0, 0
-    for i, line in enumerate(lines):
-        cells = fields(line, delimiter)
-        numbers = all(NUMBER.fullmatch(c) and not (delimiter == "," and "," in c) for c in cells)
-        if not numbers or len(cells) < LEAST_COLUMNS:
-            width = 0
-        else:
-            if len(cells) != width:
-                begin, width = i, len(cells)
-            if i + 1 - begin > best[1] - best[0]:
-                best = (begin, i + 1, delimiter)
-    return best
-
-
-def _header(above: list[str], delimiter: str | None, columns: int) -> tuple[list[str], list[str]]:
+def column_names(
+    above: list[str], delimiter: str | None, columns: int
+) -> tuple[list[str], list[str]]:
     """Read names and units of the columns from the one or two lines above the table."""
     found: list[list[str]] = []
     lines = [fields(line, delimiter) for line in above if line.strip()]
     for cells in reversed([cells for cells in lines if not of_frequencies(cells)][-2:]):
+        if found and (sum(map(bool, cells)) < 2 or (delimiter is None and len(cells) < columns)):
+            break  # words of their own, of no column
         cells += [""] * (columns - len(cells))
         if len(cells) != columns:
             break
@@ -238,13 +260,46 @@ def _unit(cells: Sequence[str]) -> str:
         if match := IN_BRACKETS.search(FREQUENCY.sub("", cell)):
             return match["unit"]
     last = cells[-1]
-    return last if motion_of(last) or last.lower() in (*ANGLES, "hz", "khz") else ""
+    return last if is_motion(last) or is_angle(last) or is_frequency(last) else ""
 
 
-def _is_length(unit: str) -> bool:
+def meaning(unit: str) -> UnitLabel | None:
+    """Understand a unit; None if it is not understood."""
+    try:
+        return read_unit(ANGLES.get(unit.strip(" .").lower(), unit))
+    except UnitNotUnderstoodError:
+        return None
+
+
+def _why(unit: str) -> str:
+    """Say what is not understood of a unit."""
+    try:
+        return f": {read_unit(unit).quantity} is no motion" if unit else ""
+    except UnitNotUnderstoodError as error:
+        return f": {error}"
+
+
+def is_motion(unit: str) -> bool:
+    """Tell whether a unit is one of a displacement, velocity or acceleration."""
+    return (label := meaning(unit)) is not None and label.is_motion
+
+
+def is_angle(unit: str) -> bool:
+    """Tell whether a unit is one of an angle."""
+    return (label := meaning(unit)) is not None and label.quantity == "angle"
+
+
+def is_frequency(unit: str) -> bool:
+    """Tell whether a unit is one of a frequency."""
+    return (label := meaning(unit)) is not None and label.quantity == "frequency"
+
+
+def is_length(unit: str) -> bool:
     """Tell whether a unit is one of length alone."""
-    motion = motion_of(unit)
-    return motion is not None and motion.quantity is Quantity.displacement and not motion.rest
+    label = meaning(unit)
+    if label is None or label.amplitude is not None or label.form is not SpectralForm.linear:
+        return False
+    return label.quantity == "displacement" and not label.reference
 
 
 def frequencies_in(text: str) -> list[float]:
@@ -285,6 +340,8 @@ def by_rows(table: ScanTable, given: dict[str, int]) -> tuple[ScanTable, dict[st
     UserError
         If the columns of a frequency are not one value, two parts, or a magnitude and a phase.
     """
+    if table.block is not None:
+        return _with_frequency(table, table.block, given)
     named = table.checked(given)
     values = {role: i for role, i in named.items() if role in VALUES}
     roles = {r: i for r, i in named.items() if r not in values} if given else table.places()
@@ -295,10 +352,12 @@ def by_rows(table: ScanTable, given: dict[str, int]) -> tuple[ScanTable, dict[st
     if values:
         parts = _alike(table, groups, values, {frequency[i] for i in values.values()})
     else:
+        if not given:
+            table.require_understood([*roles.values(), *frequency])
         parts = {f: _parts(table, f, columns) for f, columns in groups.items()}
     kinds = {f: [(role, table.units[i]) for role, i in p.items()] for f, p in parts.items()}
     first = next(iter(kinds))
-    other = next((f for f in kinds if kinds[f] != kinds[first]), None)
+    other = next((f for f in kinds if sorted(kinds[f]) != sorted(kinds[first])), None)
     if other is not None:
         raise table.wrong(
             f"has the columns {table.listed(groups[first])} of {first:g} Hz but "
@@ -306,6 +365,22 @@ def by_rows(table: ScanTable, given: dict[str, int]) -> tuple[ScanTable, dict[st
             "in the same units"
         )
     return _stacked(table, roles, parts)
+
+
+def _with_frequency(
+    table: ScanTable, block: Array, given: dict[str, int]
+) -> tuple[ScanTable, dict[str, int]]:
+    """Add the frequencies of blocks of rows as a column."""
+    columns = table.values.shape[1]
+    with_it = replace(
+        table,
+        values=np.column_stack([table.values, block]),
+        names=[*table.names, "frequency"],
+        units=[*table.units, "Hz"],
+        place=[*table.place, "heading"],
+        block=None,
+    )
+    return with_it, given | {"frequency": columns + 1} if given else given
 
 
 def _stacked(
@@ -345,19 +420,13 @@ def _stacked(
 
 def _parts(table: ScanTable, frequency: float, columns: list[int]) -> dict[str, int]:
     """Tell the roles of the columns of one frequency."""
-    units = [table.units[i] for i in columns]
-    angles = [unit.lower() in ANGLES for unit in units]
-    if angles == [False]:
-        return {"real": columns[0]}
-    if angles == [False, True]:
-        return {"magnitude": columns[0], "phase": columns[1]}
-    if angles == [False, False] and units[0] == units[1] != "":
-        return {"real": columns[0], "imag": columns[1]}
-    raise table.wrong(
-        f"the columns of {frequency:g} Hz are {table.listed(columns)}; needed is one, two in one "
-        "unit (real and imaginary part), or a magnitude and a phase in deg or rad; say which, of "
-        "one frequency, with instrument.columns={index: 1, x: 2, y: 3, z: 4, real: 5, imag: 6}"
-    )
+    try:
+        return table.parts(columns)
+    except UserError:
+        raise table.wrong(
+            f"the columns of {frequency:g} Hz are {table.listed(columns)}; {NEEDED}; of one "
+            f"frequency, {HOW}"
+        ) from None
 
 
 def _alike(
@@ -388,7 +457,7 @@ def _frequencies(table: ScanTable, roles: dict[str, int], named: bool) -> dict[i
     columns = [
         i
         for i, unit in enumerate(table.units)
-        if i not in roles.values() and (named or motion_of(unit) or unit.lower() in ANGLES)
+        if i not in roles.values() and (named or is_motion(unit) or is_angle(unit))
     ]
     above = [line for line in table.before.splitlines() if line.strip()]
     for line in reversed(above[-HEADINGS:]):
@@ -413,7 +482,7 @@ def _above(cells: list[str], columns: list[int], width: int) -> dict[int, float]
         cell = cells[i] if i < len(cells) else ""
         stated = [hertz(m) for m in HERTZ.finditer(cell)]
         if bare and NUMBER.fullmatch(cell):
-            stated = [factor * float(cell.replace(",", "."))]
+            stated = [factor * number(cell)]
         if len(stated) > 1 or (cell and not stated) or (not cell and last is None):
             return {}
         last = stated[0] if stated else last

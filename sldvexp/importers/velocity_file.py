@@ -10,14 +10,16 @@ from omegaconf import MISSING
 
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
+from sldvexp.dataset import Finding, Severity, with_findings
 from sldvexp.errors import Checks, nearest
 from sldvexp.importers.base import PointImporter
 from sldvexp.importers.conventions import Amplitude, Phase, Positive
-from sldvexp.io.velocities import FileLayout, read
-from sldvexp.io.velocities.table import KNOWN, ORDER
+from sldvexp.importers.incomplete import Incomplete, check_incomplete, incomplete_by
+from sldvexp.io.velocities import FileLayout, LineOfSight, read
+from sldvexp.io.velocities.table import DIMENSIONS, KNOWN
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
-from sldvexp.units import VelocityUnit
+from sldvexp.units import LengthUnit, VelocityUnit
 
 
 @register("instrument", "file")
@@ -28,8 +30,9 @@ class File(PointImporter):
     Parameters
     ----------
     path : str
-        A ``.csv`` (``view,dx,dy,dz,frequency,real,imag`` and optionally ``point`` and ``std``), or
-        ``.nc`` or ``.mat`` with arrays ``direction_cosines``, ``velocity``, ``frequency``, ``std``.
+        A ``.csv`` (``view,dx,dy,dz,frequency,real,imag`` and optionally ``point``, ``std`` and the
+        points' ``x,y,z``), or ``.nc`` or ``.mat`` with arrays ``direction_cosines``, ``velocity``,
+        ``frequency``, ``std``, ``position``, and ``triangle`` and ``line`` between points.
     unit : VelocityUnit
         Of the file's velocities.
     positive : Positive
@@ -42,9 +45,15 @@ class File(PointImporter):
         From the file's names of variables, dimensions or columns to the program's, ``{vlos:
         velocity, head: view}``; complex velocities may come as ``real`` and ``imag``.
     order : list of str
-        Dimensions of the velocities of a ``.mat``, if not view, point, frequency.
+        Dimensions of the arrays of a ``.mat``, if not view, point, frequency, axis; each array has
+        those that it needs, and the axis comes last unless it is named.
     group : str
         Of a ``.nc``; empty for the group ``line_of_sight``, or the root.
+    length_unit : LengthUnit
+        Of positions, where neither a column as ``x_mm`` nor an attribute says it.
+    incomplete : bool or str
+        What becomes of points that not all views have: false refuses them, drop (or true) leaves
+        them out, mark keeps them as NaN with a flag. They are counted in the verdict.
     """
 
     path: str = MISSING
@@ -55,6 +64,8 @@ class File(PointImporter):
     mapping: dict[str, str] = field(default_factory=dict)
     order: list[str] = field(default_factory=list)
     group: str = ""
+    length_unit: LengthUnit = LengthUnit.m
+    incomplete: bool | str = False
 
     def __post_init__(self) -> None:
         checks = Checks()
@@ -63,9 +74,10 @@ class File(PointImporter):
             message = f"the file's name comes first: write {{{own}: {theirs}}}"
             message = message if turned else f"there is no {own} here; {nearest(own, KNOWN)}"
             checks.require(own in KNOWN, f"mapping.{theirs}", message)
-        known = set(self.order) <= set(ORDER) and len(set(self.order)) == len(self.order)
-        message = f"must be each once of {', '.join(ORDER)}, with view among them"
+        known = set(self.order) <= set(DIMENSIONS) and len(set(self.order)) == len(self.order)
+        message = f"must be each once of {', '.join(DIMENSIONS)}, with view among them"
         checks.require(not self.order or (known and "view" in self.order), "order", message)
+        check_incomplete(checks, self.incomplete)
         checks.done()
 
     def inputs(self) -> list[str]:
@@ -76,8 +88,12 @@ class File(PointImporter):
         self, tree: Mapping[str, xr.Dataset] | None = None, laser: TwoMirror | None = None
     ) -> xr.Dataset:
         """Read the group ``line_of_sight``; the file has its directions itself."""
-        layout = FileLayout(self.mapping, tuple(self.order), self.group)
-        group = read(locate(self.path), self.unit, layout).to_dataset()
+        incomplete = incomplete_by(self.incomplete)
+        gaps = incomplete is not Incomplete.refuse
+        layout = FileLayout(self.mapping, tuple(self.order), self.group, self.length_unit, gaps)
+        table = read(locate(self.path), self.unit, layout)
+        found = _missing(table, incomplete)
+        group = (table.complete() if incomplete is Incomplete.drop else table).to_dataset()
         factor = self.positive.value * self.amplitude.value
         velocity = group["velocity"].values
         velocity = factor * (np.conj(velocity) if self.phase is Phase.exp_minus else velocity)
@@ -86,4 +102,25 @@ class File(PointImporter):
             std = group["velocity_std"]
             group["velocity_std"] = std.copy(data=self.amplitude.value * std.values)
         said = {name: getattr(self, name).name for name in ("positive", "phase", "amplitude")}
-        return group.assign_attrs({f"import_{name}": value for name, value in said.items()})
+        told = group.assign_attrs({f"import_{name}": value for name, value in said.items()})
+        return with_findings(told, found)
+
+
+def _missing(table: LineOfSight, incomplete: Incomplete) -> list[Finding]:
+    """Count what some view has not measured."""
+    if table.missing is None:
+        return []
+    lost = np.asarray(table.missing.any(axis=0))
+    of_points = table.point is not None
+    count = int(lost.any(axis=1).sum() if of_points else lost.sum())
+    whole = lost.shape[0] if of_points else lost.shape[1]
+    done = "left out" if incomplete is Incomplete.drop else "kept without a velocity"
+    gone = np.asarray(table.missing.any(axis=2) if of_points else table.missing[:, 0])
+    counts = ", ".join(
+        f"view {name} {int(own.sum())}" for name, own in zip(table.view, gone, strict=True)
+    )
+    text = (
+        f"{count} of {whole} {'points' if of_points else 'frequencies'} are {done}, as not all "
+        f"views have values there (missing: {counts})"
+    )
+    return [Finding("missing_points", "points", text, Severity.note, size=float(count))]

@@ -1,3 +1,4 @@
+from .mesh_files import MeshSurface as MeshSurface
 from .mesh_files import read_mesh as read_mesh
 from .scan_files import read_centres as read_centres
 from .scan_files import read_list as read_list

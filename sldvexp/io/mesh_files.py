@@ -1,8 +1,9 @@
-"""Surface meshes in files: universal files, and all that meshio reads.
+"""Surface meshes in files: universal files, OBJ, and all that meshio reads.
 
 Triangles are taken as they are, quadrilaterals are cut along their shorter diagonal, and of
 elements of second order the corners are used. Cells of other dimensions, such as the lines along
-an edge, are left out, and with them nodes that no surface cell names if another cell does.
+an edge, are left out, and with them nodes that no surface cell names if another cell does. STL has
+no nodes, but each triangle's corners on their own: those that are nearly equal are one node.
 """
 
 from __future__ import annotations
@@ -10,13 +11,15 @@ from __future__ import annotations
 import io
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
+from sldvexp.io.obj import read_obj
 from sldvexp.io.uff import UniversalGeometry, universal_file
+from sldvexp.lazy import scipy
 from sldvexp.typing import Array, IntArray
 
 SUFFIXES = (".uff", ".unv", ".uf", ".bunv")
@@ -32,7 +35,33 @@ TRIANGLES = ("triangle", "triangle6", "triangle7")
 QUADRILATERALS = ("quad", "quad8", "quad9")
 
 
-def read_mesh(path: Path, unit: float, flip: bool) -> tuple[Array, IntArray, IntArray]:
+#: Corners in an STL file within this part of its extent are one node, its digits being seven.
+MERGED = 1e-5
+#: They are so at most within this part of the shortest side.
+OF_SIDE = 0.1
+
+
+class MeshSurface(NamedTuple):
+    """Surface of a mesh file.
+
+    Parameters
+    ----------
+    position : ndarray, shape (node, 3), m
+    triangles : ndarray of int, shape (triangle, 3)
+        Indices of nodes.
+    number : ndarray of int, shape (node,)
+        What the file calls each node: its label in a universal file, else its place from 0.
+    told : str
+        What was merged within which tolerance; empty if nothing was.
+    """
+
+    position: Array
+    triangles: IntArray
+    number: IntArray
+    told: str = ""
+
+
+def read_mesh(path: Path, unit: float, flip: bool) -> MeshSurface:
     r"""Read the triangles of a mesh file.
 
     Parameters
@@ -41,14 +70,6 @@ def read_mesh(path: Path, unit: float, flip: bool) -> tuple[Array, IntArray, Int
         One unit of the file's coordinates in m.
     flip : bool
         Whether to turn the triangles over.
-
-    Returns
-    -------
-    position : ndarray, shape (node, 3), m
-    triangles : ndarray of int, shape (triangle, 3)
-        Indices of nodes.
-    number : ndarray of int, shape (node,)
-        What the file calls each node: its label in a universal file, else its place from 0.
 
     Raises
     ------
@@ -62,18 +83,53 @@ def read_mesh(path: Path, unit: float, flip: bool) -> tuple[Array, IntArray, Int
     >>> path = Path(tempfile.mkdtemp(), "square.obj")
     >>> corners = ("v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0", "f 1 2 3 4")
     >>> _ = path.write_text("\n".join(corners))
-    >>> position, triangles, number = read_mesh(path, 1e-3, flip=False)
-    >>> triangles.tolist()
+    >>> read_mesh(path, 1e-3, flip=False).triangles.tolist()
     [[0, 1, 2], [0, 2, 3]]
     """
-    if path.suffix.lower() in SUFFIXES:
-        position, triangles, number = _of_universal_file(path, unit)
+    suffix = path.suffix.lower()
+    if suffix in SUFFIXES:
+        found = _of_universal_file(path, unit)
+    elif suffix == ".obj":
+        found = _of_obj(path, unit)
     else:
-        position, triangles, number = _of_meshio(path, unit)
-    return position, triangles[:, ::-1] if flip else triangles, number
+        found = _of_meshio(path, unit)
+    if suffix == ".stl":
+        found = _merged(found)
+    return found._replace(triangles=found.triangles[:, ::-1]) if flip else found
 
 
-def _of_universal_file(path: Path, unit: float) -> tuple[Array, IntArray, IntArray]:
+def _merged(found: MeshSurface) -> MeshSurface:
+    """Make nodes of corners that are nearly equal."""
+    position, triangles = found.position, found.triangles
+    sides = position[triangles] - position[np.roll(triangles, 1, axis=1)]
+    length = np.linalg.norm(sides, axis=2)
+    extent = float(np.linalg.norm(np.ptp(position, axis=0)))
+    sides_of_length = length[length > MERGED * extent]
+    tolerance = min(MERGED * extent, OF_SIDE * float(sides_of_length.min(initial=np.inf)))
+    if not np.isfinite(position).all() or not tolerance:
+        return found
+    pairs = scipy.spatial.KDTree(position).query_pairs(tolerance, output_type="ndarray")
+    if not len(pairs):
+        return found
+    graph = scipy.sparse.coo_array(
+        (np.ones(len(pairs), np.int8), tuple(pairs.T)), shape=(len(position),) * 2
+    )
+    count, node = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    first = np.full(count, len(position))
+    np.minimum.at(first, node, np.arange(len(position)))
+    order = np.argsort(first)
+    rank = np.empty(count, np.int64)
+    rank[order] = np.arange(count)
+    corners = rank[node][triangles]
+    flat = (corners == np.roll(corners, 1, axis=1)).any(axis=1)
+    told = f"{len(position)} corners within {tolerance:.2g} m of one another are {count} nodes" + (
+        f", and {int(flat.sum())} triangles without sides are left out" if flat.any() else ""
+    )
+    kept = first[order]
+    return MeshSurface(position[kept], corners[~flat], found.number[kept], told)
+
+
+def _of_universal_file(path: Path, unit: float) -> MeshSurface:
     """Read the surface of a universal file, without nodes that no surface element names."""
     with universal_file(path) as file:
         geometry, units = file.geometry, file.units
@@ -92,7 +148,16 @@ def _of_universal_file(path: Path, unit: float) -> tuple[Array, IntArray, IntArr
             f"{_other_cells(geometry)}; {WAY_ON}"
         )
     used, renumbered = np.unique(triangles, return_inverse=True)
-    return position[used], renumbered.reshape(-1, 3), geometry.label[used]
+    return MeshSurface(position[used], renumbered.reshape(-1, 3), geometry.label[used])
+
+
+def _of_obj(path: Path, unit: float) -> MeshSurface:
+    """Read the faces of an OBJ file."""
+    position, cells = read_obj(path)
+    blocks = [("triangle", np.array(cells["triangle"], np.int64).reshape(-1, 3))]
+    blocks += [("quad", np.array(cells["quad"], np.int64).reshape(-1, 4))]
+    blocks += [("other", corners) for corners in cells["other"]]
+    return _of_cells(path, position * unit, blocks)
 
 
 def _other_cells(geometry: UniversalGeometry) -> str:
@@ -102,26 +167,30 @@ def _other_cells(geometry: UniversalGeometry) -> str:
     return found + (f" and {len(geometry.lines)} lines" if geometry.lines else "")
 
 
-def _of_meshio(path: Path, unit: float) -> tuple[Array, IntArray, IntArray]:
+def _of_meshio(path: Path, unit: float) -> MeshSurface:
     """Read the surface cells of a file that meshio knows."""
     mesh = _read(path)
     position = np.asarray(mesh.points, float) * unit
     if position.shape[1] == 2:
         position = np.column_stack([position, np.zeros(len(position))])
-    found = [block.data[:, :3] for block in mesh.cells if block.type in TRIANGLES]
-    quadrilaterals = [block.data[:, :4] for block in mesh.cells if block.type in QUADRILATERALS]
-    found += [_halves(position, quadrilateral) for quadrilateral in quadrilaterals]
+    return _of_cells(path, position, [(block.type, block.data) for block in mesh.cells])
+
+
+def _of_cells(path: Path, position: Array, blocks: list[tuple[str, IntArray]]) -> MeshSurface:
+    """Make triangles of the surface cells among blocks of cells of one kind."""
+    found = [data[:, :3] for kind, data in blocks if kind in TRIANGLES]
+    found += [_halves(position, data[:, :4]) for kind, data in blocks if kind in QUADRILATERALS]
     triangles = np.concatenate([np.empty((0, 3), np.int64), *found]).astype(np.int64)
     if not len(triangles):
-        kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "no cells"
+        kinds = ", ".join(sorted({kind for kind, data in blocks if len(data)})) or "no cells"
         raise UserError(f"{path}: has {kinds}, but neither triangles nor quadrilaterals")
     of_surface, of_cells = np.zeros(len(position), bool), np.zeros(len(position), bool)
     of_surface[triangles.ravel()] = True
-    for block in mesh.cells:
-        of_cells[np.asarray(block.data).ravel()] = True
+    for _, data in blocks:
+        of_cells[np.asarray(data).ravel()] = True
     keep = of_surface | ~of_cells
     renumbered = np.cumsum(keep) - 1
-    return position[keep], renumbered[triangles], np.flatnonzero(keep)
+    return MeshSurface(position[keep], renumbered[triangles], np.flatnonzero(keep))
 
 
 def _read(path: Path) -> Any:

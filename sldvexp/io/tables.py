@@ -1,8 +1,10 @@
 """Tables of text with units in the header, as ``point,x_inch,y_inch,z_inch``: their one reader.
 
-Cells are between commas, lines that start with ``#`` are comments, and every complaint names the
-file, the line and the column. Rows are read with the module `csv` and not with pandas, which tells
-neither on which line a row stands nor that it is too short, and gives columns of one name others.
+Cells are between commas, semicolons or tabs, whichever the header has, and numbers have a decimal
+point or, in all of a table, a comma. Lines that start with ``#`` are comments, and every complaint
+names the file, the line and the column. Rows are read with the module `csv` and not with pandas,
+which tells neither on which line a row stands nor that it is too short, and gives columns of one
+name others.
 """
 
 from __future__ import annotations
@@ -10,19 +12,23 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.files import read_text, require_file
+from sldvexp.files import read_text, require_file, with_check_line
 from sldvexp.typing import Array, IntArray
 from sldvexp.units import LengthUnit, Unit
 
 AXES = ("x", "y", "z")
+#: Cells that stand for a number which is not there, in small letters.
+MISSING = {"", "-", "--", "---", "nan", "na", "n/a", "#n/a", "#nv", "null", "none", "*", "***"}
+MISSING |= {"1.#qnan", "-1.#ind", "nan(ind)"}
 #: How the columns of coordinates are named, for messages.
 COORDINATES = f"x_U, y_U, z_U with U one of {', '.join(LengthUnit.__members__)}"
 
@@ -36,7 +42,7 @@ class TextTable:
     lines : list of int
         Of the header, if there is one, and of the rows.
     rows : list of list of str
-        Cells without blanks around them.
+        Cells without blanks around them, the numbers among them with decimal points.
     """
 
     path: Path
@@ -185,7 +191,7 @@ def read_table(path: Path, inline_comments: bool = False) -> TextTable:
     text = read_text(path)
     if inline_comments:
         text = "\n".join(line.partition("#")[0] for line in text.splitlines())
-    reader = csv.reader(io.StringIO(text), skipinitialspace=True)
+    reader = csv.reader(io.StringIO(text), delimiter=_delimiter(text), skipinitialspace=True)
     lines, rows = [], []
     try:
         for cells in reader:
@@ -194,7 +200,104 @@ def read_table(path: Path, inline_comments: bool = False) -> TextTable:
                 rows.append([cell.strip() for cell in cells])
     except csv.Error as error:
         raise UserError(f"{path}, line {reader.line_num}: is not CSV: {error}") from None
-    return TextTable(path, rows[0] if rows else [], lines, rows[1:])
+    table = TextTable(path, rows[0] if rows else [], lines, rows[1:])
+    return replace(table, rows=_with_points(table))
+
+
+#: Delimiters of columns, those first that a decimal mark is not.
+DELIMITERS = "\t;,"
+NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(inf|nan)", re.I)
+#: A number with a decimal comma.
+WITH_COMMA = re.compile(r"[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?")
+
+
+def _delimiter(text: str) -> str:
+    """Find the delimiter that the header has most of."""
+    lines = (line.strip(" ") for line in text.splitlines())
+    header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+    return max(DELIMITERS, key=header.count)
+
+
+def _with_points(table: TextTable) -> list[list[str]]:
+    """Write decimal points for the decimal commas of a table.
+
+    Raises
+    ------
+    UserError
+        If some numbers have a point and others a comma, so that one of them may part thousands.
+    """
+    commas = [i for i, row in enumerate(table.rows) if any(map(WITH_COMMA.fullmatch, row))]
+    if not commas:
+        return table.rows
+    for i, row in enumerate(table.rows):
+        if any("." in cell and NUMBER.fullmatch(cell) for cell in row):
+            raise UserError(
+                f"{table.where(i)}: has a decimal point, but line {table.lines[1 + commas[0]]} a "
+                "decimal comma; one of them is needed throughout"
+            )
+    require_decimals((c for row in table.rows for c in row if WITH_COMMA.fullmatch(c)), table.path)
+    return [[c.replace(",", ".") if WITH_COMMA.fullmatch(c) else c for c in r] for r in table.rows]
+
+
+#: A number whose comma may part thousands.
+THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
+
+
+def require_decimals(cells: Iterable[str], path: Path) -> None:
+    """Refuse commas in numbers if all of them may part thousands.
+
+    Raises
+    ------
+    UserError
+        If so.
+
+    Examples
+    --------
+    >>> require_decimals(["1,234", "0,5"], Path("a.csv"))
+    """
+    commas = list(cells)
+    if commas and all(map(THOUSANDS.fullmatch, commas)):
+        plain = commas[0].replace(",", "")
+        raise UserError(
+            f"{path}: {commas[0]} may be {commas[0].replace(',', '.')} or {plain}; write decimal "
+            "points, and nothing between thousands"
+        )
+
+
+def plain_cells(line: str) -> list[str]:
+    """Split a line of numbers between blanks, commas or semicolons, with decimal points.
+
+    Commas are decimal marks where blanks or semicolons part the numbers, and each has digits on
+    both sides.
+
+    Examples
+    --------
+    >>> plain_cells("1, 2.5, 3"), plain_cells("1,0; 2,5; 3")
+    (['1', '2.5', '3'], ['1.0', '2.5', '3'])
+    """
+    parts = re.split(r"[;\s]+", line.strip(" ;\t"))
+    decimal = len(parts) > 1 and all(re.fullmatch(r"[^,]+(,[0-9]+[^,]*)?", p) for p in parts)
+    if decimal:
+        return [part.replace(",", ".") for part in parts]
+    return line.replace(",", " ").replace(";", " ").split()
+
+
+def write_table(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    r"""Write a table that `read_table` reads, with a check line before it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "points.csv")
+    >>> write_table(path, ["point", "x_m"], [[7, 0.5]])
+    >>> read_table(path).rows
+    [['7', '0.5']]
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    path.write_text(with_check_line(text.getvalue()), encoding="utf-8")
 
 
 def read_points(path: Path) -> tuple[Array, IntArray]:
@@ -236,10 +339,9 @@ def number(text: str, what: str, where: str) -> float:
     UserError
         If the text is empty, not a number, infinite or NaN.
     """
-    try:
-        value = float(text)
-    except ValueError:
-        raise UserError(f"{where}: {what} must be a number, not {text!r}") from None
+    if not NUMBER.fullmatch(text):  # which float() sees in other text too, as 1_000
+        raise UserError(f"{where}: {what} must be a number, not {text!r}")
+    value = float(text)
     if not math.isfinite(value):
         raise UserError(f"{where}: {what} must be finite, not {text}")
     return value
@@ -292,7 +394,4 @@ def stated_or_given(
 
 def _float(text: str) -> float:
     """Convert text to a number, NaN if it is none."""
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
+    return float(text) if NUMBER.fullmatch(text) else math.nan

@@ -1,4 +1,4 @@
-"""VTK's XML files: an unstructured grid of prisms (VTU), and a collection of them (PVD)."""
+"""VTK's XML files: an unstructured grid (VTU), and a collection of them (PVD)."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from sldvexp.typing import Array, IntArray
 
-WEDGE = 13
+#: VTK's types of cells by their number of corners: vertex, line, triangle, wedge.
+KINDS = {1: 1, 2: 3, 3: 5, 6: 13}
 TYPES = {"f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
 
 
 def vtu(
     position: Array,
-    prisms: IntArray,
+    cells: Sequence[IntArray],
     arrays: Mapping[str, NDArray],
     components: Mapping[str, Sequence[str]],
     time: float | None,
@@ -30,8 +31,9 @@ def vtu(
     Parameters
     ----------
     position : ndarray, shape (node, 3), m
-    prisms : ndarray of int, shape (prism, 6)
-        Nodes from 0, three of one face and the three opposite them.
+    cells : sequence of ndarray of int, shape (cell, corner)
+        Nodes from 0: points, lines, triangles, and prisms as three nodes of one face and the three
+        opposite them.
     arrays : mapping of str to ndarray, shape (node,) or (node, component)
         At the nodes.
     components : mapping of str to sequence of str
@@ -44,17 +46,18 @@ def vtu(
     Examples
     --------
     >>> corners = np.eye(3)[[0, 1, 2, 0, 1, 2]] * [[1], [1], [1], [2], [2], [2]]
-    >>> text = vtu(corners, np.arange(6)[None], {"depth": np.zeros(6)}, {}, None, "one prism")
+    >>> text = vtu(corners, [np.arange(6)[None]], {"depth": np.zeros(6)}, {}, None, "one prism")
     >>> text.splitlines()[4]
     '<Piece NumberOfPoints="6" NumberOfCells="1">'
     """
     # VTK finds the volumes of these prisms positive, although its manual turns them over.
+    corners = np.array([own.shape[1] for own in cells for _ in own])
     instant = [] if time is None else [_array("TimeValue", np.array([time]), tuples=True)]
     lines = [
         *_head("UnstructuredGrid", comment),
         "<UnstructuredGrid>",
         *(["<FieldData>", *instant, "</FieldData>"] if instant else []),
-        f'<Piece NumberOfPoints="{len(position)}" NumberOfCells="{len(prisms)}">',
+        f'<Piece NumberOfPoints="{len(position)}" NumberOfCells="{len(corners)}">',
         "<PointData>",
         *(_array(name, values, components.get(name, ())) for name, values in arrays.items()),
         "</PointData>",
@@ -62,9 +65,9 @@ def vtu(
         _array("Points", position),
         "</Points>",
         "<Cells>",
-        _array("connectivity", prisms.ravel()),
-        _array("offsets", 6 * np.arange(1, len(prisms) + 1)),
-        _array("types", np.full(len(prisms), WEDGE, np.uint8)),
+        _array("connectivity", np.concatenate([own.ravel() for own in cells])),
+        _array("offsets", np.cumsum(corners)),
+        _array("types", np.array([KINDS[count] for count in corners], np.uint8)),
         "</Cells>",
         "</Piece>",
         "</UnstructuredGrid>",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sldvexp.dataset import RunData, Source
 from sldvexp.errors import UserError
-from sldvexp.lazy import xarray as xr
+from sldvexp.geometry import joined_points
 from sldvexp.plot import style
 from sldvexp.plot.layer import AXES, PLACE, layer_of
 from sldvexp.plot.selection import at_frequency, require
@@ -130,22 +130,6 @@ def points_unavailable_because(run: RunData) -> bool:
     """Tell whether no points in space can be shown."""
     there = run.has("point", "velocity") and run.has("line_of_sight", "position")
     return not there or run.groups["point"].sizes.get("point", 1) < 2
-
-
-def joined_points(line_of_sight: xr.Dataset) -> tuple[Array, IntArray, IntArray]:
-    """Find where the points of several lines of sight are, and what joins them.
-
-    Returns
-    -------
-    position : ndarray, shape (point, 3), m
-    triangles : ndarray of int, shape (triangle, 3)
-        By points; empty if the file that they come from has none.
-    lines : ndarray of int, shape (line, 2)
-    """
-    none = xr.DataArray(np.empty((0, 0), np.int64))
-    corners, ends = (line_of_sight.get(name, none).values for name in ("triangle", "line"))
-    position = line_of_sight["position"].transpose("point", "axis").values
-    return position, corners.reshape(-1, 3).astype(np.int64), ends.reshape(-1, 2).astype(np.int64)
 
 
 def normals(position: Array, triangles: IntArray) -> Array:

@@ -22,7 +22,7 @@ from sldvexp.errors import Checks, ConfigError, Problem, UserError, nearest
 from sldvexp.files import read_text, require_file
 from sldvexp.geometry import nearest_rotation, rigid_transform, vector_from_rotation
 from sldvexp.io import read_table
-from sldvexp.io.tables import AXES, COORDINATES, number
+from sldvexp.io.tables import AXES, COORDINATES, number, plain_cells
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import PoseMethod, PoseResult, pose_to_dataset
@@ -210,9 +210,9 @@ def _read_plain(path: Path, found: dict[str, list[list[float]]], unit: LengthUni
 
 
 def _plain_rows(path: Path) -> Iterator[list[float]]:
-    """Give three numbers a line, separated by blanks or commas."""
+    """Give three numbers a line, separated by blanks, commas or semicolons."""
     for line, text in enumerate(read_text(path).splitlines(), 1):
-        cells = text.replace(",", " ").split()
+        cells = plain_cells(text)
         if not cells or cells[0].startswith("#"):
             continue
         if len(cells) != 3:

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
+from sldvexp.reconstruction.gaps import blanked, filled, gaps_of
 from sldvexp.reconstruction.least_squares import design, rank_of
 from sldvexp.reconstruction.result import PointVelocity
 from sldvexp.reconstruction.rows import RowChoice, RowSet, check, parse
@@ -102,8 +103,11 @@ class Reconstruction(ReconstructionSettings):
         ----------
         line_of_sight : xarray.Dataset
             ``direction_cosines``, ``velocity`` and perhaps ``velocity_std``; point and frequency
-            dimensions are optional and stay as they are.
+            dimensions are optional and stay as they are. Where a velocity is NaN, results are too.
         """
+        lost = gaps_of(line_of_sight)
+        if bool(lost.any()):
+            return blanked(self.group(filled(line_of_sight)), lost)
         velocity, std = line_of_sight["velocity"], line_of_sight.get("velocity_std")
         result = self.reconstruct(
             line_of_sight["direction_cosines"].transpose("view", ..., "axis").values,

@@ -74,6 +74,8 @@ class PointData:
             std = line_of_sight["velocity_std"].broadcast_like(one).transpose("view", *cases)
             noise = std.values.reshape(shape[0], -1).T.astype(float)
         missing = ~np.isfinite(values) | ~np.isfinite(noise)
+        missing |= ~np.isfinite(directions).all(axis=2)
+        directions = np.where(missing[..., None], 0.0, directions)
         values, noise = np.where(missing, 0.0, values), np.where(missing, np.inf, noise)
         stated = stated and bool((noise > 0).all())
         if not stated:

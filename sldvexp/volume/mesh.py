@@ -14,6 +14,7 @@ from omegaconf import MISSING
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.io import read_mesh
+from sldvexp.lazy import xarray as xr
 from sldvexp.volume.base import Volume
 from sldvexp.volume.surface import TriangulatedSurface
 
@@ -30,7 +31,8 @@ class MeshFile(Volume):
     ----------
     path : str
         ``.stl``, ``.obj``, ``.ply``, ``.vtk``, ``.vtu``, ``.msh``, ``.inp``, ``.bdf`` and others.
-        Universal files (``.uff``, ``.unv``) need no meshio.
+        Universal files (``.uff``, ``.unv``) and ``.obj`` need no meshio. Corners in an ``.stl``
+        within 1e-5 of its extent are one node; the run's group ``volume`` says how many.
     flip : bool
         Whether the normals point to the other side of the triangles.
     """
@@ -45,5 +47,13 @@ class MeshFile(Volume):
     def surface(self) -> TriangulatedSurface:
         """Read the mesh in its own axes."""
         path = locate(self.path)
-        position, triangles, number = read_mesh(path, self.unit.value, self.flip)
-        return TriangulatedSurface(position, triangles, None, str(path), number)
+        mesh = read_mesh(path, self.unit.value, self.flip)
+        return TriangulatedSurface(
+            mesh.position, mesh.triangles, None, str(path), mesh.number, told=mesh.told
+        )
+
+    def group(self) -> xr.Dataset:
+        """Make the group ``volume`` of a run, with what was merged as its attribute."""
+        group = super().group()
+        told = self.surface().told
+        return group.assign_attrs(merged=told) if told else group

@@ -38,6 +38,8 @@ class TriangulatedSurface:
         What the file calls each node, for messages; without it they are counted from 0.
     kind : tuple of str
         What such a number counts, one and several of them.
+    told : str
+        What was done to the file's own nodes, for the record.
     """
 
     position: Array
@@ -46,6 +48,7 @@ class TriangulatedSurface:
     source: str = ""
     number: IntArray | None = None
     kind: tuple[str, str] = ("node", "nodes")
+    told: str = ""
 
     def wrong(self, message: str) -> UserError:
         """Make the error of a surface that cannot be used."""

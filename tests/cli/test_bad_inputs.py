@@ -419,7 +419,12 @@ VELOCITIES = [
         "dz,frequency",
         "point,frequency",
     ),
-    on_views("m.csv, line 3: real must be a finite number, not 'nan'", "0.6,100,1", "0.6,100,nan"),
+    on_views(
+        "m.csv, line 3: real must be a finite number, not 'nan'; leave points without a velocity "
+        "out with instrument.incomplete=drop, or keep them marked with instrument.incomplete=mark",
+        "0.6,100,1",
+        "0.6,100,nan",
+    ),
     on_views(
         "m.csv, line 3: std must be a positive number, not '-0.1'",
         "0.6,100,1,2,0.1",
@@ -432,7 +437,13 @@ VELOCITIES = [
         "2,0.8,0,1",
     ),
     on_views("m.csv, line 3: view 1, frequency 100 is given twice", "\n2,", "\n1,"),
-    on_views("m.csv: there is no row for view 1, frequency 200", "0.6,100", "0.6,200"),
+    on_views(
+        "m.csv: there is no row for view 1, frequency 200 and 3 others; leave points without a "
+        "velocity out with instrument.incomplete=drop, or keep them marked with "
+        "instrument.incomplete=mark",
+        "0.6,100",
+        "0.6,200",
+    ),
     on_views(
         "…the row '9' is no view (a name, or a number from 1 to 4) and no difference of "
         "two; Valid: 1, 2, 3, 4",

@@ -272,6 +272,7 @@ def test_volume_outside_every_image(
     assert told.startswith("the volume is seen by none of the views; view 1: ")
     assert message in told
     assert "placed in the world of the poses" in told
+    assert "volume.unit" in told
 
 
 @pytest.mark.parametrize(

@@ -67,7 +67,7 @@ TABLES = {
         + rows(INDEX, *XYZ, np.abs(VALUES), np.degrees(np.angle(VALUES)), delimiter="  ")
     ),
     "no numbers of points, commas between, quotes, end of line": (
-        '"197 Hz"\n"X [m]","Y [m]","Z [m]","速度 [µm/s]","速度 [µm/s]",\n'
+        '"197 Hz"\n"X [m]","Y [m]","Z [m]","速度実部 [µm/s]","速度虚部 [µm/s]",\n'
         + rows(*XYZ, *(1e6 * v for v in PARTS), delimiter=",").replace("\n", ",\n")
     ),
     "displacement": (
@@ -206,7 +206,7 @@ def test_columns_of_frequencies_that_are_refused(read):
         read(text + "\n" + rows(INDEX, *XYZ, *F_EACH.real[:, :2].T))
     numbers = rows(INDEX, *XYZ, *RE_IM.reshape(4, 6).T)
     heading = "\tA 100 Hz [m/s]\tB 100 Hz [m/s]\tC 100 Hz [m/s]" * 2
-    said = r"the columns of 100 Hz are 5 \(A 100 Hz \[m/s\]\), 6 .* say which, of one"
+    said = r"the columns of 100 Hz are 5 \(A 100 Hz \[m/s\]\), 6 .* of one frequency, write the"
     with pytest.raises(UserError, match=said):
         read(NAMES + heading.replace("100", "200").replace("200", "100", 3) + "\n" + numbers)
 
@@ -218,7 +218,7 @@ def test_one_of_several_functions_for_each_frequency(read):
     )
     columns = np.concatenate([RE_IM, 2 * RE_IM, np.full((4, 3, 1), 0.875)], axis=2)
     text = NAMES + heading + "\n" + rows(INDEX, *XYZ, *columns.reshape(4, 15).T)
-    with pytest.raises(UserError, match=r"the columns of 100 Hz are 5 .* 8 .* say which, of one"):
+    with pytest.raises(UserError, match=r"columns of 100 Hz are 5 .* 8 .* of one frequency, write"):
         read(text)
     named = {"index": 1, "x": 2, "y": 3, "z": 4}
     units = {"length_unit": LengthUnit.m}
@@ -242,7 +242,7 @@ def test_response_functions_need_the_reference(read):
         read(text)
     group = read(text, reference=2.0, amplitude=None)
     right(group, 2 * VALUES[:, None])
-    assert group.attrs["import_reference"] == "2 /N"
+    assert group.attrs["import_reference"] == "2 N"
     assert group.attrs["import_columns"] == "x 2, y 3, z 4, index 1, real 5, imag 6"
 
 
@@ -288,7 +288,7 @@ REFUSED = {
     "decibels": (TABLES["english"].replace("[m/s]", "[dB]"), "column 5 is in dB; export linear"),
     "three values": (
         "197 Hz\nX [m]\tY [m]\tZ [m]\tA [m/s]\tB [m/s]\tC [m/s]\n" + rows(*XYZ, *PARTS, *PARTS[:1]),
-        "line 3: the columns of velocities are 4 (A [m/s]), 5 (B [m/s]), 6 (C [m/s])",
+        "line 3: the columns of values are 4 (A [m/s]), 5 (B [m/s]), 6 (C [m/s])",
     ),
     "no frequency": (TABLES["english"].replace("197 Hz", "high"), "does not state one frequency"),
     "two frequencies": (
@@ -302,7 +302,8 @@ REFUSED = {
     ),
     "zeros": (
         TABLES["english"].replace("-0.003\t0.0005", "0\t0"),
-        "line 6: all values of this point are zero",
+        "whether points whose values are all zero, as in line 6, were measured; say it with "
+        "instrument.zeros, for example instrument.zeros=missing",
     ),
 }
 

@@ -23,11 +23,13 @@ from sldvexp.typing import Array
 
 #: What may be wrong if a view sees nothing, by the reason of most samples.
 REMEDIES = {
-    OUTSIDE: "is the volume placed in the world of the poses, and was this view's image scanned "
-    "where the structure is?",
+    OUTSIDE: "is the volume placed in the world of the poses, is volume.unit the unit of its "
+    "lengths, and was this view's image scanned where the structure is?",
     FACING_AWAY: "do the surface's normals point to the side that is measured?",
-    BEHIND: "is the pose right, and the volume placed in the world of the poses?",
-    OFF_BOARD: "is the pose right, and the volume placed in the world of the poses?",
+    BEHIND: "is the pose right, is volume.unit the unit of its lengths, and is the volume "
+    "placed in the world of the poses?",
+    OFF_BOARD: "is the pose right, is volume.unit the unit of its lengths, and is the volume "
+    "placed in the world of the poses?",
 }
 
 

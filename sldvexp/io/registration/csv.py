@@ -6,14 +6,14 @@
 
 Lengths may be in m, cm, mm, inch or ft, angles in rad or deg; up_down_dac and left_right_dac hold
 DAC steps. The column view may be left out; the one view is then named like the file. Lines that
-start with ``#`` are comments. A distance guess has no place here and is not written.
+start with ``#`` are comments, and the first of those that are written here has a checksum of
+the others. A distance guess has no place here and is not written.
 """
 
 from __future__ import annotations
 
-import csv
 import difflib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ from sldvexp.io.tables import (
     read_table,
     stated_or_given,
     whole_number,
+    write_table,
 )
 from sldvexp.laser import MIRRORS
 from sldvexp.units import AngleUnit, LengthUnit, decimal_in
@@ -91,17 +92,18 @@ def write(path: Path, tables: Sequence[RegistrationTable]) -> None:
             raise UserError(f"view {table.name} would be a comment in a .csv file; rename it")
     header = ["view", "point", *(f"{axis}_{unit.name}" for axis in AXES)]
     header += [f"{m}_{'deg' if kind == 'angle' else DAC}" for kind in kinds for m in MIRRORS]
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        for table in tables:
-            for i, point in enumerate(table.number):
-                cells = [decimal_in(unit, v) for v in table.object_point[i].tolist()]
-                if table.angle is not None:
-                    cells += [decimal_in(AngleUnit.deg, v) for v in table.angle[i].tolist()]
-                if table.dac is not None:
-                    cells += [repr(v) for v in table.dac[i].tolist()]
-                writer.writerow([table.name, point, *cells])
+    write_table(path, header, (row for table in tables for row in _rows(table, unit)))
+
+
+def _rows(table: RegistrationTable, unit: LengthUnit) -> Iterator[list[object]]:
+    """Write the cells of each point."""
+    for i, point in enumerate(table.number):
+        cells = [decimal_in(unit, v) for v in table.object_point[i].tolist()]
+        if table.angle is not None:
+            cells += [decimal_in(AngleUnit.deg, v) for v in table.angle[i].tolist()]
+        if table.dac is not None:
+            cells += [repr(v) for v in table.dac[i].tolist()]
+        yield [table.name, point, *cells]
 
 
 def _layout(

@@ -74,7 +74,7 @@ def write(path: str | Path, tables: Sequence[RegistrationTable]) -> None:
     >>> table = RegistrationTable("front", np.array([7]), np.eye(3)[:1], dac=np.array([[30, -60]]))
     >>> path = Path(tempfile.mkdtemp(), "front.csv")
     >>> write(path, [table])
-    >>> path.read_text().splitlines()[1]
+    >>> path.read_text().splitlines()[2]
     'front,7,1,0,0,30,-60'
     """
     path = Path(path)

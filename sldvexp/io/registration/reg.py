@@ -7,7 +7,8 @@
     DISTGUESS 67
     REGPOINT number x y z up_down left_right
 
-Lengths are in UNITS, angles in degrees. Keywords may be in any case, ``#`` starts a comment.
+Lengths are in UNITS, angles in degrees. Keywords may be in any case, ``#`` starts a comment; the
+last line of those that are written here is one, with a checksum of the others.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from sldvexp.errors import UserError, nearest
-from sldvexp.files import read_text
+from sldvexp.files import read_text, with_check_line
 from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.io.tables import first_time, number, stated_or_given, whole_number
 from sldvexp.units import AngleUnit, LengthUnit, decimal_in, unit_named
@@ -85,7 +86,7 @@ def write(path: Path, tables: Sequence[RegistrationTable]) -> None:
         numbers = [decimal_in(table.unit, v) for v in point]
         numbers += [decimal_in(AngleUnit.deg, v) for v in angle]
         lines.append(f"REGPOINT {n} {' '.join(numbers)}")
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    path.write_text(with_check_line("\n".join(lines) + "\n", last=True), encoding="utf-8")
 
 
 def _read_line(content: _Content, words: list[str], line: int, where: str) -> None:

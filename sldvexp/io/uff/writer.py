@@ -121,7 +121,7 @@ def elements(prisms: IntArray, triangles: IntArray) -> str:
 
 
 def trace_lines(triangles: IntArray, name: str) -> str:
-    """Write data set 82: the triangles' outlines, the pen lifted between them; nodes from 0."""
+    """Write data set 82: outlines of triangles or lines, the pen lifted between; nodes from 0."""
     closed = np.concatenate([triangles, triangles[:, :1]], axis=1) + 1
     path = np.concatenate([closed, np.zeros((len(closed), 1), int)], axis=1).ravel()
     rows = [path[i : i + 8] for i in range(0, len(path), 8)]

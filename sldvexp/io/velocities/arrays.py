@@ -17,20 +17,24 @@ from numpy.typing import NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.io.velocities.table import KNOWN, ORDER, OWN, FileLayout, LineOfSight
-from sldvexp.lazy import netCDF4, scipy
+from sldvexp.io.tables import AXES
+from sldvexp.io.velocities.matlab import read_arrays
+from sldvexp.io.velocities.table import DIMENSIONS, KNOWN, ORDER, OWN, FileLayout, LineOfSight
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
-from sldvexp.units import VelocityUnit
+from sldvexp.units import LengthUnit, VelocityUnit, unit_named
 
 REQUIRED = ("direction_cosines", "velocity")
-DIMENSIONS = (*ORDER, "axis")
 #: Dimensions that each variable may have; the first is needed.
 ALLOWED = {
     "direction_cosines": ("view", "point", "axis"),
     "velocity": ("view", "point", "frequency"),
     "velocity_std": ("view", "point", "frequency"),
+    "position": ("point", "axis"),
 }
+JOINED = ("triangle", "line")
+#: Arrays that a message lists.
+MOST_LISTED = 12
 #: How others may call a dimension.
 LIKE = {
     "axis": "xyz|ax[ie]s|comp|dir|coord|dim|cart",
@@ -74,7 +78,28 @@ def read_netcdf(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> Lin
     if ("point" in data["velocity"].dims) != ("point" in data["direction_cosines"].dims):
         raise UserError(f"{path}: velocity and direction_cosines must both have a dimension point")
     values |= {d: data[d].values for d in ORDER if d in data.variables}
-    return from_arrays(values, path, unit)
+    values |= _places(data, theirs, layout, path)
+    return from_arrays(values, path, unit, layout)
+
+
+def _places(
+    data: xr.Dataset, theirs: dict[str, str], layout: FileLayout, path: Path
+) -> dict[str, NDArray]:
+    """Find positions, m, and the triangles and lines between points, from 0."""
+    there: dict[str, NDArray] = {}
+    if "position" not in data and all(c in data and data[c].dims == ("point",) for c in AXES):
+        data = data.assign(position=xr.concat([data[c] for c in AXES], "axis", coords="minimal"))
+        data["position"].attrs = dict(data["x"].attrs)
+    if "position" in data:
+        stated = data["position"].attrs.get("units")
+        unit = unit_named(LengthUnit, stated, f"{path}, position") if stated else layout.length
+        there["position"] = unit.value * _in_order(data, "position", theirs, path)
+    for name in ("triangle", "line"):
+        if name in data and name not in data.dims:
+            there[name] = data[name].values - int(data[name].attrs.get("start_index", 0))
+        elif name in data:
+            there[name] = data[name].values
+    return there
 
 
 def read_matlab(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSight:
@@ -82,33 +107,87 @@ def read_matlab(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> Lin
 
     ``direction_cosines`` (views x 3, or views x points x 3), ``velocity`` (views x frequencies, or
     views x points x frequencies) or ``real`` and ``imag``, and optionally ``std`` (as velocity),
-    ``frequency``, ``view`` and ``point``. The layout's order is that of the velocities.
+    ``frequency``, ``view``, ``point``, ``position`` (points x 3), and ``triangle`` and ``line`` of
+    points counted from 1; they may be fields of a struct. The layout's order is that of all arrays.
     """
-    found = _arrays(path)
+    found = read_arrays(path)
     layout.require(found, path)
-    values = _with_velocity({layout.mapping.get(k, k): v for k, v in found.items()})
+    values: dict[str, Any] = _with_parts({layout.mapping.get(k, k): v for k, v in found.items()})
+    if not any(name in values for name in REQUIRED):
+        values = _of_one_struct(values, path)
     for name in REQUIRED:
         if name not in values:
             raise UserError(
-                f"{path}: the array {name} is missing; needed are {', '.join(REQUIRED)}"
+                f"{path}: the array {name} is missing; needed are {', '.join(REQUIRED)}; the file "
+                f"has {_contents(found)}, of which instrument.mapping may call one so"
             )
     if layout.order:
         values = _ordered(values, layout.order, path)
     if "frequency" in values:
         values["frequency"] = np.asarray(values["frequency"]).ravel()
     for name in {"view", "point"} & set(values):
-        values[name] = [str(np.squeeze(v)).strip() for v in np.asarray(values[name]).ravel()]
-    return from_arrays(values, path, unit)
+        values[name] = _names(values[name])
+    if "position" in values:
+        values["position"] = layout.length.value * _numbers(values, "position", path)
+    for name in set(JOINED) & set(values):
+        values[name] = np.atleast_2d(_numbers(values, name, path)) - 1
+    return from_arrays(values, path, unit, layout)
 
 
-def from_arrays(values: Mapping[str, Any], path: Path, unit: VelocityUnit) -> LineOfSight:
+def _names(values: Any) -> list[str]:
+    """Read names, whole numbers without a decimal point."""
+    found = np.atleast_1d(np.asarray(values)).ravel()
+    if found.dtype.kind == "f" and (found == np.round(found)).all():
+        found = found.astype(np.int64)
+    return [str(np.squeeze(name)).strip() for name in found]
+
+
+def _of_one_struct(values: dict[str, NDArray], path: Path) -> dict[str, NDArray]:
+    """Take the fields of the one struct that has what is needed, if there is one."""
+    structs = list(dict.fromkeys(name.rpartition(".")[0] for name in values if "." in name))
+    fields = {
+        struct: {
+            name.removeprefix(f"{struct}."): value
+            for name, value in values.items()
+            if name.startswith(f"{struct}.")
+        }
+        for struct in structs
+    }
+    whole = {
+        struct: made
+        for struct, own in fields.items()
+        if set(REQUIRED) <= set(made := _with_parts(own))
+    }
+    if len(whole) > 1:
+        raise UserError(
+            f"{path}: the structs {' and '.join(whole)} have all that is needed; say which with "
+            f"instrument.mapping={{{next(iter(whole))}.velocity: velocity, ...}}"
+        )
+    return values | next(iter(whole.values()), {})
+
+
+def _contents(found: Mapping[str, NDArray]) -> str:
+    """List the arrays of a file with their sizes."""
+    kinds = {"c": "complex", "O": "cells", "U": "text"}
+    listed = [
+        f"{name} ({' x '.join(map(str, array.shape)) or 1}"
+        f"{' ' if array.dtype.kind in kinds else ''}{kinds.get(array.dtype.kind, '')})"
+        for name, array in found.items()
+    ]
+    more = [f"{len(listed) - MOST_LISTED} more"] if len(listed) > MOST_LISTED else []
+    return ", ".join(listed[:MOST_LISTED] + more) or "nothing"
+
+
+def from_arrays(
+    values: Mapping[str, Any], path: Path, unit: VelocityUnit, layout: FileLayout = OWN
+) -> LineOfSight:
     """Give missing point and frequency dimensions length one and check the shapes.
 
     Parameters
     ----------
     values : mapping of str to array
-        ``direction_cosines``, ``velocity``, and perhaps ``std``, ``view``, ``point`` and
-        ``frequency``.
+        ``direction_cosines``, ``velocity``, and perhaps ``std``, ``view``, ``point``,
+        ``frequency``, ``position`` in m, and ``triangle`` and ``line``, from 0.
     path : Path
         Of the file, for messages.
     unit : VelocityUnit
@@ -141,14 +220,23 @@ def from_arrays(values: Mapping[str, Any], path: Path, unit: VelocityUnit) -> Li
                 f"{path}: the standard errors have the shape {std.shape}, the velocities "
                 f"{velocity.shape}; they must agree, or have length 1 where they stay the same"
             ) from None
+    missing = np.isnan(velocity) if layout.gaps else np.zeros(velocity.shape, bool)
+    if std is not None and layout.gaps:
+        missing |= np.isnan(std)
+        std = np.where(missing, np.nan, std)
+    named = several or "position" in values
+    joined = {k: _numbers(values, k, path).astype(np.int64) for k in JOINED if k in values}
     return LineOfSight(
         source=str(path),
         view=_labels(values, "view", views, path),
-        point=_labels(values, "point", points, path) if several else None,
+        point=_labels(values, "point", points, path) if named else None,
         frequency=frequency,
         direction_cosines=cosines.astype(float),
-        velocity=velocity * unit.value,
+        velocity=np.where(missing, np.nan, velocity) * unit.value,
         std=std,
+        missing=missing if missing.any() else None,
+        position=np.atleast_2d(values["position"]) if "position" in values else None,
+        **joined,
     )
 
 
@@ -182,14 +270,20 @@ def _frequencies(values: Mapping[str, Any], size: int, path: Path) -> Array | No
     return frequency
 
 
-def _with_velocity(values: dict[str, Any]) -> dict[str, Any]:
-    """Add ``velocity`` where there are ``real`` and ``imag`` instead."""
-    if "velocity" in values or "real" not in values:
-        return values
-    velocity = np.asarray(values["real"])
-    if "imag" in values:
-        velocity = velocity + 1j * np.asarray(values["imag"])
-    return values | {"velocity": velocity}
+def _with_parts(values: dict[str, NDArray]) -> dict[str, NDArray]:
+    """Put arrays together of their parts: ``real`` and ``imag``, ``dx, dy, dz`` and ``x, y, z``."""
+    made = dict(values)
+    if "velocity" not in made and "real" in made:
+        made["velocity"] = np.asarray(made["real"])
+        if "imag" in made:
+            made["velocity"] = made["velocity"] + 1j * np.asarray(made["imag"])
+    for whole, parts in (("direction_cosines", PARTS["direction_cosines"]), ("position", AXES)):
+        if whole in made or not set(parts) <= set(made):
+            continue
+        own = [np.squeeze(made[part]) for part in parts]
+        if len({one.shape for one in own}) == 1:
+            made[whole] = np.stack(own, axis=-1)
+    return made
 
 
 def _group(path: Path, layout: FileLayout) -> xr.Dataset:
@@ -335,7 +429,8 @@ def _in_order(data: xr.Dataset, name: str, theirs: dict[str, str], path: Path) -
     allowed = ALLOWED[name]
     array = data[name]
     strange = [str(d) for d in array.dims if d not in allowed]
-    needed = {"direction_cosines": ("view", "axis"), "velocity": ("view",)}.get(name, ())
+    whole = {"direction_cosines": ("view", "axis"), "velocity": ("view",)}
+    needed = (whole | {"position": ("point", "axis")}).get(name, ())
     lost = [d for d in needed if d not in array.dims]
     if strange or lost:
         free = lost + [d for d in allowed if d not in array.dims and d not in lost]
@@ -401,59 +496,26 @@ def _sizes(array: xr.DataArray, theirs: dict[str, str] | None = None) -> str:
     return ", ".join(f"{n} ({s})" for n, s in zip(names, array.shape, strict=True)) or "none"
 
 
-def _arrays(path: Path) -> dict[str, Any]:
-    """Read the file's arrays by name."""
-    try:
-        found = scipy.io.loadmat(path)
-    except NotImplementedError:
-        return _of_version_7_3(path)
-    except Exception:  # whatever the reader stumbles over in a file that is none, or is damaged
-        raise UserError(f"{path}: is not a readable MATLAB file") from None
-    return {k: v for k, v in found.items() if not k.startswith("__")}
-
-
-def _of_version_7_3(path: Path) -> dict[str, Any]:
-    """Read numbers and characters of a file of version 7.3, which is one of HDF5.
-
-    MATLAB writes the last dimension first there, complex numbers as pairs, and text as numbers.
-    Cells are not among what the netCDF library reads.
-    """
-    try:
-        with netCDF4.Dataset(path, auto_complex=True) as file:
-            file.set_auto_mask(False)
-            return {
-                name: _text(variable[:]) if _is_text(variable) else np.asarray(variable[:]).T
-                for name, variable in file.variables.items()
-            }
-    except (OSError, RuntimeError, ValueError):
-        raise UserError(f"{path}: is not a readable MATLAB 7.3 file") from None
-
-
-def _is_text(variable: Any) -> bool:
-    """Tell whether a variable is a matrix of characters."""
-    return getattr(variable, "MATLAB_class", "") == "char" and variable.ndim == 2
-
-
-def _text(codes: NDArray) -> NDArray:
-    """Decode the rows of a matrix of characters, which stand in columns."""
-    return np.array(["".join(map(chr, row)).strip() for row in codes.T])
-
-
 def _ordered(values: dict[str, Any], order: tuple[str, ...], path: Path) -> dict[str, Any]:
-    """Put dimensions in the order (view, point, frequency), or (.., axis)."""
+    """Put dimensions in the order (view, point, frequency), or (.., axis).
+
+    MATLAB leaves dimensions of length one out at the end.
+    """
     values = dict(values)
-    for name in ("velocity", "std", "direction_cosines"):
+    named = order if "axis" in order else (*order, "axis")
+    for name in ("velocity", "std", "direction_cosines", "position"):
+        whole = ALLOWED["velocity" if name == "std" else name]
         if name not in values:
             continue
-        own = [d for d in order if d != "frequency" or name != "direction_cosines"]
+        own = [d for d in named if d in whole]
         array = np.asarray(values[name])
-        axes = [own.index(d) for d in ORDER if d in own]
-        if name == "direction_cosines":
-            axes.append(len(own))
-        if array.ndim != len(axes):
+        array = array.reshape(array.shape + (1,) * (len(own) - array.ndim))
+        if name == "position":
+            own = own if "point" in own else ["point", "axis"]
+        if array.ndim != len(own):
             raise UserError(
                 f"{path}: {name} has {array.ndim} dimensions, but instrument.order says "
-                f"{len(axes)}: {', '.join([*own, 'axis'][: len(axes)])}"
+                f"{len(own)}: {', '.join(own)}"
             )
-        values[name] = array.transpose(axes)
+        values[name] = array.transpose([own.index(d) for d in whole if d in own])
     return values

@@ -15,16 +15,18 @@ import numpy as np
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import require_file
-from sldvexp.io.tables import TextTable, read_table
+from sldvexp.io.tables import AXES, COORDINATES, MISSING, TextTable, read_table
 from sldvexp.io.velocities.arrays import read_matlab, read_netcdf
-from sldvexp.io.velocities.table import ORDER, OWN, FileLayout, LineOfSight
+from sldvexp.io.velocities.table import ORDER, OWN, REMEDY, FileLayout, LineOfSight
 from sldvexp.typing import Array, IndexArray
-from sldvexp.units import VelocityUnit
+from sldvexp.units import LengthUnit, VelocityUnit
 
 REQUIRED = ("view", "dx", "dy", "dz", "real")
-OPTIONAL = ("point", "frequency", "imag", "std")
-#: What others put between columns.
-OTHER_DELIMITERS = {";": "semicolons", "\t": "tabs"}
+OPTIONAL = ("point", "frequency", "imag", "std", *AXES)
+#: Columns of coordinates with their unit.
+WITH_UNIT = tuple(f"{axis}_{unit}" for axis in AXES for unit in LengthUnit.__members__)
+#: Columns whose cells may be empty at points that were not measured.
+VALUES = ("real", "imag", "std")
 #: Least values, and what is said of smaller ones.
 LEAST = {
     "frequency": (0.0, "must be a finite number of zero or more"),
@@ -64,48 +66,90 @@ def read(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSigh
 
 
 def read_csv(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSight:
-    """Read ``view,dx,dy,dz,frequency,real,imag`` with optional ``point`` and ``std``.
+    """Read ``view,dx,dy,dz,frequency,real,imag`` with optional ``point``, ``x,y,z`` and ``std``.
 
     Velocities are real if there is no column ``imag``. Views, points and frequencies keep the
-    file's order.
+    file's order. Coordinates may state their unit, as ``x_mm``.
     """
     table = _table(path, layout)
-    columns = {c: _checked(table, c) for c in table.header}
-    labels, shape, where = _cells(table, {c: columns[c] for c in ORDER if c in columns})
+    columns = {c: _checked(table, c, layout) for c in table.header}
+    labels, shape, where = _cells(table, {c: columns[c] for c in ORDER if c in columns}, layout)
 
     def cube(column: str) -> Array:
-        values = np.empty(len(table.rows))
+        values = np.full(np.prod(shape), np.nan)
         values[where] = columns[column]
         return values.reshape(shape)
 
     velocity = cube("real") + 1j * cube("imag") if "imag" in columns else cube("real")
+    std = cube("std") if "std" in columns else None
+    missing = np.isnan(velocity) if std is None else np.isnan(velocity) | np.isnan(std)
     cosines = np.stack([cube(c) for c in ("dx", "dy", "dz")], axis=-1)
-    moved = np.argwhere((cosines != cosines[:, :, :1]).any(axis=(2, 3)))
+    first = _first(cosines, 2)
+    moved = np.argwhere((abs(cosines - first[:, :, None]) > 0).any(axis=(2, 3)))
     if len(moved):
         raise UserError(
             f"{path}: the direction of view {labels[0][moved[0, 0]]} differs between frequencies; "
             "give directions that belong to one point as points of their own"
         )
+    position = _position(table, cube, labels[1], layout)
+    points = labels[1] if "point" in columns else None
     return LineOfSight(
         source=str(path),
         view=labels[0],
-        point=labels[1] if "point" in columns else None,
+        point=["1"] if points is None and position is not None else points,
         frequency=np.array(labels[2], float) if "frequency" in columns else None,
-        direction_cosines=cosines[:, :, 0],
-        velocity=velocity * unit.value,
-        std=cube("std") * unit.value if "std" in columns else None,
+        direction_cosines=first,
+        velocity=np.where(missing, np.nan, velocity) * unit.value,
+        std=None if std is None else np.where(missing, np.nan, std) * unit.value,
+        missing=missing if missing.any() else None,
+        position=position,
     )
 
 
+def _first(values: Array, axis: int) -> Array:
+    """Take the first entry along an axis whose last-axis numbers are all there."""
+    known = np.isfinite(values).all(axis=-1, keepdims=True).argmax(axis=axis, keepdims=True)
+    return np.asarray(np.take_along_axis(values, known, axis).squeeze(axis))
+
+
+def _position(
+    table: TextTable, cube: Callable[[str], Array], labels: list[Any], layout: FileLayout
+) -> Array | None:
+    """Find the points' coordinates, shape (point, 3), m; None if there are none.
+
+    Raises
+    ------
+    UserError
+        If an axis is missing, units are mixed, or a point stands at two places.
+    """
+    stated = table.unit_of(AXES, LengthUnit.__members__)
+    columns = [f"{axis}_{stated}" if stated else axis for axis in AXES]
+    if not set(columns) & set(table.header):
+        return None
+    table.require(columns, f"needed are {', '.join(AXES)} or {COORDINATES}, or none of them")
+    own = np.moveaxis(np.stack([cube(c) for c in columns], axis=-1), 1, 0)
+    own = own.reshape(len(own), -1, 3)
+    found = _first(own, 1)
+    apart = np.argwhere((abs(own - found[:, None]) > 0).any(axis=(1, 2)))
+    if len(apart):
+        name = labels[apart[0, 0]]
+        which = "the point" if name is None else f"point {name}"
+        raise UserError(
+            f"{table.path}: {which} has more than one position; each point needs one, and points "
+            "of their own need a column point"
+        )
+    return found * (LengthUnit[stated] if stated else layout.length).value
+
+
 def _cells(
-    table: TextTable, keys: dict[str, list[Any]]
+    table: TextTable, keys: dict[str, list[Any]], layout: FileLayout
 ) -> tuple[list[list[Any]], tuple[int, ...], IndexArray]:
     """Find the labels along `ORDER`, how many there are of each, and the cell of every row.
 
     Raises
     ------
     UserError
-        If a combination is there twice, or is missing.
+        If a combination is there twice, or is missing and none may be.
     """
     labels = [list(dict.fromkeys(keys.get(c, [None]))) for c in ORDER]
     shape = tuple(len(axis) for axis in labels)
@@ -125,10 +169,12 @@ def _cells(
     if len(cells) < len(where):
         row = int(np.setdiff1d(np.arange(len(where)), first)[0])
         raise UserError(f"{table.where(row)}: {told(p[row] for p in position)} is given twice")
-    if len(cells) < np.prod(shape):
+    if len(cells) < np.prod(shape) and not layout.gaps:
         gap = np.setdiff1d(np.arange(np.prod(shape)), cells)[0]
         lost = told(int(i) for i in np.unravel_index(gap, shape))
-        raise UserError(f"{table.path}: there is no row for {lost}")
+        more = np.prod(shape) - len(cells) - 1
+        others = f" and {more} others" if more else ""
+        raise UserError(f"{table.path}: there is no row for {lost}{others}; {REMEDY}")
     return labels, shape, where
 
 
@@ -137,16 +183,9 @@ def _table(path: Path, layout: FileLayout) -> TextTable:
     table = read_table(path, inline_comments=True)
     if not table.header:
         raise UserError(f"{path}: is empty; needed are the columns {', '.join(REQUIRED)}")
-    if len(table.header) == 1:  # then commas may be decimal marks
-        for mark, name in OTHER_DELIMITERS.items():
-            if mark in table.header[0]:
-                raise UserError(
-                    f"{table.where(-1)}: {name} are between the columns; write commas there, and "
-                    "decimal points in the numbers"
-                )
     layout.require(table.header, path)
     table = replace(table, header=[layout.mapping.get(c, c) for c in table.header])
-    known = REQUIRED + OPTIONAL
+    known = REQUIRED + OPTIONAL + WITH_UNIT
     for column in table.header:
         if column not in known:
             raise UserError(f"{path}: unknown column {column!r}; {nearest(column, known)}")
@@ -158,8 +197,8 @@ def _table(path: Path, layout: FileLayout) -> TextTable:
     return table
 
 
-def _checked(table: TextTable, column: str) -> list[Any]:
-    """Read a column of names or of numbers.
+def _checked(table: TextTable, column: str, layout: FileLayout) -> list[Any]:
+    """Read a column of names or of numbers; NaN where a value is missing and may be.
 
     Raises
     ------
@@ -172,10 +211,14 @@ def _checked(table: TextTable, column: str) -> list[Any]:
     else:
         least, right = LEAST.get(column, (-np.inf, "must be a finite number"))
         values = table.floats(column)
-        bad = (~(np.isfinite(values) & (values >= least))).tolist()
+        known = np.isfinite(values) & (values >= least)
+        empty = [column in VALUES and cell.lower() in MISSING for cell in cells]
+        values = np.where(empty, np.nan, values)
+        bad = (~known & ~(np.array(empty, bool) & layout.gaps)).tolist()
     if True in bad:
         row = bad.index(True)
-        raise UserError(f"{table.where(row)}: {column} {right}, not {cells[row]!r}")
+        remedy = f"; {REMEDY}" if column in VALUES and cells[row].lower() in MISSING else ""
+        raise UserError(f"{table.where(row)}: {column} {right}, not {cells[row]!r}{remedy}")
     return cells if column in ("view", "point") else values.tolist()
 
 

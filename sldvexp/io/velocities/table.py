@@ -7,7 +7,7 @@ which order they are, is a `FileLayout`.
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +16,15 @@ from numpy.typing import NDArray
 from sldvexp import dataset
 from sldvexp.errors import UserError, nearest
 from sldvexp.lazy import xarray as xr
-from sldvexp.typing import Array, BoolArray, ComplexArray
+from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
+from sldvexp.units import LengthUnit
 
+#: How values that are not there become known to be so.
+REMEDY = (
+    "leave points without a velocity out with instrument.incomplete=drop, or keep them marked with "
+    "instrument.incomplete=mark"
+)
+FINITE = f"must be finite; {REMEDY}"
 #: Unit vectors may be printed with three digits.
 LARGEST_LENGTH_ERROR = 5e-3
 
@@ -40,12 +47,17 @@ class LineOfSight:
         Real or complex.
     std : ndarray or None, shape of `velocity`, m/s
         Standard error of a velocity, per real and imaginary part.
+    missing : ndarray of bool or None, shape of `velocity`
+        Where there is no velocity, which is NaN; None if all are there.
+    position : ndarray or None, shape (point, 3), m
+    triangle, line : ndarray of int or None, shapes (triangle, 3) and (line, 2)
+        Places of points that a surface or a line joins.
 
     Raises
     ------
     UserError
         If a number is not finite, a direction is not a unit vector, a standard error is not
-        positive, or a frequency is negative or repeated.
+        positive, a frequency is negative or repeated, or positions do not fit the points.
 
     Examples
     --------
@@ -61,6 +73,10 @@ class LineOfSight:
     direction_cosines: Array
     velocity: Array | ComplexArray
     std: Array | None = None
+    missing: BoolArray | None = None
+    position: Array | None = None
+    triangle: IntArray | None = None
+    line: IntArray | None = None
 
     def __repr__(self) -> str:
         names = ("views", "points", "frequencies")
@@ -69,13 +85,17 @@ class LineOfSight:
 
     def __post_init__(self) -> None:
         cosines, velocity, std = self.direction_cosines, self.velocity, self.std
-        self._check("direction cosine", cosines, np.isfinite(cosines), "must be finite")
-        self._check("velocity", velocity, np.isfinite(velocity), "must be finite")
+        gap = np.zeros(velocity.shape, bool) if self.missing is None else self.missing
+        no_line = np.asarray(gap.all(axis=2) & np.isnan(cosines).all(axis=2))
+        known = np.isfinite(cosines) | no_line[..., None]
+        self._check("direction cosine", cosines, known, "must be finite")
+        self._check("velocity", velocity, np.isfinite(velocity) | gap, FINITE)
         if std is not None:
-            self._check("standard error", std, np.isfinite(std) & (std > 0), "must be positive")
+            good = (np.isfinite(std) & (std > 0)) | gap
+            self._check("standard error", std, good, "must be positive")
         with np.errstate(over="ignore"):
             length = np.linalg.norm(cosines, axis=-1)
-        unit = abs(length - 1) <= LARGEST_LENGTH_ERROR
+        unit = (abs(length - 1) <= LARGEST_LENGTH_ERROR) | no_line
         right = "must be 1: directions are unit vectors from the surface to the instrument"
         self._check("length of the direction", length, unit, right)
         for name, labels in (("view", self.view), ("point", self.point or [])):
@@ -83,6 +103,65 @@ class LineOfSight:
                 raise UserError(f"{self.source}: a {name} is named twice in {', '.join(labels)}")
         if self.frequency is not None:
             self._check_frequencies(self.frequency)
+        self._check_places()
+
+    def _check_places(self) -> None:
+        """Complain unless every point has a place, and what is joined are points."""
+        points = self.velocity.shape[1]
+        place = self.position
+        if place is not None and (place.shape != (points, 3) or not np.isfinite(place).all()):
+            raise UserError(
+                f"{self.source}: the positions have the shape {place.shape}; they must be finite "
+                f"and of the shape {(points, 3)}, x, y and z of every point"
+            )
+        for name, joined, corners in (("triangle", self.triangle, 3), ("line", self.line, 2)):
+            if joined is None:
+                continue
+            fits = joined.ndim == 2 and joined.shape[1] == corners
+            if not fits or (joined < 0).any() or (joined >= points).any():
+                raise UserError(
+                    f"{self.source}: each {name} must have {corners} of the {points} points"
+                )
+
+    def complete(self) -> LineOfSight:
+        """Leave out points that lack a velocity; of a single point, frequencies.
+
+        Raises
+        ------
+        UserError
+            If nothing is left.
+        """
+        if self.missing is None:
+            return self
+        kept = np.asarray(~self.missing.any(axis=0))
+        points, lines = np.ones(kept.shape[0], bool), np.ones(kept.shape[1], bool)
+        if self.point is not None:
+            points = np.asarray(kept.all(axis=1))
+        else:
+            lines = kept[0]
+        if not points.any() or not lines.any():
+            raise UserError(f"{self.source}: in all of it some view has no velocity")
+
+        def part(array: NDArray | None) -> NDArray | None:
+            return None if array is None else array[:, points][..., lines]
+
+        place = np.cumsum(points) - 1
+
+        def joined(corners: IntArray | None) -> IntArray | None:
+            return None if corners is None else place[corners[points[corners].all(axis=1)]]
+
+        return replace(
+            self,
+            point=self.point and [p for p, keep in zip(self.point, points, strict=True) if keep],
+            frequency=None if self.frequency is None else self.frequency[lines],
+            direction_cosines=self.direction_cosines[:, points],
+            velocity=self.velocity[:, points][..., lines],
+            std=part(self.std),
+            missing=None,
+            position=None if self.position is None else self.position[points],
+            triangle=joined(self.triangle),
+            line=joined(self.line),
+        )
 
     def _check(self, what: str, values: NDArray, good: BoolArray, right: str) -> None:
         """Complain about the first bad entry of an array that starts with (view, point)."""
@@ -108,19 +187,25 @@ class LineOfSight:
     def to_dataset(self) -> xr.Dataset:
         """Make the run's group ``line_of_sight``, without unnamed single points and frequencies."""
         coords: dict[str, list[str] | Array] = {"view": self.view}
-        sight, velocity, std = self.direction_cosines, self.velocity, self.std
+        sight = self.direction_cosines
+        there: dict[str, NDArray] = {"velocity": self.velocity}
+        if self.std is not None:
+            there["velocity_std"] = self.std
+        if self.missing is not None:
+            there["flags"] = self.missing.astype(np.int8)
         if self.point is None:
-            sight, velocity = sight[:, 0], velocity[:, 0]
-            std = None if std is None else std[:, 0]
+            sight = sight[:, 0]
+            there = {name: array[:, 0] for name, array in there.items()}
         else:
             coords["point"] = self.point
         if self.frequency is None:
-            velocity, std = velocity[..., 0], None if std is None else std[..., 0]
+            there = {name: array[..., 0] for name, array in there.items()}
         else:
             coords["frequency"] = self.frequency
-        made = dataset.group(
-            "line_of_sight", coords, direction_cosines=sight, velocity=velocity, velocity_std=std
-        )
+        if self.point is not None:
+            places = {"position": self.position, "triangle": self.triangle, "line": self.line}
+            there |= {name: array for name, array in places.items() if array is not None}
+        made = dataset.group("line_of_sight", coords, direction_cosines=sight, **there)
         made.attrs["source"] = Path(self.source).name
         return made
 
@@ -140,8 +225,15 @@ KNOWN = (
     "dx",
     "dy",
     "dz",
+    "position",
+    "x",
+    "y",
+    "z",
+    "triangle",
+    "line",
 )
 ORDER = ("view", "point", "frequency")
+DIMENSIONS = (*ORDER, "axis")
 
 
 @dataclass(frozen=True)
@@ -156,11 +248,17 @@ class FileLayout:
         Dimensions of the velocities where they have no names; all of `ORDER` that there are.
     group : str
         Of a netCDF file; empty for its root.
+    length : LengthUnit
+        Of positions, where the file does not say it.
+    gaps : bool
+        Whether velocities may be missing.
     """
 
     mapping: Mapping[str, str] = field(default_factory=dict)
     order: tuple[str, ...] = ()
     group: str = ""
+    length: LengthUnit = LengthUnit.m
+    gaps: bool = False
 
     def require(self, names: Iterable[Hashable], path: Path) -> None:
         """Complain about names that the file does not have."""

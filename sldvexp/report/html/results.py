@@ -172,7 +172,10 @@ def _shape(run: RunData) -> list[Any]:
         note = "The layer next to the given surface is drawn."
     elif "surface" in drawable(run):
         data = shape_of_points(run.groups["point"], run.groups["line_of_sight"])
+        joined = {"triangle", "line"} & set(run.groups["line_of_sight"].data_vars)
         note = "Points are joined as their file says."
+        if not joined:
+            note = "Points are joined to triangles in their plane, as their file joins none."
     else:
         return []
     if data is None:

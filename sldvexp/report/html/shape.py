@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.dataset import VARIABLES
+from sldvexp.geometry import joined_points
 from sldvexp.lazy import xarray as xr
-from sldvexp.plot.shape import joined_points, normals
+from sldvexp.plot.shape import normals
 
 FIELD = VARIABLES["field"]
 #: Frequencies are left out beyond so many bytes, the strongest are kept.

@@ -114,10 +114,14 @@ BAD = [
     ("view,dx,dy,dz,real,phase\n", "unknown column 'phase'"),
     (HEAD, "the table has no rows"),
     (
-        "# c\n" + HEAD.replace(",", ";") + "1;0;0;1;450;0,5;0\n",
-        "line 2: semicolons are between the columns; write commas there, and decimal points in",
+        "# c\n" + HEAD.replace(",", ";") + "1;0;0;1;450;0,5;0\n2;0;0;1;450;0.5;0\n",
+        "line 4: has a decimal point, but line 3 a decimal comma; one of them is needed throughout",
     ),
-    (HEAD.replace(",", "\t") + "1\t0\t0\t1\t450\t1\t0\n", "line 1: tabs are between the"),
+    (
+        HEAD.replace(",", ";") + "1;0;0;1;450;1,500;0\n2;0;0;1;450;2,250;0\n",
+        "1,500 may be 1.500 or 1500; write decimal points, and nothing between thousands",
+    ),
+    (HEAD + "1,0,0,1,450,1_0,0\n", "line 2: real must be a finite number, not '1_0'"),
     (HEAD + "1,0,0,1,450,x,0\n", "line 2: real must be a finite number, not 'x'"),
     ("# c\n\n" + HEAD + "1,0,0,1,450,1,0\n1,0,0,1,500,inf,0\n", "line 5: real must be a finite"),
     (HEAD + "1,0,0,1,450,1,0\n1,0,0,1,450,1,0\n", "line 3: view 1, frequency 450 is given twice"),
