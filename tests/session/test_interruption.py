@@ -10,13 +10,9 @@ import pytest
 
 from sldvexp.errors import UserError
 from sldvexp.instrument.recording import JOURNAL
-from sldvexp.session.interruption import (
-    how_to_go_on,
-    stopping_once,
-    telling_of_the_scan,
-    undisturbed,
-)
+from sldvexp.session.interruption import how_to_go_on, telling_of_the_scan
 from sldvexp.session.journal import CONFIGURATION
+from sldvexp.stopping import stopping_once, undisturbed
 
 
 @pytest.fixture(autouse=True)
