@@ -79,10 +79,11 @@ def unusable(name: str) -> str:
     Examples
     --------
     >>> unusable("front"), unusable("-30 deg")
-    ('', 'must begin with a letter, a digit or _')
+    ('', 'must begin with a letter, a digit or _, as 30 deg does')
     """
-    if not re.match(r"[^\W]|[^\x00-\x7f]", name):
-        return "must begin with a letter, a digit or _"
+    if not re.match(r"\w|[^\x00-\x7f]", name):
+        rest = re.sub(r"^[\W]+", "", name)
+        return "must begin with a letter, a digit or _" + (f", as {rest} does" if rest else "")
     if set(name) & {"/", "\\"} or not name.isprintable():
         return "must be one that a folder can have, without / and \\ and what cannot be printed"
     if name != name.rstrip():
