@@ -232,12 +232,41 @@ def settle(folder: Path) -> None:
         (folder / name).unlink(missing_ok=True)
     entries = [entry for entry in ready.iterdir() if entry != told]
     for entry in sorted(entries, key=lambda e: (e.suffix == ".nc", e.name)):
-        place = folder / entry.name  # where the dataset is, all the others are
-        if entry.is_dir() and place.is_dir():
-            shutil.rmtree(place)
-        os.replace(entry, place)
+        _replace(entry, folder / entry.name)  # where the dataset is, all the others are
     sync(folder)
     shutil.rmtree(ready)
+
+
+@contextmanager
+def replacing(folder: Path) -> Iterator[Path]:
+    """Give an empty folder; what is made there replaces what `folder` has when all went well.
+
+    Raises
+    ------
+    UserError
+        If the folder cannot be written.
+    """
+    try:
+        own = own_folder(folder, "made")
+    except OSError as error:
+        raise UserError(f"{folder}: cannot be written: {error.strerror or error}") from None
+    try:
+        yield own
+        sync_all(own)
+        for entry in sorted(own.iterdir()):
+            _replace(entry, folder / entry.name)
+        sync(folder)
+    except OSError as error:
+        raise UserError(f"{folder}: cannot be written: {error.strerror or error}") from None
+    finally:
+        shutil.rmtree(own, ignore_errors=True)
+
+
+def _replace(entry: Path, place: Path) -> None:
+    """Put a file or a folder into its place."""
+    if entry.is_dir() and place.is_dir():
+        shutil.rmtree(place)
+    os.replace(entry, place)
 
 
 def sweep_up(folder: Path, below: Path) -> None:
