@@ -18,6 +18,9 @@ from typing import Any
 
 from sldvexp import files
 
+#: Of a record: what was there before ends here.
+BEGUN = {"begun": True}
+
 
 class Names(Enum):
     """Names that the disk has of files and folders.
@@ -55,6 +58,7 @@ class Disk:
         record.mkdir(parents=True)
         for path in (self.folder, *self.folder.rglob("*")):
             self._note(path)
+        self._write(BEGUN)
 
     def sync(self, path: Path) -> None:
         """Note what `path` has, in the place of `sldvexp.files.sync`."""
@@ -102,9 +106,10 @@ def recorded(
     command()
 
 
-def count_syncs(record: Path, before: int) -> int:
-    """Count how often a process synced, apart from the `before` notes of what was there."""
-    return len((record / "synced").read_text().splitlines()) - before
+def count_syncs(record: Path) -> int:
+    """Count how often a process synced."""
+    lines = (record / "synced").read_text().splitlines()
+    return len(lines) - 1 - lines.index(json.dumps(BEGUN))
 
 
 def cut_power(folder: Path, record: Path, names: Names) -> None:
@@ -144,6 +149,6 @@ def _read(record: Path) -> tuple[dict[int, int], dict[int, dict[str, tuple[int, 
         line = json.loads(text)
         if "file" in line:
             sizes[line["file"]] = line["size"]
-        else:
+        elif "folder" in line:
             listed[line["folder"]] = {n: (i, d) for n, (i, d) in line["names"].items()}
     return sizes, listed

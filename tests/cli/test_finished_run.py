@@ -10,10 +10,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from sldvexp.dataset import open_run
 from sldvexp.files import NEW, OUTDATED, READY, making, settle, take_over, whole_or_nothing
 from sldvexp.sweep.lock import locked
+from sldvexp.testing import power
 
 POINT = ("experiment=point", "export={mine: {plugin: csv}, other: {plugin: mat}}")
 #: Of those, without what the finished run has.
@@ -274,3 +277,70 @@ def test_leftovers_of_killed_runs_are_swept_up_by_the_next(sldvexp, finished):
     assert not any(path.exists() for path in (*left, blocks, finished / NEW))
     assert used.exists()
     assert mine.exists()  # no name of the program's
+
+
+RECORDED = (
+    "import sys; from pathlib import Path; from sldvexp.cli import main; "
+    "from sldvexp.testing import power; folder, record, cut, *words = sys.argv[1:]; "
+    "power.recorded(main.main, words, Path(folder), Path(record), int(cut))"
+)
+#: Power cuts, and how many of them are not left to the long tests.
+CUTS, QUICK = 10, 1
+#: No command syncs so often.
+NEVER = 10**6
+
+
+def record_syncs(folder, record, cut):
+    """Let a better run replace a finished one; None if its power was cut."""
+    words = [*OTHER, POINT[1], f"hydra.run.dir={folder}"]
+    code = [sys.executable, "-c", RECORDED, folder, record, cut, *words]
+    done = subprocess.run([*map(str, code)], capture_output=True, text=True)
+    assert done.returncode in (0, -signal.SIGKILL), done.stderr
+    return power.count_syncs(record) if done.returncode == 0 else None
+
+
+@pytest.fixture(scope="module")
+def better(made, tmp_path_factory):
+    """What replaces the finished run if nobody cuts the power, and how often it syncs."""
+    folder = tmp_path_factory.mktemp("better")
+    shutil.copytree(made, folder / "same")
+    syncs = record_syncs(folder / "same", folder / "record", NEVER)
+    return variables(folder / "same"), syncs
+
+
+def variables(folder):
+    tree = open_run(folder)
+    return {
+        f"{node.path}/{name}": values.to_numpy().tobytes()
+        for node in tree.subtree
+        for name, values in node.data_vars.items()
+    }
+
+
+part = np.random.default_rng(31).uniform(size=CUTS)
+
+
+@pytest.mark.parametrize(
+    ("part", "names"),
+    [
+        pytest.param(p, names, marks=[pytest.mark.long] * (k >= QUICK), id=f"{k + 1}-{names.name}")
+        for k, p in enumerate(part)
+        for names in power.Names
+    ],
+)
+def test_a_power_cut_leaves_the_old_run_or_the_new_one(made, finished, better, part, names):
+    new, syncs = better
+    old = contents(finished)
+    record = finished.with_name("record")
+    assert record_syncs(finished, record, int(part * syncs)) is None
+    power.cut_power(finished, record, names)
+    settle(finished)
+    now = contents(finished)
+    assert now["note.txt"][0] == old["note.txt"][0]
+    if now["run.nc"][0] == old["run.nc"][0]:
+        assert {name: now[name][0] for name in old} == {name: old[name][0] for name in old}
+    else:
+        assert variables(finished) == new
+    again = [sys.executable, "-m", "sldvexp.cli.main", *OTHER, POINT[1]]
+    subprocess.run([*again, f"hydra.run.dir={finished}"], check=True, capture_output=True)
+    assert variables(finished) == new

@@ -225,7 +225,7 @@ def synced(instrument, whole, tmp_path_factory):
     child = started(*session(folder), folder=folder, record=record)
     child.join()
     assert child.exitcode == 0
-    return power.count_syncs(record, before=1)
+    return power.count_syncs(record)
 
 
 @pytest.mark.parametrize(
