@@ -244,13 +244,14 @@ class Command:
             if config.messages.sentence(error, config.Origins(self.arguments)) is None:
                 self.defect = error
             raise
-        self.folder = folder = Path(cfg.hydra.run.dir).absolute()
+        folder = Path(cfg.hydra.run.dir)
+        self.folder = folder.absolute()
         _refuse_finished(folder, self.experiment)
         self.held.enter_context(sweep.lock.alone(folder))
         _refuse_finished(folder, self.experiment)  # by whoever had the lock until now
         if (folder / RUN_FILE).is_file():
             with read_write(cfg.hydra):
-                cfg.hydra.run.dir = str(folder / NEW)
+                cfg.hydra.run.dir = str(self.folder / NEW)
 
     def _job(self, cfg: DictConfig) -> None:
         """Do one job; its mistakes are told here, so that a sweep goes on with the next."""
