@@ -133,7 +133,8 @@ def whole_or_nothing(path: Path, lasting: bool = True) -> Iterator[Path]:
     Parameters
     ----------
     lasting : bool
-        Whether it must survive a power cut; what can be made again at once need not.
+        Whether it must survive a power cut; what can be made again at once need not. Results in
+        `NEW` are synced together, when they take their places.
 
     Raises
     ------
@@ -141,6 +142,7 @@ def whole_or_nothing(path: Path, lasting: bool = True) -> Iterator[Path]:
         If the folder is missing or not writable, or the disk is full.
     """
     beside = path.with_name(f".{path.stem}.{_here()}{path.suffix}")
+    lasting = lasting and NEW not in path.parts
     try:
         beside.touch()
         yield beside
@@ -213,7 +215,8 @@ def take_over(folder: Path, outdated: Collection[str] = ()) -> None:
             told = "is a folder" if place.is_dir() else "is no folder"
             raise UserError(f"{place}: cannot be written: it {told}")
     try:
-        (new / OUTDATED).write_text("\n".join(outdated))
+        if outdated:
+            (new / OUTDATED).write_text("\n".join(outdated))
         sync_all(new)
         os.rename(new, folder / READY)
         sync(folder)

@@ -94,7 +94,8 @@ def arguments_of(arguments: Sequence[str]) -> list[str]:
     if (folder / READY).is_dir():  # a run that was killed when it was done
         with sweep.lock.alone(folder):
             pass
-    replacing = (folder / NEW / ".hydra").is_dir()
+    finished = (folder / RUN_FILE).is_file()
+    replacing = finished and (folder / NEW / ".hydra").is_dir()
     recorded = (folder / NEW if replacing else folder) / ".hydra"
     kept, hydra = (recorded / name for name in ("overrides.yaml", "hydra.yaml"))
     if not kept.is_file() or not hydra.is_file():
@@ -102,7 +103,7 @@ def arguments_of(arguments: Sequence[str]) -> list[str]:
             f"command line: resume={folder} is not the folder of a run; it would have a folder "
             ".hydra with the configuration, and the scan lines in journal"
         )
-    if (folder / RUN_FILE).is_file() and not replacing:
+    if finished and not replacing:
         raise UserError(
             f"command line: resume={folder}: this run is finished; sldvexp rerun {folder} repeats "
             "it into a new folder"

@@ -25,13 +25,12 @@ from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
-from sldvexp import cli, config, pipeline, sweep
+from sldvexp import cli, config, files, pipeline, sweep
 from sldvexp.cli import commands
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE, conf_dir
 from sldvexp.errors import UserError
-from sldvexp.files import NEW, sync_all
 from sldvexp.stopping import end_with, exit_status, heed, this_process
 
 log = logging.getLogger(__name__)
@@ -97,6 +96,13 @@ def _refuse_finished(folder: Path, experiment: Experiment) -> None:
             f"{folder}: has a finished run; overwrite=true puts this one in its place once it is "
             "done"
         )
+
+
+def _keep_settings(folder: Path) -> None:
+    """Sync what Hydra wrote of a run's settings, with which it goes on after a power cut."""
+    if (folder / ".hydra").is_dir():
+        files.sync_all(folder / ".hydra")
+    files.sync(folder)
 
 
 class Command:
@@ -251,7 +257,7 @@ class Command:
         _refuse_finished(folder, self.experiment)  # by whoever had the lock until now
         if (folder / RUN_FILE).is_file():
             with read_write(cfg.hydra):
-                cfg.hydra.run.dir = str(self.folder / NEW)
+                cfg.hydra.run.dir = str(self.folder / files.NEW)
 
     def _job(self, cfg: DictConfig) -> None:
         """Do one job; its mistakes are told here, so that a sweep goes on with the next."""
@@ -270,7 +276,7 @@ class Command:
                 computed = sweep.job.perform(cfg, job.runtime.output_dir, lines["task"], told)
             else:
                 assert self.folder is not None
-                sync_all(Path(job.runtime.output_dir))  # with it a run goes on after a power cut
+                _keep_settings(Path(job.runtime.output_dir))
                 with self.held:
                     passed = pipeline.runner.run(
                         cfg,
