@@ -20,12 +20,13 @@ import pytest
 import xarray as xr
 from hydra.core.config_search_path import ConfigSearchPath
 
-from sldvexp import dataset
+from sldvexp import dataset, files
 from sldvexp.cli import commands, main
 from sldvexp.config.cached_loader import Memory, RememberingLoader
 from sldvexp.config.paths import conf_dir
 from sldvexp.instrument import connection
 from sldvexp.report.html.page import Html
+from sldvexp.stopping import handlers_kept
 from sldvexp.testing import faults
 
 #: Heavy libraries by a module of theirs, since one that is imported lazily stands in sys.modules
@@ -100,6 +101,14 @@ def _remembered() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _unsynced() -> Iterator[None]:
+    """No power is cut in these processes; tests that cut it use others."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(files, "sync", lambda _: None)
+        yield
+
+
 @pytest.fixture
 def pages(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let runs leave their pages."""
@@ -123,7 +132,7 @@ def sldvexp(
         where = [] if given else [f"hydra.run.dir={folder}"]
         monkeypatch.setattr(sys, "argv", ["sldvexp", *arguments, *where])
         capsys.readouterr()
-        with pytest.raises(SystemExit) as stop:
+        with pytest.raises(SystemExit) as stop, handlers_kept():
             main.main()
         said = capsys.readouterr()
         return Done(int(stop.value.code or 0), said.out, said.err, folder)

@@ -16,10 +16,10 @@ from typing import Any
 import yaml
 from hydra.core.override_parser.types import Quote, QuotedString
 
-from sldvexp import cli, config
+from sldvexp import cli, config, sweep
 from sldvexp.config.paths import RUN_FILE, displayed
 from sldvexp.errors import UserError, nearest
-from sldvexp.files import read_text
+from sldvexp.files import NEW, READY, read_text
 
 #: Each is a module of this room; its `run` gets the words after it and the user's folder.
 COMMANDS = ("check", "compare", "export", "handbook", "list", "plot", "report", "rerun", "show")
@@ -91,13 +91,19 @@ def arguments_of(arguments: Sequence[str]) -> list[str]:
         than settings of a run.
     """
     folder = Path(next(a for a in arguments if a.startswith(KEY)).removeprefix(KEY)).resolve()
-    kept, hydra = (folder / ".hydra" / name for name in ("overrides.yaml", "hydra.yaml"))
+    if (folder / READY).is_dir():  # a run that was killed when it was done
+        with sweep.lock.alone(folder):
+            pass
+    finished = (folder / RUN_FILE).is_file()
+    replacing = finished and (folder / NEW / ".hydra").is_dir()
+    recorded = (folder / NEW if replacing else folder) / ".hydra"
+    kept, hydra = (recorded / name for name in ("overrides.yaml", "hydra.yaml"))
     if not kept.is_file() or not hydra.is_file():
         raise UserError(
             f"command line: resume={folder} is not the folder of a run; it would have a folder "
             ".hydra with the configuration, and the scan lines in journal"
         )
-    if (folder / RUN_FILE).is_file():
+    if finished and not replacing:
         raise UserError(
             f"command line: resume={folder}: this run is finished; sldvexp rerun {folder} repeats "
             "it into a new folder"

@@ -15,10 +15,11 @@ from sldvexp.config.refusals import refusal
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.export import Export
+from sldvexp.files import replacing
 
 
 def run(words: list[str], config_dir: str | None) -> int:
-    """Write a run's results beside it, in every format named.
+    """Write a run's results beside it, in every format named, or in none if one is refused.
 
     Raises
     ------
@@ -47,8 +48,10 @@ def run(words: list[str], config_dir: str | None) -> int:
             if name in asked or name.startswith(tuple(g for g in asked if g.endswith("/")))
         }
         found = RunData(groups, dict(tree.attrs), path.parent)
-    for export in exports:
-        print(export.export(found, path.parent, export.called))
+    with replacing(path.parent) as made:
+        files = [export.export(found, made, export.called) for export in exports]
+    for file in files:
+        print(path.parent / file.relative_to(made))
     return 0
 
 

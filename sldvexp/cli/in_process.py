@@ -17,6 +17,7 @@ from sldvexp.cli.main import Command, hydra_raises
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
+from sldvexp.stopping import handlers_kept
 
 __version__ = version("sldvexp")
 
@@ -61,7 +62,7 @@ def run(*settings: str, config_dir: str | Path | None = None, quiet: bool = Fals
             )
     added = ["--config-dir", str(config_dir)] if config_dir is not None else []
     call = _Call([*settings, *added], quiet)
-    with hydra_raises(), _as_a_command(call.arguments):
+    with hydra_raises(), _as_a_command(call.arguments), handlers_kept():
         call.run()
     if call.told:
         raise UserError("\n".join(call.told))
@@ -78,11 +79,6 @@ class _Call(Command):
     def __init__(self, arguments: list[str], quiet: bool):
         super().__init__(arguments, full_error=False, quiet=quiet)
         self.told: list[str] = []
-        self.folder: Path | None = None
-
-    def _before_run(self, cfg: DictConfig) -> None:
-        super()._before_run(cfg)
-        self.folder = Path(cfg.hydra.run.dir).resolve()
 
     def _job(self, cfg: DictConfig) -> None:
         if self.folder is None:

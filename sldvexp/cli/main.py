@@ -7,6 +7,7 @@ needs are imported as a whole, and load a module when a name of it is first used
 from __future__ import annotations
 
 import gc
+import logging
 import os
 import sys
 import warnings
@@ -22,16 +23,19 @@ from hydra._internal.utils import get_args_parser
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
-from sldvexp import cli, config, pipeline, sweep
+from sldvexp import cli, config, files, pipeline, sweep
 from sldvexp.cli import commands
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE, conf_dir
 from sldvexp.errors import UserError
+from sldvexp.stopping import end_with, exit_status, heed, this_process
 
-DONE, FAILED, MISSED, INTERRUPTED = 0, 1, 2, 130
+log = logging.getLogger(__name__)
+
+DONE, FAILED, MISSED = 0, 1, 2
 
 FULL_ERROR = "HYDRA_FULL_ERROR"
 
@@ -47,17 +51,19 @@ def main() -> None:
     """Compose the configuration, run it, and turn a user's mistake into one sentence.
 
     Exit status: 0 done, 1 not done (one sentence on standard error), 2 done but an expectation
-    was missed, 130 interrupted. With HYDRA_FULL_ERROR=1 in the environment a mistake shows where
+    was missed, 130 interrupted, 143 and 129 ended by SIGTERM and SIGHUP, which stop a run as Ctrl-C
+    does. With HYDRA_FULL_ERROR=1 in the environment a mistake shows where
     in the program it was found.
     """
     warnings.formatwarning = _warning
     gc.disable()  # composing makes many objects and no garbage; a job turns it on again
+    heed()
     try:
         with hydra_raises() as full_error:
             status = Command(sys.argv[1:], full_error).run()
     except KeyboardInterrupt as stop:
         print(f"sldvexp: {str(stop) or 'interrupted'}", file=sys.stderr)
-        status = INTERRUPTED
+        status = exit_status(stop)
     finally:
         gc.enable()
     sys.exit(status)
@@ -92,6 +98,13 @@ def _refuse_finished(folder: Path, experiment: Experiment) -> None:
         )
 
 
+def _keep_settings(folder: Path) -> None:
+    """Sync what Hydra wrote of a run's settings, with which it goes on after a power cut."""
+    if (folder / ".hydra").is_dir():
+        files.sync_all(folder / ".hydra")
+    files.sync(folder)
+
+
 class Command:
     """One call of the command: one job, or the many of a sweep.
 
@@ -114,13 +127,15 @@ class Command:
         self.sweep: sweep.Sweep | None = None
         self.recorded = False  # whether a run's folder says what is run
         self.experiment: Experiment | None = None  # of a single run, checked before it begins
-        self.held = ExitStack()  # the lock of a single run's folder
+        self.folder: Path | None = None  # of a single run
+        self.held = ExitStack()  # its lock
 
     def __getstate__(self) -> dict[str, Any]:
         """Take along to other processes all but the sweep, which stays in this one."""
-        return {**vars(self), "sweep": None, "held": ExitStack()}
+        return {**vars(self), "sweep": None, "held": ExitStack(), "owner": this_process()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
+        end_with(state.pop("owner"))
         vars(self).update(state)
         config.hydra_plugin.install()
         sweep.plan.register_resolver()
@@ -218,6 +233,8 @@ class Command:
     def _before_run(self, cfg: DictConfig) -> None:
         """Refuse what cannot be run while everything in its folder is still as it was.
 
+        What a finished run left stays until the new one is whole; Hydra's files are part of it.
+
         Raises
         ------
         UserError
@@ -234,9 +251,13 @@ class Command:
                 self.defect = error
             raise
         folder = Path(cfg.hydra.run.dir)
+        self.folder = folder.absolute()
         _refuse_finished(folder, self.experiment)
         self.held.enter_context(sweep.lock.alone(folder))
         _refuse_finished(folder, self.experiment)  # by whoever had the lock until now
+        if (folder / RUN_FILE).is_file():
+            with read_write(cfg.hydra):
+                cfg.hydra.run.dir = str(self.folder / files.NEW)
 
     def _job(self, cfg: DictConfig) -> None:
         """Do one job; its mistakes are told here, so that a sweep goes on with the next."""
@@ -254,16 +275,22 @@ class Command:
             if job.mode is RunMode.MULTIRUN:
                 computed = sweep.job.perform(cfg, job.runtime.output_dir, lines["task"], told)
             else:
+                assert self.folder is not None
+                _keep_settings(Path(job.runtime.output_dir))
                 with self.held:
                     passed = pipeline.runner.run(
                         cfg,
-                        folder=job.runtime.output_dir,
+                        folder=str(self.folder),
                         quiet=self.quiet,
                         experiment=self.experiment,
                     )
                 self.status = self.status or (DONE if passed else MISSED)
+        except KeyboardInterrupt as stop:
+            log.info(str(stop) or "interrupted")
+            raise
         except Exception as error:
             sentence = told(error)
+            log.info(sentence or f"stopped by {type(error).__name__}: {error}")
             if sentence is None or self.full_error:
                 self.defect = self.defect or error  # of a sweep's, Hydra raises the first
                 raise

@@ -8,6 +8,7 @@ from __future__ import annotations
 import gc
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from enum import StrEnum
@@ -20,9 +21,8 @@ from omegaconf import OmegaConf
 
 from sldvexp import dataset
 from sldvexp.config import registry
-from sldvexp.config.paths import CONF_SCHEME, RUN_FILE, locate
+from sldvexp.config.paths import CONF_SCHEME, JOURNAL, RUN_FILE, locate
 from sldvexp.errors import UserError
-from sldvexp.instrument.recording import JOURNAL
 from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline import provenance, runner
 from sldvexp.sweep import recorded_config
@@ -53,7 +53,12 @@ def run(words: list[str], config_dir: str | None) -> int:
     folder = Path(f"outputs/{datetime.now():%Y-%m-%d/%H-%M-%S.%f}").resolve()
     os.chdir(_started_in(found))
     folder.mkdir(parents=True)
-    runner.run(config, str(folder), quiet=True)
+    try:
+        runner.run(config, str(folder), quiet=True)
+    except BaseException:
+        with suppress(OSError):
+            folder.rmdir()  # a folder in which nothing is says nothing
+        raise
     return _report(found, before, folder / RUN_FILE)
 
 

@@ -14,6 +14,9 @@ CONF_SCHEME = "conf://"
 #: The dataset that a run leaves in its folder, once it is done.
 RUN_FILE = "run.nc"
 
+#: Folder of a run in which finished scan lines are kept, one folder a view.
+JOURNAL = "journal"
+
 #: The pages of the handbook, one file a topic.
 HANDBOOK = Path(__file__).resolve().parents[1] / "handbook"
 

@@ -17,6 +17,7 @@ from sldvexp.config import registry
 from sldvexp.config.experiment import ENTRIES_OF, NAMED_GROUPS, SINGLE_GROUPS, Experiment
 from sldvexp.config.refusals import NO_CODE, names_code, refusal
 from sldvexp.errors import Checks, ConfigError, Problem, UserError, nearest
+from sldvexp.files import unusable
 
 
 def build(config: DictConfig) -> Experiment:
@@ -45,7 +46,7 @@ def build(config: DictConfig) -> Experiment:
     if lost:
         raise ConfigError(Problem(key, "cannot be deleted") for key in sorted(lost))
     config = _with_schemas(config)
-    problems = list(_refused_keys(config, ""))
+    problems = [*_refused_keys(config, ""), *_refused_names(config)]
     if problems:
         raise ConfigError(problems)
     values: dict[str, Any] = {}
@@ -192,6 +193,14 @@ def _refused_keys(node: Any, path: str) -> Iterator[Problem]:
             yield Problem(full, "must be given")
         else:
             yield from _refused_keys(value, full)
+
+
+def _refused_names(config: DictConfig) -> Iterator[Problem]:
+    """Find entries whose names are of groups of the dataset, and that no group can have."""
+    for key in NAMED_GROUPS:
+        for name in config[key] if key != "export" else ():  # whose names are of files
+            if wrong := unusable(str(name)):
+                yield Problem(f"{key}.{name}", f"its name {wrong}")
 
 
 @dataclass

@@ -103,15 +103,15 @@ def one_view(format_name: str, chosen: str, views: Collection[str]) -> str:
     return next(iter(views))
 
 
-def export_all(exports: Mapping[str, Export], run: RunData, run_file: Path) -> list[Path]:
-    """Write every export of a run beside its file.
+def export_all(exports: Mapping[str, Export], run: RunData, folder: Path) -> list[Path]:
+    """Write every export of a run.
 
     Parameters
     ----------
     exports : mapping of str to Export
         By the names of their files.
-    run_file : Path
-        The run's own file, which is there already.
+    folder : Path
+        Where to; it is there already.
 
     Raises
     ------
@@ -126,14 +126,14 @@ def export_all(exports: Mapping[str, Export], run: RunData, run_file: Path) -> l
     ...
     ...     def write(self, run, path):
     ...         path.write_text(", ".join(run.groups))
-    >>> file = Path(tempfile.mkdtemp(), "run.nc")
-    >>> [path.read_text() for path in export_all({"note": Note()}, RunData({"field": None}), file)]
+    >>> folder, run = Path(tempfile.mkdtemp()), RunData({"field": None})
+    >>> [path.read_text() for path in export_all({"note": Note()}, run, folder)]
     ['field']
     """
     found = []
     for name, export in exports.items():
         try:
-            found.append(export.export(run, run_file.parent, name))
+            found.append(export.export(run, folder, name))
         except UserError as error:
-            raise UserError(f"export.{name}: {error} (the run is in {run_file})") from None
+            raise UserError(f"export.{name}: {error}") from None
     return found

@@ -140,6 +140,6 @@ def _instant(
 
 
 def _put(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    with whole_or_nothing(path) as beside:
+    """Write a file whole or not at all; all of them are synced when they are in their places."""
+    with whole_or_nothing(path, lasting=False) as beside:
         beside.write_text(text)

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from sldvexp.errors import Checks
+from sldvexp.files import unusable
 from sldvexp.importers.base import PointImporter
 from sldvexp.importers.conventions import (
     Amplitude,
@@ -87,6 +88,8 @@ class PointwiseImport(PointImporter):
         message = "must name at least one view, as {front: {path: front.uff}}"
         checks.require(bool(self.views), "views", message)
         for name, view in self.views.items():
+            wrong = unusable(name)
+            checks.require(not wrong, "views", f"the name of the view {name!r} {wrong}")
             self._check_view(checks, f"views.{name}", view)
         for i, frequency in enumerate(self.frequency):
             checks.non_negative(f"frequency[{i}]", frequency)

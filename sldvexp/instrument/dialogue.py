@@ -24,6 +24,8 @@ from sldvexp.instrument.protocol import InstrumentError
 #: Errors that are read from a queue at most.
 QUEUE = 20
 
+#: Sequences by which a text steers a terminal: colours, cursor, title.
+ESCAPES = re.compile(r"(?:\x1b\[|\x9b)[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)?|\x1b.")
 #: Characters of a command or an answer that messages show.
 SHOWN = 40
 
@@ -204,7 +206,7 @@ class Dialogue:
         """Receive a line."""
         end = self._ends(device)[1]
         line = self._lines[device].receive_line(end, self.timeout + patience)
-        return line.decode("ascii", errors="replace").strip(AROUND)
+        return printable(line.decode("ascii", errors="replace")).strip(AROUND)
 
     def _ends(self, device: str) -> tuple[bytes, bytes]:
         known = self.profile.devices[device]
@@ -255,6 +257,17 @@ def _told(device: str, command: str, action: Callable[..., Any], *arguments: Any
     except InstrumentError as error:
         after = f" after {_short(command)}" if command else ""
         raise type(error)(f"{device}: {error}{after}") from error
+
+
+def printable(text: str) -> str:
+    r"""Leave out of an instrument's text what would steer the terminal that shows it.
+
+    Examples
+    --------
+    >>> printable("\x1b[31;1m-240\x1b[0m,\x07Hardware error\x08")
+    '-240,Hardware error'
+    """
+    return "".join(c for c in ESCAPES.sub("", text) if c.isprintable() or c == "\t")
 
 
 def _short(text: str) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
-from sldvexp.files import whole_or_nothing
+from sldvexp.files import make_folder, whole_or_nothing
 from sldvexp.instrument.protocol import InstrumentError
 from sldvexp.typing import Array
 
@@ -122,7 +122,7 @@ def spot_name(spot: int) -> str:
 
 def write_answer(path: Path, question: Any, answer: Any) -> None:
     """Keep what a person answered, whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     with whole_or_nothing(path) as beside:
         beside.write_text(json.dumps({"question": question, "answer": answer}))
 

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from omegaconf import MISSING
 
-from sldvexp.config.paths import locate
+from sldvexp.config.paths import JOURNAL, locate
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError, nearest
-from sldvexp.files import whole_or_nothing
+from sldvexp.files import make_folder, whole_or_nothing
 from sldvexp.instrument.person import RecordedPerson
 from sldvexp.instrument.protocol import (
     Acquisition,
@@ -31,11 +31,14 @@ from sldvexp.laser import TwoMirror
 from sldvexp.targets import Target
 from sldvexp.typing import Array, IntArray
 
-#: Folder of a run in which finished scan lines are kept, one folder a view.
-JOURNAL = "journal"
 
-
-def write_line(path: Path, dac: IntArray, acquisition: Acquisition, samples: RawSamples) -> None:
+def write_line(
+    path: Path,
+    dac: IntArray,
+    acquisition: Acquisition,
+    samples: RawSamples,
+    lasting: bool = True,
+) -> None:
     """Keep a scan line, whole or not at all.
 
     Parameters
@@ -45,9 +48,11 @@ def write_line(path: Path, dac: IntArray, acquisition: Acquisition, samples: Raw
         What was asked for.
     samples : RawSamples
         What came.
+    lasting : bool
+        See `sldvexp.files.whole_or_nothing`.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with whole_or_nothing(path) as beside, beside.open("wb") as file:
+    make_folder(path.parent)
+    with whole_or_nothing(path, lasting) as beside, beside.open("wb") as file:
         np.savez(
             file,
             dac=dac,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,16 +16,15 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from sldvexp import dataset
 from sldvexp.config import schema
 from sldvexp.config.experiment import Experiment, OnDoubt
-from sldvexp.config.paths import RUN_FILE, locate
+from sldvexp.config.paths import JOURNAL, RUN_FILE, locate
 from sldvexp.dataset import VERDICT, Finding, Severity, findings_of, findings_to_dataset
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import UserError
 from sldvexp.export import export_all
-from sldvexp.files import whole_or_nothing
-from sldvexp.instrument.recording import JOURNAL
+from sldvexp.files import making, take_over, whole_or_nothing
 from sldvexp.pipeline import provenance
 from sldvexp.pipeline.steps import SCAN, STEPS, Run, Step
-from sldvexp.report import REPORT_FILE, attempt, closing_table, pose_text
+from sldvexp.report import REPORT_FILE, Report, attempt, closing_table, pose_text
 from sldvexp.session import Operator
 from sldvexp.session.interruption import how_to_go_on, telling_of_the_scan
 
@@ -48,7 +47,8 @@ def run(
     cfg : DictConfig
         The composed configuration.
     folder : str
-        Where `run.nc` and the text outputs go; it exists already.
+        Where `run.nc` and the other outputs go, and in which scan lines are kept; it exists
+        already.
     quiet : bool
         Neither a bar nor the closing table, as one of many runs.
     share : callable, optional
@@ -89,26 +89,58 @@ def run(
     verdict = run.verdict
     for finding in findings_of(run.tree):
         log.info("%s: %s: %s", verdict, finding.severity.name, finding.text)
-    path = Path(folder) / RUN_FILE
     attributes = {**provenance.attributes(cfg, run.inputs, start), VERDICT: run.verdict}
     if run.reused:
         attributes["reused_steps"] = ", ".join(run.reused)
-    texts = {POSE_FILE: pose_text(run.tree["pose"])} if "pose" in run.tree else {}
-    dataset.save(run.kept, attributes, path)
-    for name, text in texts.items():
-        with whole_or_nothing(path.with_name(name)) as beside:
-            beside.write_text(text)
-    _remove_outdated(cfg, Path(folder), texts)
     report = experiment.report
-    wanted = report is not None and (share is None or report.each_run)
-    pages = attempt(lambda: report.of_run(path), path) if wanted else []
-    exported = export_all(experiment.export, RunData(run.tree, attributes), path)
+    if report is not None and share is not None and not report.each_run:
+        report = None
+    made = _leave(run, attributes, report, list(_texts(OmegaConf.to_container(cfg))))
     if not quiet:
-        closing_table(
-            RunData(run.kept, attributes),
-            [path, *(path.with_name(n) for n in texts), *exported, *pages],
-        )
+        closing_table(RunData(run.kept, attributes), made)
     return whole and ("check" not in run.tree or bool(run.tree["check"]["passed"].all()))
+
+
+def _leave(
+    run: Run, attributes: dict[str, Any], report: Report | None, named: list[str]
+) -> list[Path]:
+    """Make all files of a run beside those that are there, and put them in their places at once.
+
+    Parameters
+    ----------
+    named : list of str
+        Texts of the configuration; files among them are not outdated.
+
+    Returns
+    -------
+    list of Path
+        The files, the dataset first.
+    """
+    folder = run.folder
+    path = folder / RUN_FILE
+    texts = {POSE_FILE: pose_text(run.tree["pose"])} if "pose" in run.tree else {}
+    with making(folder) as new:
+        dataset.save(run.kept, attributes, new / RUN_FILE)
+        for name, text in texts.items():
+            with whole_or_nothing(new / name) as beside:
+                beside.write_text(text)
+        pages = attempt(lambda: report.of_run(new / RUN_FILE), path) if report else []
+        outdated = [
+            name
+            for name in (POSE_FILE, REPORT_FILE)
+            if not ((new / name).exists() or _is_read(folder / name, named))
+        ]
+        try:
+            exported = export_all(run.experiment.export, RunData(run.tree, attributes), new)
+        except UserError as error:
+            where = new
+            if not path.is_file():  # nothing is lost by it, and it can be exported in other ways
+                take_over(folder, outdated)
+                where = folder
+            raise UserError(f"{error} (the run is in {where / RUN_FILE})") from None
+        take_over(folder, outdated)
+    made = [*(new / name for name in texts), *exported, *pages]
+    return [path, *(folder / file.relative_to(new) for file in made)]
 
 
 def _do(steps: Sequence[Step], run: Run, bar: Progress, do: Callable[[Step, Run], None]) -> bool:
@@ -131,13 +163,13 @@ def _do(steps: Sequence[Step], run: Run, bar: Progress, do: Callable[[Step, Run]
 
 @contextmanager
 def _told_how_to_go_on(folder: Path) -> Iterator[None]:
-    """Give Ctrl-C a sentence, if there are scan lines that the run could go on with."""
+    """Give Ctrl-C and the like a sentence, if there are scan lines to go on with."""
     try:
         yield
-    except KeyboardInterrupt:
-        if not (folder / JOURNAL).is_dir():
-            raise
-        raise KeyboardInterrupt(f"interrupted; {how_to_go_on(folder)}") from None
+    except KeyboardInterrupt as stop:
+        if (folder / JOURNAL).is_dir():
+            stop.args = (f"interrupted; {how_to_go_on(folder)}",)
+        raise
 
 
 @contextmanager
@@ -150,18 +182,10 @@ def _paused(bar: Progress) -> Iterator[None]:
         bar.start()
 
 
-def _remove_outdated(cfg: DictConfig, folder: Path, made: Collection[str]) -> None:
-    """Remove what an earlier run left beside this one's file, unless this run reads it."""
-    read = list(_texts(OmegaConf.to_container(cfg)))
-    for file in (folder / POSE_FILE, folder / REPORT_FILE):
-        named = (text for text in read if text.endswith(file.name))
-        if file.name in made or file.resolve() in (locate(text).resolve() for text in named):
-            continue
-        try:
-            file.unlink(missing_ok=True)
-        except OSError as error:
-            told = error.strerror or error
-            raise UserError(f"{file}: cannot be removed: {told}") from None
+def _is_read(file: Path, texts: Iterable[str]) -> bool:
+    """Tell whether a configuration with these texts names a file."""
+    named = (text for text in texts if text.endswith(file.name))
+    return file.resolve() in (locate(text).resolve() for text in named)
 
 
 def _texts(node: Any) -> Iterator[str]:

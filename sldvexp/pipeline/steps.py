@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import weakref
 from collections.abc import Callable, Iterable, Sequence
@@ -17,6 +16,7 @@ from sldvexp import field as velocity_field
 from sldvexp import importers, session, verdict, virtual_lab
 from sldvexp.check import Examination, evaluate
 from sldvexp.config.experiment import Experiment
+from sldvexp.config.paths import JOURNAL
 from sldvexp.dataset import (
     VERDICT,
     Finding,
@@ -27,15 +27,16 @@ from sldvexp.dataset import (
     verdict_of,
 )
 from sldvexp.errors import UserError
+from sldvexp.files import own_folder
 from sldvexp.instrument import InstrumentError, ScanningPlugin
-from sldvexp.instrument.recording import JOURNAL
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import Refine
 from sldvexp.reconstruction import Reconstruction
 from sldvexp.reconstruction.system import Robust
 from sldvexp.session import Operator
 from sldvexp.session.camera import NobodyThereError
-from sldvexp.session.interruption import has_lines, how_to_go_on, stopping_once
+from sldvexp.session.interruption import has_lines, how_to_go_on
+from sldvexp.stopping import stopping_once
 
 #: Where the scans lie, in the dataset and in the journal, that pose methods are compared on.
 COMPARED_SCANS = "compare_scan"
@@ -102,8 +103,7 @@ class Run:
     @cached_property
     def blocks(self) -> Path:
         """Folder of what is streamed, as long as the run is used."""
-        folder = self.folder / f".blocks.{os.getpid()}"
-        folder.mkdir(parents=True, exist_ok=True)
+        folder = own_folder(self.folder, "blocks")
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         return folder
 

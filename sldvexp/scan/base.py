@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sldvexp.errors import Checks
+from sldvexp.files import unusable
 from sldvexp.typing import IntArray
 
 
@@ -115,11 +116,9 @@ class ScanPart(Scan):
 
 def check_view_names(checks: Checks, views: Iterable[str]) -> None:
     """Note which views have no usable names; that there are any, the session looks after."""
-    for name in views:
-        # A view's lines are kept in a folder of its name.
-        usable = name.strip() not in ("", ".", "..") and not set(name) & {"/", "\\"}
-        told = f"the view {name!r} needs a name that a folder can have, without / and \\"
-        checks.require(usable, "views", told)
+    for name in views:  # each has a folder of its lines and a group of its results
+        wrong = unusable(name)
+        checks.require(not wrong, "views", f"the name of the view {name!r} {wrong}")
 
 
 def check_pairs(

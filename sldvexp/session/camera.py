@@ -16,9 +16,9 @@ from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, Instrument, RawSamples, Status
 from sldvexp.laser import TwoMirror
 from sldvexp.scan import Sampling
-from sldvexp.session.interruption import undisturbed
 from sldvexp.session.journal import Journal
 from sldvexp.signal import ComplexImage, Flag, SignalEstimator
+from sldvexp.stopping import undisturbed
 from sldvexp.targets import Target
 from sldvexp.typing import IntArray
 

@@ -1,16 +1,14 @@
-"""Ctrl-C in a session: it stops once, and never while the instrument is sent home."""
+"""Sentences about a session that stops before its end: what is kept, and how to go on."""
 
 from __future__ import annotations
 
 import shlex
-import signal
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from sldvexp.config.paths import JOURNAL
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.instrument.recording import JOURNAL
 from sldvexp.session.journal import CONFIGURATION
 
 
@@ -51,48 +49,3 @@ def telling_of_the_scan(folder: Path, scanned: bool) -> Iterator[None]:
         if not scanned or not has_lines(folder):
             raise
         raise UserError(f"{error}; {how_to_use_the_scan(folder)}") from error
-
-
-@contextmanager
-def stopping_once() -> Iterator[None]:
-    """Stop at the first Ctrl-C, and with it the program; more of them do nothing.
-
-    So an impatient second one can neither keep the mirrors from going home nor take away what the
-    operator is told at the end.
-    """
-    if not _heeded():
-        yield
-        return
-
-    def stop(*_: object) -> None:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGINT, stop)
-    try:
-        yield
-    finally:
-        if signal.getsignal(signal.SIGINT) is stop:
-            signal.signal(signal.SIGINT, before)
-
-
-@contextmanager
-def undisturbed() -> Iterator[None]:
-    """Let a Ctrl-C wait until what is inside has ended."""
-    if not _heeded():
-        yield
-        return
-    pressed: list[object] = []
-    before = signal.signal(signal.SIGINT, lambda *_: pressed.append(_))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if pressed:
-        signal.raise_signal(signal.SIGINT)
-
-
-def _heeded() -> bool:
-    """Tell whether this thread is told of Ctrl-C, and this process does not ignore it."""
-    main = threading.current_thread() is threading.main_thread()
-    return main and signal.getsignal(signal.SIGINT) not in (signal.SIG_IGN, None)

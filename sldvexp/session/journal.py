@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import logging
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,11 +12,13 @@ from typing import Any
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.files import whole_or_nothing
+from sldvexp.files import make_folder, whole_or_nothing
 from sldvexp.instrument import Acquisition, RawSamples
 from sldvexp.instrument.person import read_answer, write_answer
 from sldvexp.instrument.recording import asked, read_line, write_line
 from sldvexp.typing import IntArray
+
+log = logging.getLogger(__name__)
 
 #: Digest of all that decides what is measured, in the folder of the lines.
 CONFIGURATION = "configuration.sha256"
@@ -27,10 +31,12 @@ class Journal:
     ----------
     folder : Path
         Made when the first line is kept.
+    lasting : bool
+        Whether lines must survive a power cut; a virtual lab gives them again.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, lasting: bool = True) -> None:
+        self.folder, self.lasting = folder, lasting
 
     def line(
         self,
@@ -65,7 +71,7 @@ class Journal:
                 )
             return samples
         samples = measure()
-        write_line(path, dac, acquisition, samples)
+        write_line(path, dac, acquisition, samples, self.lasting)
         return samples
 
     def answer(self, name: str, question: Any, ask: Callable[[], Any]) -> Any:
@@ -105,6 +111,9 @@ class Journal:
 def require_same(folder: Path, configuration: object) -> None:
     """Tie a folder of scan lines to the configuration that they are measured with.
 
+    A digest that is missing or damaged says nothing of the lines; each of them knows its pixels and
+    its sampling.
+
     Parameters
     ----------
     folder : Path
@@ -119,11 +128,20 @@ def require_same(folder: Path, configuration: object) -> None:
     """
     key = hashlib.sha256(repr(configuration).encode()).hexdigest()
     path = folder / CONFIGURATION
-    if path.exists() and path.read_text() != key:
+    kept = path.read_text(errors="replace") if path.is_file() else ""
+    if kept == key:
+        return
+    if re.fullmatch("[0-9a-f]{64}", kept):
         raise UserError(
             f"{folder}: has scan lines of another configuration (seed, target, laser, scene, scan "
             "or instrument differ); start the run in a new folder"
         )
-    folder.mkdir(parents=True, exist_ok=True)
+    if any(file.suffix in (".npz", ".json") for file in folder.rglob("[!.]*")):
+        log.warning(
+            "%s: does not say any more which configuration its scan lines belong to; those are "
+            "used that have the pixels and the sampling of this one",
+            folder,
+        )
+    make_folder(folder)
     with whole_or_nothing(path) as beside:
         beside.write_text(key)

@@ -63,7 +63,8 @@ def scan_views(
     found: dict[str, xr.Dataset] = {}
     for view in e.scan.view_names():
         arrive = partial(_arrive, e, view, operator, journal / view)
-        with Camera(arrive, e.signal, Journal(journal / view)) as camera:
+        kept = Journal(journal / view, lasting=e.instrument.real)
+        with Camera(arrive, e.signal, kept) as camera:
             at = ViewContext(view, camera, e.laser, e.target, operator)
             for part in e.scan.parts(view):
                 groups = KINDS[part.kind](part, at)

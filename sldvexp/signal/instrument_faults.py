@@ -52,6 +52,11 @@ def instrument_fault(image: ComplexImage, share: float = MOST) -> str:
         )
     if many(Flag.non_finite):
         return f"{_count(flags, Flag.non_finite)} have samples that are no numbers"
+    if many(Flag.saturated):  # whatever else is wrong with them may come of it
+        return (
+            f"{_count(flags, Flag.saturated)} are saturated; choose a larger range of the "
+            "vibrometer or the digitizer, or a smaller amplitude of the scan's sampling"
+        )
     if many(Flag.poor_fit):
         return (
             f"the reference channel carries something else than {tones} Hz: "
@@ -60,11 +65,6 @@ def instrument_fault(image: ComplexImage, share: float = MOST) -> str:
         )
     if many(Flag.reference_missing):
         return _no_reference(image, tones)
-    if many(Flag.saturated):
-        return (
-            f"{_count(flags, Flag.saturated)} are saturated; choose a larger range of the "
-            "vibrometer or the digitizer, or a smaller amplitude of the scan's sampling"
-        )
     noise = np.where(flags & Flag.saturated == 0, image.velocity_fit.noise, 0.0)
     if noise.any() and _ratio(noise[noise > 0]) > UNLIKE:
         lost = noise > UNLIKE * np.percentile(noise[noise > 0], 10)

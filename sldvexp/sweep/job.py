@@ -11,18 +11,15 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from sldvexp.config.experiment import Retry
-from sldvexp.config.paths import RUN_FILE, locate
+from sldvexp.config.paths import JOURNAL, RUN_FILE, locate
 from sldvexp.errors import UserError
-from sldvexp.instrument.recording import JOURNAL
+from sldvexp.files import sweep_up
 from sldvexp.lazy import netCDF4
 from sldvexp.pipeline import provenance, runner
 from sldvexp.sweep import record
 from sldvexp.sweep.lock import LOCK_FILE, locked
 from sldvexp.sweep.record import Record, State, Stopwatch
 from sldvexp.sweep.shared_steps import SHARED, Store
-
-#: Files that a killed process had not finished, see `sldvexp.files.whole_or_nothing`.
-TORN = ".*.[0-9]*.*"
 
 
 def perform(
@@ -59,9 +56,8 @@ def _perform(
     overrides: list[str],
     tell: Callable[[Exception], str | None],
 ) -> None:
+    sweep_up(place, place / JOURNAL)
     _put_aside(place, identity, cfg.sweep.retry)
-    for torn in place.glob(TORN):
-        torn.unlink(missing_ok=True)
     watch, process = Stopwatch(), os.getpid()
 
     def note(state: State, reason: str = "", inputs: dict[str, str] | None = None) -> None:

@@ -8,7 +8,9 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from sldvexp.config.paths import JOURNAL
 from sldvexp.errors import UserError
+from sldvexp.files import make_folder, sweep_up
 
 try:
     import fcntl
@@ -47,7 +49,7 @@ def locked(path: Path, wait: bool = True) -> Iterator[None]:
         If the file cannot be made.
     """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         opened = os.open(path, os.O_CREAT | os.O_RDWR)
     except OSError as error:
         raise UserError(f"{path.parent}: cannot be written: {error.strerror or error}") from None
@@ -60,7 +62,7 @@ def locked(path: Path, wait: bool = True) -> Iterator[None]:
 
 @contextmanager
 def alone(folder: Path) -> Iterator[None]:
-    """Yield be the only one at work in the folder of a run.
+    """Be the only one at work in the folder of a run, without what killed ones left there.
 
     Raises
     ------
@@ -72,4 +74,5 @@ def alone(folder: Path) -> Iterator[None]:
             held.enter_context(locked(folder / LOCK_FILE, wait=False))
         except BlockingIOError:
             raise UserError(f"{folder}: another run is at work in this folder") from None
+        sweep_up(folder, folder / JOURNAL)
         yield

@@ -60,7 +60,7 @@ class Record:
 
 def write(folder: Path, record: Record) -> None:
     """Leave the record in the run's folder, whole or not at all."""
-    with whole_or_nothing(folder / FILE) as beside:
+    with whole_or_nothing(folder / FILE, lasting=record.state.finished) as beside:
         beside.write_text(json.dumps(asdict(record), indent=1))
 
 

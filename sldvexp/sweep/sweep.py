@@ -17,6 +17,7 @@ from pathlib import Path
 from types import TracebackType
 
 from sldvexp.errors import UserError
+from sldvexp.files import sweep_up
 from sldvexp.pipeline.provenance import about_program
 from sldvexp.report import Report
 from sldvexp.sweep import record
@@ -24,6 +25,7 @@ from sldvexp.sweep.collect import collect
 from sldvexp.sweep.lock import LOCK_FILE, locked
 from sldvexp.sweep.plan import RESOLVER, Plan, folder_name, register_resolver
 from sldvexp.sweep.record import State, Stopwatch
+from sldvexp.sweep.shared_steps import SHARED
 from sldvexp.sweep.summary import write_summary
 
 SWEEPS = Path("outputs/sweeps")
@@ -100,6 +102,7 @@ class Sweep:
                 f"{self.folder}: another sweep is at work in this folder; wait for it, or choose "
                 "another with hydra.sweep.dir=..."
             ) from None
+        sweep_up(self.folder, self.folder / SHARED)
         return self
 
     def __exit__(

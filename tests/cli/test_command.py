@@ -128,9 +128,9 @@ def test_write_that_fails_leaves_nothing(sldvexp, monkeypatch):
     monkeypatch.setattr(xr.DataTree, "to_netcdf", half)
     done = sldvexp(*QUICK)
     assert done.status == 1
-    file = done.folder / "run.nc"
+    file = done.folder / ".new/run.nc"
     assert done.err == f"sldvexp: {file}: cannot be written: No space left on device\n"
-    assert [f for f in done.folder.iterdir() if ".nc" in f.name] == []
+    assert sorted(f.name for f in done.folder.iterdir()) == [".hydra", ".lock", "sldvexp.log"]
 
 
 def test_sweep_leaves_one_run_for_each_value(sldvexp, tmp_path):

@@ -17,6 +17,7 @@ from sldvexp.config.paths import HANDBOOK
 from sldvexp.dataset import AXES, CONVENTIONS, VARIABLES
 from sldvexp.plot import FIGURES
 from sldvexp.signal import Flag
+from sldvexp.stopping import SIGNALS, Stopped, exit_status
 
 PAGES = {page.stem: page.read_text(encoding="utf-8") for page in sorted(HANDBOOK.glob("*.md"))}
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -143,7 +144,8 @@ def test_conventions_are_those_that_every_run_states():
 
 def test_exit_statuses_are_those_of_the_command():
     told = {int(status) for status, _ in rows(sections("reading_a_result")["Exit status"])}
-    assert told == {main.DONE, main.FAILED, main.MISSED, main.INTERRUPTED}
+    stopped = {exit_status(Stopped(number)) for number in SIGNALS}
+    assert told == {main.DONE, main.FAILED, main.MISSED, *stopped}
 
 
 def test_glossary_has_each_word_once_and_in_order():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import netCDF4
 import numpy as np
 import pytest
 from hypothesis import given
@@ -81,11 +82,36 @@ def test_wrong_files_are_named(tmp_path, text, message):
         read_rectangle(tmp_path / "f")
 
 
-@pytest.mark.parametrize("name", ["", ".", "..", "a/b", "a\\b"])
-def test_views_are_names_of_folders(name):
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("", "must begin with a letter, a digit or _"),
+        (".", "must begin with a letter, a digit or _"),
+        ("..", "must begin with a letter, a digit or _"),
+        ("-30 deg", "must begin with a letter, a digit or _, as 30 deg does"),
+        ("+45", "must begin with a letter, a digit or _, as 45 does"),
+        ("#1", "must begin with a letter, a digit or _, as 1 does"),
+        ("front ", "must not end with a blank"),
+        ("a/b", "must be one that a folder can have"),
+        ("a\\b", "must be one that a folder can have"),
+        ("a\x1b[31m", "must be one that a folder can have"),
+        ("a" * 201, "must not be longer than 200 bytes"),
+    ],
+)
+def test_views_are_names_of_folders_and_groups(name, told):
     with pytest.raises(ConfigError) as error:
         CalibrationScan(views={name: Centres(dac=[[0, 0]])})
-    assert f"the view {name!r} needs a name" in str(error.value)
+    assert f"the name of the view {name!r} {told}" in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["1", "_x", "vorne links", "30°", "°", "β (2)", "a" * 200])
+def test_all_other_names_are_those_of_a_folder_and_a_group(tmp_path, name):
+    CalibrationScan(views={name: Centres(dac=[[0, 0]])})
+    (tmp_path / name).mkdir()
+    with netCDF4.Dataset(tmp_path / "file.nc", "w") as file:
+        file.createGroup("image").createGroup(name)
+    with netCDF4.Dataset(tmp_path / "file.nc") as file:
+        assert list(file["image"].groups) == [name]
 
 
 @pytest.mark.parametrize("stage", ["coarse", "fine"])

@@ -95,7 +95,7 @@ def test_a_list_is_scanned_in_its_order_line_by_line(tmp_path):
         ({"pixels": [3]}, "pixels", "must be two positive numbers"),
         ({"pixels": [3, 0]}, "pixels", "must be two positive numbers"),
         ({"stride": 0}, "stride", "must be 1 or more"),
-        ({"views": {"a/b": ScanRegion(path="x")}}, "views", "needs a name that a folder can have"),
+        ({"views": {"a/b": ScanRegion(path="x")}}, "views", "one that a folder can have"),
         ({"sampling": Sampling(frequency=[20000.0])}, "sampling.frequency", "needs a rate above"),
     ],
 )
@@ -112,7 +112,7 @@ def test_wrong_rectangles(settings, field, message):
         (
             {"views": {"..": PixelSequence(path="x")}},
             "views",
-            "needs a name that a folder can have",
+            "must begin with a letter, a digit or _",
         ),
     ],
 )

@@ -126,6 +126,9 @@ TABLE = [
     Row("an entry in the error queue", r'lab reports -240,"Hardware error; the spindle is bent" '
         r"after 'MEAS:LIST .*" + KEPT,
         line=once(f.Refusal, "MEAS:LIST", text="Hardware error; the spindle is bent")),
+    Row("an entry that steers the terminal", r'lab reports -240,"Hot" after ' + ".*" + KEPT,
+        line=once(f.Refusal, "MEAS:LIST", text="\x1b[31;5mHot\x1b[0m\x07\x1b]0;title\x07\x08"),
+        long=True),
     Row("generator dies", r"the generator's output is off: lab answered '0' to GEN:OUTP\?.*" + KEPT,
         line=once(f.GeneratorDies, "MEAS:STR"), long=True),
     Row("shutter closes", r"the laser's shutter is closed: lab answered 'CLOSED' to LAS:SHUT.*"
@@ -152,6 +155,8 @@ TABLE = [
     Row("vibrometer over its range", r"\d+ of 540 pixels are saturated; choose a larger range of "
         "the vibrometer .*" + AGAIN,
         lab=("scene.vibrometer.full_scale=0.004", "scene.digitizer.velocity_range=12")),
+    Row("saturated reference", r"540 of 540 pixels are saturated; choose a larger range .*" + AGAIN,
+        lab=("scene.digitizer.reference_range=0.4",)),
     Row("drop-outs", lab=("scene.vibrometer.drop_out=0.2",)),
     Row("drop-outs that nobody reports",
         lab=("scene.vibrometer.drop_out=0.2", "scene.vibrometer.drop_out_reported=false"),

@@ -106,15 +106,15 @@ def assert_same(one, two):
         np.testing.assert_array_equal(values, two[name], err_msg=name)
 
 
-def assert_clean_stop(process, folder, signals):
+def assert_clean_stop(process, folder, signals, number=signal.SIGINT):
     """The operator is told in one sentence what is kept and how to go on."""
     for _ in range(signals):  # an operator seldom presses once
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         time.sleep(0.003)
     _, told = process.communicate(timeout=PATIENCE)
     resume = f"what was scanned is kept, go on with: sldvexp resume={folder}"
     assert told.decode() == f"sldvexp: interrupted; {resume}\n"
-    assert process.returncode == 130
+    assert process.returncode == 128 + number
     assert not (folder / "run.nc").exists()
 
 
@@ -167,8 +167,18 @@ class Halved(Fault):
         send(answer[half:])
 
 
-@pytest.mark.parametrize("signals", [pytest.param(1, marks=pytest.mark.long), 4])
-def test_ctrl_c_within_an_answer_leaves_the_instrument_in_order(start, tmp_path, composed, signals):
+@pytest.mark.parametrize(
+    ("signals", "number"),
+    [
+        pytest.param(1, signal.SIGINT, marks=pytest.mark.long),
+        (4, signal.SIGINT),
+        (2, signal.SIGTERM),
+        pytest.param(1, signal.SIGHUP, marks=pytest.mark.long),
+    ],
+)
+def test_a_stop_within_an_answer_leaves_the_instrument_in_order(
+    start, tmp_path, composed, signals, number
+):
     """The interrupted answer's rest must not be taken for that of the commands which go home."""
     folder, halved = tmp_path / "run", Halved("DATA?", after=10)
     with served(composed, halved) as server:
@@ -178,7 +188,7 @@ def test_ctrl_c_within_an_answer_leaves_the_instrument_in_order(start, tmp_path,
             assert process.poll() is None, process.communicate()
         assert len(lines_of(folder)) == 10
         assert server.dialect.lab.position != (0, 0)
-        assert_clean_stop(process, folder, signals)
+        assert_clean_stop(process, folder, signals, number)
         assert server.dialect.lab.position == (0, 0)
         assert not server.dialect.playing
     assert len(lines_of(folder)) == 10
@@ -232,6 +242,10 @@ class Terminal:
                 break
         return self.shown
 
+    def close(self):
+        """Close the window, as one does who goes home."""
+        os.close(self._keys)
+
     def status(self):
         self.read_until(None)
         return self.process.wait(PATIENCE)
@@ -244,6 +258,21 @@ class Terminal:
             shown += self.read_until(None, patience=1.0)
         self.shown = shown
         return self.process.returncode
+
+
+def test_a_terminal_that_is_closed_leaves_the_instrument_in_order(terminal, tmp_path):
+    """SIGHUP comes, and every word to the terminal is an error from then on."""
+    folder = tmp_path / "run"
+    terminal.session()
+    terminal.read_until(prompt("a"))
+    terminal.server.dialect.lab.use_view("a")
+    terminal.press("\n")
+    wait_for_lines(folder, 3, terminal.process)
+    terminal.close()
+    assert terminal.process.wait(PATIENCE) == 128 + signal.SIGHUP
+    assert terminal.server.dialect.lab.position == (0, 0)
+    assert not terminal.server.dialect.playing
+    assert f"go on with: sldvexp resume={folder}" in (folder / "sldvexp.log").read_text()
 
 
 def prompt(view):

@@ -10,13 +10,17 @@ import pytest
 
 from sldvexp.errors import UserError
 from sldvexp.instrument.recording import JOURNAL
-from sldvexp.session.interruption import (
-    how_to_go_on,
+from sldvexp.session.interruption import how_to_go_on, telling_of_the_scan
+from sldvexp.session.journal import CONFIGURATION
+from sldvexp.stopping import (
+    SIGNALS,
+    Stopped,
+    exit_status,
+    handlers_kept,
+    heed,
     stopping_once,
-    telling_of_the_scan,
     undisturbed,
 )
-from sldvexp.session.journal import CONFIGURATION
 
 
 @pytest.fixture(autouse=True)
@@ -27,8 +31,8 @@ def usual():
     signal.signal(signal.SIGINT, before)
 
 
-def press():
-    signal.raise_signal(signal.SIGINT)
+def press(number=signal.SIGINT):
+    signal.raise_signal(number)
 
 
 def test_ctrl_c_waits_for_what_must_not_be_disturbed(usual):
@@ -57,10 +61,28 @@ def test_an_error_on_the_way_home_is_not_hidden(usual):
     assert signal.getsignal(signal.SIGINT) is usual
 
 
-def test_the_first_one_stops_and_no_other_counts():
-    with pytest.raises(KeyboardInterrupt), stopping_once():
-        press()
-    press()  # while the operator is told what is kept
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_the_first_one_stops_and_no_other_counts(number):
+    with handlers_kept():
+        with pytest.raises(KeyboardInterrupt) as stopped, stopping_once():
+            press(number)
+        for other in SIGNALS:
+            press(other)  # while the operator is told what is kept
+        assert exit_status(stopped.value) == 128 + number
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_a_signal_that_waited_is_the_one_that_stops(usual):
+    def go_home():
+        with undisturbed():
+            press(signal.SIGTERM)
+            press(signal.SIGHUP)
+
+    with handlers_kept():
+        heed()
+        with pytest.raises(Stopped) as stopped:
+            go_home()
+        assert stopped.value.number == signal.SIGTERM
 
 
 def test_what_nobody_stops_leaves_ctrl_c_as_it_was(usual):

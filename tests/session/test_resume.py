@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
 import sys
 
@@ -9,6 +11,7 @@ import numpy as np
 import pytest
 
 from sldvexp import dataset
+from sldvexp.session.journal import CONFIGURATION
 
 # Two small views: fewer and shorter lines than the dissertation's, all circles.
 SMALL = [
@@ -62,6 +65,43 @@ def test_a_recorded_session_is_replayed_to_the_bit(sldvexp, whole):
 
 
 def test_scan_lines_of_another_seed_are_not_used(sldvexp, whole):
+    before = {p: p.read_bytes() for p in whole.rglob("*") if p.is_file()}
     other = sldvexp(*SMALL, "seed=1", f"hydra.run.dir={whole}", "overwrite=true")
     assert other.status == 1
     assert "has scan lines of another configuration" in other.err
+    assert before.items() <= {p: p.read_bytes() for p in whole.rglob("*") if p.is_file()}.items()
+
+
+@pytest.mark.parametrize("content", ["", "f00", None])
+def test_a_digest_that_is_lost_is_unknown_and_not_another_configuration(
+    sldvexp, whole, tmp_path, content
+):
+    """Lines that have this configuration's pixels and sampling are its own, and it is said."""
+    folder = tmp_path / "cut"
+    shutil.copytree(whole, folder)
+    (folder / "run.nc").unlink()
+    digest = folder / "journal" / CONFIGURATION
+    right = digest.read_text()
+    digest.unlink() if content is None else digest.write_text(content)
+    lines = {p: p.stat().st_mtime_ns for p in folder.rglob("*.npz")}
+    done = sldvexp(f"resume={folder}")
+    assert done.status == 0, done.err
+    assert "does not say any more which configuration" in (folder / "sldvexp.log").read_text()
+    assert digest.read_text() == right
+    assert {p: p.stat().st_mtime_ns for p in folder.rglob("*.npz")} == lines
+    one, two = variables(whole), variables(folder)
+    for name, values in one.items():
+        np.testing.assert_array_equal(values, two[name], err_msg=name)
+
+
+def test_a_line_that_a_power_cut_emptied_is_measured_again(sldvexp, whole, tmp_path):
+    folder = tmp_path / "cut"
+    shutil.copytree(whole, folder)
+    (folder / "run.nc").unlink()
+    lines = sorted(folder.rglob("*.npz"))
+    for line, size in zip(lines[3::20], (0, 100, 5000, 1), strict=False):
+        os.truncate(line, min(size, line.stat().st_size - 1))
+    assert sldvexp(f"resume={folder}").status == 0
+    one, two = variables(whole), variables(folder)
+    for name, values in one.items():
+        np.testing.assert_array_equal(values, two[name], err_msg=name)

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.signal import Flag, FlagRules, SineFit, demodulate, sine_model
+from sldvexp.signal import (
+    Flag,
+    FlagRules,
+    SineFit,
+    demodulate,
+    instrument_fault,
+    sine_model,
+)
 
 F = 97.3
 TIMES = np.arange(256) / 2560.0
@@ -133,6 +140,19 @@ def test_spoilt_pixels_do_not_move_the_median():
     flags = look(samples).flags
     assert (flags[sick] & Flag.saturated).all()
     assert not flags[~sick].any()
+
+
+@pytest.mark.parametrize("channels", [[0], [1], [0, 1]], ids=str)
+@pytest.mark.parametrize("clip", [30, 1e9], ids=["clipped", "at one limit"])
+def test_samples_at_full_scale_are_called_saturated_whatever_else_they_are(channels, clip):
+    """Neither the missing sine nor the one that is cut is what is wrong with the instrument."""
+    samples = scan().astype(float)
+    for channel in channels:
+        samples[:, channel] = samples[:, channel] * clip if clip < 1e9 else clip
+    image = look(np.clip(samples, -32768, 32767).astype(np.int16))
+    assert instrument_fault(image).startswith(
+        f"{(image.flags & Flag.saturated != 0).sum()} of 200 pixels are saturated"
+    )
 
 
 def test_reference_missing():

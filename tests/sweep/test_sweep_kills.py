@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import signal
 import subprocess
 import sys
 import threading
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 
 import netCDF4
 import numpy as np
@@ -23,6 +25,7 @@ from sldvexp.sweep.record import State
 SWEEP = ("-m", "experiment=pose", "~check.pose_repeats", "expect={}", "report=none")
 WHERE = "hydra.sweep.dir=swept"
 LONGEST = 600.0  # s, until a run more is done
+ALONE = 60.0  # s, until workers notice that they are alone, on however busy a machine
 
 
 def start(folder, *settings):
@@ -106,12 +109,17 @@ def results(folder):
         return table.load().drop_vars("seconds").drop_attrs(deep=False)  # the command differs
 
 
-def kill_when(process, folder, done, later):
-    """Kill a sweep and its workers some time after so many runs are done; False if it was over."""
-    swept, deadline = folder / "swept", time.monotonic() + LONGEST
+def wait_for_runs(process, swept, done):
+    """Wait until so many runs are done, or the sweep is over."""
+    deadline = time.monotonic() + LONGEST
     while len(list(swept.glob("*/run.nc"))) < done and process.poll() is None:
         assert time.monotonic() < deadline
         time.sleep(0.01)
+
+
+def kill_when(process, folder, done, later):
+    """Kill a sweep and its workers some time after so many runs are done; False if it was over."""
+    wait_for_runs(process, folder / "swept", done)
     time.sleep(later)
     over = process.poll() is not None
     if not over:
@@ -166,3 +174,36 @@ def test_sweep_killed_ten_times_goes_on_to_the_same_end(launcher, tmp_path, caps
     with capsys.disabled():
         print(f"\n96 runs, {launcher}: done before each of 10 kills: {counts}")
     assert counts[0] < counts[-1]
+
+
+def below(process):
+    """Processes that a process has started, and those that they have."""
+    parents = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):  # it may end meanwhile
+            parents[int(stat.parent.name)] = int(stat.read_text().rpartition(")")[2].split()[1])
+    found = {process}
+    while more := {p for p, parent in parents.items() if parent in found} - found:
+        found |= more
+    return found - {process}
+
+
+@pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="waits for the end of others' children")
+def test_workers_of_a_killed_sweep_end_themselves(tmp_path, capsys):
+    """Nobody waits for them any more, nor would anybody tell them to stop."""
+    pytest.importorskip("hydra_plugins.hydra_joblib_launcher")
+    parallel = ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2")
+    process = start(tmp_path, "seed=range(1,60)", *parallel)
+    wait_for_runs(process, tmp_path / "swept", 1)
+    workers = {p: os.pidfd_open(p) for p in below(process.pid)}
+    assert len(workers) >= 2
+    process.kill()
+    process.wait()
+    killed = time.monotonic()
+    for worker, opened in workers.items():
+        assert select.select([opened], [], [], ALONE)[0], f"{worker} is still at work"
+        os.close(opened)
+    process.communicate()
+    with capsys.disabled():
+        print(f"\nworkers of a killed sweep ended after {time.monotonic() - killed:.1f} s")
+    finish(tmp_path, "seed=range(1,4)")
