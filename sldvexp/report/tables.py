@@ -177,7 +177,8 @@ def _components(fields: Mapping[str, xr.Dataset], void: bool) -> Table:
                 cells += [_mm(np.nanmax(size)), _mm(_rms(size))]
                 bounds = ("velocity_std_noise", "velocity_std_pose", "confidence")
                 cells += [_mm(_rms(one[b].values)) if b in one else "" for b in bounds]
-                cells.append(_mm(_rms(np.abs(one["element_error"].values))))
+                elements = one.get("element_error")
+                cells.append("" if elements is None else _mm(_rms(np.abs(elements.values))))
                 table.add_row(*map(escape, cells), *["void"] * void)
     return table
 

@@ -1,0 +1,113 @@
+"""Coordinates on a plane or on a cylinder: where beams meet it, and its local axes.
+
+The surface at the height z above the given one consists of the points
+
+    P(s, t, z) = center + (x, y, h)' axes,   x = (r + z) sin(s/r), y = t, h = (r + z) cos(s/r) - r,
+
+with the arc s along the first axis, t along the second and the radius r; a plane is r -> infinity.
+The local axes t1, t2, n at (s, t) point along s, along t and along the normal. The curvature of the
+given surface is k = 1/r along s and none along t.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sldvexp.typing import Array, BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """Coordinates (s, t) of a surface that bends along s alone, or not at all.
+
+    Parameters
+    ----------
+    center : ndarray, shape (3,), m
+        Where s = t = 0, in the world.
+    axes : ndarray, shape (3, 3)
+        Rows: s, t and the normal there, in the world.
+    curvature : float, 1/m
+        Along s; positive where the normals spread.
+    """
+
+    center: Array
+    axes: Array
+    curvature: float = 0.0
+
+    def place(self, points: Array) -> tuple[Array, Array]:
+        """Find the coordinates of points near the surface, and their heights above it.
+
+        Parameters
+        ----------
+        points : ndarray, shape (point, 3), m
+
+        Returns
+        -------
+        coordinates : ndarray, shape (point, 2), m
+        height : ndarray, shape (point,), m
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from sldvexp.shell import Chart
+        >>> coordinates, height = Chart(np.zeros(3), np.eye(3), 2.0).place(np.array([[0.6, 0, -0.5]]))
+        >>> coordinates.round(4).tolist(), height.round(4).tolist()
+        ([[0.7854, 0.0]], [0.1])
+        """
+        x, t, h = ((points - self.center) @ self.axes.T).T
+        if self.curvature == 0:
+            return np.column_stack([x, t]), h
+        r = 1 / self.curvature
+        turned = np.arctan2(np.sign(r) * x, np.sign(r) * (h + r))
+        distance = np.sign(r) * np.hypot(x, h + r)
+        return np.column_stack([r * turned, t]), distance - r
+
+    def frames(self, coordinates: Array) -> Array:
+        """Compute the local axes, shape (point, 3, 3): rows t1, t2, n in the world."""
+        angle = coordinates[:, 0] * self.curvature
+        cosine, sine, zero = np.cos(angle), np.sin(angle), np.zeros(len(angle))
+        local = np.stack(
+            [
+                np.stack([cosine, zero, -sine], axis=-1),
+                np.broadcast_to([0.0, 1.0, 0.0], (len(angle), 3)),
+                np.stack([sine, zero, cosine], axis=-1),
+            ],
+            axis=1,
+        )
+        return local @ self.axes
+
+    def met(self, begin: Array, way: Array, height: float) -> tuple[Array, Array, BoolArray]:
+        """Find where beams first meet the surface at a height, from the side of its normals.
+
+        Parameters
+        ----------
+        begin, way : ndarray, shape (beam, 3)
+            Starts, m, and unit vectors of the beams, in the world.
+        height : float, m
+
+        Returns
+        -------
+        coordinates : ndarray, shape (beam, 2), m
+        cosine : ndarray, shape (beam, 3)
+            Direction cosines towards the instrument, along t1, t2 and n.
+        meets : ndarray of bool, shape (beam,)
+        """
+        start, along = (begin - self.center) @ self.axes.T, way @ self.axes.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if self.curvature == 0:
+                far = (height - start[:, 2]) / along[:, 2]
+            else:
+                r = 1 / self.curvature
+                across, lift = start[:, 0], start[:, 2] + r
+                a = along[:, 0] ** 2 + along[:, 2] ** 2
+                b = across * along[:, 0] + lift * along[:, 2]
+                c = across**2 + lift**2 - (r + height) ** 2
+                # Of the two crossings that from outside, or with normals towards the axis inside.
+                far = (-b - np.sign(r) * np.sqrt(b * b - a * c)) / a
+        meets = np.isfinite(far) & (far > 0)
+        point = begin + np.where(meets, far, 0.0)[:, None] * way
+        coordinates, _ = self.place(point)
+        cosine = -np.einsum("bij,bj->bi", self.frames(coordinates), way)
+        return coordinates, cosine, meets & (cosine[:, 2] > 0)
