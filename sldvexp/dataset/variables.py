@@ -405,14 +405,28 @@ VARIABLES: dict[str, dict[str, Variable]] = {
     },
     "examined/strain_truth": {
         "relative_error": _V(
-            "strain_component [frequency]", "1", "r.m.s. error over the true r.m.s."
+            "strain_component [frequency]",
+            "1",
+            "r.m.s. error over the true r.m.s.",
+            label="relative error",
         ),
-        "rms_error": _V("strain_component [frequency]", "1", "r.m.s. error of the strain"),
+        "rms_error": _V(
+            "strain_component [frequency]",
+            "1",
+            "r.m.s. error of the strain",
+            label="r.m.s. error",
+        ),
         "rms_bound": _V(
-            "strain_component [frequency]", "1", "r.m.s. half-width of the intervals"
+            "strain_component [frequency]",
+            "1",
+            "r.m.s. half-width of the intervals",
+            label="bound",
         ),
         "covered": _V(
-            "strain_component [frequency]", "1", "share of the intervals that hold the truth"
+            "strain_component [frequency]",
+            "1",
+            "share of the intervals that hold the truth",
+            label="covered",
         ),
         "relative_error_in_all": _V(
             "strain_component", "1", "relative error of all frequencies together"

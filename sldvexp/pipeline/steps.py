@@ -268,12 +268,9 @@ def _field(run: Run) -> None:
         _streamed_field(run)
         return
 
-
     def in_volume(method: Reconstruction) -> xr.Dataset:
         visibility = velocity_field.estimate.volume_visibility(run.tree, e.laser, e.volume)
-        return velocity_field.estimate.reconstruct(
-            run.tree, visibility, e.volume, method, e.solver
-        )
+        return velocity_field.estimate.reconstruct(run.tree, visibility, e.volume, method, e.solver)
 
     _reconstruct(run, "field", in_volume)
 

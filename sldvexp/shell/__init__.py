@@ -1,6 +1,6 @@
 """Smooth fields on the surface of a structure: motion along it, and strain, from the same images.
 
-`estimate_surface` makes of the images of a run the splines of `reconstruction=shell` and ``spline``.
+`estimate_surface` makes splines of the images of a run, for `reconstruction=shell` and ``spline``.
 `Chart` and `Outline` lay coordinates over the surface, `ThinShell` holds the kinematics of Love,
 `WeightedFit` averages over how smooth the field is.
 

@@ -52,7 +52,8 @@ class Chart:
         --------
         >>> import numpy as np
         >>> from sldvexp.shell import Chart
-        >>> coordinates, height = Chart(np.zeros(3), np.eye(3), 2.0).place(np.array([[0.6, 0, -0.5]]))
+        >>> chart = Chart(np.zeros(3), np.eye(3), 2.0)
+        >>> coordinates, height = chart.place(np.array([[0.6, 0, -0.5]]))
         >>> coordinates.round(4).tolist(), height.round(4).tolist()
         ([[0.7854, 0.0]], [0.1])
         """

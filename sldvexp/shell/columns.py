@@ -84,4 +84,4 @@ class Columns:
     def combined(self, reduced: Array) -> ComplexArray:
         """Put complex lines together, shape (..., frequency)."""
         real, imaginary = np.split(reduced @ self.combination, 2, axis=-1)
-        return (real + 1j * imaginary) * self.scale
+        return np.asarray((real + 1j * imaginary) * self.scale, complex)

@@ -9,14 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.field.visibility.view import View, views_of
 from sldvexp.field.bounds.budget import by_source, not_included
 from sldvexp.field.bounds.pose_uncertainty import PoseErrors, pose_covariance
+from sldvexp.field.visibility.view import View, views_of
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.shell.love import STRAINS, ThinShell
@@ -77,7 +79,7 @@ class SurfaceField:
         nodes = self.prisms.nodes
         values, own, others = self.fit.evaluate(np.concatenate(rows))
 
-        def by_component(array: Array) -> Array:
+        def by_component(array: NDArray[Any]) -> NDArray[Any]:
             return np.moveaxis(array.reshape(*array.shape[:-2], 3, nodes, -1), -3, -2)
 
         variance = {"noise": by_component(own), "pose": by_component(others)}
@@ -93,7 +95,7 @@ class SurfaceField:
         left, count = self.fit.residual, len(self.fit.residual)
         squares = np.sum(np.abs(left) ** 2, axis=0)
         ends = np.cumsum([len(p.pixel) for p in self.fit.pixels])[:-1]
-        by_view = [np.sqrt(np.mean(np.abs(v) ** 2, axis=0)) for v in np.split(left, ends)]
+        by_view = np.stack([np.sqrt(np.mean(np.abs(v) ** 2, axis=0)) for v in np.split(left, ends)])
         group = self._group(
             "field",
             coords,
@@ -135,7 +137,7 @@ class SurfaceField:
         surfaces = {"": self.fit.face}
         if self.method.of_middle:
             surfaces |= {"middle_": 0.0, "back_": -self.fit.face}
-        found: dict[str, Array | ComplexArray] = {}
+        found: dict[str, NDArray[Any]] = {}
         total: Array | None = None
         for name, height in surfaces.items():
             strain, variance = self._strain_at(place, height)
@@ -184,7 +186,11 @@ class SurfaceField:
         return np.asarray(np.mean(np.abs(white) ** 2, axis=0) / 2)
 
     def _group(
-        self, name: str, coords: Mapping[str, object], always: Mapping[str, object], **arrays: Array
+        self,
+        name: str,
+        coords: Mapping[str, Any],
+        always: Mapping[str, Any],
+        **arrays: NDArray[Any],
     ) -> xr.Dataset:
         """Make a group, without a frequency dimension if the run does not know the one there is."""
         known = self.frequency is not None
@@ -215,7 +221,9 @@ def estimate_surface(
     """
     views = views_of(tree, laser)
     image = tree[f"image/{views[0].name}"]
-    frequency = np.asarray(image["frequency"].values, float) if "frequency" in image.coords else None
+    frequency = (
+        np.asarray(image["frequency"].values, float) if "frequency" in image.coords else None
+    )
     face, given = _heights(method, material)
     prisms = volume.prisms()
     outline = Outline.of(volume, prisms, given, method.margin)

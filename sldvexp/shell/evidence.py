@@ -8,8 +8,8 @@ coefficients' precision, ``H = A'A + sum_j exp(lam_j) P_j``, the restricted like
 (Patterson and Thompson 1971; Wahba 1985). One optimum of it would hide how little data may say of a
 weight. So a grid of weights is averaged over, each counting by its likelihood and a prior that is
 flat in lam_1 and flat in the standard deviation exp(-lam_j/2) of all others, whose "none at all" is
-then a limit of the model. Means and variances are those of the mixture: bounds carry the doubt about
-the weights, and "no membrane" needs no option of its own.
+then a limit of the model. Means and variances are those of the mixture: bounds carry the doubt
+about the weights, and "no membrane" needs no option of its own.
 
 All columns of data share the factors of H; a column more costs one product a point of the grid.
 """

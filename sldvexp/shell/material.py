@@ -58,7 +58,9 @@ class Isotropic:
         checks.positive("E", self.E)
         checks.positive("rho", self.rho)
         checks.require(-1 < self.nu < 0.5, "nu", f"must lie between -1 and 0.5, not {self.nu}")
-        message = "must be given, in m, as in 0.003: strain and motion along the surface depend on it"
+        message = (
+            "must be given, in m, as in 0.003: strain and motion along the surface depend on it"
+        )
         checks.require(self.thickness > 0, "thickness", message)
         for name in UNITS:
             checks.non_negative(f"tolerance.{name}", getattr(self.tolerance, name))

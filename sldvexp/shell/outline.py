@@ -77,8 +77,8 @@ class Outline:
     def holds(self, coordinates: Array) -> BoolArray:
         """Tell which places belong to the structure, shape (place,)."""
         if self.margin > 0:
-            inside: BoolArray = ((coordinates >= self.low) & (coordinates <= self.high)).all(axis=1)
-            return inside
+            inside = (coordinates >= self.low) & (coordinates <= self.high)
+            return np.asarray(inside.all(axis=1))
         corners = self.corners[self.triangles]
         bins = Bins.from_boxes(corners.min(axis=1), corners.max(axis=1))
         place, triangle = bins.pairs(coordinates)

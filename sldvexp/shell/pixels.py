@@ -9,7 +9,6 @@ thicker, the place and the direction cosines change:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +17,7 @@ from sldvexp.field import View
 from sldvexp.laser import TwoMirror, rays
 from sldvexp.shell.love import ThinShell
 from sldvexp.shell.outline import Outline
-from sldvexp.typing import Array, IndexArray
+from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Parameters of a pose: a rotation vector of the laser frame, rad, and the origin, m.
 POSE = 6
@@ -56,7 +55,7 @@ class ViewPixels:
         return cls(view, pixel[kept], coordinates[kept], cosine[kept])
 
     def seen_from(self, pose: Array, laser: TwoMirror, outline: Outline, face: float) -> ViewPixels:
-        """Follow the same pixels' beams from a pose that differs by a rotation vector and origin."""
+        """Follow the same pixels' beams from a pose that is off by a rotation vector and origin."""
         view = self.view.moved(pose)
         coordinates, cosine, _ = _met(view, laser, outline, face, self.pixel)
         return ViewPixels(view, self.pixel, coordinates, cosine)
@@ -81,12 +80,14 @@ class ViewPixels:
     def design(self, shell: ThinShell, face: float) -> Array:
         """Make the rows, shape (pixel, coefficient)."""
         velocity = shell.velocity(self.coordinates, face)
-        return np.asarray(sum(d[:, None] * of for d, of in zip(self.cosine.T, velocity, strict=True)))
+        return np.asarray(
+            sum(d[:, None] * of for d, of in zip(self.cosine.T, velocity, strict=True))
+        )
 
 
 def _met(
     view: View, laser: TwoMirror, outline: Outline, face: float, pixel: IndexArray
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array, BoolArray]:
     """Follow beams of some pixels to the face."""
     own = view.laser(laser)
     start, along = rays(own.angle_from_dac(view.dac[pixel]), own.mirror_offset)

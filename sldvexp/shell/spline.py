@@ -1,4 +1,4 @@
-"""`reconstruction=spline`: three smooth fields on the face that have nothing to do with one another.
+"""`reconstruction=spline`: three smooth fields on the face, each by itself.
 
 For structures that are not thin, or to see what the data say without any assumption on how a shell
 moves: bounds of the motion along the surface are wider than `shell`'s, those of strains much wider.

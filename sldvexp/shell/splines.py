@@ -15,6 +15,7 @@ import numpy as np
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array
 
+
 @dataclass(frozen=True, eq=False)
 class Splines:
     """B-splines along one coordinate, on even cells.
@@ -73,9 +74,7 @@ class TensorSplines:
     unit: float
 
     @classmethod
-    def over(
-        cls, low: Array, high: Array, cells: int, degree: int, unit: float
-    ) -> TensorSplines:
+    def over(cls, low: Array, high: Array, cells: int, degree: int, unit: float) -> TensorSplines:
         """Lay splines over a rectangle.
 
         Parameters
@@ -89,8 +88,11 @@ class TensorSplines:
         """
         width = (high - low).max() / cells
         number = np.maximum(np.rint((high - low) / width), 1).astype(int)
-        each = zip(low / unit, high / unit, number, strict=True)
-        return cls(*(Splines(a, b, int(n), degree) for a, b, n in each), unit)
+        s, t = (
+            Splines(a, b, int(n), degree)
+            for a, b, n in zip(low / unit, high / unit, number, strict=True)
+        )
+        return cls(s, t, unit)
 
     @property
     def count(self) -> int:

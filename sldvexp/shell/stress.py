@@ -20,7 +20,7 @@ from sldvexp.typing import Array, ComplexArray
 VON_MISES = np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 3.0]])
 
 
-def plane_stress(strain: ComplexArray, E: float, nu: float) -> ComplexArray:  # noqa: N803
+def plane_stress(strain: ComplexArray, E: float, nu: float) -> ComplexArray:
     """Compute stresses from strains.
 
     Parameters

@@ -192,7 +192,9 @@ class _Equations:
         ]
         data = np.split(self.columns.data, np.cumsum([len(p.pixel) for p in pixels])[:-1])
         weight = np.split(1 / self.pixel_std, np.cumsum([len(p.pixel) for p in pixels])[:-1])
-        designs = [p.design(self.shell, face) * w[:, None] for p, w in zip(moved, weight, strict=True)]
+        designs = [
+            p.design(self.shell, face) * w[:, None] for p, w in zip(moved, weight, strict=True)
+        ]
         normal = np.sum([a.T @ a for a in designs], axis=0)
         right = np.sum([a.T @ y for a, y in zip(designs, data, strict=True)], axis=0)
         size = np.sqrt(np.mean((self.columns.data[:, 0] * self.pixel_std) ** 2))
@@ -216,14 +218,10 @@ class _Equations:
                 "pec,pfc->cef", change, change, optimize=True
             )
         solved = [posterior.solve(crossed[:, :, c], c) for c in range(theta.shape[1])]
-        told = [
-            squares[c] - crossed[:, :, c].T @ solved[c] for c in range(theta.shape[1])
-        ]
+        told = [squares[c] - crossed[:, :, c].T @ solved[c] for c in range(theta.shape[1])]
         nuisances = Nuisances(np.zeros(len(at)), self.errors.factor)
         if self.errors.adjusted and self.errors.factor.size:
-            nuisances = Nuisances.posterior(
-                self.errors.factor, at, products, told, solved, right
-            )
+            nuisances = Nuisances.posterior(self.errors.factor, at, products, told, solved, right)
         return SurfaceFit(
             self.shell,
             self.outline,
