@@ -280,7 +280,7 @@ def _on_surface(run: Run, name: str, method: shell.SurfaceReconstruction) -> Non
     e = run.experiment
     if e.stream is not None:
         raise UserError("splines on the surface take all frequencies at once: leave out stream")
-    found = shell.estimate_surface(run.tree, e.laser, e.volume, method, e.material)
+    found = shell.reconstruct_surface(run.tree, e.laser, e.volume, method, e.material)
     run.tree[name] = found.field()
     if found.frequency is not None:
         run.tree[name.replace("field", "strain").replace("compare/", COMPARED_STRAIN)] = (

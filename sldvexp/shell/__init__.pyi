@@ -1,6 +1,7 @@
 from .chart import Chart as Chart
 from .estimate import SurfaceField as SurfaceField
 from .estimate import estimate_surface as estimate_surface
+from .estimate import reconstruct_surface as reconstruct_surface
 from .evidence import WeightedFit as WeightedFit
 from .love import ThinShell as ThinShell
 from .material import Isotropic as Isotropic

@@ -57,13 +57,11 @@ class Chart:
         >>> coordinates.round(4).tolist(), height.round(4).tolist()
         ([[0.7854, 0.0]], [0.1])
         """
-        x, t, h = ((points - self.center) @ self.axes.T).T
-        if self.curvature == 0:
-            return np.column_stack([x, t]), h
-        r = 1 / self.curvature
-        turned = np.arctan2(np.sign(r) * x, np.sign(r) * (h + r))
-        distance = np.sign(r) * np.hypot(x, h + r)
-        return np.column_stack([r * turned, t]), distance - r
+        (x, t, h), k = ((points - self.center) @ self.axes.T).T, self.curvature
+        arc = np.arctan2(k * x, 1 + k * h) / k if k else x
+        # hypot(x, h + r) - r, without the digits that a nearly flat surface would lose
+        height = (k * (x**2 + h**2) + 2 * h) / (1 + np.hypot(k * x, 1 + k * h))
+        return np.column_stack([arc, t]), height
 
     def frames(self, coordinates: Array) -> Array:
         """Compute the local axes, shape (point, 3, 3): rows t1, t2, n in the world."""
@@ -96,17 +94,13 @@ class Chart:
         meets : ndarray of bool, shape (beam,)
         """
         start, along = (begin - self.center) @ self.axes.T, way @ self.axes.T
+        (x, _, h), (dx, _, dh), k = start.T, along.T, self.curvature
+        # a far^2 + 2 b far + c = 0, all times the curvature, so that a plane is no exception
+        a = k * (dx**2 + dh**2)
+        b = k * (x * dx + h * dh) + dh
+        c = k * (x**2 + h**2 - height**2) + 2 * (h - height)
         with np.errstate(divide="ignore", invalid="ignore"):
-            if self.curvature == 0:
-                far = (height - start[:, 2]) / along[:, 2]
-            else:
-                r = 1 / self.curvature
-                across, lift = start[:, 0], start[:, 2] + r
-                a = along[:, 0] ** 2 + along[:, 2] ** 2
-                b = across * along[:, 0] + lift * along[:, 2]
-                c = across**2 + lift**2 - (r + height) ** 2
-                # Of the two crossings that from outside, or with normals towards the axis inside.
-                far = (-b - np.sign(r) * np.sqrt(b * b - a * c)) / a
+            far = c / (np.sqrt(b * b - a * c) - b)
         meets = np.isfinite(far) & (far > 0)
         point = begin + np.where(meets, far, 0.0)[:, None] * way
         coordinates, _ = self.place(point)

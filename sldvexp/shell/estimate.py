@@ -7,12 +7,12 @@ the middle and of the back, and stresses.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
@@ -40,6 +40,9 @@ BEYOND = 1e-6
 UNIT = 1 / 3
 #: Length over which the middle's motion along itself varies, over the longer side.
 LENGTH = 2 / 3
+
+#: Step of the difference by which strains are differentiated by the height, m.
+STEP = 1e-6
 
 NO_COVARIANCE = "the poses have no covariance: bounds are those of the velocities' noise"
 
@@ -77,7 +80,10 @@ class SurfaceField:
         local = self.volume.coordinates is Coordinates.local
         rows = self._velocity_rows(local)
         nodes = self.prisms.nodes
-        values, own, others = self.fit.evaluate(np.concatenate(rows))
+        thicker = self._velocity_rows(local, by_height=True) if self._hangs_from_face else None
+        values, own, others = self.fit.evaluate(
+            np.concatenate(rows), None if thicker is None else np.concatenate(thicker) / 2
+        )
 
         def by_component(array: NDArray[Any]) -> NDArray[Any]:
             return np.moveaxis(array.reshape(*array.shape[:-2], 3, nodes, -1), -3, -2)
@@ -159,8 +165,12 @@ class SurfaceField:
     def _strain_at(self, place: Array, height: float) -> tuple[ComplexArray, Array]:
         """Compute strains and their variances by part: those of the velocity over i omega."""
         assert self.frequency is not None
-        rows = np.concatenate(self.fit.shell.strain(place, height))
-        values, own, others = self.fit.evaluate(rows)
+        rows, higher = (
+            np.concatenate(self.fit.shell.strain(place, z)) for z in (height, height + STEP)
+        )
+        # The face lies half a thickness above the middle.
+        share = 0.0 if self.fit.face == 0 else height / self.fit.face / 2
+        values, own, others = self.fit.evaluate(rows, share * (higher - rows) / STEP)
         omega = 2 * np.pi * self.frequency
         shape = (len(STRAINS), len(place), len(omega))
         strain = (values / (1j * omega)).reshape(shape)
@@ -168,10 +178,16 @@ class SurfaceField:
         variance = ((own + others)[::-1] / omega**2).reshape(2, *shape)
         return np.moveaxis(strain, 0, 1), np.moveaxis(variance, 1, 2)
 
-    def _velocity_rows(self, local: bool) -> list[Array]:
-        """Make the rows of every component at all nodes of the volume."""
+    @property
+    def _hangs_from_face(self) -> bool:
+        """True if nodes are laid around the face, so that the thickness decides their height."""
+        return self.method.of_middle and self.method.given is Given.face
+
+    def _velocity_rows(self, local: bool, by_height: bool = False) -> list[Array]:
+        """Make the rows of every component at all nodes, or their derivatives by the height."""
         place, height = self.fit.outline.chart.place(self.prisms.position)
-        own = self.fit.shell.velocity(place, height)
+        shell = self.fit.shell
+        own = shell.velocity_by_height(place) if by_height else shell.velocity(place, height)
         frames = self.fit.outline.chart.frames(place)
         if local:
             axes = np.tile(self.prisms.frame, (len(self.prisms.depth), 1, 1))
@@ -199,14 +215,14 @@ class SurfaceField:
         return dataset.group(name, coords, **last, **always)
 
 
-def estimate_surface(
+def reconstruct_surface(
     tree: Mapping[str, xr.Dataset],
     laser: TwoMirror,
     volume: Volume,
     method: SurfaceReconstruction,
     material: Isotropic | None,
 ) -> SurfaceField:
-    """Estimate a smooth field on the volume's surface from the images of a run.
+    """Estimate a smooth field on the volume's surface from the groups of a run.
 
     Parameters
     ----------
@@ -216,27 +232,97 @@ def estimate_surface(
     Raises
     ------
     UserError
-        If a thickness is needed and not given, the surface bends both ways, or too few pixels see
-        it.
+        See `estimate_surface`.
     """
     views = views_of(tree, laser)
     image = tree[f"image/{views[0].name}"]
-    frequency = (
-        np.asarray(image["frequency"].values, float) if "frequency" in image.coords else None
+    frequency = image["frequency"].values if "frequency" in image.coords else None
+    known = PoseErrors.from_dataset(tree["pose"], [v.name for v in views])
+    joint = None if known is None else known.covariance
+    return estimate_surface(
+        views, laser, volume, method, material, frequency=frequency, covariance=joint
     )
+
+
+def estimate_surface(
+    views: Sequence[View],
+    laser: TwoMirror,
+    volume: Volume,
+    method: SurfaceReconstruction,
+    material: Isotropic | None = None,
+    *,
+    frequency: ArrayLike | None = None,
+    covariance: Array | None = None,
+) -> SurfaceField:
+    """Estimate a smooth field on the volume's surface from views of it.
+
+    Parameters
+    ----------
+    views : sequence of View
+        Poses and velocity images.
+    laser : TwoMirror
+        Which all views were taken with.
+    volume : Volume
+        Around a surface that is flat or bends along one direction.
+    method : SurfaceReconstruction
+    material : Isotropic, optional
+        The sheet's thickness, which `Shell` needs.
+    frequency : array_like, shape (frequency,), Hz, optional
+        Of the views' images; strains need it.
+    covariance : ndarray, shape (6 views, 6 views), optional
+        Of all poses together; without it that of each view, by itself.
+
+    Raises
+    ------
+    UserError
+        If a thickness is needed and not given, the surface bends both ways, or too few pixels see
+        it.
+
+    Examples
+    --------
+    A plate that moves as a whole along its normal, seen from three places:
+
+    >>> import numpy as np
+    >>> from sldvexp import field, shell, volume
+    >>> from sldvexp.laser.model import direction_cosines
+    >>> from sldvexp.laser.two_mirror import TwoMirror
+    >>> rng, laser, rotation = np.random.default_rng(1), TwoMirror(), np.diag([1.0, -1.0, -1.0])
+    >>> step = np.radians(np.linspace(-22, 22, 33))
+    >>> angle = np.stack(np.meshgrid(step, step), axis=-1).reshape(-1, 2)
+    >>> seen = direction_cosines(angle) @ rotation @ [0, 0, 2e-3]
+    >>> views = []
+    >>> for name, x, y in ("left", -0.4, -0.3), ("right", 0.4, -0.3), ("top", 0.0, 0.4):
+    ...     image, origin = seen + rng.normal(scale=1e-6, size=len(seen)), [x, y, 1.5]
+    ...     view = field.View.from_arrays(
+    ...         name, rotation, origin, image, 1e-6, angle=angle, laser=laser
+    ...     )
+    ...     views.append(view)
+    >>> plate = volume.Grid(size=[0.2, 0.2], shape=[3, 3], layers=2)
+    >>> sheet = shell.Isotropic(thickness=0.002)
+    >>> found = shell.estimate_surface(views, laser, plate, shell.Shell(), sheet, frequency=[100.0])
+    >>> np.abs(1e3 * found.field()["velocity"].values[0, :, 0]).round(2).tolist()
+    [0.0, 0.0, 2.0]
+    """
+    given_frequency = None if frequency is None else np.asarray(frequency, float)
     face, given = _heights(method, material)
     prisms = volume.prisms()
     outline = Outline.of(volume, prisms, given, method.margin)
     longest = float((outline.high - outline.low).max())
-    shell = _splines(outline, method, longest)
     length = None
     if isinstance(method, Shell):
         length = method.membrane_length or LENGTH * longest
-    notes: list[str] = []
-    errors = _errors(tree, views, method, material, notes)
+    notes = []
+    joint = pose_covariance(views, covariance)
+    if joint is None:
+        notes.append(NO_COVARIANCE)
+        joint = np.zeros((POSE * len(views),) * 2)
+    thickness = 0.0 if material is None else material.tolerance.thickness
+    errors = Errors.of(joint, method.height_tolerance, thickness, method.poses is Poses.adjust)
+    shell = _splines(outline, method, longest)
     found = fit(views, laser, outline, shell, face, length, errors)
-    notes += _told(found, method)
-    return SurfaceField(found, prisms, volume, method, material, frequency, notes)
+    return SurfaceField(
+        found, prisms, volume, method, material, given_frequency, [*notes, *_told(found)]
+    )
 
 
 def _heights(method: SurfaceReconstruction, material: Isotropic | None) -> tuple[float, float]:
@@ -265,25 +351,7 @@ def _splines(outline: Outline, method: SurfaceReconstruction, longest: float) ->
     )
 
 
-def _errors(
-    tree: Mapping[str, xr.Dataset],
-    views: list[View],
-    method: SurfaceReconstruction,
-    material: Isotropic | None,
-    notes: list[str],
-) -> Errors:
-    """Collect what is known of poses, height and thickness."""
-    known = PoseErrors.from_dataset(tree["pose"], [v.name for v in views])
-    joint = pose_covariance(views, None if known is None else known.covariance)
-    if joint is None:
-        notes.append(NO_COVARIANCE)
-        joint = np.zeros((POSE * len(views),) * 2)
-    thickness = 0.0 if material is None else material.tolerance.thickness
-    adjusted = method.poses is Poses.adjust
-    return Errors.of(joint, method.height_tolerance, thickness, adjusted)
-
-
-def _told(found: SurfaceFit, method: SurfaceReconstruction) -> list[str]:
+def _told(found: SurfaceFit) -> list[str]:
     """Say what a user must know of the fit."""
     told = []
     if found.estimated_noise:

@@ -95,12 +95,16 @@ class SurfaceFit:
     pixel_std: Array
     estimated_noise: bool
 
-    def evaluate(self, rows: Array) -> tuple[ComplexArray, Array, Array]:
+    def evaluate(
+        self, rows: Array, thicker: Array | None = None
+    ) -> tuple[ComplexArray, Array, Array]:
         """Compute values of linear functionals of the coefficients.
 
         Parameters
         ----------
         rows : ndarray, shape (functional, coefficient)
+        thicker : ndarray, shape (functional, coefficient), optional
+            Derivatives of the rows by the sheet's thickness, 1/m.
 
         Returns
         -------
@@ -112,6 +116,8 @@ class SurfaceFit:
         """
         mean, variance = self.posterior.evaluate(rows)
         gain = -np.stack([rows @ s for s in self.solved], axis=-1)  # (functional, error, column)
+        if thicker is not None:
+            gain[:, -1] += thicker @ self.posterior.mean()
         mean = mean + np.einsum("fec,e->fc", gain, self.nuisances.mean - self.at)
         values, own = self.columns.lines(mean, variance)
         by_error = self.columns.combined(gain)
