@@ -49,15 +49,13 @@ def volume(radius=None, shape=(13, 11)):
 def views(truth, rng, pixels=(21, 25), noise=NOISE, frequency=(FREQUENCY,), errors=None):
     """Images of places spread over the plate, with poses that are off by `errors`, (view, 6)."""
     made = []
-    s, t = (
-        np.linspace(0.003, side - 0.003, n) for side, n in zip((0.3, 0.25), pixels, strict=True)
-    )
+    s, t = (np.linspace(0.003, b - 0.003, n) for b, n in zip((0.3, 0.25), pixels, strict=True))
     place = np.stack(np.meshgrid(s, t, indexing="ij"), axis=-1).reshape(-1, 2)
     spots = truth.center + truth.surface.position(place) @ truth.rotation
     for k, (euler, origin) in enumerate(PLACES):
         rotation = rotation_from_euler(euler)
         angle = project((spots - origin) @ rotation.T, LASER.mirror_offset)
-        start, along = rays(angle, LASER.mirror_offset)
+        _, along = rays(angle, LASER.mirror_offset)
         velocity = np.stack(
             [np.einsum("pi,pi->p", truth.velocity(spots, f), -along @ rotation) for f in frequency],
             axis=1,

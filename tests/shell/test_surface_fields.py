@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,8 +13,6 @@ from sldvexp.shell.material import Tolerance
 from sldvexp.shell.method import Given, Poses
 from sldvexp.shell.outline import surface_nodes
 from tests.shell import simulated_shell as lab
-
-PARTS = ("real", "imaginary")
 
 
 def compared(found, truth, level=1.96):
@@ -73,13 +73,11 @@ def test_without_noise_the_motion_is_exact():
     assert np.all(errors[3:] < 1e-3)
 
 
-def test_a_larger_and_a_faster_structure_come_out_alike():
-    """All lengths times 10, all velocities times 1000: relative errors are nearly the same."""
+def test_a_faster_structure_comes_out_alike():
+    """All velocities times 1000: relative errors are nearly the same."""
     truth = lab.plate()
     views = lab.views(truth, np.random.default_rng(4))
     once, _ = compared(estimated(views, lab.volume()), truth)
-    from dataclasses import replace
-
     faster = [replace(v, velocity=1e3 * v.velocity, std=1e3 * np.asarray(v.std)) for v in views]
     found = estimated(faster, lab.volume())
     group = found.strain()
@@ -89,17 +87,30 @@ def test_a_larger_and_a_faster_structure_come_out_alike():
     assert again == pytest.approx(once[3:], rel=0.02)
 
 
-@pytest.mark.parametrize("stretch", [0.2, 0.04])
-def test_intervals_hold(stretch):
-    """Twelve sessions: places of one are alike, so that its share is one draw."""
-    truth, volume = lab.plate(stretch=stretch), lab.volume(shape=(9, 7))
-    held = []
-    for seed in range(12):
+def shares_held(stretch, seeds):
+    """Shares of intervals that hold, (session, quantity, part): places of a session are alike."""
+    truth, volume, held = lab.plate(stretch=stretch), lab.volume(shape=(9, 7)), []
+    for seed in range(seeds):
         views = lab.views(truth, np.random.default_rng(100 + seed), pixels=(17, 19))
         held.append(compared(estimated(views, volume), truth)[1].mean(axis=-1))
-    share, spread = np.mean(held, axis=0), np.std(held, axis=0, ddof=1) / np.sqrt(12)
-    assert np.all(share + 3 * spread >= 0.93)
-    assert share.mean() >= 0.94
+    return np.array(held)
+
+
+def test_intervals_hold_in_some_sessions():
+    held = shares_held(0.1, 5)
+    spread = held.std(axis=0, ddof=1) / np.sqrt(5)
+    assert np.all(held.mean(axis=0) + 3 * spread >= 0.93)
+    assert held.mean() >= 0.94
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("stretch", [0.2, 0.067, 0.04])
+def test_intervals_hold_in_fifty_sessions(stretch):
+    """Shrinkage leaves them wider than they need be where there is little to find."""
+    share = shares_held(stretch, 50).mean(axis=0)
+    print(stretch, share.round(3).tolist())
+    assert np.all(share >= 0.90)
+    assert share.mean() >= 0.93
 
 
 def turned(rng, angle, way):
@@ -141,9 +152,7 @@ def test_a_thickness_that_is_not_known_well_widens_the_bounds():
     views = lab.views(truth, np.random.default_rng(7))
     vague = Isotropic(thickness=0.003, tolerance=Tolerance(thickness=0.1e-3))
     kept = lab.method(poses=Poses.propagate)
-    exact, wide = (
-        estimated(views, lab.volume(), kept, sheet).strain() for sheet in (lab.SHEET, vague)
-    )
+    exact, wide = (estimated(views, lab.volume(), kept, s).strain() for s in (lab.SHEET, vague))
     added = wide["strain_std_by_part"].values ** 2 - exact["strain_std_by_part"].values ** 2
     size = np.abs(exact["strain"].values.imag)
     strongest = size > 0.7 * size.max()
@@ -164,8 +173,6 @@ def test_the_given_surface_may_be_the_face():
 def test_noise_that_is_not_stated_is_estimated():
     truth = lab.plate()
     views = lab.views(truth, np.random.default_rng(9))
-    from dataclasses import replace
-
     silent = [replace(v, std=np.zeros(len(v.dac))) for v in views]
     found = estimated(silent, lab.volume())
     assert found.fit.pixel_std[0] == pytest.approx(lab.NOISE, rel=0.05)
@@ -182,12 +189,6 @@ def test_all_nodes_move_as_love_says():
     low, high = np.split(group["velocity"].values[..., 0], 2)
     height = np.ptp(found.prisms.depth)
     assert low[:, 2] == pytest.approx(high[:, 2])
-    slope = (
-        found.fit.evaluate(found.fit.shell.bending(found.fit.outline.corners, 1, 0) @ np.eye(0, 0))
-        if False
-        else None
-    )
-    assert slope is None
     rows = np.zeros((len(low), found.fit.shell.coefficients))
     rows[:, -found.fit.shell.bending.count :] = found.fit.shell.bending(
         found.fit.outline.corners, 1, 0
