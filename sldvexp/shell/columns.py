@@ -1,4 +1,4 @@
-"""Columns of data, real and imaginary parts of all frequencies, and the few that carry the signal.
+"""Columns of data, real and imaginary parts of all frequencies, and the few that carry signal.
 
 Noise that differs by pixel and by frequency is taken as a product of both, so that after division
 every number has the variance 1. Then ``Y = U S W'``, and columns ``Y W`` of singular values beyond
@@ -22,7 +22,7 @@ BEYOND = 1.01
 
 
 @dataclass(frozen=True, eq=False)
-class Columns:
+class SignalColumns:
     """Reduced columns of whitened data.
 
     Attributes
@@ -43,7 +43,7 @@ class Columns:
     scale: Array
 
     @classmethod
-    def of(cls, velocity: ComplexArray, pixel_std: Array, scale: Array) -> Columns:
+    def of(cls, velocity: ComplexArray, pixel_std: Array, scale: Array) -> SignalColumns:
         """Whiten velocities and keep the columns that carry signal.
 
         Parameters

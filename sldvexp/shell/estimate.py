@@ -23,13 +23,13 @@ from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.shell.love import STRAINS, ThinShell
 from sldvexp.shell.material import Isotropic
-from sldvexp.shell.method import Given, Poses, SurfaceReconstruction
+from sldvexp.shell.method import GivenSurface, PoseTreatment, SurfaceReconstruction
 from sldvexp.shell.outline import Outline, surface_nodes
 from sldvexp.shell.pixels import POSE
 from sldvexp.shell.shell import Shell
 from sldvexp.shell.splines import TensorSplines
 from sldvexp.shell.stress import plane_stress, von_mises
-from sldvexp.shell.surface_fit import Errors, SurfaceFit, fit
+from sldvexp.shell.surface_fit import PriorErrors, SurfaceFit, fit
 from sldvexp.statistics import student_factor
 from sldvexp.typing import Array, ComplexArray
 from sldvexp.volume import Coordinates, Prisms, Volume
@@ -181,7 +181,7 @@ class SurfaceField:
     @property
     def _hangs_from_face(self) -> bool:
         """True if nodes are laid around the face, so that the thickness decides their height."""
-        return self.method.of_middle and self.method.given is Given.face
+        return self.method.of_middle and self.method.given is GivenSurface.face
 
     def _velocity_rows(self, local: bool, by_height: bool = False) -> list[Array]:
         """Make the rows of every component at all nodes, or their derivatives by the height."""
@@ -233,6 +233,17 @@ def reconstruct_surface(
     ------
     UserError
         See `estimate_surface`.
+
+    Examples
+    --------
+    Of the groups of a session, as ``sldvexp experiment=plate_strain`` leaves them:
+
+    >>> from sldvexp import dataset, shell
+    >>> def again(folder, laser, volume, thickness):
+    ...     with dataset.load(folder / "run.nc") as tree:
+    ...         groups = {n.path.lstrip("/"): n.to_dataset() for n in tree.load().subtree}
+    ...     sheet = shell.Isotropic(thickness=thickness)
+    ...     return shell.reconstruct_surface(groups, laser, volume, shell.Shell(), sheet).strain()
     """
     views = views_of(tree, laser)
     image = tree[f"image/{views[0].name}"]
@@ -259,7 +270,7 @@ def estimate_surface(
     Parameters
     ----------
     views : sequence of View
-        Poses and velocity images.
+        PoseTreatment and velocity images.
     laser : TwoMirror
         Which all views were taken with.
     volume : Volume
@@ -317,7 +328,7 @@ def estimate_surface(
         notes.append(NO_COVARIANCE)
         joint = np.zeros((POSE * len(views),) * 2)
     thickness = 0.0 if material is None else material.tolerance.thickness
-    errors = Errors.of(joint, method.height_tolerance, thickness, method.poses is Poses.adjust)
+    errors = PriorErrors.of(joint, method.height_tolerance, thickness, method.poses is PoseTreatment.adjust)
     shell = _splines(outline, method, longest)
     found = fit(views, laser, outline, shell, face, length, errors)
     return SurfaceField(
@@ -336,8 +347,8 @@ def _heights(method: SurfaceReconstruction, material: Isotropic | None) -> tuple
         return 0.0, 0.0
     half = material.thickness / 2
     if method.of_middle:
-        return half, half if method.given is Given.face else 0.0
-    return 0.0, 0.0 if method.given is Given.face else -half
+        return half, half if method.given is GivenSurface.face else 0.0
+    return 0.0, 0.0 if method.given is GivenSurface.face else -half
 
 
 def _splines(outline: Outline, method: SurfaceReconstruction, longest: float) -> ThinShell:

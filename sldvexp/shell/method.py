@@ -10,7 +10,7 @@ from sldvexp.errors import Checks
 from sldvexp.reconstruction.system import Robust
 
 
-class Given(Enum):
+class GivenSurface(Enum):
     """Surface of the structure that the volume's surface is.
 
     Attributes
@@ -25,7 +25,7 @@ class Given(Enum):
     face = "face"
 
 
-class Poses(Enum):
+class PoseTreatment(Enum):
     """Poses of the views, which are known with their covariance.
 
     Attributes
@@ -50,7 +50,7 @@ class SurfaceReconstruction:
 
     Parameters
     ----------
-    given : Given
+    given : GivenSurface
         Surface of the structure that the volume is laid around.
     margin : float, m
         How far the structure goes on beyond the volume's surface; pixels there count too.
@@ -58,7 +58,7 @@ class SurfaceReconstruction:
         Cells of w's splines along the longer side.
     membrane_cells : int
         Those of the motion along the surface.
-    poses : Poses
+    poses : PoseTreatment
     height_tolerance : float, m
         Standard uncertainty of the given surface's height along its normal.
     confidence : float
@@ -67,11 +67,11 @@ class SurfaceReconstruction:
         Whether pixels that dropped out unnoticed are left out.
     """
 
-    given: Given = Given.middle
+    given: GivenSurface = GivenSurface.middle
     margin: float = 0.0
     cells: int = 12
     membrane_cells: int = 6
-    poses: Poses = Poses.adjust
+    poses: PoseTreatment = PoseTreatment.adjust
     height_tolerance: float = 0.0
     confidence: float = 0.95
     robust: Robust = Robust.auto

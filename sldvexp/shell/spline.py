@@ -11,7 +11,7 @@ from typing import ClassVar
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.shell.method import Poses, SurfaceReconstruction
+from sldvexp.shell.method import PoseTreatment, SurfaceReconstruction
 
 
 @register("reconstruction", "spline")
@@ -30,10 +30,10 @@ class Spline(SurfaceReconstruction):
     """
 
     membrane_cells: int = 10
-    poses: Poses = Poses.propagate
+    poses: PoseTreatment = PoseTreatment.propagate
 
     of_middle: ClassVar[bool] = False
 
     def _check(self, checks: Checks) -> None:
         message = "must be propagate: free splines cannot tell a turned view from a smooth motion"
-        checks.require(self.poses is Poses.propagate, "poses", message)
+        checks.require(self.poses is PoseTreatment.propagate, "poses", message)

@@ -15,7 +15,7 @@ from sldvexp.errors import UserError
 from sldvexp.field import View
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
-from sldvexp.shell.columns import Columns
+from sldvexp.shell.columns import SignalColumns
 from sldvexp.shell.evidence import WeightedFit
 from sldvexp.shell.love import ThinShell
 from sldvexp.shell.nuisances import Nuisances
@@ -35,7 +35,7 @@ EXACT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Errors:
+class PriorErrors:
     """What was known beforehand of poses, height and thickness.
 
     Attributes
@@ -50,7 +50,7 @@ class Errors:
     adjusted: bool
 
     @classmethod
-    def of(cls, poses: Array, height: float, thickness: float, adjusted: bool) -> Errors:
+    def of(cls, poses: Array, height: float, thickness: float, adjusted: bool) -> PriorErrors:
         """Combine covariances of poses, (6 view, 6 view), and standard errors, m."""
         values, vectors = np.linalg.eigh(poses)
         known = values > 1e-14 * max(values.max(initial=0.0), 1e-300)
@@ -69,13 +69,13 @@ class SurfaceFit:
     shell : ThinShell
     pixels : list of ViewPixels
         At the poses as adjusted.
-    columns : Columns
+    columns : SignalColumns
     posterior : WeightedFit
     solved : list of ndarray, shape (coefficient, error)
         ``H^-1 A'J`` of every reduced column.
     nuisances : Nuisances
     at : ndarray, shape (error,)
-        Errors that the equations are taken at.
+        PriorErrors that the equations are taken at.
     residual : ndarray of complex, shape (pixel, frequency), m/s
     pixel_std : ndarray, shape (pixel,), m/s
     estimated_noise : bool
@@ -86,7 +86,7 @@ class SurfaceFit:
     outline: Outline
     face: float
     pixels: list[ViewPixels]
-    columns: Columns
+    columns: SignalColumns
     posterior: WeightedFit
     solved: list[Array]
     nuisances: Nuisances
@@ -133,7 +133,7 @@ def fit(
     shell: ThinShell,
     face: float,
     length: float | None,
-    errors: Errors,
+    errors: PriorErrors,
 ) -> SurfaceFit:
     """Fit splines to the pixels of all views.
 
@@ -159,7 +159,7 @@ def fit(
     velocity, pixel_std, scale, stated = _noise(pixels)
     if not stated:
         pixel_std = np.full(count, _left_over(pixels, shell, face, velocity))
-    columns = Columns.of(velocity, pixel_std, scale)
+    columns = SignalColumns.of(velocity, pixel_std, scale)
     fitted = _Equations(laser, outline, shell, face, length, errors, columns, pixel_std)
     at = np.zeros(len(errors.factor))
     found = fitted.at(pixels, at)
@@ -182,8 +182,8 @@ class _Equations:
     shell: ThinShell
     face: float
     length: float | None
-    errors: Errors
-    columns: Columns
+    errors: PriorErrors
+    columns: SignalColumns
     pixel_std: Array
 
     def at(self, pixels: list[ViewPixels], at: Array) -> SurfaceFit:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sldvexp.shell import WeightedFit
-from sldvexp.shell.columns import Columns
+from sldvexp.shell.columns import SignalColumns
 from sldvexp.shell.nuisances import Nuisances
 
 ROWS, COEFFICIENTS = 60, 12
@@ -99,7 +99,7 @@ def test_lines_are_put_together_from_their_columns():
     clean = 30 * shapes @ (spectrum * np.exp(0.3j))
     std, scale = rng.uniform(0.5, 2, 500), rng.uniform(0.5, 2, 40)
     velocity = clean + (noise[0] + 1j * noise[1]) * std[:, None] * scale
-    columns = Columns.of(velocity, std, scale)
+    columns = SignalColumns.of(velocity, std, scale)
     assert 2 <= columns.data.shape[1] <= 3
     lines = columns.combined(columns.data) * std[:, None]
     left = np.abs(lines - clean) / std[:, None] / scale
@@ -111,7 +111,7 @@ def test_lines_are_put_together_from_their_columns():
 
 def test_a_single_line_keeps_both_of_its_parts():
     velocity = np.array([[1 + 2j], [3 - 1j], [0.5j]])
-    columns = Columns.of(velocity, np.ones(3), np.ones(1))
+    columns = SignalColumns.of(velocity, np.ones(3), np.ones(1))
     assert columns.combined(columns.data) == pytest.approx(velocity)
     _, variance = columns.lines(columns.data, np.ones((3, 2)))
     assert variance == pytest.approx(1.0)

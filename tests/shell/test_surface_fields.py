@@ -10,7 +10,7 @@ import pytest
 from sldvexp.errors import UserError
 from sldvexp.shell import Isotropic, Shell, Spline, estimate_surface
 from sldvexp.shell.material import Tolerance
-from sldvexp.shell.method import Given, Poses
+from sldvexp.shell.method import GivenSurface, PoseTreatment
 from sldvexp.shell.outline import surface_nodes
 from tests.shell import simulated_shell as lab
 
@@ -114,7 +114,7 @@ def test_intervals_hold_in_fifty_sessions(stretch):
 
 
 def turned(rng, angle, way):
-    """Errors of the poses, and their covariance."""
+    """PriorErrors of the poses, and their covariance."""
     std = np.tile([angle] * 3 + [way] * 3, len(lab.PLACES))
     return (std * rng.normal(size=len(std))).reshape(-1, 6), np.diag(std**2)
 
@@ -125,7 +125,7 @@ def test_poses_are_adjusted_with_the_field():
     errors, covariance = turned(rng, 0.3e-3, 0.5e-3)
     views = lab.views(truth, rng, errors=errors)
     adjusted = estimated(views, lab.volume(), covariance=covariance)
-    kept = lab.method(poses=Poses.propagate)
+    kept = lab.method(poses=PoseTreatment.propagate)
     propagated = estimated(views, lab.volume(), kept, covariance=covariance)
     own, held = compared(adjusted, truth)
     others, _ = compared(propagated, truth)
@@ -151,7 +151,7 @@ def test_a_thickness_that_is_not_known_well_widens_the_bounds():
     truth = lab.plate()
     views = lab.views(truth, np.random.default_rng(7))
     vague = Isotropic(thickness=0.003, tolerance=Tolerance(thickness=0.1e-3))
-    kept = lab.method(poses=Poses.propagate)
+    kept = lab.method(poses=PoseTreatment.propagate)
     exact, wide = (estimated(views, lab.volume(), kept, s).strain() for s in (lab.SHEET, vague))
     added = wide["strain_std_by_part"].values ** 2 - exact["strain_std_by_part"].values ** 2
     size = np.abs(exact["strain"].values.imag)
@@ -166,7 +166,7 @@ def test_the_given_surface_may_be_the_face():
     volume.center = [*volume.center[:2], 0.0015]
     views = lab.views(truth, np.random.default_rng(8))
     middle = estimated(views, lab.volume()).strain()["strain"].values
-    face = estimated(views, volume, lab.method(given=Given.face)).strain()["strain"].values
+    face = estimated(views, volume, lab.method(given=GivenSurface.face)).strain()["strain"].values
     assert face == pytest.approx(middle, abs=1e-9 * np.abs(middle).max())
 
 
@@ -237,7 +237,7 @@ def test_settings_that_cannot_be(settings, told):
 
 def test_free_splines_keep_their_poses():
     with pytest.raises(UserError, match=r"poses: must be propagate"):
-        Spline(poses=Poses.adjust)
+        Spline(poses=PoseTreatment.adjust)
 
 
 @pytest.mark.parametrize(
