@@ -111,7 +111,7 @@ class Experiment:
     seed : int
         Seed of the run's one random generator.
     target, laser, scene, scan, instrument, signal : plugin
-    pose, volume, reconstruction, solver, stream : plugin
+    pose, volume, reconstruction, material, solver, stream : plugin
         A stage without a plugin is left out.
     compare_scan : dict of str to scan
         Further scans with the same instrument, for the pose methods of the same names.
@@ -197,8 +197,11 @@ class Experiment:
             "combined": "sldvexp.reconstruction.combined",
             "contravariant": "sldvexp.reconstruction.contravariant",
             "relative": "sldvexp.reconstruction.relative",
+            "shell": "sldvexp.shell.shell",
+            "spline": "sldvexp.shell.spline",
         },
     )
+    material: Any = one_of("material", {"isotropic": "sldvexp.shell.material"})
     solver: Any = one_of(
         "solver",
         {
@@ -229,6 +232,7 @@ class Experiment:
             "pose_repeats": "sldvexp.check.pose_repeats",
             "printed": "sldvexp.check.printed",
             "repeatability": "sldvexp.check.repeatability",
+            "strain_truth": "sldvexp.check.strain_truth",
             "surface_depth": "sldvexp.check.surface_depth",
             "truth": "sldvexp.check.truth",
         },

@@ -231,6 +231,7 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "velocity": _V("node component [frequency]", "m/s", "true velocity of the surface nearby"),
         "height": _V("node", "m", "height of the node above the true surface"),
         "position": _V("node axis", "m", "position of the node"),
+        "strain": _V("place strain_component [frequency]", "1", "true strain of the surface"),
     },
     "field": {
         "velocity": _V("node component [frequency]", "m/s", "velocity"),
@@ -288,6 +289,34 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "f_p_value": _V("[frequency]", "1", "probability of such an F without intercepts"),
         "samples_seen": _V("view", "1", "samples that the view sees"),
         "samples_lost": _V("view reason", "1", "samples that it does not see, by the reason"),
+    },
+    "strain": {
+        "strain": _V("place strain_component [frequency]", "1", "strain of the face"),
+        "strain_std": _V(
+            "place strain_component [frequency]", "1", "its standard error, of the larger part"
+        ),
+        "strain_std_by_part": _V(
+            "part place strain_component [frequency]", "1", "standard error of each part"
+        ),
+        "confidence": _V(
+            "place strain_component [frequency]", "1", "half-width of its interval, larger part"
+        ),
+        "middle_strain": _V("place strain_component [frequency]", "1", "strain of the middle"),
+        "middle_strain_std": _V("place strain_component [frequency]", "1", "its standard error"),
+        "middle_confidence": _V(
+            "place strain_component [frequency]", "1", "half-width of its interval, larger part"
+        ),
+        "back_strain": _V("place strain_component [frequency]", "1", "strain of the back"),
+        "back_strain_std": _V("place strain_component [frequency]", "1", "its standard error"),
+        "back_confidence": _V(
+            "place strain_component [frequency]", "1", "half-width of its interval, larger part"
+        ),
+        "stress": _V("place strain_component [frequency]", "Pa", "plane stress of the face"),
+        "von_mises": _V(
+            "place [frequency]", "Pa", "von Mises stress of the face, largest of a cycle"
+        ),
+        "position": _V("place axis", "m", "position of the places on the given surface"),
+        "triangle": _V("triangle corner", "1", "places of each triangle, from 0"),
     },
     "examined/bitangents": {
         "position_inch": _V("point plane_axis", "inch", "bitangent point in its circles' plane"),
@@ -380,6 +409,36 @@ VARIABLES: dict[str, dict[str, Variable]] = {
     "examined/love": {
         "variation": _V("component [frequency]", "1", "r.m.s. change through the layers over size"),
         "bound": _V("component [frequency]", "1", "r.m.s. half-width of the intervals over size"),
+    },
+    "examined/strain_truth": {
+        "relative_error": _V(
+            "strain_component [frequency]",
+            "1",
+            "r.m.s. error over the true r.m.s.",
+            label="relative error",
+        ),
+        "rms_error": _V(
+            "strain_component [frequency]",
+            "1",
+            "r.m.s. error of the strain",
+            label="r.m.s. error",
+        ),
+        "rms_bound": _V(
+            "strain_component [frequency]",
+            "1",
+            "r.m.s. half-width of the intervals",
+            label="bound",
+        ),
+        "covered": _V(
+            "strain_component [frequency]",
+            "1",
+            "share of the intervals that hold the truth",
+            label="covered",
+        ),
+        "relative_error_in_all": _V(
+            "strain_component", "1", "relative error of all frequencies together"
+        ),
+        "covered_in_all": _V("strain_component", "1", "share covered of all frequencies"),
     },
     "examined/truth": {
         "relative_error": _V(

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from sldvexp import field as velocity_field
-from sldvexp import importers, session, verdict, virtual_lab
+from sldvexp import importers, session, shell, verdict, virtual_lab
 from sldvexp.check import Examination, evaluate
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import JOURNAL
@@ -42,6 +42,8 @@ from sldvexp.stopping import stopping_once
 COMPARED_SCANS = "compare_scan"
 #: Where the flags lie of images that stay in another file.
 FLAGGED = "flagged/"
+#: Where the strains of compared methods lie.
+COMPARED_STRAIN = "compare_strain/"
 
 
 @dataclass
@@ -274,12 +276,25 @@ def _field(run: Run) -> None:
     if e.stream is not None:
         _streamed_field(run)
         return
-    visibility = velocity_field.estimate.volume_visibility(run.tree, e.laser, e.volume)
-    _reconstruct(
-        run,
-        "field",
-        lambda m: velocity_field.estimate.reconstruct(run.tree, visibility, e.volume, m, e.solver),
-    )
+
+    def in_volume(method: Reconstruction) -> xr.Dataset:
+        visibility = velocity_field.estimate.volume_visibility(run.tree, e.laser, e.volume)
+        return velocity_field.estimate.reconstruct(run.tree, visibility, e.volume, method, e.solver)
+
+    _reconstruct(run, "field", in_volume)
+
+
+def _on_surface(run: Run, name: str, method: shell.SurfaceReconstruction) -> None:
+    """Add the field and the strain of splines on the volume's surface."""
+    e = run.experiment
+    if e.stream is not None:
+        raise UserError("splines on the surface take all frequencies at once: leave out stream")
+    found = shell.reconstruct_surface(run.tree, e.laser, e.volume, method, e.material)
+    run.tree[name] = found.field()
+    if found.frequency is not None:
+        run.tree[name.replace("field", "strain").replace("compare/", COMPARED_STRAIN)] = (
+            found.strain()
+        )
 
 
 def _streamed_field(run: Run) -> None:
@@ -313,7 +328,10 @@ def _reconstruct(run: Run, group: str, work: Callable[[Reconstruction], xr.Datas
     methods |= {f"compare/{name}": method for name, method in e.compare.items()}
     for name, method in methods.items():
         try:
-            run.tree[name] = work(method)
+            if isinstance(method, shell.SurfaceReconstruction):
+                _on_surface(run, name, method)
+            else:
+                run.tree[name] = work(method)
         except UserError as error:
             where = "reconstruction" if name == group else name.replace("/", ".")
             raise UserError(f"{where}: {error}") from None
@@ -325,7 +343,11 @@ def _truth(run: Run) -> None:
     field = run.tree["field"]
     images = [part for part in e.scan.parts(e.scan.view_names()[0]) if part.kind == "image"]
     run.tree["truth"] = virtual_lab.plate.truth_to_dataset(
-        e.scene, field["position"].values, field["frequency"].values, images[0].sampling.amplitude
+        e.scene,
+        field["position"].values,
+        field["frequency"].values,
+        images[0].sampling.amplitude,
+        run.tree["strain"]["position"].values if "strain" in run.tree else None,
     )
 
 
@@ -432,7 +454,7 @@ MEASURING = (
     "stream",  # which decides where images are kept
 )
 POSING = ("target", "laser", "pose", "compare_pose")
-SOLVING = ("laser", "volume", "reconstruction", "compare", "solver", "stream")
+SOLVING = ("laser", "volume", "reconstruction", "material", "compare", "solver", "stream")
 SCANNED = ("edge/", "image/", "registration", f"{COMPARED_SCANS}/")
 
 STEPS: tuple[Step, ...] = (
@@ -497,7 +519,7 @@ STEPS: tuple[Step, ...] = (
         "velocity field",
         lambda e: _reconstructs(e) and e.volume is not None,
         _field,
-        makes=("field", "compare/"),
+        makes=("field", "strain", "compare/", COMPARED_STRAIN),
         needs=("pose", "volume", "image/"),
         reads=SOLVING,
     ),
@@ -506,7 +528,7 @@ STEPS: tuple[Step, ...] = (
         lambda e: _reconstructs(e) and _has_truth(e),
         _truth,
         makes=("truth",),
-        needs=("field",),
+        needs=("field", "strain"),
     ),
     Step("checks", lambda e: bool(e.check), _checks, makes=("examined/",), needs=EVERYTHING),
     Step("expectations", lambda e: bool(e.expect), _expectations, ("check",), needs=EVERYTHING),

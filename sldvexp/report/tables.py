@@ -136,8 +136,10 @@ def field_tables(run: RunData) -> Iterator[Table]:
     first = next(iter(fields.values()))
     if "variance" in first:
         yield budget_table(first)
-    if "examined/truth" in run.groups:
-        yield truth_table(run.groups["examined/truth"], strongest(first))
+    if "strain" in run.groups:
+        yield strain_table(run.groups["strain"], strongest(first))
+    for truth in run.below("examined", "rms_bound").values():
+        yield truth_table(truth, strongest(first))
 
 
 def _methods(fields: Mapping[str, xr.Dataset]) -> Table:
@@ -177,7 +179,8 @@ def _components(fields: Mapping[str, xr.Dataset], void: bool) -> Table:
                 cells += [_mm(np.nanmax(size)), _mm(_rms(size))]
                 bounds = ("velocity_std_noise", "velocity_std_pose", "confidence")
                 cells += [_mm(_rms(one[b].values)) if b in one else "" for b in bounds]
-                cells.append(_mm(_rms(np.abs(one["element_error"].values))))
+                elements = one.get("element_error")
+                cells.append("" if elements is None else _mm(_rms(np.abs(elements.values))))
                 table.add_row(*map(escape, cells), *["void"] * void)
     return table
 
@@ -219,19 +222,48 @@ def _share(variance: float, total: float) -> str:
     return f"{variance / total:.0%}" if total > 0 else ""
 
 
-def truth_table(truth: xr.Dataset, frequencies: Sequence[float]) -> Table:
-    """Show the field against the virtual lab's truth at some frequencies."""
-    names = ("relative_error", "rms_error", "rms_bound", "covered")
-    known = VARIABLES["examined/truth"]
-    columns = ("component", FREQUENCY.units, *(known[name].titled() for name in names))
-    title = f"On the true surface{_some([truth])}"
-    table = Table(*columns, title=title, title_justify="left")
-    for component in truth["component"].values:
+def strain_table(strain: xr.Dataset, frequencies: Sequence[float]) -> Table:
+    """Show strains of the face with their bounds at some frequencies, and the largest stress."""
+    names = (
+        "strain",
+        FREQUENCY.units,
+        "largest",
+        "r.m.s.",
+        "bound",
+        "largest von Mises stress, MPa",
+    )
+    title = f"Strain of the face, microstrain{_some([strain])}"
+    table = Table(*names, title=title, title_justify="left")
+    for component in strain["strain_component"].values:
         for hertz in frequencies:
-            one = _at(truth.sel(component=component), hertz)
+            one = _at(strain, hertz)
+            part = one.sel(strain_component=component)
+            size = 1e6 * np.abs(part["strain"].values)
+            cells = [f"e_{component}", "" if np.isnan(hertz) else f"{hertz:g}"]
+            cells += [number(float(v), 3) for v in (np.nanmax(size), _rms(size))]
+            cells.append(number(_rms(1e6 * part["confidence"].values), 3))
+            stress = one.get("von_mises")
+            cells.append("" if stress is None else number(1e-6 * float(stress.max()), 3))
+            table.add_row(*map(escape, cells))
+    return table
+
+
+def truth_table(truth: xr.Dataset, frequencies: Sequence[float]) -> Table:
+    """Show the field, or its strains, against the virtual lab's truth at some frequencies."""
+    strain = "strain_component" in truth.coords
+    names = ("relative_error", "rms_error", "rms_bound", "covered")
+    known = VARIABLES["examined/strain_truth" if strain else "examined/truth"]
+    axis, factor = ("strain_component", 1e6) if strain else ("component", 1e3)
+    what = "Strain of the true surface, microstrain" if strain else "On the true surface"
+    columns = (axis.replace("_", " "), FREQUENCY.units, *(known[name].titled() for name in names))
+    table = Table(*columns, title=f"{what}{_some([truth])}", title_justify="left")
+    for component in truth[axis].values:
+        for hertz in frequencies:
+            one = _at(truth.sel({axis: component}), hertz)
             cells = [str(component), "" if np.isnan(hertz) else f"{hertz:g}"]
-            cells += [f"{float(one['relative_error']):.2%}", _mm(float(one["rms_error"]))]
-            cells += [_mm(float(one["rms_bound"])), f"{float(one['covered']):.0%}"]
+            cells.append(f"{float(one['relative_error']):.2%}")
+            cells += [number(factor * float(one[n]), 3) for n in ("rms_error", "rms_bound")]
+            cells.append(f"{float(one['covered']):.0%}")
             table.add_row(*map(escape, cells))
     return table
 

@@ -437,9 +437,13 @@ class PlateScene(CalibrationScene):
 
 
 def truth_to_dataset(
-    scene: PlateScene, points: Array, frequency: ArrayLike, amplitude: float
+    scene: PlateScene,
+    points: Array,
+    frequency: ArrayLike,
+    amplitude: float,
+    places: Array | None = None,
 ) -> xr.Dataset:
-    """Make the group ``truth``: true velocity of the plate near points.
+    """Make the group ``truth``: true velocity of the plate near points, and its strain.
 
     Parameters
     ----------
@@ -448,19 +452,28 @@ def truth_to_dataset(
     frequency : array_like, shape (frequency,), Hz
     amplitude : float, V
         Of the excitation at each frequency.
+    places : ndarray, shape (place, 3), m, optional
+        Where the strain is wanted.
 
     Returns
     -------
     xarray.Dataset
         ``velocity`` of the measured surface at the place nearest to each point, NaN beside the
-        plate, and the point's ``height`` above that surface.
+        plate, and the point's ``height`` above that surface; ``strain`` of that surface.
     """
     plate = VibratingPlate.built(scene.plate)
     hertz = np.atleast_1d(np.asarray(frequency, float))
     velocity = np.stack([amplitude * plate.velocity(points, f) for f in hertz], axis=-1)
+    strain = None
+    if places is not None:
+        strain = np.stack([amplitude * plate.strain(places, f) for f in hertz], axis=-1)
+    coords = {"node": np.arange(len(points)), "frequency": hertz}
+    if places is not None:
+        coords["strain_component"] = np.array(["ss", "tt", "st"])
     return dataset.group(
         "truth",
-        {"node": np.arange(len(points)), "frequency": hertz},
+        coords,
+        strain=strain,
         velocity=velocity,
         height=plate.height(points),
         position=points,

@@ -1,0 +1,48 @@
+"""`check=strain_truth`: strains of a surface against those of the virtual lab's plate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sldvexp import dataset
+from sldvexp.check.base import Check, Examination
+from sldvexp.config.registry import register
+from sldvexp.errors import UserError
+from sldvexp.lazy import xarray as xr
+from sldvexp.statistics import student_factor
+
+
+@register("check", "strain_truth")
+@dataclass
+class StrainTruth(Check):
+    """How far strains of the measured face are from the truth, and how often their bounds hold."""
+
+    def examine(self, run: Examination) -> xr.Dataset:
+        """Find errors and coverage of each strain at each frequency, and in all of them."""
+        groups = run.groups
+        if "strain" not in groups or "strain" not in groups.get("truth", {}):
+            raise UserError(
+                "check=strain_truth needs strains and the virtual lab's truth: choose "
+                "reconstruction=shell and scene=plate"
+            )
+        strain, truth = groups["strain"], groups["truth"]["strain"].values
+        error = strain["strain"].values - truth
+        level = float(student_factor(strain.attrs["confidence_level"], np.inf))
+        bound = level * strain["strain_std_by_part"].values
+        parts = np.stack([error.real, error.imag])
+        known = np.isfinite(parts) & np.isfinite(bound)
+        covered = (np.abs(parts) <= bound) & known
+        true = np.sqrt(np.nanmean(np.abs(truth) ** 2, axis=0))
+        rms = np.sqrt(np.nanmean(np.abs(error) ** 2, axis=0))
+        return dataset.group(
+            "examined/strain_truth",
+            {name: strain[name].values for name in ("strain_component", "frequency")},
+            relative_error=rms / true,
+            rms_error=rms,
+            rms_bound=np.sqrt(np.nanmean(bound**2, axis=(0, 1))),
+            covered=covered.sum(axis=(0, 1)) / known.sum(axis=(0, 1)),
+            relative_error_in_all=np.linalg.norm(rms, axis=1) / np.linalg.norm(true, axis=1),
+            covered_in_all=covered.sum(axis=(0, 1, 3)) / known.sum(axis=(0, 1, 3)),
+        )

@@ -1,0 +1,14 @@
+from .chart import Chart as Chart
+from .estimate import SurfaceField as SurfaceField
+from .estimate import estimate_surface as estimate_surface
+from .estimate import reconstruct_surface as reconstruct_surface
+from .evidence import WeightedFit as WeightedFit
+from .love import ThinShell as ThinShell
+from .material import Isotropic as Isotropic
+from .method import SurfaceReconstruction as SurfaceReconstruction
+from .outline import Outline as Outline
+from .shell import Shell as Shell
+from .spline import Spline as Spline
+from .splines import TensorSplines as TensorSplines
+from .stress import plane_stress as plane_stress
+from .stress import von_mises as von_mises

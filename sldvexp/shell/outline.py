@@ -1,0 +1,158 @@
+"""Outline of the volume's surface in its coordinates: the chart that fits it, and what lies inside.
+
+Structures that are flat or bend along one direction have a chart (`sldvexp.shell.chart`); it is
+that of a grid, or fitted to the nodes of a mesh. The outline is that of the triangles, so that it
+may have any shape and holes; with a margin it is the rectangle around them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sldvexp.errors import UserError
+from sldvexp.geometry import Bins, rotation_from_euler
+from sldvexp.lazy import scipy
+from sldvexp.shell.chart import Chart
+from sldvexp.typing import Array, BoolArray, IntArray
+from sldvexp.volume import Prisms, Volume
+from sldvexp.volume.grid import Grid
+
+#: Distance of a node from the fitted surface, over the surface's extent, that is still no bulge.
+BULGE = 2e-3
+#: How far, in barycentric coordinates, a place may miss a triangle and still lie in it.
+RIM = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Part of a chart that the structure covers.
+
+    Attributes
+    ----------
+    chart : Chart
+        Of the surface that the splines are those of.
+    given : float, m
+        Height of the volume's surface above it.
+    corners : ndarray, shape (node, 2), m
+        Coordinates of the volume's surface nodes.
+    triangles : ndarray of int, shape (triangle, 3)
+    low, high : ndarray, shape (2,), m
+        Corners of the rectangle around all, with the margin.
+    margin : float, m
+    """
+
+    chart: Chart
+    given: float
+    corners: Array
+    triangles: IntArray
+    low: Array
+    high: Array
+    margin: float
+
+    @classmethod
+    def of(cls, volume: Volume, prisms: Prisms, given: float, margin: float) -> Outline:
+        """Lay coordinates over a volume's surface.
+
+        Parameters
+        ----------
+        given : float, m
+            Height of the volume's surface above the one that the splines are those of.
+        margin : float, m
+            How far the structure goes on beyond it.
+
+        Raises
+        ------
+        UserError
+            If the surface bends both ways.
+        """
+        nodes = surface_nodes(prisms)
+        chart = chart_of_grid(volume) if isinstance(volume, Grid) else fitted_chart(nodes, prisms)
+        lowered = below(chart, given)
+        coordinates, _ = lowered.place(nodes)
+        low, high = coordinates.min(axis=0) - margin, coordinates.max(axis=0) + margin
+        return cls(lowered, given, coordinates, prisms.triangles, low, high, margin)
+
+    def holds(self, coordinates: Array) -> BoolArray:
+        """Tell which places belong to the structure, shape (place,)."""
+        if self.margin > 0:
+            inside = (coordinates >= self.low) & (coordinates <= self.high)
+            return np.asarray(inside.all(axis=1))
+        corners = self.corners[self.triangles]
+        bins = Bins.from_boxes(corners.min(axis=1), corners.max(axis=1))
+        place, triangle = bins.pairs(coordinates)
+        a, b, c = np.moveaxis(corners[triangle], 1, 0)
+        u, v, p = b - a, c - a, coordinates[place] - a
+        area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            s = (p[:, 0] * v[:, 1] - p[:, 1] * v[:, 0]) / area
+            t = (u[:, 0] * p[:, 1] - u[:, 1] * p[:, 0]) / area
+        found = np.zeros(len(coordinates), bool)
+        found[place[(s >= -RIM) & (t >= -RIM) & (s + t <= 1 + RIM)]] = True
+        return found
+
+
+def surface_nodes(prisms: Prisms) -> Array:
+    """Find the nodes of the given surface, at depth 0, shape (surface_node, 3), m."""
+    lowest = prisms.position[: prisms.surface_nodes]
+    return np.asarray(lowest - prisms.depth[0] * prisms.frame[:, 2])
+
+
+def below(chart: Chart, height: float) -> Chart:
+    """Make the chart of the surface that lies so far below a chart's own, along the normals."""
+    center = chart.center - height * chart.axes[2]
+    return Chart(center, chart.axes, chart.curvature / (1 - chart.curvature * height))
+
+
+def chart_of_grid(grid: Grid) -> Chart:
+    """Take the coordinates of a grid, whose own x is the arc."""
+    unit = grid.unit.value
+    axes = rotation_from_euler(grid.euler)
+    curvature = 0.0 if grid.radius is None else 1 / (unit * grid.radius)
+    return Chart(unit * np.array(grid.center, float), axes, curvature)
+
+
+def fitted_chart(nodes: Array, prisms: Prisms) -> Chart:
+    """Fit a plane to the nodes of a surface, or else a cylinder.
+
+    Raises
+    ------
+    UserError
+        If it is neither.
+    """
+    middle = nodes.mean(axis=0)
+    along = np.linalg.svd(nodes - middle, full_matrices=False)[2]
+    normal = along[2] * np.sign(along[2] @ prisms.frame[:, 2].mean(axis=0) or 1.0)
+    extent = float(np.linalg.norm(np.ptp((nodes - middle) @ along.T, axis=0)))
+    bulge = np.abs((nodes - middle) @ normal).max()
+    if bulge <= BULGE * extent:
+        return Chart(middle, np.stack([along[0], np.cross(normal, along[0]), normal]))
+    best = min(
+        (_cylinder(nodes, middle, normal, along[i]) for i in (0, 1)), key=lambda found: found[1]
+    )
+    if best[1] > BULGE * extent:
+        raise UserError(
+            f"reconstruction=shell and spline need a surface that is flat or bends along one "
+            f"direction; the volume's is {1e3 * bulge:.3g} mm off a plane and {1e3 * best[1]:.3g} "
+            "mm off a cylinder: use reconstruction=samplewise there"
+        )
+    return best[0]
+
+
+def _cylinder(nodes: Array, middle: Array, normal: Array, across: Array) -> tuple[Chart, float]:
+    """Fit a cylinder that bends along one direction first; the largest distance of a node."""
+    axes = np.stack([across, np.cross(normal, across), normal])
+    x, _, h = ((nodes - middle) @ axes.T).T
+    curve = np.polyfit(x, h, 2)
+
+    def chart(p: Array) -> Chart:
+        turned = scipy.spatial.transform.Rotation.from_rotvec(p[:3]).as_matrix() @ axes
+        return Chart(middle + p[3] * turned[2], turned, p[4])
+
+    start = np.array([0.0, 0.0, 0.0, curve[2], -2 * curve[0]])
+    found = scipy.optimize.least_squares(
+        lambda p: chart(p).place(nodes)[1], start, x_scale=[0.1, 0.1, 0.1, 0.01, 1.0]
+    )
+    fitted = chart(found.x)
+    return fitted, float(np.abs(fitted.place(nodes)[1]).max())

@@ -1,0 +1,72 @@
+"""Views of a plate of the virtual lab with noise of their own, without a session."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from sldvexp.field import View
+from sldvexp.geometry import rotation_from_euler
+from sldvexp.laser import project, rays
+from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.shell import Isotropic, Shell
+from sldvexp.virtual_lab.modes import Direction, Mode
+from sldvexp.virtual_lab.plate import Plate, VibratingPlate
+from sldvexp.volume.grid import Grid
+
+LASER = TwoMirror()
+FREQUENCY = 197.0
+SHEET = Isotropic(thickness=0.003)
+CENTER = np.array([0.42, 0.14, 0.0])
+PLACES = (
+    ([0.024, 2.910, -3.117], [0.290, 0.530, 1.655]),
+    ([-0.955, 2.695, 2.139], [0.899, 0.564, 1.533]),
+    ([-0.927, 2.913, 2.202], [0.608, 0.372, 1.656]),
+    ([2.075, 2.988, -1.072], [0.073, 0.015, 1.680]),
+    ([-1.749, 2.790, 1.403], [0.876, 0.036, 1.596]),
+)
+NOISE = 3e-5
+
+
+def plate(radius=None, stretch=0.2):
+    """The plate of the lab; stretch is the velocity of its modes along itself, m/s."""
+    modes = {
+        "bending": Mode(1, 1, 197.0, velocity=0.02),
+        "other": Mode(2, 1, 439.0, velocity=0.02),
+        "x": Mode(1, 0, 9000.0, velocity=stretch, direction=Direction.x),
+        "y": Mode(0, 1, 10800.0, velocity=stretch, direction=Direction.y),
+    }
+    return VibratingPlate.built(Plate(center=CENTER.tolist(), radius=radius, modes=modes))
+
+
+def volume(radius=None, shape=(13, 11)):
+    return Grid(
+        center=CENTER.tolist(), size=[0.26, 0.21], shape=list(shape), radius=radius, layers=2
+    )
+
+
+def views(truth, rng, pixels=(21, 25), noise=NOISE, frequency=(FREQUENCY,), errors=None):
+    """Images of places spread over the plate, with poses that are off by `errors`, (view, 6)."""
+    made = []
+    s, t = (np.linspace(0.003, b - 0.003, n) for b, n in zip((0.3, 0.25), pixels, strict=True))
+    place = np.stack(np.meshgrid(s, t, indexing="ij"), axis=-1).reshape(-1, 2)
+    spots = truth.center + truth.surface.position(place) @ truth.rotation
+    for k, (euler, origin) in enumerate(PLACES):
+        rotation = rotation_from_euler(euler)
+        angle = project((spots - origin) @ rotation.T, LASER.mirror_offset)
+        _, along = rays(angle, LASER.mirror_offset)
+        velocity = np.stack(
+            [np.einsum("pi,pi->p", truth.velocity(spots, f), -along @ rotation) for f in frequency],
+            axis=1,
+        )
+        shaken = noise * (rng.normal(size=velocity.shape) + 1j * rng.normal(size=velocity.shape))
+        view = View.from_arrays(
+            str(k + 1), rotation, origin, velocity + shaken, noise, angle=angle, laser=LASER
+        )
+        made.append(view if errors is None else view.moved(-errors[k]))
+    return made
+
+
+def method(**settings):
+    return replace(Shell(margin=0.02), **settings)

@@ -1,0 +1,147 @@
+"""Averages over weights: the posterior by direct means, exact data, coverage."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sldvexp.shell import WeightedFit
+from sldvexp.shell.columns import SignalColumns
+from sldvexp.shell.nuisances import Nuisances
+
+ROWS, COEFFICIENTS = 60, 12
+
+
+def problem(seed=0):
+    rng = np.random.default_rng(seed)
+    design = rng.normal(size=(ROWS, COEFFICIENTS))
+    smooth, proper = np.zeros((2, COEFFICIENTS, COEFFICIENTS))
+    smooth[2:6, 2:6] = np.diag([1.0, 2, 3, 4])
+    proper[6:, 6:] = np.eye(6)
+    return rng, design, [smooth, proper]
+
+
+def fitted(design, data, penalties, grids):
+    return WeightedFit.of(
+        design.T @ design, design.T @ data, (data**2).sum(axis=0), penalties, grids
+    )
+
+
+def test_one_point_of_the_grid_is_the_ridge_regression():
+    rng, design, penalties = problem()
+    data = rng.normal(size=(ROWS, 2))
+    found = fitted(design, data, penalties, [np.array([1.0]), np.array([2.0])])
+    inverse = np.linalg.inv(design.T @ design + np.e * penalties[0] + np.e**2 * penalties[1])
+    functional = rng.normal(size=(3, COEFFICIENTS))
+    mean, variance = found.evaluate(functional)
+    assert mean == pytest.approx(functional @ inverse @ design.T @ data)
+    wanted = np.einsum("ij,jk,ik->i", functional, inverse, functional)
+    assert variance == pytest.approx(np.tile(wanted[:, None], 2))
+    assert found.mean() == pytest.approx(inverse @ design.T @ data)
+    assert found.solve(design.T @ data, 0) == pytest.approx(found.mean())
+
+
+def test_the_average_is_that_of_its_points():
+    """Shares, means and the spread of the means, written down directly."""
+    rng, design, penalties = problem(1)
+    data = rng.normal(size=(ROWS, 1)) + design[:, 7:8]
+    grids = [np.array([-1.0, 2.0]), np.array([0.0, 1.0, 3.0])]
+    found = fitted(design, data, penalties, grids)
+    functional = np.eye(COEFFICIENTS)[7:8]
+    logs, means, variances = [], [], []
+    for a in grids[0]:
+        for b in grids[1]:
+            precision = design.T @ design + np.exp(a) * penalties[0] + np.exp(b) * penalties[1]
+            inverse = np.linalg.inv(precision)
+            theta = inverse @ design.T @ data
+            minus_twice = (
+                (data**2).sum()
+                - (data.T @ design @ theta).item()
+                + np.linalg.slogdet(precision)[1]
+                - 4 * a
+                - 6 * b
+                - np.log(24)
+            )
+            logs.append(-minus_twice / 2 - b / 2)
+            means.append(theta[7, 0])
+            variances.append(inverse[7, 7])
+    share = np.exp(logs - np.max(logs))
+    share /= share.sum()
+    mean, variance = found.evaluate(functional)
+    average = share @ means
+    assert mean.item() == pytest.approx(average, rel=1e-2)
+    spread = share @ (np.array(variances) + np.array(means) ** 2) - average**2
+    assert variance.item() == pytest.approx(spread, rel=1e-2)
+
+
+def test_intervals_hold_as_often_as_they_say():
+    """Coefficients drawn from the priors with weights from the grid; 400 draws, 12 coefficients."""
+    rng, design, penalties = problem(2)
+    grids = [np.arange(-2.0, 5.0, 1.0), np.arange(-2.0, 9.0, 1.0)]
+    inside = []
+    for _ in range(400):
+        theta = 10 * rng.normal(size=COEFFICIENTS)
+        theta[2:6] = rng.normal(size=4) / np.sqrt(np.exp(1.0) * np.diag(penalties[0])[2:6])
+        theta[6:] = rng.normal(size=6) * np.exp(-rng.uniform(-2, 8) / 2)
+        data = (design @ theta + rng.normal(size=ROWS))[:, None]
+        mean, variance = fitted(design, data, penalties, grids).evaluate(np.eye(COEFFICIENTS))
+        inside.append(np.abs(mean[:, 0] - theta) <= 1.96 * np.sqrt(variance[:, 0]))
+    share = np.mean(inside)
+    error = np.std(np.mean(inside, axis=1), ddof=1) / np.sqrt(400)
+    assert abs(share - 0.95) < 0.005 + 3 * error
+    assert error < 0.01
+
+
+def test_lines_are_put_together_from_their_columns():
+    rng = np.random.default_rng(4)
+    shapes, spectrum = rng.normal(size=(500, 2)), rng.normal(size=(2, 40)) @ np.eye(40)
+    noise = rng.normal(size=(2, 500, 40))
+    clean = 30 * shapes @ (spectrum * np.exp(0.3j))
+    std, scale = rng.uniform(0.5, 2, 500), rng.uniform(0.5, 2, 40)
+    velocity = clean + (noise[0] + 1j * noise[1]) * std[:, None] * scale
+    columns = SignalColumns.of(velocity, std, scale)
+    assert 2 <= columns.data.shape[1] <= 3
+    lines = columns.combined(columns.data) * std[:, None]
+    left = np.abs(lines - clean) / std[:, None] / scale
+    assert np.sqrt(np.mean(left**2)) < 0.5  # of sqrt(2) that the noise has
+    mean, variance = columns.lines(columns.data, np.ones_like(columns.data))
+    assert mean == pytest.approx(columns.combined(columns.data))
+    assert variance.shape == (2, 500, 40)
+
+
+def test_a_single_line_keeps_both_of_its_parts():
+    velocity = np.array([[1 + 2j], [3 - 1j], [0.5j]])
+    columns = SignalColumns.of(velocity, np.ones(3), np.ones(1))
+    assert columns.combined(columns.data) == pytest.approx(velocity)
+    _, variance = columns.lines(columns.data, np.ones((3, 2)))
+    assert variance == pytest.approx(1.0)
+
+
+def test_errors_beside_the_field_by_one_regression():
+    """The posterior of coefficients and errors together, of two columns."""
+    rng, design, penalties = problem(5)
+    jacobian, prior = rng.normal(size=(2, ROWS, 3)), np.diag([0.5, 1.0, 2.0])
+    error = np.array([0.3, -1.0, 1.5])
+    theta = rng.normal(size=(COEFFICIENTS, 2))
+    data = np.stack([design @ theta[:, c] + jacobian[c] @ error for c in (0, 1)], axis=1)
+    data += 0.1 * rng.normal(size=data.shape)
+    found = fitted(design, data, penalties, [np.array([0.0]), np.array([0.0])])
+    crossed = [design.T @ j for j in jacobian]
+    solved = [found.solve(c, k) for k, c in enumerate(crossed)]
+    normal = [j.T @ j - c.T @ s for j, c, s in zip(jacobian, crossed, solved, strict=True)]
+    products = np.stack([j.T @ y for j, y in zip(jacobian, data.T, strict=True)], axis=1)
+    got = Nuisances.posterior(prior, np.zeros(3), products, normal, solved, design.T @ data)
+    size = 2 * COEFFICIENTS
+    whole = np.zeros((size + 3, size + 3))
+    right = np.zeros(size + 3)
+    for c in (0, 1):
+        own = slice(c * COEFFICIENTS, (c + 1) * COEFFICIENTS)
+        whole[own, own] = design.T @ design + sum(penalties)
+        whole[own, size:] = crossed[c]
+        whole[size:, own] = crossed[c].T
+        whole[size:, size:] += jacobian[c].T @ jacobian[c]
+        right[own], right[size:] = design.T @ data[:, c], right[size:] + products[:, c]
+    whole[size:, size:] += np.linalg.inv(prior @ prior.T)
+    inverse = np.linalg.inv(whole)
+    assert got.mean == pytest.approx((inverse @ right)[size:])
+    assert got.factor @ got.factor.T == pytest.approx(inverse[size:, size:])
