@@ -328,7 +328,9 @@ def estimate_surface(
         notes.append(NO_COVARIANCE)
         joint = np.zeros((POSE * len(views),) * 2)
     thickness = 0.0 if material is None else material.tolerance.thickness
-    errors = PriorErrors.of(joint, method.height_tolerance, thickness, method.poses is PoseTreatment.adjust)
+    errors = PriorErrors.of(
+        joint, method.height_tolerance, thickness, method.poses is PoseTreatment.adjust
+    )
     shell = _splines(outline, method, longest)
     found = fit(views, laser, outline, shell, face, length, errors)
     return SurfaceField(
