@@ -166,11 +166,15 @@ def _choose(
     length = (np.nan, "")
     if places.geometry is not None:
         length = length_unit(settings, places, questions)
+    elif not view.direction:
+        message = (
+            "has no geometry (data set 15 or 2411), which directions need; name a file that has"
+        )
+        error = UserError(f"{places.source.path}: {message} with instrument.geometry")
+        questions.note(error, places.source.path)
     try:
         functions = settings.choice(view).functions(file)
     except UserError as error:
-        if not questions and settings.positive is not None:
-            raise  # nothing else is open, as far as one can see
         questions.note(error, file.source.path)
         ask_positive(settings, file, questions)
         return None

@@ -155,6 +155,15 @@ def test_questions_of_time_records_and_spectra_come_with_the_others(uff, tmp_pat
     said = refused(path, "4 questions are open", length_unit=None, positive=None)
     for setting in ("length_unit", "positive", "frequency", "time_reference"):
         assert f"say it with instrument.{setting}" in said
+    path.write_bytes(uff.function(1, FIRST))
+    said = refused(
+        path,
+        "2 questions are open",
+        positive=None,
+        directions=settings.Directions.pose,
+        direction=(),
+    )
+    assert "name a file that has with instrument.geometry" in said
     both = uff.function(1, FIRST) + uff.function(1, FIRST, kind=12)
     path.write_bytes(uff.units() + uff.nodes(POINTS) + both)
     said = refused(path, "choose with instrument.function=frf or spectrum", positive=None)
