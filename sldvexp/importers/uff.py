@@ -180,6 +180,12 @@ def _choose(
         return None
     rules = decide_conventions(settings, file, functions, questions)
     _ask_more(settings, file, functions[0], questions)
+    if questions and settings.zeros is Zeros.refuse:  # as nothing is read, look at all values now
+        try:
+            zero = np.array([not file.values(function)[1].any() for function in functions])
+            _check_zeros(settings, file, functions, zero)
+        except UserError as error:
+            questions.note(error, file.source.path)
     try:
         geometry = _turned(settings, file, functions[0], places.geometry)
     except UserError as error:

@@ -563,3 +563,13 @@ def test_spellings_in_files_that_state_si(uff, tmp_path, unit, encoding):
         function = uff.function(1, FIRST, quantity=quantity, unit=unit, first=100.0, step=10.0)
         path.write_bytes((uff.units() + uff.nodes(POINTS) + function).decode().encode(encoding))
         refused(path, "states the quantity", "say which with instrument.quantity")
+
+
+def test_functions_of_zeros_are_asked_about_with_the_others(uff, tmp_path):
+    path = tmp_path / "a.uff"
+    functions = uff.function(1, FIRST) + uff.function(2, 0 * FIRST)
+    path.write_bytes(uff.units() + uff.nodes(POINTS) + functions)
+    said = refused(path, "2 questions are open", "say it with instrument.phase", phase=None)
+    assert "all values of 2+Z are zero" in said
+    assert "instrument.zeros=missing" in said
+    refused(path, "data set 4 (58)", "all values of 2+Z are zero")
