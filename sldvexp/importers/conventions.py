@@ -8,11 +8,9 @@ conjugation make every one of them the velocity ``V exp(+i omega t)`` towards th
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,50 +170,3 @@ class Conventions:
         omega = 2j * np.pi * frequency
         values = np.conj(values) if self.conjugate else values
         return np.asarray(self.factor * values * omega**self.quantity.value, complex)
-
-
-#: ``mm/s^2``, ``(m/s)/N``, ``[in/sec]``: a length and how often it is divided by a time.
-UNIT = re.compile(
-    r"[\s\[(]*(?P<length>nm|[uµμ]m|mm|cm|m|inch|in|ft|g)"
-    r"(?P<time>\s*/\s*s(ec)?\s*(\^\s*2|\*\*\s*2|2|²|/\s*s(ec)?)?)?(?![a-zA-Z²^*])"
-)
-NAMES = {"in": "inch", "µm": "um", "μm": "um"}
-SQUARED = re.compile(r"2|²|/.*/")
-
-
-class Motion(NamedTuple):
-    """Meaning of a unit.
-
-    Parameters
-    ----------
-    rest : str
-        What follows, as ``/N`` of a response function.
-    """
-
-    quantity: Quantity
-    unit: MotionUnit
-    rest: str
-
-
-def motion_of(text: str) -> Motion | None:
-    """Recognise the motion that a unit is one of; None if it is none.
-
-    Examples
-    --------
-    >>> motion_of("mm/s^2")
-    Motion(quantity=<Quantity.acceleration: -1>, unit=<MotionUnit.mm: 0.001>, rest='')
-    >>> motion_of("V") is None
-    True
-    """
-    found = UNIT.match(text)
-    if not found:
-        return None
-    unit = MotionUnit[NAMES.get(found["length"], found["length"])]
-    time = found["time"] or ""
-    if unit is MotionUnit.g:
-        quantity = Quantity.acceleration
-    elif not time:
-        quantity = Quantity.displacement
-    else:
-        quantity = Quantity.acceleration if SQUARED.search(time) else Quantity.velocity
-    return Motion(quantity, unit, text[found.end() :].strip(" )]"))
