@@ -43,6 +43,10 @@ def sound(uff):
     systems = {5: (np.eye(3), [0, 0, 0])}
     shape = ["ODS", "", "", "", "", *map(integers, ((1, 5, 2, 11, 5, 3), (2, 1, 1, 1)))]
     shape += [f"{10.0:13.5E}", f"{1:10d}", "".join(f"{v:13.5E}" for v in range(6))]
+    analysis = [integers([1]), "response", integers([1]), "", "", "", "", ""]
+    analysis += [*map(integers, ((1, 5, 2, 11, 5, 3), range(8), (0, 0)))]
+    analysis += ["".join(f"{v:13.5E}" for v in row) for row in (range(9, 15), [0] * 6)]
+    analysis += [f"{1:10d}", "".join(f"{v:13.5E}" for v in range(6))]
     system_18 = f"{6:10d}{0:10d}{0:10d}{8:10d}{1:10d}"
     return [
         uff.units(),
@@ -61,6 +65,9 @@ def sound(uff):
         uff.function(7, VALUES, kind=3),
         uff.function(1, VALUES.real, kind=2),
         uff.data_set(55, *shape),
+        uff.data_set(2414, *analysis),
+        uff.function(7, VALUES, unit="mm/s²", axis=(18, "", "kHz")),
+        uff.data_set(151, "model", "         9 lines follow this set, crc32 00000000"),
     ]
 
 
