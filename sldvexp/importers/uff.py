@@ -17,7 +17,12 @@ from sldvexp.errors import Checks, UserError
 from sldvexp.importers.conventions import Conventions, Directions, Quantity, Questions, Zeros
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, close, same_frequencies
-from sldvexp.importers.uff_choice import FunctionChoice, require_witnesses_agree
+from sldvexp.importers.uff_choice import (
+    ANY,
+    OF_REFERENCE,
+    FunctionChoice,
+    require_witnesses_agree,
+)
 from sldvexp.importers.uff_conventions import (
     FunctionKind,
     ask_positive,
@@ -136,9 +141,11 @@ class UffImport(PointwiseImport):
                 name: _choose(self, view, opened, questions) for name, view in self.views.items()
             }
             questions.done()
-            for name, source in chosen.items():
-                assert source is not None  # or a question would have been open
+            sources = {name: source for name, source in chosen.items() if source is not None}
+            odd = [] if self.reference_dof else _several_references(sources)
+            for name, source in sources.items():
                 found = _view(self, name, self.views[name], source)
+                found.findings.extend(odd if first is None else [])
                 same_frequencies(found, first)
                 first = first or found
                 yield found
@@ -192,6 +199,26 @@ def _choose(
         questions.note(error, file.source.path)
         return None
     return _ViewSource(file, functions, rules, geometry, length) if rules else None
+
+
+def _several_references(sources: dict[str, _ViewSource]) -> list[Finding]:
+    """Say that views are of several references, whose excitations may not be the same."""
+    views: dict[str, list[str]] = {}
+    for name, source in sources.items():
+        if source.functions[0].kind in OF_REFERENCE:
+            views.setdefault(source.functions[0].reference_dof, []).append(name)
+    if len(views) < 2:
+        return []
+    listed = ", ".join(f"{dof} ({', '.join(names)})" for dof, names in views.items())
+    return [
+        Finding(
+            "reference",
+            "all views",
+            f"response functions of the views are of several references: {listed}; they fit "
+            "together only if one excitation was behind them all",
+            remedy=f"instrument.reference_dof={ANY}",
+        )
+    ]
 
 
 def _ask_more(

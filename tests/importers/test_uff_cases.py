@@ -573,3 +573,17 @@ def test_functions_of_zeros_are_asked_about_with_the_others(uff, tmp_path):
     assert "all values of 2+Z are zero" in said
     assert "instrument.zeros=missing" in said
     refused(path, "data set 4 (58)", "all values of 2+Z are zero")
+
+
+def test_views_of_several_references_are_doubtful(uff, tmp_path):
+    views = {}
+    for name, reference in (("a", 1), ("b", 1), ("c", 7)):
+        path = tmp_path / f"{name}.uff"
+        function = uff.function(1, FIRST, reference=(reference, 3))
+        path.write_bytes(uff.units() + uff.nodes(POINTS) + function)
+        views[name] = PointwiseView(path=str(path), direction=[0.0, 0.0, 1.0])
+    (finding,) = take_findings({"line_of_sight": UffImport(views=views, **SAID).read()})
+    assert "of several references: 1+Z (a, b), 7+Z (c)" in finding.text
+    assert (finding.severity.name, finding.remedy) == ("doubtful", "instrument.reference_dof=any")
+    group = UffImport(views=views, **SAID, reference_dof="any").read()
+    assert not take_findings({"line_of_sight": group})
