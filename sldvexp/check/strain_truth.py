@@ -21,13 +21,14 @@ class StrainTruth(Check):
 
     def examine(self, run: Examination) -> xr.Dataset:
         """Find errors and coverage of each strain at each frequency, and in all of them."""
-        groups = run.groups
-        if "strain" not in groups or "strain" not in groups.get("truth", {}):
+        own = [run.groups["strain"]] if "strain" in run.groups else []
+        strains = own or list(run.below("compare_strain", "strain").values())
+        if not strains or not run.has("truth", "strain"):
             raise UserError(
                 "check=strain_truth needs strains and the virtual lab's truth: choose "
                 "reconstruction=shell and scene=plate"
             )
-        strain, truth = groups["strain"], groups["truth"]["strain"].values
+        strain, truth = strains[0], run.groups["truth"]["strain"].values
         error = strain["strain"].values - truth
         level = float(student_factor(strain.attrs["confidence_level"], np.inf))
         bound = level * strain["strain_std_by_part"].values

@@ -222,6 +222,7 @@ class Experiment:
             "cross_ratio": "sldvexp.check.cross_ratio",
             "equivalent_methods": "sldvexp.check.equivalent_methods",
             "field_pattern": "sldvexp.check.field_pattern",
+            "gages": "sldvexp.check.gages",
             "kreis": "sldvexp.check.kreis",
             "left_out": "sldvexp.check.left_out",
             "love": "sldvexp.check.love",

@@ -339,6 +339,18 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "view_ratio": _V("field view", "1", "residual std of a view over the median view's"),
         "cond_ratio": _V("field", "1", "condition number of the chosen field over this one's"),
     },
+    "examined/gages": {
+        "strain": _V("gage [frequency]", "1", "predicted strain along the gage, over its grid"),
+        "strain_std_by_part": _V("part gage [frequency]", "1", "its standard error, of each part"),
+        "confidence": _V("gage [frequency]", "1", "half-width of its interval, of the larger part"),
+        "measured": _V("gage [frequency]", "1", "strain that the gage showed"),
+        "difference": _V("gage [frequency]", "1", "measured minus predicted strain"),
+        "difference_confidence": _V(
+            "gage [frequency]", "1", "half-width of its interval, of the larger part"
+        ),
+        "agrees": _V("gage [frequency]", "1", "1 where the difference is within its interval"),
+        "true_strain": _V("gage [frequency]", "1", "strain that the virtual lab's plate has there"),
+    },
     "examined/kreis": {
         "rcond": _V("method", "1", "reciprocal condition number in the 1-norm"),
         "hadamard": _V("method", "1", "Hadamard condition number"),

@@ -342,12 +342,13 @@ def _truth(run: Run) -> None:
     e = run.experiment
     field = run.tree["field"]
     images = [part for part in e.scan.parts(e.scan.view_names()[0]) if part.kind == "image"]
+    strains = (n for n in run.tree if n == "strain" or n.startswith(COMPARED_STRAIN))
     run.tree["truth"] = virtual_lab.plate.truth_to_dataset(
         e.scene,
         field["position"].values,
         field["frequency"].values,
         images[0].sampling.amplitude,
-        run.tree["strain"]["position"].values if "strain" in run.tree else None,
+        next((run.tree[name]["position"].values for name in strains), None),
     )
 
 
@@ -528,7 +529,7 @@ STEPS: tuple[Step, ...] = (
         lambda e: _reconstructs(e) and _has_truth(e),
         _truth,
         makes=("truth",),
-        needs=("field", "strain"),
+        needs=("field", "strain", COMPARED_STRAIN),
     ),
     Step("checks", lambda e: bool(e.check), _checks, makes=("examined/",), needs=EVERYTHING),
     Step("expectations", lambda e: bool(e.expect), _expectations, ("check",), needs=EVERYTHING),

@@ -3,6 +3,7 @@ from .estimate import SurfaceField as SurfaceField
 from .estimate import estimate_surface as estimate_surface
 from .estimate import reconstruct_surface as reconstruct_surface
 from .evidence import WeightedFit as WeightedFit
+from .gage import Gage as Gage
 from .love import ThinShell as ThinShell
 from .material import Isotropic as Isotropic
 from .method import SurfaceReconstruction as SurfaceReconstruction

@@ -63,6 +63,16 @@ class Chart:
         height = (k * (x**2 + h**2) + 2 * h) / (1 + np.hypot(k * x, 1 + k * h))
         return np.column_stack([arc, t]), height
 
+    def points(self, coordinates: Array, height: float) -> Array:
+        """Find the points at coordinates and a height, shape (point, 3), m, in the world."""
+        (s, t), k = coordinates.T, self.curvature
+        # (cos(k s) - 1) / k and sin(k s) / k, also for k = 0
+        sagitta = -k * s**2 * np.sinc(k * s / (2 * np.pi)) ** 2 / 2
+        across = s * np.sinc(k * s / np.pi)
+        angle = k * s
+        local = [across + height * np.sin(angle), t, sagitta + height * np.cos(angle)]
+        return np.asarray(self.center + np.stack(local, axis=-1) @ self.axes)
+
     def frames(self, coordinates: Array) -> Array:
         """Compute the local axes, shape (point, 3, 3): rows t1, t2, n in the world."""
         angle = coordinates[:, 0] * self.curvature

@@ -7,7 +7,7 @@ the middle and of the back, and stresses.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -161,6 +161,30 @@ class SurfaceField:
         group = self._group("strain", coords, always=always, **found)
         group.attrs |= {"confidence_level": self.method.confidence}
         return group
+
+    def strain_of(
+        self, rows: Array, row_at: Sequence[Callable[[ThinShell, float], Array]]
+    ) -> tuple[ComplexArray, Array]:
+        """Compute strains of the face that are linear in the coefficients, with their variances.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (strain, coefficient), 1/m
+            At the height of the face.
+        row_at : sequence of callable
+            Make each of them at any height, for what the thickness does to it.
+
+        Returns
+        -------
+        strain : ndarray of complex, shape (strain, frequency)
+        variance : ndarray, shape (part, strain, frequency)
+        """
+        assert self.frequency is not None
+        face, omega = self.fit.face, 2 * np.pi * self.frequency
+        higher = np.stack([make(self.fit.shell, face + STEP) for make in row_at])
+        values, own, others = self.fit.evaluate(rows, (higher - rows) / STEP / 2)
+        # (a + ib) / (i omega) = b / omega - i a / omega: the parts change places.
+        return values / (1j * omega), (own + others)[::-1] / omega**2
 
     def _strain_at(self, place: Array, height: float) -> tuple[ComplexArray, Array]:
         """Compute strains and their variances by part: those of the velocity over i omega."""

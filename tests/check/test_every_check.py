@@ -16,12 +16,14 @@ from sldvexp.dataset import VARIABLES, open_run
 from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose
 from sldvexp.plot.selection import plugin
+from sldvexp.shell import Gage, Shell
 
 SMALL = [
     *("report=none", "pose=bitangent", "~scan.calibration.views.5", "~scan.structure.views.5"),
     *(f"scan.{part}.sampling.samples=256" for part in ("calibration", "structure")),
     *("scan.calibration.fine.lines=16", "scan.structure.pixels=[9,11]"),
-    *("volume.shape=[7,6]", "volume.layers=3"),
+    *("volume.shape=[7,6]", "volume.layers=3", "compare={shell: {plugin: shell}}"),
+    *("material=aluminium", "material.thickness=0.003"),
 ]
 #: Nothing of a run, only these settings.
 SETTINGS_ONLY = {"cross_ratio"}
@@ -34,6 +36,7 @@ SETTINGS = {
         "left_right_points": [[y, x, z] for x, y, z in LINE],
     },
     "equivalent_methods": {"other": "compare/three"},
+    "gages": {"gages": {"g": Gage(place=[0.02, -0.03], amplitude=[2e-6], phase=[90], std=[1e-8])}},
     "pose_equivalence": {"views": OTHER},
     "pose_methods": {"methods": {"bitangent": "pose"}},
     "pose_repeats": {"repeats": 10},
@@ -56,6 +59,7 @@ def run(tmp_path_factory) -> dataset.RunData:
         command = [sys.executable, "-c", call, *words, f"hydra.run.dir={folder}/{name}"]
         subprocess.run(command, cwd=folder, capture_output=True, check=False)
     session = dataset.RunData.from_source(open_run(folder / "session"))
+    del session.groups["compare/shell"]  # whose strain is wanted, but no field among points
     points = open_run(folder / "point")
     for one in ("point", "line_of_sight", "compare/three"):
         session.groups[one] = points[one].to_dataset()
@@ -65,7 +69,8 @@ def run(tmp_path_factory) -> dataset.RunData:
 @pytest.fixture
 def examination(run):
     groups = {name: group.copy(deep=True) for name, group in run.groups.items()}
-    used = {g: plugin(run, g, "check") for g in ("laser", "volume", "reconstruction", "solver")}
+    needed = ("laser", "volume", "reconstruction", "solver", "material", "scene", "scan")
+    used = {g: plugin(run, g, "check") for g in needed} | {"compare": {"shell": Shell()}}
     return Examination(groups, rng=np.random.default_rng(0), experiment=SimpleNamespace(**used))
 
 
