@@ -24,6 +24,7 @@ from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, same_frequencies
 from sldvexp.importers.scan_rows import read_table
 from sldvexp.importers.scan_table import (
+    ColumnsNotUnderstoodError,
     ScanTable,
     by_rows,
     fields,
@@ -36,6 +37,9 @@ from sldvexp.io.uff.geometry import WORLD
 from sldvexp.typing import Array, BoolArray, IndexArray, IntArray
 from sldvexp.unit_labels import SpectralForm, UnitLabel
 
+#: How questions name what a table does not state.
+COORDINATES, VALUES = "the unit of its coordinates", "the unit of its values"
+AMPLITUDES = "whether amplitudes are peak or rms"
 #: Beyond such point numbers gaps mean nothing, as they are names then.
 MOST_NUMBERS = 10**7
 #: Phases beyond this are of no spectrum in rad, but of one in deg.
@@ -93,8 +97,16 @@ def _view(
     settings: ScanExport, name: str, view: PointwiseView, questions: Questions
 ) -> PointwiseData | None:
     """Read one view's table and turn its values into velocities; None if a question is open."""
-    table, columns = by_rows(read_table(locate(view.path)), settings.columns)
-    roles = table.roles(columns)
+    read = read_table(locate(view.path))
+    try:
+        table, columns = by_rows(read, settings.columns)
+        roles = table.roles(columns)
+    except ColumnsNotUnderstoodError as error:
+        questions.note(error, read.path)
+        _ask_senses(settings, read, questions)
+        if not any(read.units):
+            _ask_units(settings, read, questions)
+        return None
     for needed in ("x", "y", "z"):
         if needed not in roles:
             raise table.wrong(f"instrument.columns does not name {needed}")
@@ -154,10 +166,12 @@ def _gaps(name: str, roles: dict[str, int], node: IntArray) -> list[Finding]:
 def _position(table: ScanTable, roles: dict[str, int], row: IndexArray, node: IntArray) -> Array:
     """Find the points' coordinates, the same at all frequencies, in the file's unit."""
     place = np.column_stack([_known(table, axis, roles[axis]) for axis in "xyz"])
-    found = np.array([place[own[own >= 0][0]] for own in row])
-    for p, f in np.argwhere(row >= 0):
-        if (place[row[p, f]] != found[p]).any():
-            raise table.wrong(f"point {node[p]} stood elsewhere before", int(row[p, f]))
+    there = row >= 0
+    found = place[row[np.arange(len(row)), there.argmax(axis=1)]]
+    moved = np.argwhere(there & (place[row] != found[:, None]).any(axis=2))
+    if len(moved):
+        p, f = moved[0]
+        raise table.wrong(f"point {node[p]} stood elsewhere before", int(row[p, f]))
     return found
 
 
@@ -335,7 +349,7 @@ def _length(
     units = {table.units[roles[axis]] for axis in "xyz"}
     label = meaning(unit := units.pop()) if len(units) == 1 else None
     if label is None or not is_length(unit):
-        questions.ask(table.path, "length_unit", "mm", "the unit of its coordinates")
+        questions.ask(table.path, "length_unit", "mm", COORDINATES)
         return 1.0, ""
     return label.factor, f"by the label {unit}"
 
@@ -348,17 +362,12 @@ def _conventions(
     label = _motion(table, text)
     quantity = settings.quantity or (Quantity[label.quantity] if label else None)
     if quantity is None:
-        questions.ask(table.path, "quantity", "velocity", "the unit of its values")
+        questions.ask(table.path, "quantity", "velocity", VALUES)
     unit = settings.unit.value if settings.unit else label.factor if label else None
     if unit is None:
-        questions.ask(table.path, "unit", "m", "the unit of its values (m of m/s)")
+        questions.ask(table.path, "unit", "m", f"{VALUES} (m of m/s)")
     factor, told = _scale(settings, table, label, questions)
-    if settings.positive is None:
-        questions.ask(table.path, "positive", "towards", "where a positive velocity points to")
-    if settings.phase is None:
-        questions.ask(
-            table.path, "phase", "exp_plus", "the sign of the phase (exp_plus or exp_minus)"
-        )
+    _ask_senses(settings, table, questions)
     if quantity is None or unit is None or settings.positive is None or settings.phase is None:
         return Conventions(Quantity.velocity, 1.0, False, {})  # what is missing is asked for
     told |= {
@@ -371,6 +380,30 @@ def _conventions(
     }
     conjugate = settings.phase.value < 0
     return Conventions(quantity, factor * unit * settings.positive.value, conjugate, told)
+
+
+def _ask_units(settings: ScanExport, table: ScanTable, questions: Questions) -> None:
+    """Ask for what labels would tell, of a table that has none."""
+    for setting, example, what in (
+        ("length_unit", "mm", COORDINATES),
+        ("quantity", "velocity", VALUES),
+        ("unit", "m", f"{VALUES} (m of m/s)"),
+        ("amplitude", "peak", AMPLITUDES),
+    ):
+        if getattr(settings, setting) is None:
+            questions.ask(table.path, setting, example, what)
+    if "Hz" not in table.before:
+        _one_frequency(settings, table, questions)
+
+
+def _ask_senses(settings: ScanExport, table: ScanTable, questions: Questions) -> None:
+    """Ask for the senses that no table tells."""
+    if settings.positive is None:
+        what = "where a positive velocity points to"
+        questions.ask(table.path, "positive", "towards", what)
+    if settings.phase is None:
+        what = "the sign of the phase (exp_plus or exp_minus)"
+        questions.ask(table.path, "phase", "exp_plus", what)
 
 
 def _motion(table: ScanTable, text: str) -> UnitLabel | None:
@@ -406,7 +439,7 @@ def _scale(
         return settings.reference, {"reference": f"{settings.reference:g} {label.reference}"}
     amplitude = settings.amplitude or (label.amplitude if label else None)
     if amplitude is None:
-        questions.ask(table.path, "amplitude", "peak", "whether amplitudes are peak or rms")
+        questions.ask(table.path, "amplitude", "peak", AMPLITUDES)
         return 1.0, {}
     by = "" if settings.amplitude else f" by {label.text if label else ''}"
     return amplitude.value, {"amplitude": f"{amplitude.name}{by}"}

@@ -46,6 +46,10 @@ WORDS = {
 LEAST_COLUMNS = 4
 
 
+class ColumnsNotUnderstoodError(UserError):
+    """Columns of which nobody says what they are; `instrument.columns` would."""
+
+
 @dataclass(frozen=True, eq=False)
 class ScanTable:
     """Numbers of a table and where they stand.
@@ -84,6 +88,10 @@ class ScanTable:
         """Word the error of the table, or of one of its rows."""
         return UserError(f"{self.path}, line {self.line[row or 0]}: {message}")
 
+    def asked(self, message: str) -> ColumnsNotUnderstoodError:
+        """Word the question which columns are what."""
+        return ColumnsNotUnderstoodError(f"{self.path}, line {self.line[0]}: {message}")
+
     def roles(self, given: dict[str, int]) -> dict[str, int]:
         """Find the column of each role, as given or recognised by units and places.
 
@@ -104,7 +112,7 @@ class ScanTable:
         """Refuse columns that nobody says anything of, but these, and those of no interest."""
         for i, name in enumerate(self.names):
             if i not in columns and said_by(name) != "none":
-                raise self.wrong(
+                raise self.asked(
                     f"the column {self.listed([i])} is not understood{_why(self.units[i])}; "
                     f"{HOW}, which leaves the others out"
                 )
@@ -148,9 +156,9 @@ class ScanTable:
                 "its rows are frequencies and its columns points, which leaves these without "
                 "coordinates; export a table with a row for each point, or a universal file"
             )
-        raise self.wrong(
+        raise self.asked(
             "there are no three columns of coordinates with a unit of length in the line above; "
-            "say which columns are what with instrument.columns={x: 2, y: 3, z: 4, ...}"
+            f"{HOW}"
         )
 
     def parts(self, columns: list[int]) -> dict[str, int]:
@@ -173,7 +181,7 @@ class ScanTable:
         if alike and tuple(said) in PAIRS:
             real, imag = values if "imag" in said[1:] or said[0] == "real" else values[::-1]
             return {"real": real, "imag": imag}
-        raise self.wrong(f"the columns of values are {self.listed(columns)}; {NEEDED}; {HOW}")
+        raise self.asked(f"the columns of values are {self.listed(columns)}; {NEEDED}; {HOW}")
 
 
 NEEDED = (
@@ -216,8 +224,11 @@ def said_by(name: str) -> str | None:
 
 def number(cell: str) -> float:
     """Convert a cell that `NUMBER` matches."""
-    plain = cell.replace(",", ".").replace("\u2212", "-").lower().replace("d", "e")
-    return float(plain)
+    try:
+        return float(cell)
+    except ValueError:  # with a comma, a minus of typographers, or an exponent of Fortran
+        plain = cell.replace(",", ".").replace("\u2212", "-").lower().replace("d", "e")
+        return float(plain)
 
 
 def fields(line: str, delimiter: str | None) -> list[str]:
@@ -422,8 +433,8 @@ def _parts(table: ScanTable, frequency: float, columns: list[int]) -> dict[str, 
     """Tell the roles of the columns of one frequency."""
     try:
         return table.parts(columns)
-    except UserError:
-        raise table.wrong(
+    except ColumnsNotUnderstoodError:
+        raise table.asked(
             f"the columns of {frequency:g} Hz are {table.listed(columns)}; {NEEDED}; of one "
             f"frequency, {HOW}"
         ) from None

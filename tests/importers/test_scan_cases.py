@@ -95,6 +95,8 @@ def test_columns_of_two_channels_are_asked_about():
     said = r"line 3: the columns of values are 5 \(Vib \[mm/s\]\), 6 \(Ref \[mm/s\]\); .*columns="
     with pytest.raises(UserError, match=said):
         read(path)
+    with pytest.raises(UserError, match=r"2 questions are open: .*Vib.*; \(2\) .*positive=towards"):
+        read(path, positive=None)
     only = {"index": 1, "x": 2, "y": 3, "z": 4, "real": 5}
     right(read(path, columns=only), CORNERS.real)
 
@@ -283,6 +285,29 @@ def test_all_that_is_open_is_asked_in_one_go_and_the_answers_are_right(tmp_path)
     ]
     answers = {"frequency": [195.0], "good_status": [0, 1], "incomplete": "drop"}
     right(read(path, columns=columns, **PLAIN, **answers, length_unit=LengthUnit.mm), CORNERS[:3])
+
+
+def test_a_table_without_names_is_asked_about_in_one_go_too(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("\n".join(ROWS))
+    with pytest.raises(UserError) as error:
+        read(path, **dict.fromkeys(PLAIN))
+    said = str(error.value)
+    assert said.startswith("8 questions are open: (1) ")
+    assert "there are no three columns of coordinates with a unit of length" in said
+    assert set(re.findall(r"say it with instrument\.(\w+)", said)) == {
+        "positive",
+        "phase",
+        "length_unit",
+        "quantity",
+        "unit",
+        "amplitude",
+        "frequency",
+    }
+    columns = {"index": 1, "x": 2, "y": 3, "z": 4, "real": 5, "imag": 6}
+    units = {"unit": conventions.MotionUnit.mm, "length_unit": LengthUnit.mm}
+    quantity = conventions.Quantity.velocity
+    right(read(path, columns=columns, quantity=quantity, frequency=[195.0], **units))
 
 
 def test_numbers_of_points_that_have_no_row_are_counted(tmp_path):
