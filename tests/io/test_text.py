@@ -14,7 +14,7 @@ from sldvexp.io.registration import read as read_registration
 from sldvexp.io.tables import plain_cells
 from sldvexp.io.velocities import read as read_velocities
 from sldvexp.pose.digitizer import read_repeats
-from sldvexp.units import LengthUnit, VelocityUnit
+from sldvexp.units import AngleUnit, LengthUnit, VelocityUnit, unit_named
 
 ENCODINGS = ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32", "cp1252"]
 NAMES = ["a", "b", "c"]
@@ -125,3 +125,26 @@ def test_the_same_lines_in_another_form_are_no_change(tmp_path, encoding):
     path.write_bytes(whole.encode(encoding))
     assert read_table(path).rows == [["1", "2", "3"], ["4", "5", "6"]]
     assert read_text(Path(path)).startswith("# 3 lines, crc32 ")
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "unit"),
+    [
+        (LengthUnit, "inches", LengthUnit.inch),
+        (LengthUnit, "Millimetres", LengthUnit.mm),
+        (LengthUnit, "MM", LengthUnit.mm),
+        (AngleUnit, "degrees", AngleUnit.deg),
+        (AngleUnit, "°", AngleUnit.deg),
+        (VelocityUnit, "m s-1", VelocityUnit.m_per_s),
+        (VelocityUnit, "µm/s", VelocityUnit.um_per_s),
+        (VelocityUnit, "mm s^-1", VelocityUnit.mm_per_s),
+    ],
+)
+def test_units_are_compared_by_their_meaning(kind, name, unit):
+    assert unit_named(kind, name, "here") is unit
+
+
+@pytest.mark.parametrize("name", ["V", "mm/s RMS", "(mm/s)^2", "km/h", "m", "mm/s/N", "", "dB"])
+def test_units_of_something_else_are_no_units_of_velocity(name):
+    with pytest.raises(UserError, match=r"here: unknown unit .*; .*Valid: inch_per_s, m_per_s"):
+        unit_named(VelocityUnit, name, "here")
