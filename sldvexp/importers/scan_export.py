@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,8 @@ COORDINATES, VALUES = "the unit of its coordinates", "the unit of its values"
 AMPLITUDES = "whether amplitudes are peak or rms"
 #: Beyond such point numbers gaps mean nothing, as they are names then.
 MOST_NUMBERS = 10**7
+#: Values of a status that a question lists.
+MOST_STATUS = 8
 #: Phases beyond this are of no spectrum in rad, but of one in deg.
 MOST_RADIANS = 25.0
 #: Roles that a column may have.
@@ -59,8 +62,8 @@ class ScanExport(PointwiseImport):
 
     Parameters
     ----------
-    good_status : list of int
-        Values of the status column of points that are to be trusted.
+    good_status : list of int or str
+        Values of the status column, numbers or words, of points that are to be trusted.
     columns : dict of str to int
         Which column, counted from 1, is what, instead of recognising them: index, x, y, z,
         frequency, status, real, imag, magnitude, phase. Where frequencies stand above columns,
@@ -68,7 +71,7 @@ class ScanExport(PointwiseImport):
     """
 
     directions: Directions = Directions.view
-    good_status: list[int] = field(default_factory=list)
+    good_status: list[Any] = field(default_factory=list)
     columns: dict[str, int] = field(default_factory=dict)
 
     def check(self, checks: Checks) -> None:
@@ -330,14 +333,17 @@ def _good(
     """Tell which rows are to be trusted by their status, shape (row,)."""
     if "status" not in roles:
         return np.ones(len(table.values), bool)
-    status = _whole(table, roles["status"])
-    if not settings.good_status and len(np.unique(status)) > 1:
-        seen = ", ".join(map(str, np.unique(status)))
-        column = table.place[roles["status"]]
-        what = f"which are good of the values {seen}, of which column {column} may be a status"
-        questions.ask(table.path, "good_status", f"[{status[0]}]", what)
+    column = roles["status"]
+    words = table.words.get(column)
+    status = np.array(words if words else [str(n) for n in _whole(table, column)])
+    seen = list(dict.fromkeys(status.tolist()))
+    if not settings.good_status and (words or len(seen) > 1):
+        listed = ", ".join(sorted(seen)[:MOST_STATUS])
+        place = table.place[column]
+        what = f"which are good of the values {listed}, of which column {place} may be a status"
+        questions.ask(table.path, "good_status", f"[{seen[0]}]", what)
         return np.ones(len(status), bool)
-    return np.isin(status, settings.good_status or status)
+    return np.isin(status, [str(good) for good in settings.good_status] or seen)
 
 
 def _length(

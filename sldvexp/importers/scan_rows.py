@@ -151,6 +151,7 @@ class _Reader:
             [str(i + 1) for i in range(len(self.shape))],
             self._blocks(),
             ", ".join(f"{count} {what}" for what, count in self.counts.items()),
+            {k: [c[k] for c, _ in self.rows] for k, own in enumerate(self.shape) if not own},
         )
 
     def _filled(self, cells: list[str], flags: Shape, line: str) -> Parsed:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +71,8 @@ class ScanTable:
         Frequencies of blocks of rows; None unless there are several.
     told : str
         Which other lines there were, for the record.
+    words : dict of int to list of str
+        Cells of columns that hold words, whose values are NaN.
     """
 
     path: Path
@@ -83,6 +85,7 @@ class ScanTable:
     place: list[str]
     block: Array | None = None
     told: str = ""
+    words: dict[int, list[str]] = field(default_factory=dict)
 
     def wrong(self, message: str, row: int | None = None) -> UserError:
         """Word the error of the table, or of one of its rows."""
@@ -137,6 +140,8 @@ class ScanTable:
                 found.setdefault("frequency", i)
             elif "db" in unit.lower():
                 raise self.wrong(f"column {i + 1} is in {unit}; export linear values")
+            elif i in self.words and i > last and not unit:
+                found.setdefault("status", i)
             elif whole and said_by(self.names[i]) is None:
                 found.setdefault("index" if i < first else "status", i)
         return found
@@ -424,6 +429,11 @@ def _stacked(
         line=table.line * len(blocks),
         names=names,
         units=units,
+        words={
+            k: table.words[c[0]] * len(blocks)
+            for k, c in enumerate(columns)
+            if c and c[0] in table.words
+        },
         place=[" ".join(str(i + 1) for i in c) or "heading" for c in columns],
     )
     return long, {role: i for i, role in enumerate(names, 1)}

@@ -101,9 +101,18 @@ def test_columns_of_two_channels_are_asked_about():
     right(read(path, columns=only), CORNERS.real)
 
 
-def test_a_column_of_words_may_be_left_out(tmp_path):
+def test_a_status_may_be_words(tmp_path):
     path = tmp_path / "a.txt"
-    path.write_text(ASKED["a column of words"][0])
+    words = iter(["Optimal", "Valid", "Not measured", "Valid"])
+    rows = [f"{row}\t{next(words)}" for row in ROWS]
+    path.write_text(HEAD.replace("Imag [mm/s]", "Imag [mm/s]\tStatus") + "\n".join(rows))
+    said = r"good of the values Not measured, Optimal, Valid, .*instrument\.good_status=\[Optimal\]"
+    with pytest.raises(UserError, match=said):
+        read(path)
+    good = {"good_status": ["Optimal", "Valid"]}
+    with pytest.raises(UserError, match=r"line 5: the view front has not measured node 3"):
+        read(path, **good)
+    right(read(path, **good, incomplete="drop"), CORNERS[[0, 1, 3]])
     columns = {"index": 1, "x": 2, "y": 3, "z": 4, "real": 5, "imag": 6}
     right(read(path, columns=columns))
 
@@ -238,8 +247,8 @@ ASKED = {
         "line 12: point 3 stood elsewhere before",
     ),
     "a column of words": (
-        re.sub("(?m)([0-9])$", r"\1\tValid", TABLE.replace("Imag [mm/s]", "Imag [mm/s]\tStatus")),
-        "the column 7 (Status) is not understood",
+        re.sub("(?m)([0-9])$", r"\1\tVib", TABLE.replace("Imag [mm/s]", "Imag [mm/s]\tUnit [V]")),
+        "the column 7 (Unit [V]) is not understood",
     ),
     "thousands": (
         re.sub(r"\t-?[0-9]\.", "\t1,", TABLE).replace("1,402", "1,402").replace("195", "195"),
