@@ -43,6 +43,8 @@ COORDINATES, VALUES = "the unit of its coordinates", "the unit of its values"
 AMPLITUDES = "whether amplitudes are peak or rms"
 #: Beyond such point numbers gaps mean nothing, as they are names then.
 MOST_NUMBERS = 10**7
+#: How far units that agree may be apart.
+SAME_UNIT = 1e-3
 #: Values of a status that a question lists.
 MOST_STATUS = 8
 #: Phases beyond this are of no spectrum in rad, but of one in deg.
@@ -56,9 +58,10 @@ ROLES = ("index", "x", "y", "z", "frequency", "status", "real", "imag", "magnitu
 class ScanExport(PointwiseImport):
     """Text tables with a line a point: number, coordinates, velocity, perhaps a status.
 
-    Columns are recognised by their units and places, not by their names, which are of any
-    language. Of several frequencies each has a row, or columns with the frequency above. What a
-    file does not say, and a setting does not either, is asked for.
+    Columns are recognised by their units and places, parts of values by words of their names in
+    common languages. Of several frequencies each has a row, columns with the frequency above, or a
+    block of rows below a line that states it. What a file does not say, and a setting does not
+    either, is asked for, as is a column or a line that is not understood.
 
     Parameters
     ----------
@@ -145,7 +148,7 @@ def _view(
         ),
         length,
         rules.told | {"length_unit": f"{length:g} m, {by}", "lines": table.told},
-        _gaps(name, roles, node),
+        [*_gaps(name, roles, node), *_overruled(settings, name, table, roles)],
         said,
     )
 
@@ -164,6 +167,41 @@ def _gaps(name: str, roles: dict[str, int], node: IntArray) -> list[Finding]:
     )
     size = float(len(absent))
     return [Finding("missing_rows", f"view {name}", text, Severity.note, size=size)]
+
+
+def _overruled(
+    settings: ScanExport, name: str, table: ScanTable, roles: dict[str, int]
+) -> list[Finding]:
+    """Tell where settings win over labels that are understood."""
+    text, length = _label(table, roles), table.units[roles["x"]]
+    values, places = meaning(text), meaning(length)
+    if values is not None and not values.is_motion:
+        values = None
+    differs = {
+        ("quantity", text): values is not None
+        and settings.quantity is not None
+        and settings.quantity.name != values.quantity,
+        ("unit", text): values is not None
+        and settings.unit is not None
+        and abs(values.factor / settings.unit.value - 1) > SAME_UNIT,
+        ("amplitude", text): values is not None
+        and None not in (settings.amplitude, values.amplitude)
+        and settings.amplitude is not values.amplitude,
+        ("length_unit", length): places is not None
+        and settings.length_unit is not None
+        and places.quantity == "displacement"
+        and abs(places.factor / settings.length_unit.value - 1) > SAME_UNIT,
+    }
+    return [
+        Finding(
+            "unit",
+            f"view {name}",
+            f"{table.path}: instrument.{setting}={getattr(settings, setting).name} wins, although "
+            f"the file says {label}",
+        )
+        for (setting, label), so in differs.items()
+        if so
+    ]
 
 
 def _position(table: ScanTable, roles: dict[str, int], row: IndexArray, node: IntArray) -> Array:
@@ -364,7 +402,7 @@ def _conventions(
     settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: Questions
 ) -> Conventions:
     """Decide how values become velocities: by the settings, or the unit of their column."""
-    text = table.units[roles.get("real", roles.get("magnitude", 0))]
+    text = _label(table, roles)
     label = _motion(table, text)
     quantity = settings.quantity or (Quantity[label.quantity] if label else None)
     if quantity is None:
@@ -410,6 +448,11 @@ def _ask_senses(settings: ScanExport, table: ScanTable, questions: Questions) ->
     if settings.phase is None:
         what = "the sign of the phase (exp_plus or exp_minus)"
         questions.ask(table.path, "phase", "exp_plus", what)
+
+
+def _label(table: ScanTable, roles: dict[str, int]) -> str:
+    """Give the label of the values' unit."""
+    return table.units[roles.get("real", roles.get("magnitude", 0))]
 
 
 def _motion(table: ScanTable, text: str) -> UnitLabel | None:

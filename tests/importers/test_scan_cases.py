@@ -134,6 +134,20 @@ def test_squares_have_no_amplitude():
         read(CASES / "sq.txt")
 
 
+def test_settings_that_win_over_labels_are_told(tmp_path):
+    path = CASES / "rms.txt"
+    group = read(path)
+    right(group)
+    (found,) = dataset.take_findings({"line_of_sight": group})
+    assert found.severity is dataset.Severity.doubtful
+    assert found.text == f"{path}: instrument.amplitude=peak wins, although the file says mm/s RMS"
+    said = {"unit": conventions.MotionUnit.cm, "length_unit": LengthUnit.m}
+    group = read(path, amplitude=None, **said)
+    found = dataset.take_findings({"line_of_sight": group})
+    assert [f.text.partition("=")[0].rpartition(".")[2] for f in found] == ["unit", "length_unit"]
+    assert not counted(read(path, amplitude=conventions.Amplitude.rms))
+
+
 HEAD = "Frequency: 195 Hz\nIndex\tX [mm]\tY [mm]\tZ [mm]\tReal [mm/s]\tImag [mm/s]\n"
 ROWS = [
     "1\t0\t0\t0\t-1.213\t0.402",
