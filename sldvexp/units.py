@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from enum import Enum
 from typing import TypeVar
 
 from sldvexp.errors import UserError, nearest
+from sldvexp.unit_labels import SpectralForm, UnitNotUnderstoodError, read_unit
 
 
 class LengthUnit(Enum):
@@ -35,11 +37,14 @@ class VelocityUnit(Enum):
     inch_per_s = 0.0254
 
 
-Unit = TypeVar("Unit", LengthUnit, AngleUnit)
+#: Quantity of each kind of unit, as `sldvexp.unit_labels` names it.
+QUANTITIES = {LengthUnit: "displacement", AngleUnit: "angle", VelocityUnit: "velocity"}
+
+Unit = TypeVar("Unit", LengthUnit, AngleUnit, VelocityUnit)
 
 
 def unit_named(kind: type[Unit], name: str, where: str) -> Unit:
-    """Find the unit of that name, in any case of letters.
+    """Find the unit of that name, in any case of letters, or of another spelling of it.
 
     Parameters
     ----------
@@ -50,13 +55,22 @@ def unit_named(kind: type[Unit], name: str, where: str) -> Unit:
     ------
     UserError
         If there is no such unit; lists the valid ones.
+
+    Examples
+    --------
+    >>> unit_named(LengthUnit, "millimetres", "a.nc")
+    <LengthUnit.mm: 0.001>
     """
-    try:
-        return kind[name.strip().lower()]
-    except KeyError:
-        raise UserError(
-            f"{where}: unknown unit {name!r}; {nearest(name, kind.__members__)}"
-        ) from None
+    plain = name.strip().lower()
+    if plain in kind.__members__:
+        return kind[plain]
+    with suppress(UnitNotUnderstoodError):
+        label = read_unit(name)
+        same = [unit for unit in kind if math.isclose(unit.value, label.factor, rel_tol=1e-9)]
+        bare = label.amplitude is None and label.form is SpectralForm.linear
+        if same and bare and not label.reference and label.quantity == QUANTITIES[kind]:
+            return same[0]
+    raise UserError(f"{where}: unknown unit {name!r}; {nearest(name, kind.__members__)}")
 
 
 def decimal_in(unit: LengthUnit | AngleUnit, value: float) -> str:

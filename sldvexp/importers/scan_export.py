@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, same_frequencies
 from sldvexp.importers.scan_rows import read_table
 from sldvexp.importers.scan_table import (
+    ColumnsNotUnderstoodError,
     ScanTable,
     by_rows,
     fields,
@@ -36,8 +38,15 @@ from sldvexp.io.uff.geometry import WORLD
 from sldvexp.typing import Array, BoolArray, IndexArray, IntArray
 from sldvexp.unit_labels import SpectralForm, UnitLabel
 
+#: How questions name what a table does not state.
+COORDINATES, VALUES = "the unit of its coordinates", "the unit of its values"
+AMPLITUDES = "whether amplitudes are peak or rms"
 #: Beyond such point numbers gaps mean nothing, as they are names then.
 MOST_NUMBERS = 10**7
+#: How far units that agree may be apart.
+SAME_UNIT = 1e-3
+#: Values of a status that a question lists.
+MOST_STATUS = 8
 #: Phases beyond this are of no spectrum in rad, but of one in deg.
 MOST_RADIANS = 25.0
 #: Roles that a column may have.
@@ -49,14 +58,15 @@ ROLES = ("index", "x", "y", "z", "frequency", "status", "real", "imag", "magnitu
 class ScanExport(PointwiseImport):
     """Text tables with a line a point: number, coordinates, velocity, perhaps a status.
 
-    Columns are recognised by their units and places, not by their names, which are of any
-    language. Of several frequencies each has a row, or columns with the frequency above. What a
-    file does not say, and a setting does not either, is asked for.
+    Columns are recognised by their units and places, parts of values by words of their names in
+    common languages. Of several frequencies each has a row, columns with the frequency above, or a
+    block of rows below a line that states it. What a file does not say, and a setting does not
+    either, is asked for, as is a column or a line that is not understood.
 
     Parameters
     ----------
-    good_status : list of int
-        Values of the status column of points that are to be trusted.
+    good_status : list of int or str
+        Values of the status column, numbers or words, of points that are to be trusted.
     columns : dict of str to int
         Which column, counted from 1, is what, instead of recognising them: index, x, y, z,
         frequency, status, real, imag, magnitude, phase. Where frequencies stand above columns,
@@ -64,7 +74,7 @@ class ScanExport(PointwiseImport):
     """
 
     directions: Directions = Directions.view
-    good_status: list[int] = field(default_factory=list)
+    good_status: list[Any] = field(default_factory=list)
     columns: dict[str, int] = field(default_factory=dict)
 
     def check(self, checks: Checks) -> None:
@@ -93,8 +103,16 @@ def _view(
     settings: ScanExport, name: str, view: PointwiseView, questions: Questions
 ) -> PointwiseData | None:
     """Read one view's table and turn its values into velocities; None if a question is open."""
-    table, columns = by_rows(read_table(locate(view.path)), settings.columns)
-    roles = table.roles(columns)
+    read = read_table(locate(view.path))
+    try:
+        table, columns = by_rows(read, settings.columns)
+        roles = table.roles(columns)
+    except ColumnsNotUnderstoodError as error:
+        questions.note(error, read.path)
+        _ask_senses(settings, read, questions)
+        if not any(read.units):
+            _ask_units(settings, read, questions)
+        return None
     for needed in ("x", "y", "z"):
         if needed not in roles:
             raise table.wrong(f"instrument.columns does not name {needed}")
@@ -130,7 +148,7 @@ def _view(
         ),
         length,
         rules.told | {"length_unit": f"{length:g} m, {by}", "lines": table.told},
-        _gaps(name, roles, node),
+        [*_gaps(name, roles, node), *_overruled(settings, name, table, roles)],
         said,
     )
 
@@ -151,13 +169,50 @@ def _gaps(name: str, roles: dict[str, int], node: IntArray) -> list[Finding]:
     return [Finding("missing_rows", f"view {name}", text, Severity.note, size=size)]
 
 
+def _overruled(
+    settings: ScanExport, name: str, table: ScanTable, roles: dict[str, int]
+) -> list[Finding]:
+    """Tell where settings win over labels that are understood."""
+    text, length = _label(table, roles), table.units[roles["x"]]
+    values, places = meaning(text), meaning(length)
+    if values is not None and not values.is_motion:
+        values = None
+    differs = {
+        ("quantity", text): values is not None
+        and settings.quantity is not None
+        and settings.quantity.name != values.quantity,
+        ("unit", text): values is not None
+        and settings.unit is not None
+        and abs(values.factor / settings.unit.value - 1) > SAME_UNIT,
+        ("amplitude", text): values is not None
+        and None not in (settings.amplitude, values.amplitude)
+        and settings.amplitude is not values.amplitude,
+        ("length_unit", length): places is not None
+        and settings.length_unit is not None
+        and places.quantity == "displacement"
+        and abs(places.factor / settings.length_unit.value - 1) > SAME_UNIT,
+    }
+    return [
+        Finding(
+            "unit",
+            f"view {name}",
+            f"{table.path}: instrument.{setting}={getattr(settings, setting).name} wins, although "
+            f"the file says {label}",
+        )
+        for (setting, label), so in differs.items()
+        if so
+    ]
+
+
 def _position(table: ScanTable, roles: dict[str, int], row: IndexArray, node: IntArray) -> Array:
     """Find the points' coordinates, the same at all frequencies, in the file's unit."""
     place = np.column_stack([_known(table, axis, roles[axis]) for axis in "xyz"])
-    found = np.array([place[own[own >= 0][0]] for own in row])
-    for p, f in np.argwhere(row >= 0):
-        if (place[row[p, f]] != found[p]).any():
-            raise table.wrong(f"point {node[p]} stood elsewhere before", int(row[p, f]))
+    there = row >= 0
+    found = place[row[np.arange(len(row)), there.argmax(axis=1)]]
+    moved = np.argwhere(there & (place[row] != found[:, None]).any(axis=2))
+    if len(moved):
+        p, f = moved[0]
+        raise table.wrong(f"point {node[p]} stood elsewhere before", int(row[p, f]))
     return found
 
 
@@ -316,14 +371,17 @@ def _good(
     """Tell which rows are to be trusted by their status, shape (row,)."""
     if "status" not in roles:
         return np.ones(len(table.values), bool)
-    status = _whole(table, roles["status"])
-    if not settings.good_status and len(np.unique(status)) > 1:
-        seen = ", ".join(map(str, np.unique(status)))
-        column = table.place[roles["status"]]
-        what = f"which are good of the values {seen}, of which column {column} may be a status"
-        questions.ask(table.path, "good_status", f"[{status[0]}]", what)
+    column = roles["status"]
+    words = table.words.get(column)
+    status = np.array(words if words else [str(n) for n in _whole(table, column)])
+    seen = list(dict.fromkeys(status.tolist()))
+    if not settings.good_status and (words or len(seen) > 1):
+        listed = ", ".join(sorted(seen)[:MOST_STATUS])
+        place = table.place[column]
+        what = f"which are good of the values {listed}, of which column {place} may be a status"
+        questions.ask(table.path, "good_status", f"[{seen[0]}]", what)
         return np.ones(len(status), bool)
-    return np.isin(status, settings.good_status or status)
+    return np.isin(status, [str(good) for good in settings.good_status] or seen)
 
 
 def _length(
@@ -335,7 +393,7 @@ def _length(
     units = {table.units[roles[axis]] for axis in "xyz"}
     label = meaning(unit := units.pop()) if len(units) == 1 else None
     if label is None or not is_length(unit):
-        questions.ask(table.path, "length_unit", "mm", "the unit of its coordinates")
+        questions.ask(table.path, "length_unit", "mm", COORDINATES)
         return 1.0, ""
     return label.factor, f"by the label {unit}"
 
@@ -344,21 +402,16 @@ def _conventions(
     settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: Questions
 ) -> Conventions:
     """Decide how values become velocities: by the settings, or the unit of their column."""
-    text = table.units[roles.get("real", roles.get("magnitude", 0))]
+    text = _label(table, roles)
     label = _motion(table, text)
     quantity = settings.quantity or (Quantity[label.quantity] if label else None)
     if quantity is None:
-        questions.ask(table.path, "quantity", "velocity", "the unit of its values")
+        questions.ask(table.path, "quantity", "velocity", VALUES)
     unit = settings.unit.value if settings.unit else label.factor if label else None
     if unit is None:
-        questions.ask(table.path, "unit", "m", "the unit of its values (m of m/s)")
+        questions.ask(table.path, "unit", "m", f"{VALUES} (m of m/s)")
     factor, told = _scale(settings, table, label, questions)
-    if settings.positive is None:
-        questions.ask(table.path, "positive", "towards", "where a positive velocity points to")
-    if settings.phase is None:
-        questions.ask(
-            table.path, "phase", "exp_plus", "the sign of the phase (exp_plus or exp_minus)"
-        )
+    _ask_senses(settings, table, questions)
     if quantity is None or unit is None or settings.positive is None or settings.phase is None:
         return Conventions(Quantity.velocity, 1.0, False, {})  # what is missing is asked for
     told |= {
@@ -371,6 +424,35 @@ def _conventions(
     }
     conjugate = settings.phase.value < 0
     return Conventions(quantity, factor * unit * settings.positive.value, conjugate, told)
+
+
+def _ask_units(settings: ScanExport, table: ScanTable, questions: Questions) -> None:
+    """Ask for what labels would tell, of a table that has none."""
+    for setting, example, what in (
+        ("length_unit", "mm", COORDINATES),
+        ("quantity", "velocity", VALUES),
+        ("unit", "m", f"{VALUES} (m of m/s)"),
+        ("amplitude", "peak", AMPLITUDES),
+    ):
+        if getattr(settings, setting) is None:
+            questions.ask(table.path, setting, example, what)
+    if "Hz" not in table.before:
+        _one_frequency(settings, table, questions)
+
+
+def _ask_senses(settings: ScanExport, table: ScanTable, questions: Questions) -> None:
+    """Ask for the senses that no table tells."""
+    if settings.positive is None:
+        what = "where a positive velocity points to"
+        questions.ask(table.path, "positive", "towards", what)
+    if settings.phase is None:
+        what = "the sign of the phase (exp_plus or exp_minus)"
+        questions.ask(table.path, "phase", "exp_plus", what)
+
+
+def _label(table: ScanTable, roles: dict[str, int]) -> str:
+    """Give the label of the values' unit."""
+    return table.units[roles.get("real", roles.get("magnitude", 0))]
 
 
 def _motion(table: ScanTable, text: str) -> UnitLabel | None:
@@ -406,7 +488,7 @@ def _scale(
         return settings.reference, {"reference": f"{settings.reference:g} {label.reference}"}
     amplitude = settings.amplitude or (label.amplitude if label else None)
     if amplitude is None:
-        questions.ask(table.path, "amplitude", "peak", "whether amplitudes are peak or rms")
+        questions.ask(table.path, "amplitude", "peak", AMPLITUDES)
         return 1.0, {}
     by = "" if settings.amplitude else f" by {label.text if label else ''}"
     return amplitude.value, {"amplitude": f"{amplitude.name}{by}"}

@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 
@@ -55,26 +55,45 @@ def read_table(path: Path) -> ScanTable:
     """
     require_file(path)
     lines = read_text(path).splitlines()
-    delimiter, shape, count = max((_shape(lines, d) for d in DELIMITERS), key=lambda s: s[2])
-    if not count:
+    most = Choice(None, (), 0, [])
+    for delimiter in DELIMITERS:
+        most = max(most, _shape(lines, delimiter), key=lambda choice: choice.rows)
+        if 2 * most.rows > len(lines):
+            break
+    if not most.rows:
         raise UserError(
             f"{path}: has no table of numbers with at least {LEAST_COLUMNS} columns, as number, x, "
             "y, z and velocity"
         )
-    return _Reader(path, lines, delimiter, shape).table()
+    return _Reader(path, lines, most.delimiter, most.shape, most.parsed).table()
 
 
-#: True for each column of a table that has numbers, and False where words are.
+#: True for each cell of a line, or column of a table, that is a number.
 Shape = tuple[bool, ...]
+#: Cells of a line, and which of them are numbers.
+Parsed = tuple[list[str], Shape]
 
 
-def _shape(lines: list[str], delimiter: str | None) -> tuple[str | None, Shape, int]:
+class Choice(NamedTuple):
+    """Delimiter with the shape that most lines have, and how many do."""
+
+    delimiter: str | None
+    shape: Shape
+    rows: int
+    parsed: list[Parsed]
+
+
+def _shape(lines: list[str], delimiter: str | None) -> Choice:
     """Find which columns of most lines hold numbers, and how many such lines there are."""
-    cells = (fields(line, delimiter) for line in lines)
-    shapes = Counter(tuple(map(_is_number, c)) for c in cells if len(c) >= LEAST_COLUMNS)
+    parsed = [_parse(fields(line, delimiter)) for line in lines]
+    shapes = Counter(flags for _, flags in parsed if len(flags) >= LEAST_COLUMNS)
     tables = {s: n for s, n in shapes.items() if sum(s) >= LEAST_COLUMNS and 2 * sum(s) > len(s)}
     shape, count = max(tables.items(), key=lambda s: (s[1], sum(s[0])), default=((), 0))
-    return delimiter, shape, count
+    return Choice(delimiter, shape, count, parsed)
+
+
+def _parse(cells: list[str]) -> Parsed:
+    return cells, tuple(map(_is_number, cells))
 
 
 def _is_number(cell: str) -> bool:
@@ -94,35 +113,33 @@ class _Reader:
     lines: list[str]
     delimiter: str | None
     shape: Shape
-    rows: list[list[str]] = field(default_factory=list)
+    parsed: list[Parsed]
+    rows: list[Parsed] = field(default_factory=list)
     numbers: list[int] = field(default_factory=list)
     frequency: list[float] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
 
-    @property
-    def width(self) -> int:
-        """Number of columns."""
-        return len(self.shape)
-
     def table(self) -> ScanTable:
         """Read all rows, and what is said of them."""
-        full = [i for i, line in enumerate(self.lines) if self._is_row(self._cells(line))]
-        begin, last = full[0], full[-1]
+        parsed = [
+            self._filled(*own, line) for own, line in zip(self.parsed, self.lines, strict=True)
+        ]
+        full = [self._is_row(*own) for own in parsed]
+        begin, last = full.index(True), len(full) - full[::-1].index(True) - 1
         above = self.lines[:begin]
-        self._check_above(above)
+        self._check_above(parsed[:begin])
         known: dict[str, list[str]] = {}
         for line in filter(str.strip, above):
             known.setdefault(_template(line), []).append(line)
         now = np.nan
         for i in range(begin, len(self.lines)):
-            cells = self._cells(self.lines[i])
-            if self._is_row(cells):
-                self.rows.append(cells)
+            if full[i]:
+                self.rows.append(parsed[i])
                 self.numbers.append(i + 1)
                 self.frequency.append(now)
             else:
-                now = self._between(i, cells, known, now, i > last)
-        names, units = column_names(above, self.delimiter, self.width)
+                now = self._between(i, parsed[i], known, now, i > last)
+        names, units = column_names(above, self.delimiter, len(self.shape))
         return ScanTable(
             self.path,
             self._values(),
@@ -131,58 +148,65 @@ class _Reader:
             units,
             "\n".join(above),
             self.delimiter,
-            [str(i + 1) for i in range(self.width)],
+            [str(i + 1) for i in range(len(self.shape))],
             self._blocks(),
             ", ".join(f"{count} {what}" for what, count in self.counts.items()),
+            {k: [c[k] for c, _ in self.rows] for k, own in enumerate(self.shape) if not own},
         )
 
-    def _cells(self, line: str) -> list[str]:
-        """Split a line, with the cells that are empty at the end of a row."""
-        cells = fields(line, self.delimiter)
-        empty = line.count(self.delimiter) + 1 - len(cells) if self.delimiter else 0
-        return cells + [""] * min(empty, self.width - len(cells))
+    def _filled(self, cells: list[str], flags: Shape, line: str) -> Parsed:
+        """Give a line the cells that are empty at the end of a row."""
+        lost = len(self.shape) - len(cells)
+        if lost <= 0 or not self.delimiter:
+            return cells, flags
+        empty = min(line.count(self.delimiter) + 1 - len(cells), lost)
+        return cells + [""] * empty, flags + (False,) * empty
 
-    def _is_row(self, cells: Sequence[str]) -> bool:
+    def _is_row(self, cells: Sequence[str], flags: Shape) -> bool:
         """Tell whether cells are numbers, or say that there is none."""
-        if len(cells) != self.width or sum(map(_is_number, cells)) < LEAST_NUMBERS:
+        if flags == self.shape:
+            return True
+        if len(cells) != len(self.shape) or sum(flags) < LEAST_NUMBERS:
             return False
-        return not self._odd(cells)
+        return not self._odd(cells, flags)
 
-    def _odd(self, cells: Sequence[str]) -> list[int]:
+    def _odd(self, cells: Sequence[str], flags: Shape) -> list[int]:
         """Find cells that are neither a number nor say that there is none, where numbers are."""
         return [
             k
-            for k, (cell, numeric) in enumerate(zip(cells, self.shape, strict=True))
-            if numeric and not _is_number(cell) and cell.lower() not in MISSING
+            for k, (cell, own, needed) in enumerate(zip(cells, flags, self.shape, strict=True))
+            if needed and not own and cell.lower() not in MISSING
         ]
 
-    def _is_alike(self, cells: Sequence[str]) -> bool:
+    def _is_alike(self, flags: Shape) -> bool:
         """Tell whether a line that is none looks like a row: it has numbers as rows have."""
-        count = sum(map(_is_number, cells))
-        return count >= LEAST_NUMBERS and 2 * count >= min(sum(self.shape), len(cells))
+        count = sum(flags)
+        return count >= LEAST_NUMBERS and 2 * count >= min(sum(self.shape), len(flags))
 
-    def _check_above(self, above: list[str]) -> None:
+    def _check_above(self, above: list[Parsed]) -> None:
         """Refuse a first row that cannot be read and so seems to be a heading."""
-        below = [i for i, line in enumerate(above) if line.strip()][-2:]
-        for i in below:
-            cells = self._cells(above[i])
-            if len(cells) >= LEAST_COLUMNS and self._is_alike(cells) and not of_frequencies(cells):
-                self._wrong(i, cells)
+        written = [i for i, (cells, _) in enumerate(above) if any(cells)]
+        for i in written[-2:]:
+            cells, flags = above[i]
+            alike = len(cells) >= LEAST_COLUMNS and self._is_alike(flags)
+            if alike and not of_frequencies(cells):
+                self._wrong(i, *above[i])
 
     def _between(
-        self, i: int, cells: list[str], known: dict[str, list[str]], now: float, below: bool
+        self, i: int, parsed: Parsed, known: dict[str, list[str]], now: float, below: bool
     ) -> float:
         """Read a line that is no row; give the frequency of the rows that follow."""
         line = self.lines[i]
-        if not any(cells):
+        if not any(parsed[0]):
             self._count("blank lines", below)
             return now
         if _template(line) in known:
             return self._heading(i, known[_template(line)], now, below)
-        comment = line.strip(' "').startswith(COMMENTS)
-        inner = self._cells(line.strip(' "').lstrip("#%/! ")) if comment else cells
-        if self._is_alike(inner) or _is_number(cells[0]):
-            self._wrong(i, inner if comment else cells)
+        if comment := line.strip(' "').startswith(COMMENTS):
+            bare = line.strip(' "').lstrip("#%/! ")
+            parsed = self._filled(*_parse(fields(bare, self.delimiter)), bare)
+        if self._is_alike(parsed[1]) or (parsed[1][0] and not comment):
+            self._wrong(i, *parsed)
         if frequencies_in(line) and not below:
             raise self._error(i, "states a frequency, as no line above the table does")
         if not comment and not below:
@@ -207,18 +231,17 @@ class _Reader:
         if not below:
             self.counts[what] += 1
 
-    def _wrong(self, i: int, cells: list[str]) -> NoReturn:
+    def _wrong(self, i: int, cells: list[str], flags: Shape) -> NoReturn:
         """Refuse a line that looks like a row."""
-        odd = self._odd(cells) if len(cells) == self.width else []
-        if odd:
+        if len(cells) == len(self.shape) and (odd := self._odd(cells, flags)):
             raise UserError(
                 f"{self.path}, line {i + 1}: looks like a row of the table, but column "
                 f"{odd[0] + 1} is {cells[odd[0]]!r}, which is no number; correct it, or leave the "
                 "cell empty if there is none"
             )
         few = "is a comment"
-        if len(cells) != self.width:
-            few = f"has {len(cells)} cells and not {self.width}"
+        if len(cells) != len(self.shape):
+            few = f"has {len(cells)} cells and not {len(self.shape)}"
         raise self._error(i, f"looks like a row of the table but {few}")
 
     def _error(self, i: int, message: str) -> UserError:
@@ -232,21 +255,24 @@ class _Reader:
     def _values(self) -> Array:
         """Convert the rows; NaN where there is no number."""
         marks: dict[str, int] = {}
-        for line, row in zip(self.numbers, self.rows, strict=True):
-            for cell in filter(_is_number, row):
-                for mark in set(".,") & set(cell):
-                    marks.setdefault(mark, line)
+        for line, (cells, flags) in zip(self.numbers, self.rows, strict=True):
+            for mark in ".,":
+                if mark not in marks and any(
+                    mark in c for c, own in zip(cells, flags, strict=True) if own
+                ):
+                    marks[mark] = line
         if len(marks) > 1:
             raise UserError(
                 f"{self.path}, line {max(marks.values())}: decimal points and commas are mixed"
             )
         if "," in marks:
-            require_decimals((c for row in self.rows for c in row if "," in c), self.path)
+            numbers = (c for row in self.rows for c, own in zip(*row, strict=True) if own)
+            require_decimals((c for c in numbers if "," in c), self.path)
         values = np.array(
             [
                 [
-                    number(c) if n and _is_number(c) else np.nan
-                    for c, n in zip(row, self.shape, strict=True)
+                    number(c) if own and needed else np.nan
+                    for c, own, needed in zip(*row, self.shape, strict=True)
                 ]
                 for row in self.rows
             ]

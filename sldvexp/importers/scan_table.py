@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +46,10 @@ WORDS = {
 LEAST_COLUMNS = 4
 
 
+class ColumnsNotUnderstoodError(UserError):
+    """Columns of which nobody says what they are; `instrument.columns` would."""
+
+
 @dataclass(frozen=True, eq=False)
 class ScanTable:
     """Numbers of a table and where they stand.
@@ -67,6 +71,8 @@ class ScanTable:
         Frequencies of blocks of rows; None unless there are several.
     told : str
         Which other lines there were, for the record.
+    words : dict of int to list of str
+        Cells of columns that hold words, whose values are NaN.
     """
 
     path: Path
@@ -79,10 +85,15 @@ class ScanTable:
     place: list[str]
     block: Array | None = None
     told: str = ""
+    words: dict[int, list[str]] = field(default_factory=dict)
 
     def wrong(self, message: str, row: int | None = None) -> UserError:
         """Word the error of the table, or of one of its rows."""
         return UserError(f"{self.path}, line {self.line[row or 0]}: {message}")
+
+    def asked(self, message: str) -> ColumnsNotUnderstoodError:
+        """Word the question which columns are what."""
+        return ColumnsNotUnderstoodError(f"{self.path}, line {self.line[0]}: {message}")
 
     def roles(self, given: dict[str, int]) -> dict[str, int]:
         """Find the column of each role, as given or recognised by units and places.
@@ -104,7 +115,7 @@ class ScanTable:
         """Refuse columns that nobody says anything of, but these, and those of no interest."""
         for i, name in enumerate(self.names):
             if i not in columns and said_by(name) != "none":
-                raise self.wrong(
+                raise self.asked(
                     f"the column {self.listed([i])} is not understood{_why(self.units[i])}; "
                     f"{HOW}, which leaves the others out"
                 )
@@ -129,6 +140,8 @@ class ScanTable:
                 found.setdefault("frequency", i)
             elif "db" in unit.lower():
                 raise self.wrong(f"column {i + 1} is in {unit}; export linear values")
+            elif i in self.words and i > last and not unit:
+                found.setdefault("status", i)
             elif whole and said_by(self.names[i]) is None:
                 found.setdefault("index" if i < first else "status", i)
         return found
@@ -148,9 +161,9 @@ class ScanTable:
                 "its rows are frequencies and its columns points, which leaves these without "
                 "coordinates; export a table with a row for each point, or a universal file"
             )
-        raise self.wrong(
+        raise self.asked(
             "there are no three columns of coordinates with a unit of length in the line above; "
-            "say which columns are what with instrument.columns={x: 2, y: 3, z: 4, ...}"
+            f"{HOW}"
         )
 
     def parts(self, columns: list[int]) -> dict[str, int]:
@@ -173,7 +186,7 @@ class ScanTable:
         if alike and tuple(said) in PAIRS:
             real, imag = values if "imag" in said[1:] or said[0] == "real" else values[::-1]
             return {"real": real, "imag": imag}
-        raise self.wrong(f"the columns of values are {self.listed(columns)}; {NEEDED}; {HOW}")
+        raise self.asked(f"the columns of values are {self.listed(columns)}; {NEEDED}; {HOW}")
 
 
 NEEDED = (
@@ -216,8 +229,11 @@ def said_by(name: str) -> str | None:
 
 def number(cell: str) -> float:
     """Convert a cell that `NUMBER` matches."""
-    plain = cell.replace(",", ".").replace("\u2212", "-").lower().replace("d", "e")
-    return float(plain)
+    try:
+        return float(cell)
+    except ValueError:  # with a comma, a minus of typographers, or an exponent of Fortran
+        plain = cell.replace(",", ".").replace("\u2212", "-").lower().replace("d", "e")
+        return float(plain)
 
 
 def fields(line: str, delimiter: str | None) -> list[str]:
@@ -413,6 +429,11 @@ def _stacked(
         line=table.line * len(blocks),
         names=names,
         units=units,
+        words={
+            k: table.words[c[0]] * len(blocks)
+            for k, c in enumerate(columns)
+            if c and c[0] in table.words
+        },
         place=[" ".join(str(i + 1) for i in c) or "heading" for c in columns],
     )
     return long, {role: i for i, role in enumerate(names, 1)}
@@ -422,8 +443,8 @@ def _parts(table: ScanTable, frequency: float, columns: list[int]) -> dict[str, 
     """Tell the roles of the columns of one frequency."""
     try:
         return table.parts(columns)
-    except UserError:
-        raise table.wrong(
+    except ColumnsNotUnderstoodError:
+        raise table.asked(
             f"the columns of {frequency:g} Hz are {table.listed(columns)}; {NEEDED}; of one "
             f"frequency, {HOW}"
         ) from None

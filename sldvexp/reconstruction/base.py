@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
-from sldvexp.reconstruction.gaps import blanked, filled, gaps_of
+from sldvexp.reconstruction.gaps import gaps_of, solved_around
 from sldvexp.reconstruction.least_squares import design, rank_of
 from sldvexp.reconstruction.result import PointVelocity
 from sldvexp.reconstruction.rows import RowChoice, RowSet, check, parse
@@ -107,7 +107,7 @@ class Reconstruction(ReconstructionSettings):
         """
         lost = gaps_of(line_of_sight)
         if bool(lost.any()):
-            return blanked(self.group(filled(line_of_sight)), lost)
+            return solved_around(self.group, line_of_sight, lost)
         velocity, std = line_of_sight["velocity"], line_of_sight.get("velocity_std")
         result = self.reconstruct(
             line_of_sight["direction_cosines"].transpose("view", ..., "axis").values,

@@ -1,17 +1,19 @@
-"""Points that a view has not measured: solved with stand-ins, and blank in the result.
+"""Points that a view has not measured: blank in the result, and without a say elsewhere.
 
-All points share one computation, array by array. A velocity that is missing is taken as zero, with
-the standard error and direction that its view has elsewhere, and whatever comes out at that point
-and frequency is made NaN and not observable: no estimate rests on a stand-in.
+Points that lack a velocity at every frequency are left out while the others are solved. Where one
+is missing at some frequencies only, it is taken as zero there, with the standard error that its
+view has elsewhere, and whatever comes out at that point and frequency is made NaN: no estimate
+rests on a stand-in.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
-from sldvexp.typing import Array
 
 
 def gaps_of(line_of_sight: xr.Dataset) -> xr.DataArray:
@@ -24,41 +26,55 @@ def gaps_of(line_of_sight: xr.Dataset) -> xr.DataArray:
     array([False,  True])
     """
     velocity = line_of_sight["velocity"]
-    lost = xr.apply_ufunc(lambda v: ~np.isfinite(v), velocity).any("view")
+    return xr.apply_ufunc(lambda v: ~np.isfinite(v), velocity).any("view")
+
+
+def solved_around(
+    solve: Callable[[xr.Dataset], xr.Dataset], line_of_sight: xr.Dataset, lost: xr.DataArray
+) -> xr.Dataset:
+    """Solve where all views have a velocity, and blank the rest.
+
+    Parameters
+    ----------
+    solve : callable
+        From a group ``line_of_sight`` without gaps to the group ``point``.
+    lost : xarray.DataArray, over point and frequency as far as there are any
+        True where some view has no velocity.
+
+    Raises
+    ------
+    UserError
+        If that is everywhere.
+    """
     if bool(lost.all()):
         raise UserError("line_of_sight: at every point some view has no velocity")
-    return lost
+    if "point" not in lost.dims:
+        return _blanked(solve(_filled(line_of_sight)), lost)
+    gone = (lost.all("frequency") if "frequency" in lost.dims else lost).values
+    kept = np.flatnonzero(~gone)
+    found = _blanked(solve(_filled(line_of_sight.isel(point=kept))), lost.isel(point=kept))
+    made = found.reindex(point=line_of_sight["point"].values)
+    for name, variable in found.data_vars.items():
+        if variable.dtype.kind not in "fc":
+            made[name] = made[name].fillna(0).astype(variable.dtype)
+        made[name].attrs = variable.attrs
+    if "deficient_point" in made:  # indices of points
+        made["deficient_point"] = made["deficient_point"].copy(data=kept[made["deficient_point"]])
+    return made
 
 
-def filled(line_of_sight: xr.Dataset) -> xr.Dataset:
+def _filled(line_of_sight: xr.Dataset) -> xr.Dataset:
     """Put stand-ins where there is no velocity."""
     velocity = line_of_sight["velocity"]
     made = line_of_sight.assign(velocity=velocity.where(np.isfinite(velocity), 0.0))
-    cosines = line_of_sight["direction_cosines"].transpose("view", ..., "axis")
-    made["direction_cosines"] = cosines.copy(data=np.array([_first(own) for own in cosines.values]))
     if "velocity_std" in line_of_sight:
         std = line_of_sight["velocity_std"].broadcast_like(velocity).transpose("view", ...)
         made["velocity_std"] = std.fillna(std.median(std.dims[1:]))
     return made
 
 
-def _first(cosines: Array) -> Array:
-    """Take a view's first known direction where there is none."""
-    rows = np.atleast_2d(cosines)
-    known = np.asarray(np.isfinite(rows).all(axis=1))
-    return np.where(known[:, None], rows, rows[known.argmax()]).reshape(cosines.shape)
-
-
-def blanked(point: xr.Dataset, lost: xr.DataArray) -> xr.Dataset:
-    """Blank the results at points and frequencies that some view has not measured.
-
-    Examples
-    --------
-    >>> from sldvexp.lazy import xarray as xr
-    >>> found = xr.Dataset({"velocity": ("point", [1.0, 2.0])})
-    >>> blanked(found, xr.DataArray([False, True], dims="point"))["velocity"].values
-    array([ 1., nan])
-    """
+def _blanked(point: xr.Dataset, lost: xr.DataArray) -> xr.Dataset:
+    """Blank the results at points and frequencies that some view has not measured."""
     made = point.copy()
     for name, variable in point.data_vars.items():
         here = lost

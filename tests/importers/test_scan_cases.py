@@ -95,13 +95,24 @@ def test_columns_of_two_channels_are_asked_about():
     said = r"line 3: the columns of values are 5 \(Vib \[mm/s\]\), 6 \(Ref \[mm/s\]\); .*columns="
     with pytest.raises(UserError, match=said):
         read(path)
+    with pytest.raises(UserError, match=r"2 questions are open: .*Vib.*; \(2\) .*positive=towards"):
+        read(path, positive=None)
     only = {"index": 1, "x": 2, "y": 3, "z": 4, "real": 5}
     right(read(path, columns=only), CORNERS.real)
 
 
-def test_a_column_of_words_may_be_left_out(tmp_path):
+def test_a_status_may_be_words(tmp_path):
     path = tmp_path / "a.txt"
-    path.write_text(ASKED["a column of words"][0])
+    words = iter(["Optimal", "Valid", "Not measured", "Valid"])
+    rows = [f"{row}\t{next(words)}" for row in ROWS]
+    path.write_text(HEAD.replace("Imag [mm/s]", "Imag [mm/s]\tStatus") + "\n".join(rows))
+    said = r"good of the values Not measured, Optimal, Valid, .*instrument\.good_status=\[Optimal\]"
+    with pytest.raises(UserError, match=said):
+        read(path)
+    good = {"good_status": ["Optimal", "Valid"]}
+    with pytest.raises(UserError, match=r"line 5: the view front has not measured node 3"):
+        read(path, **good)
+    right(read(path, **good, incomplete="drop"), CORNERS[[0, 1, 3]])
     columns = {"index": 1, "x": 2, "y": 3, "z": 4, "real": 5, "imag": 6}
     right(read(path, columns=columns))
 
@@ -121,6 +132,20 @@ def test_squares_have_no_amplitude():
         UserError, match=r"line 3: its values are in \(mm/s\)², which is no amplitude"
     ):
         read(CASES / "sq.txt")
+
+
+def test_settings_that_win_over_labels_are_told(tmp_path):
+    path = CASES / "rms.txt"
+    group = read(path)
+    right(group)
+    (found,) = dataset.take_findings({"line_of_sight": group})
+    assert found.severity is dataset.Severity.doubtful
+    assert found.text == f"{path}: instrument.amplitude=peak wins, although the file says mm/s RMS"
+    said = {"unit": conventions.MotionUnit.cm, "length_unit": LengthUnit.m}
+    group = read(path, amplitude=None, **said)
+    found = dataset.take_findings({"line_of_sight": group})
+    assert [f.text.partition("=")[0].rpartition(".")[2] for f in found] == ["unit", "length_unit"]
+    assert not counted(read(path, amplitude=conventions.Amplitude.rms))
 
 
 HEAD = "Frequency: 195 Hz\nIndex\tX [mm]\tY [mm]\tZ [mm]\tReal [mm/s]\tImag [mm/s]\n"
@@ -236,8 +261,8 @@ ASKED = {
         "line 12: point 3 stood elsewhere before",
     ),
     "a column of words": (
-        re.sub("(?m)([0-9])$", r"\1\tValid", TABLE.replace("Imag [mm/s]", "Imag [mm/s]\tStatus")),
-        "the column 7 (Status) is not understood",
+        re.sub("(?m)([0-9])$", r"\1\tVib", TABLE.replace("Imag [mm/s]", "Imag [mm/s]\tUnit [V]")),
+        "the column 7 (Unit [V]) is not understood",
     ),
     "thousands": (
         re.sub(r"\t-?[0-9]\.", "\t1,", TABLE).replace("1,402", "1,402").replace("195", "195"),
@@ -283,6 +308,29 @@ def test_all_that_is_open_is_asked_in_one_go_and_the_answers_are_right(tmp_path)
     ]
     answers = {"frequency": [195.0], "good_status": [0, 1], "incomplete": "drop"}
     right(read(path, columns=columns, **PLAIN, **answers, length_unit=LengthUnit.mm), CORNERS[:3])
+
+
+def test_a_table_without_names_is_asked_about_in_one_go_too(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("\n".join(ROWS))
+    with pytest.raises(UserError) as error:
+        read(path, **dict.fromkeys(PLAIN))
+    said = str(error.value)
+    assert said.startswith("8 questions are open: (1) ")
+    assert "there are no three columns of coordinates with a unit of length" in said
+    assert set(re.findall(r"say it with instrument\.(\w+)", said)) == {
+        "positive",
+        "phase",
+        "length_unit",
+        "quantity",
+        "unit",
+        "amplitude",
+        "frequency",
+    }
+    columns = {"index": 1, "x": 2, "y": 3, "z": 4, "real": 5, "imag": 6}
+    units = {"unit": conventions.MotionUnit.mm, "length_unit": LengthUnit.mm}
+    quantity = conventions.Quantity.velocity
+    right(read(path, columns=columns, quantity=quantity, frequency=[195.0], **units))
 
 
 def test_numbers_of_points_that_have_no_row_are_counted(tmp_path):

@@ -260,7 +260,9 @@ def test_status(read):
 
 def test_named_columns(read):
     text = "197 Hz\na\tb\tc\td\te\tf\n" + rows(INDEX, *XYZ, *PARTS)
-    with pytest.raises(UserError, match="line 3: there are no three columns of coordinates"):
+    with pytest.raises(
+        UserError, match="line 3 and 1 more: there are no three columns of coordinates"
+    ):
         read(text)
     columns = {"index": 1, "x": 2, "y": 3, "z": 4, "real": 5, "imag": 6}
     units = {"length_unit": LengthUnit.m, "unit": conventions.MotionUnit.m}

@@ -247,6 +247,16 @@ def test_zeros(write, truth):
     group = read(views, zeros=settings.Zeros.missing, incomplete=True)
     assert list(group["point"].values) == ["1", "3", "4"]
     np.testing.assert_allclose(group["position"], POINTS[[0, 2, 3]])
+    marked = read(views, zeros=settings.Zeros.missing, incomplete="mark")
+    assert list(marked["point"].values) == ["1", "2", "3", "4"]
+    np.testing.assert_allclose(marked["position"], POINTS)
+    assert np.isnan(marked["velocity"][:, 1]).all()
+    np.testing.assert_array_equal(marked["velocity"][:, [0, 2, 3]], group["velocity"])
+    assert (marked["flags"].sum(["view", "frequency"]).values > 0).tolist() == [False, True] + [
+        False
+    ] * 2
+    (found,) = take_findings({"line_of_sight": marked})
+    assert (found.kind, found.size) == ("missing_points", 1.0)
     refused(views, "has not measured node 2", zeros=settings.Zeros.missing)
     assert (read(views, zeros=settings.Zeros.measured)["velocity"][:, 1] == 0).all()
 

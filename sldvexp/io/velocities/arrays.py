@@ -61,11 +61,11 @@ def read_netcdf(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> Lin
                 f"{path}: the variable {name} is missing; needed are {', '.join(REQUIRED)}"
                 f"{there if others else ''}"
             )
-    stated = _unit_name(str(data["velocity"].attrs.get("units", unit.name)))
-    if stated != unit.name:
+    stated = str(data["velocity"].attrs.get("units", unit.name))
+    if unit_named(VelocityUnit, stated, f"{path}, velocity") is not unit:
         raise UserError(
-            f"{path}: the file states velocities in {data['velocity'].attrs['units']}, the "
-            f"configuration instrument.unit={unit.name}; they must agree"
+            f"{path}: the file states velocities in {stated}, the configuration "
+            f"instrument.unit={unit.name}; they must agree"
         )
     values: dict[str, Any] = {}
     for name, key in (
@@ -297,11 +297,6 @@ def _group(path: Path, layout: FileLayout) -> xr.Dataset:
             return tree[name].to_dataset().load()
     except RuntimeError:  # the netCDF library's word for data that its own index contradicts
         raise UserError(f"{path}: is a damaged netCDF-4 file") from None
-
-
-def _unit_name(text: str) -> str:
-    """Turn ``m/s``, ``m s-1`` and ``m s^-1`` to ``m_per_s``."""
-    return text.replace(" s-1", "/s").replace(" s^-1", "/s").replace("/", "_per_")
 
 
 def _renamed(data: xr.Dataset, layout: FileLayout, path: Path) -> tuple[xr.Dataset, dict[str, str]]:

@@ -6,6 +6,7 @@ put into their cells of an array (view, point, frequency), each of which must be
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +26,8 @@ REQUIRED = ("view", "dx", "dy", "dz", "real")
 OPTIONAL = ("point", "frequency", "imag", "std", *AXES)
 #: Columns of coordinates with their unit.
 WITH_UNIT = tuple(f"{axis}_{unit}" for axis in AXES for unit in LengthUnit.__members__)
+#: How many times as many cells as rows there may be, the others being missing.
+MOST_GAPS = 10
 #: Columns whose cells may be empty at points that were not measured.
 VALUES = ("real", "imag", "std")
 #: Least values, and what is said of smaller ones.
@@ -169,12 +172,19 @@ def _cells(
     if len(cells) < len(where):
         row = int(np.setdiff1d(np.arange(len(where)), first)[0])
         raise UserError(f"{table.where(row)}: {told(p[row] for p in position)} is given twice")
-    if len(cells) < np.prod(shape) and not layout.gaps:
-        gap = np.setdiff1d(np.arange(np.prod(shape)), cells)[0]
+    whole = math.prod(shape)
+    if len(cells) < whole and not layout.gaps:
+        jump = np.flatnonzero(cells != np.arange(len(cells)))
+        gap = int(jump[0]) if len(jump) else len(cells)
         lost = told(int(i) for i in np.unravel_index(gap, shape))
-        more = np.prod(shape) - len(cells) - 1
-        others = f" and {more} others" if more else ""
+        others = f" and {more} others" if (more := whole - len(cells) - 1) else ""
         raise UserError(f"{table.path}: there is no row for {lost}{others}; {REMEDY}")
+    if whole > MOST_GAPS * len(cells):
+        counts = ", ".join(f"{len(a)} {c}" for c, a in zip(ORDER, labels, strict=True) if c in keys)
+        raise UserError(
+            f"{table.path}: has {len(cells)} of {whole} combinations of {counts}; each view needs "
+            "rows of the same points and frequencies"
+        )
     return labels, shape, where
 
 
@@ -186,8 +196,17 @@ def _table(path: Path, layout: FileLayout) -> TextTable:
     layout.require(table.header, path)
     table = replace(table, header=[layout.mapping.get(c, c) for c in table.header])
     known = REQUIRED + OPTIONAL + WITH_UNIT
+    unknown = [column for column in table.header if column not in known]
+    if len(unknown) > 1:
+        lost = [column for column in REQUIRED if column not in table.header]
+        missing = f", and lacks {', '.join(lost)}" if lost else ""
+        raise UserError(
+            f"{path}: has the unknown columns {', '.join(unknown)}{missing}; say which is what "
+            f"with instrument.mapping={{{': , '.join(unknown)}: }}, and leave others out; Valid: "
+            f"{', '.join(REQUIRED + OPTIONAL)}"
+        )
     for column in table.header:
-        if column not in known:
+        if column in unknown:
             raise UserError(f"{path}: unknown column {column!r}; {nearest(column, known)}")
         if table.header.count(column) > 1:
             raise UserError(f"{path}: the column {column} stands twice")

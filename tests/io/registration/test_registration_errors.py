@@ -45,8 +45,8 @@ def changed(line: int, text: str) -> str:
             ", line 2: unknown unit 'furlong'; Valid: cm, ft, inch, m, mm",
         ),
         (
-            changed(2, "UNITS inches"),
-            ", line 2: unknown unit 'inches'; did you mean inch? Valid: cm, ft, inch, m, mm",
+            changed(2, "UNITS ich"),
+            ", line 2: unknown unit 'ich'; did you mean inch? Valid: cm, ft, inch, m, mm",
         ),
         (
             changed(2, ""),
@@ -238,8 +238,8 @@ def without_units(name: str):
             ": angle has no attribute units; add one of rad, deg",
         ),
         (
-            lambda data: data.assign(angle=data["angle"].assign_attrs(units="degrees")),
-            ", angle: unknown unit 'degrees'; did you mean deg? Valid: deg, rad",
+            lambda data: data.assign(angle=data["angle"].assign_attrs(units="degz")),
+            ", angle: unknown unit 'degz'; did you mean deg? Valid: deg, rad",
         ),
         (
             lambda data: data.drop_vars("point"),

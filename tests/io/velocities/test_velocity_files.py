@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sldvexp.errors import UserError
-from sldvexp.io.velocities import LineOfSight, read
+from sldvexp.io.velocities import FileLayout, LineOfSight, read
 from sldvexp.units import VelocityUnit
 
 M_PER_S = VelocityUnit.m_per_s
@@ -112,6 +112,11 @@ def test_blanks_around_names_mean_nothing(tmp_path):
 BAD = [
     ("view,dx,dy,dz\n1,0,0,1\n", "the column real is missing"),
     ("view,dx,dy,dz,real,phase\n", "unknown column 'phase'"),
+    (
+        "head,dx,dy,dz,vlos,real\n",
+        "has the unknown columns head, vlos, and lacks view; say which is what with "
+        "instrument.mapping={head: , vlos: }, and leave others out; Valid: view, dx,",
+    ),
     (HEAD, "the table has no rows"),
     (
         "# c\n" + HEAD.replace(",", ";") + "1;0;0;1;450;0,5;0\n2;0;0;1;450;0.5;0\n",
@@ -139,6 +144,17 @@ BAD = [
     ("", "is empty; needed are the columns view, dx, dy, dz, real"),
     (HEAD + "1,0,0,1,450,1,0,7\n1,0,0,1,450,1,0,7,8\n", "line 2: has 8 values under 7 columns"),
 ]
+
+
+def test_combinations_without_rows_take_no_memory(tmp_path):
+    path = tmp_path / "t.csv"
+    rows = (f"v{i},p{i},0,0,1,{i},1,0\n" for i in range(5000))
+    path.write_text("view,point,dx,dy,dz,frequency,real,imag\n" + "".join(rows))
+    with pytest.raises(UserError, match="no row for view v0, point p0, frequency 1 and 1249999949"):
+        read(path, M_PER_S)
+    said = "has 5000 of 125000000000 combinations of 5000 view, 5000 point, 5000 frequency; each"
+    with pytest.raises(UserError, match=said):
+        read(path, M_PER_S, FileLayout(gaps=True))
 
 
 @pytest.mark.parametrize(("text", "message"), BAD)
