@@ -395,10 +395,24 @@ def sweep_up(folder: Path, below: Path) -> None:
     except OSError as error:
         raise UserError(f"{folder}: cannot be written: {error.strerror or error}") from None
     _remove(folder / NEW)
-    pattern = f".*.{OWN}-*"
-    for left in [*folder.glob(pattern), *below.rglob(pattern)]:
-        if not _may_be_in_use(left):
-            _remove(left)
+    remove_leftovers(folder, below)
+
+
+def remove_leftovers(folder: Path, below: Path) -> None:
+    """Remove what killed processes had not finished in a folder; see `sweep_up`."""
+    for left in (*leftovers(folder), *leftovers(below, "**/")):
+        _remove(left)
+
+
+def leftovers(folder: Path, where: str = "") -> list[Path]:
+    """List what killed processes had not finished in a folder, or in those below it.
+
+    Parameters
+    ----------
+    where : str
+        Which of them, as in ``*/``.
+    """
+    return [p for p in folder.glob(f"{where}.*.{OWN}-*") if not _may_be_in_use(p)]
 
 
 def _remove(path: Path) -> None:

@@ -289,17 +289,22 @@ def test_leftovers_of_killed_runs_are_swept_up_by_the_next(sldvexp, finished):
         name = beside.name.replace(f"-{os.getpid()}-", "-{}-")
     dead = name.format(killed.pid)
     left = [finished / dead, finished / "journal/front" / dead]
+    left.append(finished.with_name("other") / dead)
     used, mine = finished / name.format(os.getppid()), finished / ".run.123-4.nc"
-    for path in (*left, used, mine):
+    locked_one, apart = (finished.parent / n / dead for n in ("at work", "a/far"))
+    for path in (*left, used, mine, locked_one, apart):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("half")
     blocks = finished / dead.replace(".run.", ".blocks.").removesuffix(".nc")
     (blocks / "field0").mkdir(parents=True)
     (finished / NEW / ".hydra").mkdir(parents=True)
-    assert sldvexp(*OTHER, f"hydra.run.dir={finished}").status == 0
+    with locked(locked_one.with_name(".lock")):
+        assert sldvexp(*OTHER, f"hydra.run.dir={finished}").status == 0
     assert not any(path.exists() for path in (*left, blocks, finished / NEW))
     assert used.exists()
     assert mine.exists()  # no name of the program's
+    assert locked_one.exists()
+    assert apart.exists()  # neither in the folder nor in one beside it
 
 
 RECORDED = (
