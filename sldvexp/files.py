@@ -34,7 +34,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 NO_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EBADF)
 
 #: In a run's folder: where its results are made, and where they wait to be put in their places.
-NEW, READY = ".new", ".ready"
+NEW, READY = ".new-run", ".ready-run"
 #: In `READY`: names of files that go when the new ones come, one a line.
 OUTDATED = ".outdated"
 #: In the names of files and folders that one process makes for itself.
@@ -327,11 +327,11 @@ def take_over(folder: Path, outdated: Collection[str] = ()) -> None:
 def settle(folder: Path) -> None:
     """Finish what `take_over` has decided; every step can be done again."""
     ready = folder / READY
-    if not ready.is_dir():
+    if ready.is_symlink() or not ready.is_dir():  # only this program makes it, and no link
         return
     told = ready / OUTDATED
     for name in told.read_text().splitlines() if told.is_file() else []:
-        (folder / name).unlink(missing_ok=True)
+        (folder / Path(name).name).unlink(missing_ok=True)
     entries = [entry for entry in ready.iterdir() if entry != told]
     for entry in sorted(entries, key=lambda e: (e.suffix == ".nc", e.name)):
         _replace(entry, folder / entry.name)  # where the dataset is, all the others are
@@ -365,10 +365,16 @@ def replacing(folder: Path) -> Iterator[Path]:
 
 
 def _replace(entry: Path, place: Path) -> None:
-    """Put a file or a folder into its place."""
-    if entry.is_dir() and place.is_dir():
-        shutil.rmtree(place)
-    os.replace(entry, place)
+    """Put a file into its place, or all files of a folder; others that are there stay."""
+    if not entry.is_dir():
+        os.replace(entry, place)  # a link there is replaced, not what it leads to
+        return
+    if place.is_symlink():
+        place.unlink()
+    make_folder(place)
+    for below in sorted(entry.iterdir()):
+        _replace(below, place / below.name)
+    sync(place)
 
 
 def sweep_up(folder: Path, below: Path) -> None:
@@ -388,16 +394,34 @@ def sweep_up(folder: Path, below: Path) -> None:
         settle(folder)
     except OSError as error:
         raise UserError(f"{folder}: cannot be written: {error.strerror or error}") from None
-    shutil.rmtree(folder / NEW, ignore_errors=True)
-    pattern = f".*.{OWN}-*"
-    for left in [*folder.glob(pattern), *below.rglob(pattern)]:
-        if _may_be_in_use(left):
-            continue
-        if left.is_dir():
-            shutil.rmtree(left, ignore_errors=True)
-        else:
-            with suppress(OSError):
-                left.unlink()
+    _remove(folder / NEW)
+    remove_leftovers(folder, below)
+
+
+def remove_leftovers(folder: Path, below: Path) -> None:
+    """Remove what killed processes had not finished in a folder; see `sweep_up`."""
+    for left in (*leftovers(folder), *leftovers(below, "**/")):
+        _remove(left)
+
+
+def leftovers(folder: Path, where: str = "") -> list[Path]:
+    """List what killed processes had not finished in a folder, or in those below it.
+
+    Parameters
+    ----------
+    where : str
+        Which of them, as in ``*/``.
+    """
+    return [p for p in folder.glob(f"{where}.*.{OWN}-*") if not _may_be_in_use(p)]
+
+
+def _remove(path: Path) -> None:
+    """Remove a file, a link, or a folder with all that is below, as far as that is possible."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with suppress(OSError):
+            path.unlink()
 
 
 def _here() -> str:

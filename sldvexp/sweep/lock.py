@@ -5,12 +5,12 @@ from __future__ import annotations
 import errno
 import os
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from sldvexp.config.paths import JOURNAL
 from sldvexp.errors import UserError
-from sldvexp.files import make_folder, sweep_up
+from sldvexp.files import leftovers, make_folder, remove_leftovers, sweep_up
 
 try:
     import fcntl
@@ -64,6 +64,8 @@ def locked(path: Path, wait: bool = True) -> Iterator[None]:
 def alone(folder: Path) -> Iterator[None]:
     """Be the only one at work in the folder of a run, without what killed ones left there.
 
+    Nor in the folders beside it, as each run has a new one.
+
     Raises
     ------
     UserError
@@ -75,4 +77,7 @@ def alone(folder: Path) -> Iterator[None]:
         except BlockingIOError:
             raise UserError(f"{folder}: another run is at work in this folder") from None
         sweep_up(folder, folder / JOURNAL)
+        for killed in {left.parent for left in leftovers(folder.parent, "*/")}:
+            with suppress(BlockingIOError, UserError), locked(killed / LOCK_FILE, wait=False):
+                remove_leftovers(killed, killed / JOURNAL)
         yield

@@ -128,7 +128,7 @@ def test_write_that_fails_leaves_nothing(sldvexp, monkeypatch):
     monkeypatch.setattr(xr.DataTree, "to_netcdf", half)
     done = sldvexp(*QUICK)
     assert done.status == 1
-    file = done.folder / ".new/run.nc"
+    file = done.folder / ".new-run/run.nc"
     assert done.err == f"sldvexp: {file}: cannot be written: No space left on device\n"
     assert sorted(f.name for f in done.folder.iterdir()) == [".hydra", ".lock", "sldvexp.log"]
 

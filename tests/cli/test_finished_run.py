@@ -15,7 +15,7 @@ import pytest
 
 from sldvexp.dataset import open_run
 from sldvexp.files import NEW, OUTDATED, READY, making, settle, take_over, whole_or_nothing
-from sldvexp.sweep.lock import locked
+from sldvexp.sweep.lock import alone, locked
 from sldvexp.testing import power
 
 POINT = ("experiment=point", "export={mine: {plugin: csv}, other: {plugin: mat}}")
@@ -241,10 +241,33 @@ def test_a_run_that_is_killed_while_it_is_put_in_place_is_put_there_by_the_next(
         for p in tmp_path.rglob("*")
         if p.is_file() and NEW not in p.parts
     }
-    assert found == ({**new, "note": "old"} if decided else old)
+    assert found == ({**new, "note": "old", "fields/2": "old"} if decided else old)
     assert decided == (after > 0)
     assert not (tmp_path / READY).exists()
     assert not (tmp_path / OUTDATED).exists()
+
+
+def test_nothing_outside_a_folder_is_touched_when_results_are_put_there(tmp_path):
+    """A stranger's folder may have links, and a list of what goes."""
+    run, outside = tmp_path / "run", tmp_path / "outside"
+    for folder in (run, outside):
+        folder.mkdir()
+    for name in ("page", "fields", "note"):
+        (outside / name).write_text("mine")
+    (run / "page").symlink_to(outside / "page")
+    (run / "fields").symlink_to(outside)
+    with making(run) as new:
+        (new / "fields").mkdir()
+        for name in ("page", "fields/note"):
+            (new / name).write_text("new")
+        take_over(run, ["../outside/note", str(outside / "note")])
+    assert {p.read_text() for p in outside.iterdir()} == {"mine"}
+    assert (run / "page").read_text() == (run / "fields/note").read_text() == "new"
+    for name in (NEW, READY):
+        (run / name).symlink_to(outside)
+    with alone(run):
+        assert not (run / NEW).exists()
+    assert {p.name for p in outside.iterdir()} == {"page", "fields", "note"}
 
 
 def test_a_folder_where_a_file_is_to_come_is_told_before_anything_moves(tmp_path):
@@ -266,17 +289,22 @@ def test_leftovers_of_killed_runs_are_swept_up_by_the_next(sldvexp, finished):
         name = beside.name.replace(f"-{os.getpid()}-", "-{}-")
     dead = name.format(killed.pid)
     left = [finished / dead, finished / "journal/front" / dead]
+    left.append(finished.with_name("other") / dead)
     used, mine = finished / name.format(os.getppid()), finished / ".run.123-4.nc"
-    for path in (*left, used, mine):
+    locked_one, apart = (finished.parent / n / dead for n in ("at work", "a/far"))
+    for path in (*left, used, mine, locked_one, apart):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("half")
     blocks = finished / dead.replace(".run.", ".blocks.").removesuffix(".nc")
     (blocks / "field0").mkdir(parents=True)
     (finished / NEW / ".hydra").mkdir(parents=True)
-    assert sldvexp(*OTHER, f"hydra.run.dir={finished}").status == 0
+    with locked(locked_one.with_name(".lock")):
+        assert sldvexp(*OTHER, f"hydra.run.dir={finished}").status == 0
     assert not any(path.exists() for path in (*left, blocks, finished / NEW))
     assert used.exists()
     assert mine.exists()  # no name of the program's
+    assert locked_one.exists()
+    assert apart.exists()  # neither in the folder nor in one beside it
 
 
 RECORDED = (

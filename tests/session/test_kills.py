@@ -115,8 +115,17 @@ def variables(folder):
         }
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _heeding():
+    """Let sessions heed what whoever started these tests ignores, as nohup does."""
+    before = {number: signal.signal(number, signal.SIG_DFL) for number in stopping.SIGNALS[1:]}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
 @pytest.fixture(scope="module")
-def instrument():
+def instrument(_heeding):
     """A counter, the settings of a session with the server in a folder, and the server."""
     hydra_plugin.install()
     with initialize_config_dir(str(conf_dir()), version_base="1.3"):
@@ -149,9 +158,10 @@ def when(child, folder, lines, later):
     time.sleep(later)
 
 
-def goes_on(folder, counted, whole):
+def goes_on(folder, counted, whole, session):
     """The line that was being measured is measured again, no other."""
-    again = started(f"resume={folder}")
+    begun = (folder / "journal").is_dir()  # until then the command is just given again
+    again = started(f"resume={folder}") if begun else started(*session(folder))
     again.join()
     assert again.exitcode == 0
     assert LINES <= counted.lines <= LINES + 1
@@ -175,7 +185,7 @@ def test_a_killed_session_ends_the_same(tmp_path, instrument, whole, lines, late
     assert child.exitcode == -signal.SIGKILL
     there = kept(tmp_path)
     assert lines <= len(there) <= counted.lines <= len(there) + 1
-    goes_on(tmp_path, counted, whole)
+    goes_on(tmp_path, counted, whole, session)
 
 
 @pytest.mark.parametrize(
@@ -198,7 +208,7 @@ def test_a_session_that_a_signal_ends_leaves_the_instrument_in_order(
     assert told.endswith(
         f"interrupted; what was scanned is kept, go on with: sldvexp resume={tmp_path}"
     )
-    goes_on(tmp_path, counted, whole)
+    goes_on(tmp_path, counted, whole, session)
 
 
 def test_a_signal_that_is_ignored_stops_nothing():
@@ -258,4 +268,4 @@ def test_a_power_cut_takes_no_line_that_was_kept(tmp_path, instrument, whole, sy
         found = variables(folder)
         assert all(np.array_equal(values, found[name]) for name, values in whole.items())
     else:
-        goes_on(folder, counted, whole)
+        goes_on(folder, counted, whole, session)
