@@ -287,6 +287,11 @@ def _field(run: Run) -> None:
 def _on_surface(run: Run, name: str, method: shell.SurfaceReconstruction) -> None:
     """Add the field and the strain of splines on the volume's surface."""
     e = run.experiment
+    if e.volume is None or e.laser is None:
+        raise UserError(
+            "needs a surface and images of it: choose a volume and a laser, or "
+            "reconstruction=absolute for single points"
+        )
     if e.stream is not None:
         raise UserError("splines on the surface take all frequencies at once: leave out stream")
     found = shell.reconstruct_surface(run.tree, e.laser, e.volume, method, e.material)

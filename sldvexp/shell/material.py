@@ -37,6 +37,7 @@ class Isotropic:
     Parameters
     ----------
     thickness : float, m
+        Of the sheet, everywhere.
     E : float, Pa
         Young's modulus; stresses need it.
     nu : float

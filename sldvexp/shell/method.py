@@ -59,6 +59,7 @@ class SurfaceReconstruction:
     membrane_cells : int
         Those of the motion along the surface.
     poses : PoseTreatment
+        Whether poses are found anew with the field, or stay.
     height_tolerance : float, m
         Standard uncertainty of the given surface's height along its normal.
     confidence : float
