@@ -224,6 +224,8 @@ class Command:
             if told := config.messages.sentence(error, config.Origins(self.arguments)):
                 raise UserError(told) from error
             name = options.overrides[0]
+            if isinstance(error, OSError):
+                raise UserError(f"{name}: {error.strerror or words_of(error)}") from error
             if name in commands.OF_RUNS and not self.full_error:
                 told = words_of(error)
                 raise UserError(
