@@ -139,6 +139,8 @@ def _watch(folder: Path, touched: list[str]) -> None:
         elif event in CHANGES:
             paths = [p for p in given[:2] if isinstance(p, str | bytes | os.PathLike)]
             paths = paths if event in ("os.rename", "shutil.move") else paths[:1]
+            if event in ("os.remove", "os.rmdir") and given[1] >= 0:  # relative to an open folder
+                paths = [os.path.join(os.readlink(f"/proc/self/fd/{given[1]}"), paths[0])]
         else:
             return
         for path in paths:
