@@ -467,7 +467,9 @@ INPUTS += [
         "configuration.sha256",
         at("journal/configuration.sha256", folder),
     ),
-    resumed("bytes for the digest", "", at("journal/configuration.sha256", b"\xff" * 64)),
+    resumed(
+        "bytes for the digest", "", at("journal/configuration.sha256", b"\xff" * 64), refused=False
+    ),
     resumed("a file for the journal", "", at("journal", b"x")),
     resumed("a folder for the log", "", at("sldvexp.log", folder)),
     resumed("a folder for the results", "", at("run.nc", folder)),
