@@ -1,6 +1,6 @@
 """Whatever comes in: a sentence in time, with little memory, and nothing outside is touched.
 
-One of twenty by default, all of them with ``-m long``.
+One of thirty-five by default, all of them with ``-m long``.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ INPUTS: list[Hostile] = [
     for each in module.INPUTS
 ]
 #: One of so many is tried by default.
-OF = 20
+OF = 35
 
 
 @pytest.fixture(scope="module")
