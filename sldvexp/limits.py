@@ -78,7 +78,7 @@ def require_bounded_yaml(text: str) -> None:
     if len(text) > YAML_BYTES:
         raise TooMuchError(problem=f"has more than {YAML_BYTES >> 20} MB of text")
     try:
-        _count(yaml.parse(text, _Parser))
+        _count(yaml.parse(text, _PlainLoader))
     except yaml.scanner.ScannerError as error:
         if "nesting depth" not in str(error.problem):  # libyaml has a limit of its own
             raise
@@ -116,7 +116,7 @@ def _count(events: Iterator[yaml.Event]) -> None:
             raise TooMuchError(problem=told, problem_mark=event.start_mark)
 
 
-class _Parser(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+class _PlainLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
     """The parser that is compiled, where there is one."""
 
 
@@ -140,7 +140,7 @@ def load_yaml(text: str, loader: Any = None) -> Any:
     """
     try:
         require_bounded_yaml(text)
-        return yaml.load(text, loader or _Parser)
+        return yaml.load(text, loader or _PlainLoader)
     except TooMuchError:
         raise
     except yaml.YAMLError:

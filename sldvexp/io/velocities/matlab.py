@@ -38,7 +38,7 @@ def read_arrays(path: Path) -> dict[str, NDArray]:
     UserError
         If it is not a MATLAB file, or damaged.
     """
-    opened = _OpenedFile(path)
+    opened = _Opened(path)
     try:
         for _, shape, kind in scipy.io.whosmat(path):
             opened.take(math.prod(map(int, shape)) * np.dtype(BYTES.get(kind, "u1")).itemsize)
@@ -57,7 +57,7 @@ def read_arrays(path: Path) -> dict[str, NDArray]:
 
 
 @dataclass
-class _OpenedFile:
+class _Opened:
     """A file, and how much it has claimed so far."""
 
     path: Path
@@ -97,7 +97,7 @@ def _of_cells(cells: NDArray) -> NDArray:
     return cells
 
 
-def _of_version_7_3(opened: _OpenedFile) -> dict[str, NDArray]:
+def _of_version_7_3(opened: _Opened) -> dict[str, NDArray]:
     """Read a file of HDF5."""
     arrays: dict[str, NDArray] = {}
     try:
@@ -111,7 +111,7 @@ def _of_version_7_3(opened: _OpenedFile) -> dict[str, NDArray]:
 
 
 def _add_of_hdf5(
-    arrays: dict[str, NDArray], name: str, node: Any, opened: _OpenedFile, depth: int = 0
+    arrays: dict[str, NDArray], name: str, node: Any, opened: _Opened, depth: int = 0
 ) -> None:
     """Put a variable, or the fields of a struct, under their names."""
     if isinstance(node, h5py.Group):
@@ -134,7 +134,7 @@ def _add_of_hdf5(
     arrays[name] = _of_cells(cells)
 
 
-def _value(node: Any, opened: _OpenedFile) -> NDArray:
+def _value(node: Any, opened: _Opened) -> NDArray:
     """Read numbers or text."""
     opened.take(node.nbytes)
     stored = np.asarray(node[()])
