@@ -288,9 +288,11 @@ CLAIMS: list[tuple[str, str, str, Content]] = [
     ("text export", "numbers without end", TEXT, "1;" * 900_000 + "\n"),
     (
         "text export",
-        "300 000 rows",
+        "100 000 rows",
         TEXT,
-        "Index;X [m];Y [m];Z [m];V [m/s]\n" + "1;0;0;0;1\n" * 300_000 + "x\n",
+        "Index;X [m];Y [m];Z [m];V [m/s]\n"
+        + "".join(f"{i};{i * 0.1};0;{i * 0.3};1\n" for i in range(100_000))
+        + "x\n",
     ),
     ("mesh", "faces of no nodes", READERS["mesh"][0], "v 0 0 0\nf 1 2 999999999999\n"),
     ("mesh", "faces before the first", READERS["mesh"][0], "v 0 0 0\nf -9 -8 -7\n"),
