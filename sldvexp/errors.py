@@ -7,6 +7,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from sldvexp.limits import shown
+
 
 class UserError(Exception):
     """A mistake in the input. Its text is one sentence for the user; no traceback is shown."""
@@ -26,6 +28,21 @@ class ConfigError(UserError):
     def __init__(self, problems: Iterable[Problem]):
         self.problems = tuple(problems)
         super().__init__("; ".join(f"{p.field}: {p.message}" for p in self.problems))
+
+
+def words_of(error: BaseException) -> str:
+    """Say an error of others in one line, whatever they made it of.
+
+    Examples
+    --------
+    >>> words_of(ZeroDivisionError("division by zero"))
+    'ZeroDivisionError: division by zero'
+    """
+    try:
+        told = " ".join(str(error).split())
+    except Exception:
+        told = ""
+    return shown(f"{type(error).__name__}: {told}" if told else type(error).__name__)
 
 
 class Checks:

@@ -14,17 +14,21 @@ from __future__ import annotations
 
 import codecs
 import errno
+import json
 import os
 import platform
 import re
 import shutil
+import stat
 import time
 import zlib
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from sldvexp.errors import UserError
+from sldvexp.limits import TEXT_BYTES, too_much_text
 from sldvexp.stopping import is_alive
 
 #: A disk that does not take so many bytes is full.
@@ -53,10 +57,17 @@ def require_file(path: Path) -> None:
     UserError
         If nothing is there, or a folder.
     """
-    if path.is_dir():
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        raise UserError(f"{path}: there is no such file (looked from {Path.cwd()})") from None
+    except (OSError, ValueError) as error:  # links in a circle, a name that is too long
+        told = getattr(error, "strerror", None) or error
+        raise UserError(f"{path}: cannot be read: {told}") from None
+    if stat.S_ISDIR(mode):
         raise UserError(f"{path}: is a folder; a file is needed")
-    if not path.exists():
-        raise UserError(f"{path}: there is no such file (looked from {Path.cwd()})")
+    if not stat.S_ISREG(mode):
+        raise UserError(f"{path}: is a device or a pipe; a file is needed")
 
 
 #: Marks at the beginning of a file that tell its encoding; those of UTF-32 begin as UTF-16's do.
@@ -71,13 +82,86 @@ MARKS = {
 CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")
 
 
-def read_text(path: Path) -> str:
-    r"""Read the text of a file, in whatever encoding, and compare it with its check line.
+def read_bytes(path: Path, most: int = TEXT_BYTES) -> bytes:
+    """Read a file as a whole.
 
     Raises
     ------
     UserError
-        If it cannot be read, is not text, or is not what its check line says.
+        If it is no file, cannot be read, or is larger than `most` bytes.
+    """
+    require_file(path)
+    try:
+        with path.open("rb") as file:
+            content = file.read(most + 1) if os.fstat(file.fileno()).st_size <= most else None
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror or error}") from None
+    if content is None or len(content) > most:
+        size, allowed = (f"{n / 2**20:.3g} MB" for n in (path.stat().st_size, most))
+        raise UserError(f"{path}: has {size}, more than the {allowed} of such a file")
+    return content
+
+
+def read_json(path: Path, most: int = TEXT_BYTES) -> Any:
+    """Read a small file of JSON.
+
+    Raises
+    ------
+    UserError
+        See `read_bytes`.
+    ValueError
+        If it is none.
+    """
+    try:
+        return json.loads(read_bytes(path, most))
+    except RecursionError:
+        raise ValueError("is nested too deep") from None
+
+
+def require_no_links(folder: Path) -> None:
+    """Complain about links, pipes and devices in a folder that is written to.
+
+    What a link leads to is not the run's. The folder itself may be one.
+
+    Raises
+    ------
+    UserError
+    """
+    for place, folders, files in os.walk(folder):
+        for name in (*folders, *files):
+            path = Path(place, name)
+            require_no_link(path)
+            if name in files and not stat.S_ISREG(path.lstat().st_mode):
+                told = "is a device or a pipe; remove it, or choose another folder"
+                raise UserError(f"{path}: {told}")
+
+
+def require_no_link(path: Path) -> None:
+    """Complain about a link in the place of something that is written.
+
+    Raises
+    ------
+    UserError
+    """
+    if path.is_symlink():
+        raise UserError(
+            f"{path}: is a link to {os.readlink(path)}, and what is written there would leave the "
+            "run's folder; remove the link, or choose another folder"
+        )
+
+
+def read_text(path: Path, most: int = TEXT_BYTES) -> str:
+    r"""Read the text of a file, in whatever encoding, and compare it with its check line.
+
+    Parameters
+    ----------
+    most : int
+        Bytes.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read, is not text, is too long, or is not what its check line says.
 
     Examples
     --------
@@ -87,10 +171,9 @@ def read_text(path: Path) -> str:
     >>> read_text(path)
     'µm/s'
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read: {error.strerror or error}") from None
+    content = read_bytes(path, most)
+    if told := too_much_text(content):
+        raise UserError(f"{path}: {told}; .nc and .mat files may be larger")
     text = decoded(content)
     if text is None:
         raise UserError(f"{path}: is not a text file, although its suffix says so")
@@ -243,6 +326,7 @@ def whole_or_nothing(path: Path, lasting: bool = True) -> Iterator[Path]:
     beside = path.with_name(f".{path.stem}.{_here()}{path.suffix}")
     lasting = lasting and NEW not in path.parts
     try:
+        beside.unlink(missing_ok=True)  # a link would lead elsewhere
         beside.touch()
         yield beside
         if lasting:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import re
 import sys
-from argparse import Namespace
+from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,9 +20,13 @@ from sldvexp import cli, config, sweep
 from sldvexp.config.paths import RUN_FILE, displayed
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import NEW, READY, read_text
+from sldvexp.limits import YAML_BYTES, load_yaml
 
 #: Each is a module of this room; its `run` gets the words after it and the user's folder.
 COMMANDS = ("check", "compare", "export", "handbook", "list", "plot", "report", "rerun", "show")
+
+#: Those that read what runs have left.
+OF_RUNS = ("compare", "export", "plot", "report", "rerun")
 
 #: Options that say which configuration is meant; a command takes no others.
 TAKEN = ("overrides", "config_dir")
@@ -31,6 +35,62 @@ TAKEN = ("overrides", "config_dir")
 def begins(arguments: Sequence[str]) -> bool:
     """Tell whether a command is the first of all arguments."""
     return next(iter(arguments), None) in COMMANDS
+
+
+def in_order(arguments: Sequence[str], parser: ArgumentParser) -> list[str]:
+    """Put settings first and options behind them, wherever they stand on the line.
+
+    Hydra takes ``-m seed=1`` and ``seed=1 -m``, but not ``seed=1 -m laser=x``.
+
+    Examples
+    --------
+    >>> from hydra._internal.utils import get_args_parser
+    >>> in_order(["seed=1", "-m", "laser=x", "--config-dir", "my", "~pose"], get_args_parser())
+    ['seed=1', 'laser=x', '~pose', '-m', '--config-dir', 'my']
+    """
+    settings, options, left = [], [], list(arguments)
+    known = parser._option_string_actions
+    while left:
+        word = left.pop(0)
+        if not word.startswith("-"):
+            settings.append(word)
+            continue
+        options.append(word)
+        name, equals, _ = word.partition("=")
+        alike = [known[o] for o in known if o == name]
+        alike = alike or [known[o] for o in known if o.startswith(name)]
+        takes = alike[0].nargs if alike and not equals else 0
+        if left and (takes is None or (takes == "?" and "=" not in left[0])):
+            options.append(left.pop(0))
+    return [*settings, *options]
+
+
+#: A name in quotes, as JSON and Python have it, behind which a value comes.
+QUOTED_NAME = re.compile(r"""(['"])([\w .+-]+)\1\s*:""")
+
+
+def with_bare_names(setting: str) -> str:
+    """Take the quotes from names in tables, which Hydra has only for values.
+
+    Examples
+    --------
+    >>> with_bare_names('pose.views={"front": {origin: [0, 0, 1]}}')
+    'pose.views={front: {origin: [0, 0, 1]}}'
+    """
+    made, before, quote, at = [], "", "", 0
+    while at < len(setting):
+        char = setting[at]
+        name = None if quote or before not in ("{", ",") else QUOTED_NAME.match(setting, at)
+        if name:
+            made.append(f"{name[2]}:")
+            at, before = name.end(), ":"
+            continue
+        if char in "'\"" and quote in ("", char) and setting[at - 1 : at] != "\\":
+            quote = "" if quote else char
+        before = before if char.isspace() else char
+        made.append(char)
+        at += 1
+    return "".join(made)
 
 
 def named(options: Namespace) -> bool:
@@ -133,7 +193,7 @@ def arguments_of(arguments: Sequence[str]) -> list[str]:
 def _read(path: Path) -> Any:
     """Read a file that Hydra left, as data."""
     try:
-        return yaml.safe_load(read_text(path))
+        return load_yaml(read_text(path, YAML_BYTES))
     except (yaml.YAMLError, RecursionError):
         raise UserError(f"{displayed(path)}: is not YAML, as Hydra left it") from None
 

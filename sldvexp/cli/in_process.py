@@ -17,6 +17,7 @@ from sldvexp.cli.main import Command, hydra_raises
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
+from sldvexp.limits import shown
 from sldvexp.stopping import handlers_kept
 
 __version__ = version("sldvexp")
@@ -86,7 +87,7 @@ class _Call(Command):
         super()._job(cfg)
 
     def _say(self, told: str) -> None:
-        self.told.append(told)
+        self.told.append(shown(told))
 
 
 @contextmanager

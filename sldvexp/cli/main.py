@@ -30,7 +30,9 @@ from sldvexp.cli import commands
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE, conf_dir
-from sldvexp.errors import UserError
+from sldvexp.errors import UserError, words_of
+from sldvexp.files import require_no_links
+from sldvexp.limits import shown
 from sldvexp.stopping import end_with, exit_status, heed, this_process
 
 log = logging.getLogger(__name__)
@@ -38,6 +40,11 @@ log = logging.getLogger(__name__)
 DONE, FAILED, MISSED = 0, 1, 2
 
 FULL_ERROR = "HYDRA_FULL_ERROR"
+
+#: Another way to say ``-m``.
+MULTIRUN = "hydra.mode=MULTIRUN"
+
+log = logging.getLogger(__name__)
 
 USUAL_WARNING = warnings.formatwarning
 
@@ -85,7 +92,7 @@ def hydra_raises() -> Iterator[bool]:
 def _warning(message: Warning | str, category: type[Warning], *place: Any, **line: Any) -> str:
     """Format a warning: about plugins of others in one sentence, without its place."""
     if issubclass(category, registry.PluginWarning):
-        return f"sldvexp: {message}\n"
+        return f"sldvexp: {shown(str(message))}\n"
     return USUAL_WARNING(message, category, *place, **line)
 
 
@@ -123,7 +130,7 @@ class Command:
         self.arguments = arguments
         self.full_error = full_error
         self.status = DONE
-        self.defect: Exception | None = None
+        self.defect: BaseException | None = None
         self.sweep: sweep.Sweep | None = None
         self.recorded = False  # whether a run's folder says what is run
         self.experiment: Experiment | None = None  # of a single run, checked before it begins
@@ -146,7 +153,6 @@ class Command:
             if any(a.startswith("resume=") for a in self.arguments):
                 self.arguments = commands.arguments_of(self.arguments)
                 self.recorded = True
-                sys.argv[1:] = self.arguments
             if "--version" in self.arguments:
                 return self._version()
             options = self._options()
@@ -165,6 +171,11 @@ class Command:
                     if not registry.load_installed():
                         raise
                     self._compose_and_run(options)
+        except SystemExit as error:  # a stranger's package must not end the program
+            told = config.messages.sentence(error, config.Origins(self.arguments))
+            if told is None or self.full_error:
+                raise
+            self._say(told)
         except BrokenPipeError:  # who reads it, as head does, has seen enough
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         except Exception as error:
@@ -175,7 +186,9 @@ class Command:
         return self.status
 
     def _compose_and_run(self, options: Namespace) -> None:
-        self._check(options)
+        if self._check(options) and not options.multirun:
+            self.arguments = [*self.arguments, "-m"]
+            options.multirun = True
         start = hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name="config")
         if not options.multirun or options.cfg:
             start(self._job)()
@@ -208,6 +221,17 @@ class Command:
         except (UserError, BrokenPipeError):
             raise
         except Exception as error:
+            if told := config.messages.sentence(error, config.Origins(self.arguments)):
+                raise UserError(told) from error
+            name = options.overrides[0]
+            if isinstance(error, OSError):
+                raise UserError(f"{name}: {error.strerror or words_of(error)}") from error
+            if name in commands.OF_RUNS and not self.full_error:
+                told = words_of(error)
+                raise UserError(
+                    f"{name} failed with {told}: a file is not as a run leaves it, or the program "
+                    f"has a fault; with {FULL_ERROR}=1 in the environment it shows where"
+                ) from error
             self.defect = error
             raise
 
@@ -252,6 +276,7 @@ class Command:
             raise
         folder = Path(cfg.hydra.run.dir)
         self.folder = folder.absolute()
+        require_no_links(folder)
         _refuse_finished(folder, self.experiment)
         self.held.enter_context(sweep.lock.alone(folder))
         _refuse_finished(folder, self.experiment)  # by whoever had the lock until now
@@ -265,11 +290,14 @@ class Command:
         job = HydraConfig.get()
         lines: Any = OmegaConf.to_container(job.overrides, resolve=False)
 
-        def told(error: Exception) -> str | None:
+        def told(error: BaseException) -> str | None:
             return config.messages.sentence(
                 error, config.Origins(self.arguments, [*lines["hydra"], *lines["task"]])
             )
 
+        origins = config.Origins(self.arguments, [*lines["hydra"], *lines["task"]])
+        for mixed in config.mixed_tables.mixed_tables(cfg, origins):
+            log.warning(mixed)
         computed = True
         try:
             if job.mode is RunMode.MULTIRUN:
@@ -288,7 +316,7 @@ class Command:
         except KeyboardInterrupt as stop:
             log.info(str(stop) or "interrupted")
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             sentence = told(error)
             log.info(sentence or f"stopped by {type(error).__name__}: {error}")
             if sentence is None or self.full_error:
@@ -306,30 +334,49 @@ class Command:
 
         A wrong one is a user's mistake like others.
         """
+        config.security.require_bounded_line("command line", self.arguments)
         parser = get_args_parser()
 
         def refuse(message: str) -> NoReturn:
             raise UserError(f"command line: {message}; sldvexp --hydra-help lists the options")
 
         parser.error = refuse  # type: ignore[method-assign]
-        if commands.begins(self.arguments):  # words may follow options
-            return parser.parse_intermixed_args(list(self.arguments))
-        return parser.parse_args(list(self.arguments))
+        arguments = commands.in_order(self.arguments, parser)
+        self.arguments = [commands.with_bare_names(a) if "{" in a else a for a in arguments]
+        if MULTIRUN in self.arguments:  # a sweep, as -m says it
+            self.arguments = [*(a for a in self.arguments if a != MULTIRUN), "-m"]
+        sys.argv[1:] = self.arguments
+        return parser.parse_args(self.arguments)
 
-    def _check(self, options: Namespace) -> None:
-        """Check that files that do not belong to the program do not make Hydra run code."""
+    def _check(self, options: Namespace) -> bool:
+        """Check that files that do not belong to the program do not make Hydra run code.
+
+        Returns
+        -------
+        bool
+            Whether one of them asks for a sweep.
+        """
         if options.config_path:
             raise UserError(
                 "command line: --config-path would replace the program's own configuration; "
                 "add a folder of yours with --config-dir"
             )
-        searched = any("hydra.searchpath" in override for override in options.overrides)
+        if options.experimental_rerun:
+            raise UserError(
+                "command line: --experimental-rerun would run whatever that file says; sldvexp "
+                "rerun repeats a run from its run.nc"
+            )
+        searched = any(".." in o or "hydra.searchpath" in o for o in options.overrides)
         if options.config_dir or options.config_name or searched or self.recorded:
-            config.security.check(config.Origins(self.arguments))
+            origins = config.Origins(self.arguments)
+            config.security.check(origins)
+            asked = [x.value("hydra.mode") for x in origins.layers_of_files() if x.outside]
+            return "MULTIRUN" in asked
+        return False
 
     def _say(self, told: str) -> None:
         for line in told.splitlines():
-            print(f"sldvexp: {line}", file=sys.stderr)
+            print(f"sldvexp: {shown(line)}", file=sys.stderr)
         self.status = FAILED
 
 

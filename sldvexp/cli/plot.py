@@ -8,6 +8,7 @@ from sldvexp import dataset
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.dataset import RunData
 from sldvexp.errors import UserError, nearest
+from sldvexp.files import require_no_link, require_no_links
 from sldvexp.plot import FIGURES, figures_of, save
 from sldvexp.plot.selection import require
 
@@ -39,6 +40,8 @@ def run(words: list[str], config_dir: str | None) -> int:
         require(name, FIGURES[name].unavailable_because(seen))
     if not known:
         raise UserError(f"{path}: has nothing that a figure could show")
+    require_no_link(path.parent / FOLDER)
+    require_no_links(path.parent / FOLDER)
     for name in names or known:
         for file in save(known[name](), path.parent / FOLDER / name):
             print(file)

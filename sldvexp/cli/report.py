@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from sldvexp import dataset
 from sldvexp.config import registry
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError
-from sldvexp.lazy import xarray as xr
 from sldvexp.report.html.page import Html
 from sldvexp.sweep import ranking
 from sldvexp.sweep.summary import SWEEP_FILE
@@ -45,11 +45,10 @@ def run(words: list[str], config_dir: str | None) -> int:
 
 def _of_sweep(report: Html, path: Path) -> Path:
     """Make the page of a sweep, whose dataset ranks its runs."""
+    table = dataset.load_table(path)
     try:
-        with xr.open_dataset(path, engine="netcdf4", auto_complex=True) as opened:
-            table = opened.load()
         keys = [str(key) for key in np.atleast_1d(table.attrs["keys"])]
         rows = ranking.rows(table, keys, str(table.attrs["ranked_by"]))
-    except (OSError, ValueError, KeyError) as error:
+    except (ValueError, KeyError, TypeError) as error:
         raise UserError(f"{path}: is not a sweep's dataset ({error})") from None
     return report.of_sweep(path, rows)

@@ -17,13 +17,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from omegaconf import OmegaConf
 
 from sldvexp import dataset
 from sldvexp.config import registry
 from sldvexp.config.paths import CONF_SCHEME, JOURNAL, RUN_FILE, locate
 from sldvexp.errors import UserError
+from sldvexp.files import read_text
 from sldvexp.lazy import xarray as xr
+from sldvexp.limits import YAML_BYTES, load_yaml
 from sldvexp.pipeline import provenance, runner
 from sldvexp.sweep import recorded_config
 from sldvexp.sweep.recorded_config import Recorded
@@ -99,8 +100,8 @@ def _bases(folder: Path) -> list[Path]:
     """List where this was called, and where the run was, if Hydra's folder still tells."""
     found = [Path.cwd()]
     try:
-        settings: Any = OmegaConf.load(folder / ".hydra" / "hydra.yaml")
-        found.append(Path(str(settings.hydra.runtime.cwd)))
+        settings: Any = load_yaml(read_text(folder / ".hydra" / "hydra.yaml", YAML_BYTES))
+        found.append(Path(str(settings["hydra"]["runtime"]["cwd"])))
     except Exception:  # any file may lie there; it is only a hint
         return found
     return [base for base in found if base.is_dir()]

@@ -11,14 +11,13 @@ import pickle
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from copy import deepcopy
-from dataclasses import replace
 from functools import cache
 from typing import Any
 from uuid import uuid4
 
 import yaml
 from hydra._internal import hydra as program
-from hydra._internal.config_loader_impl import ConfigLoaderImpl, get_overrides_dirname
+from hydra._internal.config_loader_impl import get_overrides_dirname
 from hydra._internal.config_repository import ConfigRepository
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -26,9 +25,11 @@ from hydra.core.override_parser.types import Override
 from hydra.core.utils import JobReturn
 from hydra.plugins.config_source import ConfigResult
 from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf, _utils
+from omegaconf import DictConfig, _utils
 from yaml.constructor import SafeConstructor
 from yaml.resolver import Resolver
+
+from sldvexp.config.naming_loader import NamingLoader
 
 
 def _copies(value: Any) -> Callable[[], Any]:
@@ -113,7 +114,7 @@ class RememberingRepository(ConfigRepository):
         return other
 
 
-class RememberingLoader(ConfigLoaderImpl):
+class RememberingLoader(NamingLoader):
     """Hydra's loader, which remembers what it composed for each set of choices."""
 
     def __init__(self, config_search_path: ConfigSearchPath):
@@ -144,7 +145,7 @@ class RememberingLoader(ConfigLoaderImpl):
         choosing = [str(o.input_line) for o in overrides if o not in setting]
         config = self._composed(config_name, tuple(choosing))
         for override in (o for o in setting if not o.is_sweep_override()):
-            self._apply_overrides_to_config([_named(override, config)], config)
+            self._apply_overrides_to_config([override], config)
         task = [o for o in overrides if not o.is_hydra_override()]
         config.hydra.overrides.task = [o.input_line for o in task]
         config.hydra.overrides.hydra = [o.input_line for o in overrides if o.is_hydra_override()]
@@ -172,20 +173,6 @@ class RememberingLoader(ConfigLoaderImpl):
             self._known[key] = _copies(composed)
         config: DictConfig = self._known[key]()
         return config
-
-
-def _named(override: Override, config: DictConfig) -> Override:
-    """Name entries by text where a table's entries have texts for names.
-
-    A shell cannot quote ``{1: {}}`` so that Hydra reads a text.
-    """
-    value = override.value()
-    if override.is_delete() or not isinstance(value, dict):
-        return override
-    table = OmegaConf.select(config, override.key_or_group, throw_on_missing=False)
-    if not isinstance(table, DictConfig) or table._metadata.key_type is not str:
-        return override
-    return replace(override, _value={str(name): entry for name, entry in value.items()})
 
 
 @contextmanager

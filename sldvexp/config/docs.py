@@ -18,6 +18,9 @@ from omegaconf import MISSING, OmegaConf
 
 from sldvexp.config import registry
 
+#: Bytes in which the comment at the beginning of a file must end.
+MOST_OF_COMMENT = 2**14
+
 
 def of_file(file: Path) -> str:
     """Take the first sentence of a configuration file's first comment."""
@@ -61,7 +64,9 @@ def _plain(paragraph: str) -> str:
 def comment(file: Path) -> list[str]:
     """Take the lines of the comment that a configuration file begins with, but for Hydra's."""
     lines = []
-    for line in file.read_text(encoding="utf-8", errors="replace").splitlines():
+    with file.open("rb") as opened:
+        text = opened.read(MOST_OF_COMMENT).decode("utf-8", "replace")
+    for line in text.splitlines():
         if not line.startswith("#"):
             break
         if "@package" not in line:

@@ -7,7 +7,10 @@ long as all the rest of the command's start.
 from __future__ import annotations
 
 import builtins
+from pathlib import Path
 
+from hydra._internal.core_plugins.file_config_source import FileConfigSource
+from hydra._internal.sources_registry import SourcesRegistry
 from hydra.core.config_search_path import ConfigSearchPath, SearchPathQuery
 from hydra.core.config_store import ConfigStore
 from hydra.core.object_type import ObjectType
@@ -17,7 +20,9 @@ from hydra.plugins.search_path_plugin import SearchPathPlugin
 
 from sldvexp.config import registry
 from sldvexp.config.experiment import FIELDS, SINGLE_GROUPS, Experiment
-from sldvexp.config.paths import conf_dir
+from sldvexp.config.paths import OTHER_ENDING, conf_dir, displayed, require_bounded, wrong
+from sldvexp.errors import UserError
+from sldvexp.limits import SHOWN, shown
 
 SCHEMA = "schema"
 
@@ -74,6 +79,35 @@ class PluginSource(ConfigSource):
         return groups if results_filter is ObjectType.GROUP else sorted([*found, *groups])
 
 
+class BoundedFiles(FileConfigSource):
+    """Files of configuration, those of others only if they are bounded."""
+
+    def load_config(self, config_path: str) -> ConfigResult:
+        """See `ConfigSource`."""
+        file = Path(self.path, f"{config_path.removesuffix('.yaml')}.yaml")
+        if file.is_file():
+            require_bounded(file)
+            if told := wrong(file):
+                raise UserError(f"{displayed(file)}: {told}")
+        try:
+            return super().load_config(config_path)
+        except (OverflowError, ValueError) as error:  # such as a date with month 99
+            if isinstance(error, UnicodeDecodeError):
+                raise
+            told = shown(str(error).splitlines()[0], SHOWN)
+            raise UserError(f"{displayed(file)}: has a value that cannot be read: {told}") from None
+
+    def is_config(self, config_path: str) -> bool:
+        """See `ConfigSource`; the ending .yml is none, which is told elsewhere."""
+        return not config_path.endswith(OTHER_ENDING) and super().is_config(config_path)
+
+    def list(self, config_path: str, results_filter: ObjectType | None) -> builtins.list[str]:
+        """See `ConfigSource`."""
+        folder = Path(self.path, config_path)
+        found = super().list(config_path, results_filter) if folder.is_dir() else []
+        return [n for n in found if not (folder / f"{n}{OTHER_ENDING}").is_file()]
+
+
 class PluginSearchPath(SearchPathPlugin):
     """Order in which files are looked for: the user's, the program's, those of packages.
 
@@ -93,6 +127,7 @@ def install() -> None:
     plugins = Plugins.instance()
     for plugin in (PluginSource, PluginSearchPath):
         plugins.register(plugin)
+    SourcesRegistry.instance().types[BoundedFiles.scheme()] = BoundedFiles
 
 
 def _is_schema(config_path: str) -> bool:

@@ -18,10 +18,10 @@ from yaml import MarkedYAMLError
 
 from sldvexp.config import registry
 from sldvexp.config.experiment import NAMED_GROUPS, SINGLE_GROUPS
-from sldvexp.config.paths import displayed, wrong
+from sldvexp.config.paths import OTHER_ENDING, displayed
 from sldvexp.config.refusals import refusal
 from sldvexp.config.sources import COMMAND_LINE, Origins
-from sldvexp.errors import ConfigError, UserError, nearest
+from sldvexp.errors import ConfigError, UserError, nearest, words_of
 from sldvexp.files import FULL
 
 #: What Hydra says about an argument, and what a user is told; the pattern's groups fill it.
@@ -90,6 +90,16 @@ def sentence(error: BaseException, origins: Origins) -> str | None:
         return str(error)
     if isinstance(error, OmegaConfBaseException) and error.full_key:
         return f"{origins.where(error.full_key)} {refusal(error)}"
+    if package := registry.package_at_fault(error):
+        return (
+            f"a plugin of the package {package.name} {package.version} failed, or gave what does "
+            f"not fit: {words_of(error)}; with HYDRA_FULL_ERROR=1 in the environment it shows where"
+        )
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename}: cannot be read or written: {error.strerror or error}"
+    if isinstance(error, MemoryError):
+        told = " ".join(str(error).split())
+        return f"there is not enough memory{f': {told}' if told else ''}"
     return None
 
 
@@ -127,10 +137,6 @@ def of_composition(error: Exception, origins: Origins) -> str:
             )
     if isinstance(error, RecursionError):
         return "a configuration file includes itself in its defaults, perhaps by way of others"
-    if not isinstance(error, HydraException):
-        broken = [f"{displayed(f)}: {what}" for f in origins.files if (what := wrong(f))]
-        if broken:
-            return broken[0]
     return _bad_argument(error, origins)
 
 
@@ -159,7 +165,16 @@ def _misfit(told: str, key: str, origins: Origins) -> str | None:
 
 def _missing_choice(path: str, origins: Origins) -> str:
     """Say that a plugin, experiment or other choice of a group is unknown."""
+    path = path.removesuffix(OTHER_ENDING)
+    if ended := origins.shown(path, OTHER_ENDING):
+        return f"{ended}: has the ending {OTHER_ENDING}, and configurations end with .yaml"
     group, _, name = path.partition("/")
+    below, slash, chosen = name.partition("/")
+    if slash and below in registry.GROUPS and (file := origins.file_with(below)):
+        return (
+            f"{file}: its defaults choose {below}: {chosen} below {group}; the item must be "
+            f"'override /{below}: {chosen}'"
+        )
     where = origins.where_chosen(group, name)
     if not name:
         return f"{COMMAND_LINE}: there is no configuration {path}; is --config-name right?"
@@ -243,6 +258,8 @@ def _bad_argument(error: Exception, origins: Origins) -> str:
     for pattern, words in IN_FILES if file else ARGUMENTS:
         if match := re.match(pattern, text):
             found = match.groups() or ("",)
+            if not file and "override" in words:
+                where = origins.file_with(found[0], f"/{found[0]}") or where
             groups = nearest(found[-1], [*registry.GROUPS, "experiment"])
             return f"{where}: {words.format(*found, groups=groups)}"
     return f"{where or 'the configuration'}: {text.splitlines()[0]}"

@@ -8,6 +8,8 @@ from typing import Any
 import yaml
 
 from sldvexp.errors import UserError
+from sldvexp.files import read_bytes
+from sldvexp.limits import YAML_BYTES, TooMuchError, load_yaml, require_bounded_yaml
 
 CONF_SCHEME = "conf://"
 
@@ -16,6 +18,9 @@ RUN_FILE = "run.nc"
 
 #: Folder of a run in which finished scan lines are kept, one folder a view.
 JOURNAL = "journal"
+
+#: An ending that Hydra does not take.
+OTHER_ENDING = ".yml"
 
 #: The pages of the handbook, one file a topic.
 HANDBOOK = Path(__file__).resolve().parents[1] / "handbook"
@@ -56,24 +61,51 @@ def wrong(file: Path) -> str:
         return _wrong(_read(file))
     except (UnicodeDecodeError, yaml.reader.ReaderError):
         return "is not a text file"
-    except (OSError, yaml.YAMLError):
+    except UserError as error:
+        return str(error).removeprefix(f"{file}: ")
+    except yaml.YAMLError:
         return ""
+
+
+def require_bounded(file: Path) -> None:
+    """Complain about a configuration file of others that stands for more than one can.
+
+    Raises
+    ------
+    UserError
+        If it is a device, too long, too deep, or refers to too much.
+    """
+    if file.resolve().is_relative_to(conf_dir()):
+        return
+    try:
+        require_bounded_yaml(read_bytes(file, YAML_BYTES).decode("utf-8"))
+    except TooMuchError as error:
+        line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise UserError(f"{displayed(file)}{line}: {error.problem}") from None
+    except (UnicodeDecodeError, yaml.YAMLError):
+        return  # which is told in other words
 
 
 def choices(file: Path) -> dict[str, list[str]]:
     """List what a file's defaults list chooses, by group; a bare name is of the file's group."""
+    found: dict[str, list[str]] = {}
+    for key, chosen in items(file):
+        found.setdefault(key.split()[-1].lstrip("/").partition("@")[0], []).extend(chosen)
+    return found
+
+
+def items(file: Path) -> list[tuple[str, list[str]]]:
+    """List a file's defaults as they are written, ``override /pose``, each with what it chooses."""
     try:
         content = _read(file)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
-        return {}
+    except (UserError, UnicodeDecodeError, yaml.YAMLError):
+        return []
     if _wrong(content):
-        return {}
-    found: dict[str, list[str]] = {}
+        return []
+    found = []
     for item in (content or {}).get("defaults", []):
         pairs = item.items() if isinstance(item, dict) else [(file.parent.name, item)]
-        for key, value in pairs:
-            group = key.split()[-1].lstrip("/").partition("@")[0]
-            found.setdefault(group, []).extend(v.partition("@")[0] for v in names(value))
+        found += [(key, [v.partition("@")[0] for v in names(value)]) for key, value in pairs]
     return found
 
 
@@ -84,9 +116,8 @@ def names(value: Any) -> list[str]:
 
 
 def _read(file: Path) -> Any:
-    """Read a file; the loader that is compiled is ten times faster, where there is one."""
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    return yaml.load(file.read_text(encoding="utf-8"), loader)
+    """Read a file, of which anyone may be the author."""
+    return load_yaml(read_bytes(file, YAML_BYTES).decode("utf-8"))
 
 
 def _wrong(content: Any) -> str:

@@ -24,7 +24,7 @@ from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 from omegaconf import DictConfig, OmegaConf
 
 from sldvexp.config.experiment import FIELDS
-from sldvexp.errors import ConfigError, Problem, UserError, nearest
+from sldvexp.errors import ConfigError, Problem, UserError, nearest, words_of
 
 ENTRY_POINTS = "sldvexp.plugins"
 
@@ -181,10 +181,9 @@ def load_installed() -> bool:
             for plugin in _others(before):
                 schema_of(plugin)
         except (Exception, SystemExit) as error:  # a stranger's package must not end the program
-            told = " ".join(str(error).split())
             warnings.warn(
                 f"the plugin {entry.name} of the package {name} cannot be loaded: "
-                f"{type(error).__name__}: {told}",
+                f"{words_of(error)}",
                 PluginWarning,
                 stacklevel=2,
             )
@@ -223,6 +222,25 @@ def packages() -> list[Package]:
 def package_of(plugin: type) -> Package | None:
     """Find the installed package that a plugin comes from, None if it is built in."""
     return next((package for package, plugins in _packages if plugin in plugins), None)
+
+
+def package_at_fault(error: BaseException) -> Package | None:
+    """Find the installed package whose code an error went through, None if there is none.
+
+    If there is no such code, the package of a plugin that was asked for something on the way: what
+    it gave may not be what it should.
+    """
+    owners = {p: package for package, plugins in _packages for p in plugins}
+    modules = {p.__module__.partition(".")[0]: package for p, package in owners.items()}
+    trace, ran, asked = error.__traceback__, None, None
+    while owners and trace is not None:
+        frame = trace.tb_frame
+        top = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+        ran = modules.get(top, ran)
+        there = (owners[type(v)] for v in frame.f_locals.values() if type(v) in owners)
+        asked = next(there, asked)
+        trace = trace.tb_next
+    return ran or asked
 
 
 def is_built_in(plugin: type) -> bool:

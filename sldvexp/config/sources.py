@@ -10,7 +10,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.utils import create_config_search_path, get_args_parser
 from hydra.core.config_search_path import SearchPathQuery
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -20,6 +19,7 @@ from hydra.types import RunMode
 from omegaconf import MISSING, DictConfig, OmegaConf
 
 from sldvexp.config import paths, registry
+from sldvexp.config.naming_loader import NamingLoader
 from sldvexp.config.paths import conf_dir, displayed
 
 COMMAND_LINE = "command line"
@@ -45,6 +45,11 @@ class ConfigLayer:
     package: str
     values: Any
     outside: bool = False
+
+    @property
+    def of_user(self) -> bool:
+        """True if it is none of the program's, or of a package's, own files."""
+        return self.outside or self.source == COMMAND_LINE
 
     def value(self, key: str) -> Any:
         """Find what this gives to a dotted key, `NOTHING` if it does not."""
@@ -113,6 +118,10 @@ class Origins:
         below = (x for x in self._last_first() if x.package.startswith(f"{key}."))
         return next((f"{layer.source}: {key}" for layer in below), key)
 
+    def layers(self) -> list[ConfigLayer]:
+        """List files, then arguments that set values; later ones win."""
+        return list(reversed([x for x in self._last_first() if x.values is not None]))
+
     def _last_first(self) -> Iterator[ConfigLayer]:
         """Yield arguments that set values, then files, then arguments that choose."""
         for o in reversed([o for o in self.overrides if o not in self.choices]):
@@ -175,9 +184,15 @@ class Origins:
         choosing = [f for f in self.files if name in paths.choices(f).get(group, [])]
         return displayed(choosing[0]) if len(choosing) == 1 else ""
 
-    def shown(self, path: str) -> str:
+    def file_with(self, *keys: str) -> str:
+        """Show the one file of others whose defaults have an item that is written so."""
+        others = (f for f in self.files if not f.resolve().is_relative_to(conf_dir()))
+        found = [f for f in others if any(key in keys for key, _ in paths.items(f))]
+        return displayed(found[0]) if len(found) == 1 else ""
+
+    def shown(self, path: str, ending: str = ".yaml") -> str:
         """Show the file of a configuration such as ``pose/given``, for messages; empty if none."""
-        files = [folder / f"{path}.yaml" for folder in self.folders]
+        files = [folder / f"{path}{ending}" for folder in self.folders]
         return next((displayed(f.resolve()) for f in files if f.is_file()), "")
 
     @property
@@ -205,13 +220,13 @@ class Origins:
         return [a.removeprefix("file://") for a in added if "://" not in a.removeprefix("file://")]
 
     @cached_property
-    def loader(self) -> ConfigLoaderImpl:
+    def loader(self) -> NamingLoader:
         """Hydra's, with the folders that the command line adds."""
         path = create_config_search_path(str(conf_dir()))
         before_schema = SearchPathQuery(provider="schema")
         for folder in self.folders_added:
             path.prepend("command-line", f"file://{Path(folder).absolute()}", before_schema)
-        return ConfigLoaderImpl(path)
+        return NamingLoader(path)
 
 
 def parts_of(key: str) -> list[str]:
@@ -219,10 +234,10 @@ def parts_of(key: str) -> list[str]:
     return [part for part in re.split(r"\.|\[(\d+)\]\.?", key) if part]
 
 
-def _read(text: str, loader: ConfigLoaderImpl | None = None) -> Override | None:
+def _read(text: str, loader: NamingLoader | None = None) -> Override | None:
     """Read an argument as a setting, None if it cannot be read as one."""
     try:
         override = OverridesParser.create(loader).parse_overrides([text])[0]
-    except HydraException:
+    except (HydraException, ValueError, RecursionError):  # such as a number of 5000 digits
         return None
     return override if override.key_or_group else None

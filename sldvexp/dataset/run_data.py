@@ -19,6 +19,7 @@ from sldvexp.dataset.findings import VERDICT
 from sldvexp.dataset.store import load
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
+from sldvexp.limits import load_yaml
 
 
 @runtime_checkable
@@ -152,11 +153,11 @@ def _opened(path: Path, changed: int) -> xr.DataTree:
 
 
 def read_yaml(text: str) -> Any:
-    """Read YAML without making objects of classes; by libyaml if it is there.
+    """Read YAML of a bounded size without making objects of classes.
 
     Examples
     --------
     >>> read_yaml("{noise: 1.0e-3, rows: all}")
     {'noise': 0.001, 'rows': 'all'}
     """
-    return yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    return load_yaml(text)

@@ -7,7 +7,9 @@ numbers; whoever reads or writes a run's file does it through here.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +19,10 @@ from numpy.typing import ArrayLike
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.dataset.variables import AXES, CONVENTIONS, FREQUENCY, VARIABLES, Variable
 from sldvexp.errors import UserError
-from sldvexp.files import whole_or_nothing
+from sldvexp.files import require_file, whole_or_nothing
 from sldvexp.lazy import netCDF4
 from sldvexp.lazy import xarray as xr
+from sldvexp.limits import SHOWN, shown, too_many_groups, too_much_claimed, tried_apart
 
 UNREADABLE = "is not a readable netCDF-4 file"
 
@@ -90,6 +93,7 @@ def save(tree: Mapping[str, xr.Dataset], attributes: Mapping[str, Any], path: Pa
     whole = xr.DataTree.from_dict({"/": root, **groups})
     with whole_or_nothing(path) as beside:
         whole.to_netcdf(beside, engine="netcdf4", auto_complex=True)
+    _bounded.add(_state(path))
 
 
 def _double(group: xr.Dataset) -> xr.Dataset:
@@ -139,8 +143,98 @@ def open_run(path: str | Path, lazy: bool = False) -> xr.DataTree:
 
 
 def _require(path: Path) -> None:
-    if not path.is_file():
+    if not path.exists():
         raise UserError(f"{path}: there is no such file; a run's dataset is called {RUN_FILE}")
+    require_file(path)
+
+
+@contextmanager
+def readable(path: Path) -> Iterator[None]:
+    """Say in a sentence what the netCDF library cannot read, in whatever way it says so.
+
+    Raises
+    ------
+    UserError
+
+    Examples
+    --------
+    >>> with readable(Path("mine.nc")):
+    ...     raise RuntimeError("NetCDF: HDF error")
+    Traceback (most recent call last):
+    sldvexp.errors.UserError: mine.nc: is not a readable netCDF-4 file (NetCDF: HDF error)
+    """
+    try:
+        yield
+    except UserError:
+        raise
+    except MemoryError:
+        raise UserError(f"{path}: {UNREADABLE} (its arrays need more than all memory)") from None
+    except Exception as error:  # damaged files end it in all kinds of ways
+        told = shown(" ".join(str(error).split()) or type(error).__name__, SHOWN)
+        raise UserError(f"{path}: {UNREADABLE} ({told})") from None
+
+
+def require_bounded(path: Path) -> None:
+    """Complain about a netCDF file with groups or arrays that no such file can hold.
+
+    Examples
+    --------
+    >>> require_bounded(Path("none.nc"))
+    Traceback (most recent call last):
+    sldvexp.errors.UserError: none.nc: there is no such file; a run's dataset is called run.nc
+    """
+    _require(path)
+    if _state(path) in _bounded:
+        return
+    opened = netCDF4.Dataset  # loaded here, before there is another process
+
+    def look() -> str:
+        with opened(path) as file:
+            if told := too_many_groups(lambda group: iter(group.groups.values()), file):
+                return told
+            claimed = sum(
+                math.prod(variable.shape) * getattr(variable.dtype, "itemsize", 1)
+                for group in _with_those_below(file)
+                for variable in group.variables.values()
+            )
+        return too_much_claimed(claimed, path.stat().st_size)
+
+    with readable(path):
+        told = tried_apart(look)
+    if told:
+        raise UserError(f"{path}: {told}; it is damaged, or no measurement")
+    _bounded.add(_state(path))
+
+
+def require_declared(path: Path, name: str, data: xr.Dataset) -> None:
+    """Complain about a group whose variables have other dimensions than `VARIABLES` declares.
+
+    Examples
+    --------
+    >>> require_declared(Path("mine.nc"), "pose", xr.Dataset({"origin": ("odd", [1.0])}))
+    Traceback (most recent call last):
+    sldvexp.errors.UserError: mine.nc: pose/origin has the dimensions odd; they must be view axis
+    """
+    for variable, spec in VARIABLES[name].items():
+        if variable not in data:
+            continue
+        dims = [str(d) for d in data[variable].dims]
+        needed = [d for d in spec.dims.split() if not d.startswith("[")]
+        if not {*needed} <= {*dims} <= {d.strip("[]") for d in spec.dims.split()}:
+            raise UserError(
+                f"{path}: {name}/{variable} has the dimensions {', '.join(dims) or 'of a number'}; "
+                f"they must be {spec.dims}"
+            )
+
+
+#: Files that this process has written, or has looked at.
+_bounded: set[tuple[int, ...]] = set()
+
+
+def _state(path: Path) -> tuple[int, ...]:
+    """Tell a file from others, and from what it was."""
+    found = path.stat()
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
 
 
 def load(path: Path) -> xr.DataTree:
@@ -152,11 +246,9 @@ def load(path: Path) -> xr.DataTree:
     Traceback (most recent call last):
     sldvexp.errors.UserError: none.nc: there is no such file; a run's dataset is called run.nc
     """
-    _require(path)
-    try:
+    require_bounded(path)
+    with readable(path):
         return xr.open_datatree(path, engine="netcdf4", auto_complex=True)
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: {UNREADABLE} ({error})") from None
 
 
 def load_table(path: Path) -> xr.Dataset:
@@ -170,11 +262,9 @@ def load_table(path: Path) -> xr.Dataset:
     ...     float(load_table(Path(folder, "sweep.nc"))["seconds"])
     2.5
     """
-    try:
-        with xr.open_dataset(path, engine="netcdf4", auto_complex=True) as opened:
-            return opened.load()
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: {UNREADABLE} ({error})") from None
+    require_bounded(path)
+    with readable(path), xr.open_dataset(path, engine="netcdf4", auto_complex=True) as opened:
+        return opened.load()
 
 
 def load_some(path: Path, names: Collection[str]) -> xr.DataTree:
@@ -191,13 +281,10 @@ def load_some(path: Path, names: Collection[str]) -> xr.DataTree:
     Traceback (most recent call last):
     sldvexp.errors.UserError: none.nc: there is no such file; a run's dataset is called run.nc
     """
-    _require(path)
-    try:
-        with netCDF4.Dataset(path, auto_complex=True) as file:
-            found = [file[name] for name in names if name in file.groups]
-            groups = {g.path: _in_memory(g) for top in found for g in _with_those_below(top)}
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: {UNREADABLE} ({error})") from None
+    require_bounded(path)
+    with readable(path), netCDF4.Dataset(path, auto_complex=True) as file:
+        found = [file[name] for name in names if name in file.groups]
+        groups = {g.path: _in_memory(g) for top in found for g in _with_those_below(top)}
     return xr.DataTree.from_dict(groups)
 
 

@@ -65,8 +65,8 @@ class Export(ABC):
             If the name is none of a file, `write` refuses what the run has, or the
             file cannot be written.
         """
-        if Path(name).name != name or name.startswith("."):
-            raise UserError(f"export: {name} is the name of a file and cannot name a folder")
+        if Path(name).name != name or name.startswith(".") or not name.isprintable():
+            raise UserError(f"export: {name!r} is the name of a file and cannot name a folder")
         path = folder / f"{name}{self.suffix}"
         self.write(run, path)
         return path

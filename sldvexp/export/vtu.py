@@ -22,7 +22,7 @@ from sldvexp.export.velocities import (
     velocities_of,
     velocity_in_world,
 )
-from sldvexp.files import whole_or_nothing
+from sldvexp.files import require_no_link, whole_or_nothing
 from sldvexp.io import pvd, vtu
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, ComplexArray
@@ -73,6 +73,7 @@ class Vtu(Export):
         frequency, world = frequencies_of(found), velocity_in_world(found, mesh)
         index = self._animated(found["velocity"].values, frequency)
         folder = path.with_suffix("")
+        require_no_link(folder)
         folder.mkdir(exist_ok=True)
         comment = "; ".join(f"{k}: {v}" for k, v in describe(run).items())
         own = ("observable", *bounds_of(found), "real", "imag")

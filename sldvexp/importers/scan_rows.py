@@ -14,6 +14,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
@@ -38,6 +39,8 @@ DELIMITERS = ("\t", ";", ",", None)
 COMMENTS = ("#", "%", "//", "!")
 #: Numbers that make a line look like a row.
 LEAST_NUMBERS = 3
+#: Columns of a table at most.
+MOST_COLUMNS = 100_000
 DIGITS = re.compile(r"[0-9]+([.,][0-9]+)?")
 
 
@@ -55,6 +58,9 @@ def read_table(path: Path) -> ScanTable:
     """
     require_file(path)
     lines = read_text(path).splitlines()
+    for i, line in enumerate(lines):
+        if max(map(line.count, "\t;, ")) > MOST_COLUMNS:
+            raise UserError(f"{path}, line {i + 1}: has more than {MOST_COLUMNS} columns")
     most = Choice(None, (), 0, [])
     for delimiter in DELIMITERS:
         most = max(most, _shape(lines, delimiter), key=lambda choice: choice.rows)
@@ -96,6 +102,7 @@ def _parse(cells: list[str]) -> Parsed:
     return cells, tuple(map(_is_number, cells))
 
 
+@lru_cache(maxsize=2**14)  # a table has each coordinate many times
 def _is_number(cell: str) -> bool:
     return NUMBER.fullmatch(cell) is not None
 

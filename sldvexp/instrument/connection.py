@@ -6,6 +6,7 @@ import os
 import re
 import select
 import socket
+import time
 from typing import Any, Protocol
 
 from sldvexp.instrument.protocol import InstrumentError
@@ -16,6 +17,10 @@ CHUNK = 2**16
 
 #: Bytes of the longest line that an instrument may send.
 LONGEST_LINE = 2**20
+#: Pauses of the time-out that an answer may take as a whole.
+PAUSES = 5
+#: Bytes a second that a block of samples must come with at least.
+SLOWEST = 2000.0
 
 
 class DisturbanceError(InstrumentError):
@@ -96,8 +101,10 @@ class VisaLine:
 
     def receive_line(self, end: bytes, patience: float) -> bytes:
         """See `Line`."""
-        self._session.read_termination = end.decode("latin-1")
         shown = f"the end {end.decode('latin-1')!r} of a line, its answer_end in the profile,"
+        if self._socket is not None and hasattr(self._link, "_pending_buffer"):
+            return self._line_of(self._socket, end, patience, shown)
+        self._session.read_termination = end.decode("latin-1")
         try:
             line = self._received(
                 lambda: self._session.read_bytes(LONGEST_LINE, CHUNK, break_on_termchar=True),
@@ -109,8 +116,66 @@ class VisaLine:
             raise DisturbanceError(f"{shown} did not come within {len(line)} bytes")
         return line.removesuffix(end)
 
+    def _line_of(self, link: socket.socket, end: bytes, patience: float, shown: str) -> bytes:
+        """Read a line of a socket."""
+        read = self._begun(link, patience)
+        longest = patience + PAUSES * self._timeout
+        until = time.monotonic() + longest
+        while end not in read:
+            if len(read) > LONGEST_LINE:
+                raise DisturbanceError(f"{shown} did not come within {LONGEST_LINE} bytes")
+            if time.monotonic() > until:
+                raise DisturbanceError(f"{shown} did not come within {longest:.3g} s")
+            try:
+                read += self._part(link)
+            except BrokenOffError as error:
+                raise DisturbanceError(f"{shown} did not come ({error})") from error
+        line, _, rest = bytes(read).partition(end)
+        read[:] = rest
+        return line
+
+    def _block_of(self, link: socket.socket, count: int, patience: float) -> bytes:
+        """Read so many bytes of a socket."""
+        read = self._begun(link, patience)
+        longest = patience + PAUSES * self._timeout + count / SLOWEST
+        until = time.monotonic() + longest
+        while len(read) < count:
+            if time.monotonic() > until:
+                told = f"the answer broke off ({len(read)} of {count} bytes in {longest:.3g} s)"
+                raise BrokenOffError(told)
+            read += self._part(link)
+        block = bytes(read[:count])
+        del read[:count]
+        return block
+
+    def _begun(self, link: socket.socket, patience: float) -> bytearray:
+        """Wait for an answer to begin; what PyVISA-py has read of it, to which more is added.
+
+        PyVISA-py itself waits for ever for an answer whose bytes come one by one.
+        """
+        assert self._link is not None
+        read: bytearray = self._link._pending_buffer
+        if not read:
+            self._wait(link, patience)
+        return read
+
+    def _part(self, link: socket.socket) -> bytes:
+        """Wait for more of an answer."""
+        ready, _, _ = select.select([link], [], [], self._timeout)
+        if not ready:
+            raise BrokenOffError(f"the answer broke off (nothing for {self._timeout:.3g} s)")
+        try:
+            part = link.recv(CHUNK)
+        except OSError as error:
+            raise DisturbanceError(f"the connection was lost ({error})") from error
+        if not part:
+            raise DisturbanceError("the connection was lost in the middle of the answer")
+        return part
+
     def receive(self, count: int, patience: float) -> bytes:
         """See `Line`."""
+        if self._socket is not None and hasattr(self._link, "_pending_buffer"):
+            return self._block_of(self._socket, count, patience)
         self._session.read_termination = None  # a byte of data may look like the end of a line
         return self._received(lambda: self._session.read_bytes(count, CHUNK), patience)
 

@@ -10,9 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
-from sldvexp.files import make_folder, whole_or_nothing
+from sldvexp.errors import UserError
+from sldvexp.files import make_folder, read_json, whole_or_nothing
 from sldvexp.instrument.protocol import InstrumentError
 from sldvexp.typing import Array
+
+#: Bytes of a kept answer at most.
+LONGEST = 2**20
 
 Steps = tuple[int, int]
 Place = tuple[float, float, float]
@@ -130,7 +134,7 @@ def write_answer(path: Path, question: Any, answer: Any) -> None:
 def read_answer(path: Path) -> dict[str, Any] | None:
     """Read a kept question and its answer; None if there is none or its file is damaged."""
     try:
-        kept = json.loads(path.read_text())
-    except (FileNotFoundError, ValueError):
+        kept = read_json(path, LONGEST)
+    except (UserError, ValueError):
         return None
     return kept if isinstance(kept, dict) and {"question", "answer"} <= set(kept) else None

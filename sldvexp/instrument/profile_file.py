@@ -18,6 +18,7 @@ from sldvexp.config.paths import conf_dir, locate
 from sldvexp.errors import Checks, ConfigError, UserError, nearest
 from sldvexp.files import read_text
 from sldvexp.instrument.profile import CHANNELS, Commands, Profile
+from sldvexp.limits import YAML_BYTES, load_yaml, slow_pattern
 
 SUFFIXES = (".yaml", ".yml")
 
@@ -71,7 +72,7 @@ def load_profile(name: str) -> Profile:
     """
     path = profile_path(name)
     try:
-        content = yaml.load(read_text(path), _Texts)
+        content = load_yaml(read_text(path, YAML_BYTES), _Texts)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f", line {mark.line + 1}" if mark else ""
@@ -172,6 +173,9 @@ TELLS = {
     "scan": (("positions",),),
 }
 
+#: A format that makes a value long.
+WIDE = re.compile(r"\{[^{}]*:[^{}]*\d{4}")
+
 #: A value of each placeholder, to try a command with.
 EXAMPLES = {name: 1 for names in PLACEHOLDERS.values() for name in names} | {
     "rate": 1.0,
@@ -249,9 +253,11 @@ def _expression(checks: Checks, key: str, text: str, groups: int = 0) -> None:
     """Note what is no regular expression or has too few groups."""
     try:
         found = re.compile(text).groups
-    except re.error as error:
+    except (re.error, OverflowError, RecursionError) as error:
         checks.require(False, key, f"is not a regular expression: {error}")
         return
+    told = slow_pattern(text)
+    checks.require(not told, key, told)
     checks.require(found >= groups, key, r"must have the code in parentheses, as in (-?\d+),.*")
 
 
@@ -271,6 +277,9 @@ def _check_placeholders(checks: Checks, key: str, text: str, allowed: tuple[str,
             valid = nearest(name, allowed).replace("there are none", "none is allowed here")
             checks.require(False, key, f"has the unknown placeholder {{{name}}}; {valid}")
             return
+    if WIDE.search(text):
+        checks.require(False, key, "pads a value to a thousand characters or more")
+        return
     try:
         text.format(**{name: EXAMPLES[name] for name in allowed})
     except (ValueError, IndexError, KeyError) as error:

@@ -18,9 +18,10 @@ from omegaconf import MISSING
 from sldvexp.config.paths import JOURNAL, locate
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError, nearest
-from sldvexp.files import make_folder, whole_or_nothing
+from sldvexp.files import make_folder, require_file, whole_or_nothing
 from sldvexp.instrument.person import RecordedPerson
 from sldvexp.instrument.protocol import (
+    CHANNELS,
     Acquisition,
     Instrument,
     InstrumentError,
@@ -28,8 +29,12 @@ from sldvexp.instrument.protocol import (
     ScanningPlugin,
 )
 from sldvexp.laser import TwoMirror
+from sldvexp.limits import too_much_claimed
 from sldvexp.targets import Target
 from sldvexp.typing import Array, IntArray
+
+#: Arrays of a kept line, and the kinds of numbers that each may have.
+KINDS = {"dac": "iu", "asked": "f", "counts": "iu", "volts_per_count": "f", "status": "iu"}
 
 
 def write_line(
@@ -65,15 +70,32 @@ def write_line(
 
 
 def read_line(path: Path) -> tuple[IntArray, Array, RawSamples] | None:
-    """Read pixels, sampling as asked, and samples of a kept line; None if its file is damaged."""
+    """Read pixels, sampling as asked, and samples of a kept line; None if its file is damaged.
+
+    An array may claim no more than a file of that size can hold, and its shape must go with those
+    of the others.
+    """
+    require_file(path)
     try:
+        with zipfile.ZipFile(path) as packed:
+            claimed = sum(part.file_size for part in packed.infolist())
+        if too_much_claimed(claimed, path.stat().st_size):
+            return None
         with np.load(path) as kept:
-            found = {key: kept[key] for key in kept.files}
+            found = {key: kept[key] for key in (*KINDS, "rate")}
+        pixels = len(found["dac"])
+        shapes = {"dac": (pixels, 2), "volts_per_count": (len(CHANNELS),), "status": (pixels,)}
+        shapes |= {"counts": (pixels, len(CHANNELS), *found["counts"].shape[2:3])}
+        sound = all(found[key].dtype.kind in kinds for key, kinds in KINDS.items())
+        if not len(found["status"]):  # of an instrument that tells none
+            shapes["status"] = (0,)
+        if not sound or any(found[key].shape != shape for key, shape in shapes.items()):
+            return None
         samples = RawSamples(
             found["counts"], found["volts_per_count"], float(found["rate"]), found["status"]
         )
         return found["dac"], found["asked"], samples
-    except (zipfile.BadZipFile, ValueError, EOFError, KeyError):
+    except (zipfile.BadZipFile, ValueError, TypeError, EOFError, KeyError, MemoryError, OSError):
         return None
 
 

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.files import require_file
+from sldvexp.files import read_bytes
 from sldvexp.io.obj import read_obj
 from sldvexp.io.uff import UniversalGeometry, universal_file
 from sldvexp.lazy import scipy
@@ -171,6 +171,10 @@ def _of_meshio(path: Path, unit: float) -> MeshSurface:
     """Read the surface cells of a file that meshio knows."""
     mesh = _read(path)
     position = np.asarray(mesh.points, float) * unit
+    if position.ndim != 2 or position.shape[1] not in (2, 3):
+        raise UserError(f"{path}: has no nodes")
+    if any(np.any((block.data < 0) | (block.data >= len(position))) for block in mesh.cells):
+        raise UserError(f"{path}: has a cell with a corner that is not among its nodes")
     if position.shape[1] == 2:
         position = np.column_stack([position, np.zeros(len(position))])
     return _of_cells(path, position, [(block.type, block.data) for block in mesh.cells])
@@ -201,7 +205,7 @@ def _read(path: Path) -> Any:
         raise UserError(
             "volume=mesh needs the package meshio; install it with: pip install 'sldvexp[mesh]'"
         ) from None
-    require_file(path)
+    read_bytes(path)  # its readers take whatever they are given, of any size
     said = io.StringIO()
     try:
         with redirect_stdout(said), redirect_stderr(said):

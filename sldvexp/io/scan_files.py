@@ -94,7 +94,8 @@ def _rows(path: Path) -> Iterator[tuple[int, tuple[int, int]]]:
             continue
         try:
             first, second = map(int, cells)
-        except ValueError:
+            np.array([first, second], np.int64)  # which holds them
+        except (ValueError, OverflowError):
             raise UserError(
                 f"{path}, line {line}: must be two whole numbers, not {text.strip()!r}"
             ) from None

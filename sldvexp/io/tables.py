@@ -331,6 +331,10 @@ def read_points(path: Path) -> tuple[Array, IntArray]:
     return position, np.array(table.lines[1:], np.int64)
 
 
+#: Of whole numbers at most, as 64 bits hold them.
+DIGITS = 18
+
+
 def number(text: str, what: str, where: str) -> float:
     """Convert text to a finite number.
 
@@ -355,7 +359,7 @@ def whole_number(text: str, what: str, where: str) -> int:
     UserError
         If the text is anything else.
     """
-    if not (text.isascii() and text.isdigit()):
+    if not (text.isascii() and text.isdigit() and len(text) <= DIGITS):
         raise UserError(f"{where}: {what} must be a whole number, not {text!r}")
     return int(text)
 

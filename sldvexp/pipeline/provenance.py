@@ -19,6 +19,7 @@ from sldvexp.config import registry
 from sldvexp.config.paths import locate
 from sldvexp.config.schema import plugin_names
 from sldvexp.errors import UserError
+from sldvexp.files import require_file
 
 #: Settings that change no number.
 NO_NUMBERS = ("report", "sweep", "overwrite")
@@ -81,6 +82,7 @@ def versions() -> dict[str, str]:
 
 def sha256(path: Path) -> str:
     """Compute the digest of an input file."""
+    require_file(path)
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()

@@ -148,10 +148,11 @@ def read_poses(path: Path, confidence: float) -> xr.Dataset:
     """
     require_file(path)
     if path.suffix.lower() == ".nc":
-        with dataset.load(path) as tree:
+        with dataset.readable(path), dataset.load(path) as tree:
             if "pose" not in tree.children:
                 raise UserError(f"{path}: the run has no group pose")
             group = tree["pose"].to_dataset().load()
+        dataset.require_declared(path, "pose", group)
         group.attrs.pop("notes", None)
         bounds = [n for n in group if str(n).endswith("_confidence")]
         behind = ["dof", *(str(n).replace("_confidence", "_std") for n in bounds)] if bounds else []

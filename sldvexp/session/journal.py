@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.files import make_folder, whole_or_nothing
+from sldvexp.files import make_folder, read_bytes, whole_or_nothing
 from sldvexp.instrument import Acquisition, RawSamples
 from sldvexp.instrument.person import read_answer, write_answer
 from sldvexp.instrument.recording import asked, read_line, write_line
@@ -128,7 +128,7 @@ def require_same(folder: Path, configuration: object) -> None:
     """
     key = hashlib.sha256(repr(configuration).encode()).hexdigest()
     path = folder / CONFIGURATION
-    kept = path.read_text(errors="replace") if path.is_file() else ""
+    kept = read_bytes(path, 4 * len(key)).decode("ascii", "replace") if path.exists() else ""
     if kept == key:
         return
     if re.fullmatch("[0-9a-f]{64}", kept):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -15,11 +16,15 @@ from omegaconf.errors import OmegaConfBaseException
 
 from sldvexp.config.paths import displayed
 from sldvexp.config.refusals import refusal
+from sldvexp.config.security import looks_up
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import read_text
+from sldvexp.limits import YAML_BYTES, load_yaml, slow_pattern
 
 #: What a setting may be called; Hydra's own decide nothing of a run, but could name code.
 SETTING = r"(?!hydra\b)[\w./]+"
+#: Combinations of a matrix at most.
+MOST = 10_000
 #: Texts that need no quotes on a command line.
 PLAIN = r"[\w./:-]+"
 
@@ -123,6 +128,9 @@ def read_matrix(path: Path) -> list[Cell]:
             raise UserError(f"{where}: {key} cannot be set here; write pose.path and the like")
     if not matrix.axes or not all(isinstance(v, list) and v for v in matrix.axes.values()):
         raise UserError(f"{where}: axes must name settings, each with a list of its values")
+    count = math.prod(map(len, matrix.axes.values()))
+    if count > MOST:
+        raise UserError(f"{where}: has {count:.3g} combinations; a matrix has at most {MOST}")
     for number, rule in enumerate(matrix.rules):
         _require_known(rule, matrix.axes, f"{where}: rules[{number}]")
     combinations = [dict(zip(matrix.axes, v, strict=True)) for v in product(*matrix.axes.values())]
@@ -131,7 +139,10 @@ def read_matrix(path: Path) -> list[Cell]:
 
 def _read(path: Path) -> Matrix:
     try:
-        content = yaml.safe_load(read_text(path))
+        text = read_text(path, YAML_BYTES)
+        content = load_yaml(text)
+        if "${" in text and (told := next(filter(None, map(looks_up, _texts(content))), "")):
+            raise UserError(f"{displayed(path)}: {told}")
         matrix = OmegaConf.merge(OmegaConf.structured(Matrix), content or {})
         found: Matrix = OmegaConf.to_object(matrix)  # type: ignore[assignment]
     except yaml.MarkedYAMLError as error:
@@ -144,6 +155,16 @@ def _read(path: Path) -> Matrix:
     except (ValueError, yaml.YAMLError):
         raise UserError(f"{displayed(path)}: must be a table with axes and rules") from None
     return found
+
+
+def _texts(node: Any) -> Iterator[str]:
+    """Yield every text, keys among them."""
+    if isinstance(node, str):
+        yield node
+    elif isinstance(node, dict):
+        yield from (text for pair in node.items() for part in pair for text in _texts(part))
+    elif isinstance(node, list):
+        yield from (text for part in node for text in _texts(part))
 
 
 def _set_by(rule: Rule) -> Iterator[str]:
@@ -168,6 +189,8 @@ def _require_known(rule: Rule, axes: Mapping[str, list[Any]], where: str) -> Non
         re.compile(rule.refused)
     except re.error as error:
         raise UserError(f"{where}.refused: is no regular expression: {error}") from None
+    if told := slow_pattern(rule.refused):
+        raise UserError(f"{where}.refused: {told}")
 
 
 def _cell(matrix: Matrix, values: Mapping[str, Any]) -> Cell:

@@ -15,7 +15,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
 from sldvexp.errors import UserError
-from sldvexp.files import whole_or_nothing
+from sldvexp.files import read_json, whole_or_nothing
 
 #: In a sweep's folder: which sweep it belongs to.
 OWNER = ".sweep.json"
@@ -100,14 +100,14 @@ class Plan:
         """
         path, ours = folder / OWNER, json.loads(json.dumps(self._apart(others)))
         try:
-            found = json.loads(path.read_text())
-        except (OSError, ValueError):  # nobody's, or nobody can tell
+            found = read_json(path)
+            keys, fixed, *_ = found
+            of = ", ".join(keys) + (f" with {' '.join(fixed)}" if fixed else "")
+        except (UserError, ValueError, TypeError):  # nobody's, or nobody can tell
             with whole_or_nothing(path) as beside:
                 beside.write_text(json.dumps(ours))
             return
         if found != ours:
-            keys, fixed, *_ = found
-            of = ", ".join(keys) + (f" with {' '.join(fixed)}" if fixed else "")
             raise UserError(
                 f"{folder}: belongs to another sweep, over {of}; choose another folder with "
                 "hydra.sweep.dir=..."

@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
-from sldvexp.files import whole_or_nothing
+from sldvexp.errors import UserError
+from sldvexp.files import read_json, whole_or_nothing
 
 FILE = "record.json"
 
@@ -67,9 +68,9 @@ def write(folder: Path, record: Record) -> None:
 def read(folder: Path) -> Record:
     """Read the record of a run's folder; a waiting run's if there is none, or it is damaged."""
     try:
-        found = json.loads((folder / FILE).read_text())
+        found = read_json(folder / FILE)
         return Record(**{**found, "state": State(found["state"])})
-    except (OSError, ValueError, TypeError, KeyError):
+    except (UserError, ValueError, TypeError, KeyError):
         return Record()
 
 

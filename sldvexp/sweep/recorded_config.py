@@ -17,6 +17,7 @@ from sldvexp.config.experiment import SINGLE_GROUPS, Experiment
 from sldvexp.config.refusals import refusal
 from sldvexp.config.sources import ConfigLayer
 from sldvexp.errors import UserError
+from sldvexp.limits import load_yaml
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ def read(path: Path, attributes: Mapping[Any, Any]) -> Recorded:
     """
     found = {}
     for name, loads in (
-        ("config", yaml.safe_load),
+        ("config", load_yaml),
         ("plugins", json.loads),
         ("inputs_sha256", json.loads),
         ("packages", json.loads),

@@ -22,7 +22,7 @@ from sldvexp import dataset
 from sldvexp.config import schema
 from sldvexp.config.paths import locate
 from sldvexp.errors import UserError
-from sldvexp.files import whole_or_nothing
+from sldvexp.files import read_json, whole_or_nothing
 from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline import provenance
 from sldvexp.pipeline.steps import Run, Step
@@ -112,15 +112,15 @@ def _work(path: Path, step: Step, run: Run) -> None:
 
 def _take(path: Path, step: Step, run: Run) -> bool:
     """Add what another run kept of the step; False if there is nothing, or nothing sound."""
+    if not path.with_suffix(".json").exists():
+        return False
     try:
-        about = json.loads(path.with_suffix(".json").read_text())
+        about = read_json(path.with_suffix(".json"))
         if about["sha256"] != provenance.sha256(path):
             raise ValueError("its content is not what was written")
         if about["inputs"] != _digests(about["inputs"]):
             return False  # a file that the step reads has changed, or is gone
         groups = _read(path, about["sha256"], json.dumps(about["groups"]))
-    except FileNotFoundError:
-        return False
     except (OSError, ValueError, KeyError, TypeError, AttributeError, UserError) as error:
         log.warning("%s: is damaged and is computed again: %s", path, error)
         return False

@@ -17,7 +17,7 @@ from pathlib import Path
 from types import TracebackType
 
 from sldvexp.errors import UserError
-from sldvexp.files import sweep_up
+from sldvexp.files import require_no_links, sweep_up
 from sldvexp.pipeline.provenance import about_program
 from sldvexp.report import Report
 from sldvexp.sweep import record
@@ -85,7 +85,7 @@ class Sweep:
 
     def arguments(self, arguments: Sequence[str]) -> list[str]:
         """Write the command line with the folders of this sweep."""
-        return [*arguments, *self._added]
+        return [*self._added, *arguments]
 
     @property
     def folders(self) -> list[Path]:
@@ -94,6 +94,7 @@ class Sweep:
 
     def __enter__(self) -> Sweep:
         self._made = not self.folder.exists()
+        require_no_links(self.folder)
         held = locked(self.folder / LOCK_FILE, wait=False)
         try:
             self._held.enter_context(held)

@@ -135,8 +135,7 @@ def _composed(origins: Origins) -> DictConfig:
         With the sentence about whatever keeps it from being composed.
     """
     try:
-        if origins.folders_added:
-            security.check(origins)
+        security.check(origins)
         cfg = origins.compose()
     except Exception as error:
         raise UserError(_in_one_line(messages.of_composition(error, origins))) from None

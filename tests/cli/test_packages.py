@@ -201,3 +201,50 @@ def test_files_of_a_package_are_no_strangers(sldvexp, installed, tmp_path):
     assert "JOB: a" in done.out
     done = sldvexp("--config-dir", "lab", "experiment=of_lab", "--cfg", "hydra")
     assert "hydra.job.env_set is refused" in done.err
+
+
+FAILS = """
+from dataclasses import dataclass
+from sldvexp.registry import register
+from sldvexp.reconstruction.base import Reconstruction
+@register("reconstruction", "{name}")
+@dataclass
+class Failing(Reconstruction):
+    def __post_init__(self):
+        {at_once}
+    def reconstruct(self, *given, **named):
+        {later}
+"""
+
+
+@pytest.mark.parametrize(
+    ("at_once", "later", "told"),
+    [
+        ("1 / 0", "", "ZeroDivisionError: division by zero"),
+        ("pass", "1 / 0", "ZeroDivisionError: division by zero"),
+        ("pass", "raise SystemExit(3)", "SystemExit: 3"),
+        ("pass", r"raise ValueError('two\nlines \x1b[2J')", r"ValueError: two lines \x1b[2J"),
+        ("pass", "return None", "AttributeError: 'NoneType' object has no attribute 'to_dataset'"),
+    ],
+)
+def test_failure_of_a_plugin_names_its_package_and_its_place_on_demand(
+    sldvexp, installed, tmp_path, monkeypatch, at_once, later, told
+):
+    name = f"failing_{abs(hash((at_once, later)))}"  # compositions are kept from test to test
+    code = FAILS.format(name=name, at_once=at_once, later=later or "pass")
+    package(tmp_path / "failing", "stranger", code)
+    monkeypatch.syspath_prepend(tmp_path / "failing")
+    call = ("experiment=point", f"reconstruction={name}", "report=none")
+    done = sldvexp(*call)
+    assert done.status == 1
+    assert done.err == (
+        "sldvexp: a plugin of the package stranger 2.1 failed, or gave what does not fit: "
+        f"{told}; with HYDRA_FULL_ERROR=1 in the environment it shows where\n"
+    )
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    if "SystemExit" in told:
+        assert sldvexp(*call).status == 3
+        return
+    with pytest.raises((ZeroDivisionError, ValueError, AttributeError)) as raised:
+        sldvexp(*call)
+    assert any("stranger" in str(e.path) or "base.py" in str(e.path) for e in raised.traceback)

@@ -215,3 +215,10 @@ def test_mistakes_in_calls_of_the_command_are_seen():
 def test_calls_of_the_command_are_valid(line):
     assert line.startswith("sldvexp")
     assert wrong(line) == ""
+
+
+def test_tests_that_hold_the_threats_exist():
+    root = HANDBOOK.parents[1]
+    named = [text for text in quoted("threats") if text.startswith("tests/")]
+    assert len(named) > 5
+    assert all((root / text).exists() for text in named)

@@ -217,7 +217,7 @@ class PoseErrors:
         count = len(views)
         poses = whole[:, :POSE, :, :POSE].reshape(POSE * count, POSE * count)
         e = whole[:, POSE:, :, POSE:].reshape(2 * [count * len(adjusted)])
-        together = whole[:, :POSE, :, POSE:].reshape(POSE * count, -1)
+        together = whole[:, :POSE, :, POSE:].reshape(POSE * count, count * len(adjusted))
         size = np.sqrt(np.where(np.diag(e) > 0, np.diag(e), 1.0))
         variance, direction = np.linalg.eigh(e / np.outer(size, size))
         own = variance > NO_ERROR * variance.max(initial=0.0)

@@ -37,7 +37,7 @@ ARRAYS = {
 
 def read(path: Path, unit: LengthUnit | None = None) -> list[RegistrationTable]:
     """Read every view of a file; see `sldvexp.io.registration.read`."""
-    with run.load(path) as tree:
+    with run.readable(path), run.load(path) as tree:
         node = tree[GROUP] if GROUP in tree.children else tree
         dataset = node.to_dataset().load()
     return from_dataset(dataset, str(path), unit)

@@ -138,7 +138,8 @@ def _require_count(content: _Content, path: Path) -> None:
     if stated is None:
         raise UserError(f"{path}: NUMREG, the number of points, is missing")
     if int(stated) != found:
-        absent = [n for n in range(1, int(stated) + 1) if n not in content.line_of]
+        first = range(1, min(int(stated), found + 1) + 1)  # one of so many is missing, if any is
+        absent = [n for n in first if n not in content.line_of]
         hint = f" (point {absent[0]} is missing)" if absent else ""
         raise UserError(
             f"{path}: NUMREG promises {stated} points but {found} REGPOINT lines follow{hint}"

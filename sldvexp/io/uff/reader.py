@@ -30,7 +30,7 @@ from sldvexp.io.uff.functions import (
 from sldvexp.io.uff.geometry import UniversalGeometry, read_geometry
 from sldvexp.io.uff.nodal import ANALYSIS, ShapeFunctions, read_nodal
 from sldvexp.io.uff.seal import require_seal
-from sldvexp.io.uff.source import ASCII_LINES, Binary, DataSet, Source, opened, shown
+from sldvexp.io.uff.source import ASCII_LINES, CHUNK, Binary, DataSet, Source, opened, shown
 
 #: The line that begins and ends every data set: -1 in columns 5 and 6, blanks up to its end.
 MARK = b"    -1"
@@ -46,6 +46,10 @@ IEEE = 2
 OTHER_FORMATS = {1: "VAX floating-point", 3: "IBM floating-point"}
 #: Longest line that is looked at in search of its end; a line of a universal file has 80 columns.
 LONGEST_LINE = 4096
+#: Bytes of a file that takes seconds to search.
+LARGE = 2**28
+#: Bytes between data sets at most, which are blank.
+LONGEST_BLANK = 2**22
 #: Longest line of -1, with blanks to its end.
 SHORT = 512
 
@@ -65,6 +69,11 @@ def index(source: Source) -> list[DataSet]:
             f"{source.path}: is text in UTF-16, as an editor or a shell may have saved it; write "
             "the file anew, or save it as plain text (ASCII or UTF-8)"
         )
+    if source.size > LARGE and MARK not in source.read(source.size - CHUNK, source.size):
+        raise UserError(
+            f"{source.path}: the last MB of the file has no line '    -1', with which a universal "
+            "file ends; it is truncated"
+        )
     position, binary = (len(UTF_8) if start == UTF_8 else 0), False
     while (begin := _begin(source, position, entries)) is not None:
         entry, position = _entry(source, begin, len(entries) + 1, binary)
@@ -77,7 +86,11 @@ def index(source: Source) -> list[DataSet]:
 
 def _begin(source: Source, position: int, entries: list[DataSet]) -> int | None:
     """Find the byte after the next line of -1, None at the end of the file."""
+    first = position
     while True:  # skip blank lines, also those of a whole window
+        if position - first > LONGEST_BLANK:
+            message = f"has more than {LONGEST_BLANK >> 20} MB of blanks or zeros from byte {first}"
+            raise UserError(f"{source.path}: {message}; it is damaged")
         piece = source.peek(position, LONGEST_LINE)
         if not piece:
             return None

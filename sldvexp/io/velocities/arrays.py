@@ -288,15 +288,12 @@ def _with_parts(values: dict[str, NDArray]) -> dict[str, NDArray]:
 
 def _group(path: Path, layout: FileLayout) -> xr.Dataset:
     """Read the file's group into memory."""
-    try:
-        with dataset.load(path) as tree:
-            name = layout.group or ("line_of_sight" if "line_of_sight" in tree.children else "/")
-            if name.strip("/") not in ("", *(n.path.strip("/") for n in tree.descendants)):
-                groups = ", ".join(n.path.strip("/") for n in tree.descendants) or "none"
-                raise UserError(f"{path}: has no group {name}; there are {groups}")
-            return tree[name].to_dataset().load()
-    except RuntimeError:  # the netCDF library's word for data that its own index contradicts
-        raise UserError(f"{path}: is a damaged netCDF-4 file") from None
+    with dataset.readable(path), dataset.load(path) as tree:
+        name = layout.group or ("line_of_sight" if "line_of_sight" in tree.children else "/")
+        if name.strip("/") not in ("", *(n.path.strip("/") for n in tree.descendants)):
+            groups = ", ".join(n.path.strip("/") for n in tree.descendants) or "none"
+            raise UserError(f"{path}: has no group {name}; there are {groups}")
+        return tree[name].to_dataset().load()
 
 
 def _renamed(data: xr.Dataset, layout: FileLayout, path: Path) -> tuple[xr.Dataset, dict[str, str]]:

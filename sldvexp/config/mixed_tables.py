@@ -1,0 +1,54 @@
+"""Tables that have a user's own entries beside those of an example, which nobody may have meant.
+
+Hydra merges tables: views ``a`` and ``b`` of a user's scene come to the five of the example's. An
+entry that has a name of the example's changes it; one of another name is beside all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import is_dataclass
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf
+
+from sldvexp.config.sources import NOTHING, Origins
+
+
+def mixed_tables(config: DictConfig, origins: Origins) -> Iterator[str]:
+    """Say of each such table which entries are the example's, and how they are left out.
+
+    Parameters
+    ----------
+    config : DictConfig
+        The composed configuration.
+    origins : Origins
+        Of its settings.
+    """
+    users = [layer for layer in origins.layers() if layer.of_user]
+    for key, table in _tables(config, ""):
+        if all(layer.value(key) is NOTHING for layer in users):
+            continue
+        examples, own = [], []
+        for name in map(str, table):
+            given = [x for x in origins.layers() if x.value(f"{key}.{name}") is not NOTHING]
+            if given and all(layer.of_user for layer in given):
+                own.append(name)
+            elif given and not any(layer.of_user for layer in given):
+                examples.append((name, given[-1].source))
+        if examples and own:
+            name, file = examples[0]
+            yield (
+                f"{key}: {', '.join(n for n, _ in examples)} come from {file}, beside "
+                f"{', '.join(own)} of yours; ~{key}.{name} leaves one out"
+            )
+
+
+def _tables(node: Any, path: str) -> Iterator[tuple[str, DictConfig]]:
+    """Yield the tables of a configuration whose entries a user names, with their dotted keys."""
+    if not isinstance(node, DictConfig) or node._is_none() or node._is_missing():
+        return
+    if OmegaConf.get_type(node) is dict and is_dataclass(node._metadata.element_type):
+        yield path, node
+    for key, value in node.items_ex(resolve=False):
+        yield from _tables(value, f"{path}.{key!s}" if path else str(key))

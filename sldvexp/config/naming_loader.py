@@ -1,0 +1,101 @@
+"""Lets names of views and the like be written with quotes or without, in files as on a line.
+
+YAML reads ``1: {...}`` as a number and ``"1": {...}`` as a text. A table whose entries have texts
+for names takes both alike; one of numbers, as that of fiducial marks, stays one of numbers.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra._internal.config_repository import IConfigRepository
+from hydra.core.default_element import ResultDefault
+from hydra.core.override_parser.types import Override
+from hydra.errors import ConfigCompositionException
+from omegaconf import DictConfig, OmegaConf, flag_override
+from omegaconf.errors import OmegaConfBaseException
+
+
+class NamingLoader(ConfigLoaderImpl):
+    """Hydra's loader, for which ``1`` and ``"1"`` name the same entry of a table."""
+
+    def _compose_config_from_defaults_list(
+        self, defaults: Sequence[ResultDefault], repo: IConfigRepository
+    ) -> DictConfig:
+        """Merge files as Hydra does, each with the names that the tables so far have."""
+        config: DictConfig = OmegaConf.create()
+        with flag_override(config, "no_deepcopy_set_nodes", True):
+            for default in defaults:
+                loaded = self._load_single_config(default=default, repo=repo).config
+                try:
+                    config.merge_with(_named_as(config, loaded))
+                except OmegaConfBaseException as error:
+                    raise ConfigCompositionException(
+                        f"In '{default.config_path}': {type(error).__name__} raised while"
+                        f" composing config:\n{error}"
+                    ).with_traceback(sys.exc_info()[2]) from error
+        _strip_defaults(config)
+        return config
+
+    @staticmethod
+    def _apply_overrides_to_config(overrides: list[Override], cfg: DictConfig) -> None:
+        """Apply settings of the command line as Hydra does, with the names that tables have."""
+        for override in overrides:
+            ConfigLoaderImpl._apply_overrides_to_config([_named(override, cfg)], cfg)
+
+
+def _named(override: Override, config: DictConfig) -> Override:
+    """Name the entries of a table that a setting gives as those that are there."""
+    value = override.value() if not override.is_sweep_override() else None
+    if override.is_delete() or not isinstance(value, dict):
+        return override
+    table = OmegaConf.select(config, override.key_or_group, throw_on_missing=False)
+    return replace(override, _value=_as_texts(table, value))
+
+
+def _named_as(table: Any, added: Any) -> Any:
+    """Change a loaded node so that its entries are named as those of the table it goes to."""
+    if not _has_entries(table) or not _has_entries(added):
+        return added
+    if table._metadata.key_type is str:
+        for key in [k for k in added if type(k) is int]:
+            entry = added._get_node(key)
+            del added[key]
+            added._set_item_impl(str(key), entry)
+    for key in added:
+        if key in table._content:
+            _named_as(table._get_node(key), added._get_node(key))
+    return added
+
+
+def _as_texts(table: Any, value: dict[Any, Any]) -> dict[Any, Any]:
+    """Name the entries of a plain table, and of those in it, as those that are there."""
+    if not _has_entries(table):
+        return value
+    texts = table._metadata.key_type is str
+    named = {str(k) if texts and type(k) is int else k: v for k, v in value.items()}
+    return {
+        k: _as_texts(table._get_node(k), v) if isinstance(v, dict) and k in table._content else v
+        for k, v in named.items()
+    }
+
+
+def _has_entries(node: Any) -> bool:
+    """Tell whether a node is a table with or without entries, and no missing or referred one."""
+    return isinstance(node, DictConfig) and isinstance(node._content, dict)
+
+
+def _strip_defaults(config: Any) -> None:
+    """Remove what Hydra keeps of defaults lists in nodes of structured configurations."""
+    if not _has_entries(config):
+        return
+    with flag_override(config, ["readonly", "struct"], False):
+        if config._get_flag("HYDRA_REMOVE_TOP_LEVEL_DEFAULTS"):
+            config._set_flag("HYDRA_REMOVE_TOP_LEVEL_DEFAULTS", None)
+            config.pop("defaults", None)
+    for _, value in config.items_ex(resolve=False):
+        _strip_defaults(value)
