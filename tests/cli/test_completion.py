@@ -40,7 +40,7 @@ def test_groups_settings_and_commands_are_offered_first(offered):
         ("sldvexp reconstr", "uction uction."),
         (
             "sldvexp reconstruction=",
-            "absolute absolute_full combined contravariant relative samplewise",
+            "absolute absolute_full combined contravariant relative samplewise shell spline",
         ),
         ("sldvexp reconstruction=co", "mbined ntravariant"),
         ("sldvexp -m pose=edge,bit", "angent"),
