@@ -140,12 +140,12 @@ class UffImport(PointwiseImport):
             chosen = {
                 name: _choose(self, view, opened, questions) for name, view in self.views.items()
             }
-            questions.done()
             sources = {name: source for name, source in chosen.items() if source is not None}
-            odd = [] if self.reference_dof else _several_references(sources)
+            if not self.reference_dof:
+                _ask_reference(sources, questions)
+            questions.done()
             for name, source in sources.items():
                 found = _view(self, name, self.views[name], source)
-                found.findings.extend(odd if first is None else [])
                 same_frequencies(found, first)
                 first = first or found
                 yield found
@@ -201,24 +201,21 @@ def _choose(
     return _ViewSource(file, functions, rules, geometry, length) if rules else None
 
 
-def _several_references(sources: dict[str, _ViewSource]) -> list[Finding]:
-    """Say that views are of several references, whose excitations may not be the same."""
+def _ask_reference(sources: dict[str, _ViewSource], questions: Questions) -> None:
+    """Ask whether views of several references had one excitation, as these may not be the same."""
     views: dict[str, list[str]] = {}
     for name, source in sources.items():
         if source.functions[0].kind in OF_REFERENCE:
             views.setdefault(source.functions[0].reference_dof, []).append(name)
     if len(views) < 2:
-        return []
+        return
     listed = ", ".join(f"{dof} ({', '.join(names)})" for dof, names in views.items())
-    return [
-        Finding(
-            "reference",
-            "all views",
-            f"response functions of the views are of several references: {listed}; they fit "
-            "together only if one excitation was behind them all",
-            remedy=f"instrument.reference_dof={ANY}",
-        )
-    ]
+    message = (
+        f"response functions of the views are of several references: {listed}; give all views "
+        "functions of one reference and name it with instrument.reference_dof, or say "
+        f"instrument.reference_dof={ANY} if one excitation was behind them all"
+    )
+    questions.note(UserError(f"instrument.views: {message}"), "instrument.views")
 
 
 def _ask_more(

@@ -575,15 +575,33 @@ def test_functions_of_zeros_are_asked_about_with_the_others(uff, tmp_path):
     refused(path, "data set 4 (58)", "all values of 2+Z are zero")
 
 
-def test_views_of_several_references_are_doubtful(uff, tmp_path):
+def views_of_references(uff, tmp_path, references):
     views = {}
-    for name, reference in (("a", 1), ("b", 1), ("c", 7)):
+    for name, reference in references.items():
         path = tmp_path / f"{name}.uff"
         function = uff.function(1, FIRST, reference=(reference, 3))
         path.write_bytes(uff.units() + uff.nodes(POINTS) + function)
         views[name] = PointwiseView(path=str(path), direction=[0.0, 0.0, 1.0])
-    (finding,) = take_findings({"line_of_sight": UffImport(views=views, **SAID).read()})
-    assert "of several references: 1+Z (a, b), 7+Z (c)" in finding.text
-    assert (finding.severity.name, finding.remedy) == ("doubtful", "instrument.reference_dof=any")
+    return views
+
+
+def test_views_of_several_references_are_asked_about(uff, tmp_path):
+    views = views_of_references(uff, tmp_path, {"a": 1, "b": 1, "c": 7})
+    with pytest.raises(UserError, match=r"several references: 1\+Z \(a, b\), 7\+Z \(c\)") as error:
+        UffImport(views=views, **SAID).read()
+    assert "instrument.reference_dof=any if one excitation" in str(error.value)
     group = UffImport(views=views, **SAID, reference_dof="any").read()
     assert not take_findings({"line_of_sight": group})
+    views = views_of_references(uff, tmp_path, {"a": 1, "b": 1})
+    assert UffImport(views=views, **SAID).read().sizes["view"] == 2
+
+
+def test_any_cannot_choose_among_references_of_one_node(uff, tmp_path):
+    path = tmp_path / "several.uff"
+    functions = uff.function(1, FIRST) + uff.function(1, 2 * FIRST, reference=(7, 1))
+    path.write_bytes(uff.units() + uff.nodes(POINTS) + functions)
+    asked = "choose one of 1+Z, 7+X with instrument.reference_dof=1+Z"
+    assert refused(path, "the same node 1", asked).endswith(asked)
+    refused(path, f"{asked}, as any cannot choose among", reference_dof="any")
+    group = read(path, reference_dof="7+X")
+    np.testing.assert_allclose(group["velocity"][0, 0], 2 * FIRST, rtol=SIX_DIGITS)
