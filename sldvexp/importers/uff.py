@@ -17,6 +17,7 @@ from sldvexp.errors import Checks, UserError
 from sldvexp.importers.conventions import Conventions, Directions, Quantity, Questions, Zeros
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, close, same_frequencies
+from sldvexp.importers.reference import ask_unit, unknown_units
 from sldvexp.importers.uff_choice import (
     ANY,
     OF_REFERENCE,
@@ -143,9 +144,14 @@ class UffImport(PointwiseImport):
             sources = {name: source for name, source in chosen.items() if source is not None}
             if not self.reference_dof:
                 _ask_reference(sources, questions)
+            units = {n: s.rules.reference for n, s in sources.items() if s.rules.reference}
+            if open_ := ask_unit(self.reference, units):
+                questions.note(open_, "instrument.reference")
             questions.done()
+            odd = unknown_units(self.reference, units)
             for name, source in sources.items():
                 found = _view(self, name, self.views[name], source)
+                found.findings.extend(odd if first is None else [])
                 same_frequencies(found, first)
                 first = first or found
                 yield found
@@ -159,6 +165,7 @@ class _ViewSource(NamedTuple):
     rules: Conventions
     geometry: UniversalGeometry | None
     length: tuple[float, str]
+    places: str
 
 
 def _choose(
@@ -198,7 +205,8 @@ def _choose(
     except UserError as error:
         questions.note(error, file.source.path)
         return None
-    return _ViewSource(file, functions, rules, geometry, length) if rules else None
+    stated = str(places.source.path) if places.geometry and places.units else ""
+    return _ViewSource(file, functions, rules, geometry, length, stated) if rules else None
 
 
 def _ask_reference(sources: dict[str, _ViewSource], questions: Questions) -> None:
@@ -238,7 +246,7 @@ def _view(
     settings: UffImport, name: str, view: PointwiseView, source: _ViewSource
 ) -> PointwiseData:
     """Turn one view's functions into velocities."""
-    file, functions, rules, geometry, (length, by) = source
+    file, functions, rules, geometry, (length, by), _ = source
     told = rules.told | settings.choice(view).left_out(file, functions)
     if functions[0].kind == FunctionKind.time.value:
         reference = find_reference(settings.time_reference, file)
@@ -277,6 +285,7 @@ def _view(
         length,
         told | axes | ({"length_unit": f"{length:g} m, {by}"} if by else {}),
         _findings(name, source),
+        places=source.places,
     )
 
 

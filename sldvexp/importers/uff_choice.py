@@ -180,7 +180,7 @@ class FunctionChoice:
             f"dof of the view",
         )
 
-    def _several_of_node(self, file: UniversalFile, found: list[Function]) -> UserError:
+    def _several_of_node(self, file: UniversalFile, found: list[Function]) -> Exception:
         """Ask for the reference of a node's functions, of which one can be read."""
         first = found[0]
         function = next(f for f in found if f.reference_dof != first.reference_dof)

@@ -605,3 +605,81 @@ def test_any_cannot_choose_among_references_of_one_node(uff, tmp_path):
     refused(path, f"{asked}, as any cannot choose among", reference_dof="any")
     group = read(path, reference_dof="7+X")
     np.testing.assert_allclose(group["velocity"][0, 0], 2 * FIRST, rtol=SIX_DIGITS)
+
+
+LBF = 4.4482216152605
+#: Unit of length and force of data set 164, labels of values and reference, and the reference's
+#: unit in N: of files that are to be in lbf.
+IN_POUNDS = {
+    "labels": (1.0, 1.0, "in/s", "lbf"),
+    "label of values": (1.0, 1.0, "in/s/lbf", ""),
+    "data set 164": (0.0254, LBF, "", ""),
+}
+
+
+def views_of_units(uff, tmp_path, length, force, unit, reference_unit):
+    """Two views of the same motion, ``2 N * FIRST``, of functions per N and in inches per lbf."""
+    labels = {"unit": unit, "reference_unit": reference_unit}
+    contents = {
+        "a": uff.units() + uff.nodes(POINTS) + uff.function(1, FIRST),
+        "b": uff.units(length, force=force)
+        + uff.nodes(np.array(POINTS) / length)
+        + uff.function(1, FIRST / 0.0254 * LBF, **labels),
+    }
+    views = {}
+    for name, content in contents.items():
+        path = tmp_path / f"{name}.uff"
+        path.write_bytes(content)
+        views[name] = PointwiseView(path=str(path), direction=[0.0, 0.0, 1.0])
+    return views
+
+
+@pytest.mark.parametrize("name", IN_POUNDS)
+def test_references_in_several_units_are_converted_or_asked_about(uff, tmp_path, name):
+    views = views_of_units(uff, tmp_path, *IN_POUNDS[name])
+    with pytest.raises(UserError, match=r"are in N \(a\), lbf \(b\); say in which unit") as error:
+        UffImport(views=views, **SAID | {"reference": 2.0}).read()
+    assert str(error.value).endswith("instrument.reference='2.0 N'")
+    for reference in ("2 N", "2000 mN", f"{2 / LBF:.12g} lbf"):
+        group = UffImport(views=views, **SAID | {"reference": reference}).read()
+        np.testing.assert_allclose(group["velocity"][:, 0], [2 * FIRST] * 2, rtol=SIX_DIGITS)
+        # A note says that values are in inches although data set 164 states m.
+        found = take_findings({"line_of_sight": group})
+        assert {f.severity.name for f in found} <= {"note"}
+    assert group.attrs["import_reference"] == "2 N; 0.449618 lbf"
+
+
+def test_reference_whose_unit_is_not_known_is_doubtful(uff, tmp_path):
+    views = views_of_units(uff, tmp_path, 1.0, 1.0, "m/s", "EU")
+    (finding,) = take_findings({"line_of_sight": UffImport(views=views, **SAID).read()})
+    assert "are N (a), EU (b)" in finding.text
+    assert finding.severity.name == "doubtful"
+
+
+def test_reference_of_another_quantity_or_several_units_is_refused(uff, tmp_path):
+    path = tmp_path / "a.uff"
+    nodes = uff.units() + uff.nodes(POINTS)
+    path.write_bytes(nodes + uff.function(1, FIRST))
+    refused(path, "a reference in N, a force", "is in V, a voltage", reference="2 V")
+    for wrong in ("2 EU", "N", "-2 N", 0.0, "nan"):
+        with pytest.raises(UserError, match="reference: "):
+            read(path, reference=wrong)
+    other = uff.function(2, FIRST, reference_unit="lbf")
+    path.write_bytes(nodes + uff.function(1, FIRST) + other)
+    refused(path, "has a reference in lbf, data set 3 in N", "different files")
+
+
+def test_one_view_without_unit_of_coordinates_can_have_those_of_another(uff, tmp_path):
+    views = {}
+    contents = {"a": uff.units() + uff.nodes(POINTS), "b": uff.nodes(np.array(POINTS) / 0.0254)}
+    for name, content in contents.items():
+        path = tmp_path / f"{name}.uff"
+        path.write_bytes(content + uff.function(1, FIRST) + uff.function(3, 2 * FIRST))
+        views[name] = PointwiseView(path=str(path), origin=[0.0, 0.0, 1.0])
+    geometry = views["a"].path
+    for unit in ("m", "inch"):
+        with pytest.raises(UserError, match="must have one geometry") as error:
+            UffImport(views=views, **SAID, length_unit=LengthUnit[unit]).read()
+        assert f"instrument.geometry={geometry} without instrument.length_unit" in str(error.value)
+    group = UffImport(views=views, **SAID, geometry=geometry).read()
+    np.testing.assert_allclose(group["position"], [POINTS[0], POINTS[2]], rtol=1e-12)
