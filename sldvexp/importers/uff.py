@@ -25,6 +25,7 @@ from sldvexp.importers.uff_choice import (
     require_witnesses_agree,
 )
 from sldvexp.importers.uff_conventions import (
+    SAME_UNIT,
     FunctionKind,
     ask_positive,
     decide_conventions,
@@ -166,6 +167,7 @@ class _ViewSource(NamedTuple):
     geometry: UniversalGeometry | None
     length: tuple[float, str]
     places: str
+    overruled: str
 
 
 def _choose(
@@ -205,8 +207,14 @@ def _choose(
     except UserError as error:
         questions.note(error, file.source.path)
         return None
-    stated = str(places.source.path) if places.geometry and places.units else ""
-    return _ViewSource(file, functions, rules, geometry, length, stated) if rules else None
+    stated, overruled = "", ""
+    if places.geometry is not None and places.units is not None:
+        stated, one = str(places.source.path), places.units.length
+        if abs(length[0] / one - 1) > SAME_UNIT:
+            overruled = f"data set 164 states a unit of length of {one:g} m"
+    if rules is None:
+        return None
+    return _ViewSource(file, functions, rules, geometry, length, stated, overruled)
 
 
 def _ask_reference(sources: dict[str, _ViewSource], questions: Questions) -> None:
@@ -246,7 +254,7 @@ def _view(
     settings: UffImport, name: str, view: PointwiseView, source: _ViewSource
 ) -> PointwiseData:
     """Turn one view's functions into velocities."""
-    file, functions, rules, geometry, (length, by), _ = source
+    file, functions, rules, geometry, (length, by) = source[:5]
     told = rules.told | settings.choice(view).left_out(file, functions)
     if functions[0].kind == FunctionKind.time.value:
         reference = find_reference(settings.time_reference, file)
@@ -296,6 +304,9 @@ def _findings(name: str, source: _ViewSource) -> list[Finding]:
         Finding("unit", subject, f"{file.source.path}: {text}", severity)
         for text, severity in source.rules.odd
     ]
+    if source.overruled:
+        text = f"{source.places}: instrument.length_unit wins, although {source.overruled}"
+        found.append(Finding("unit", subject, text))
     real = [f for f in functions if not f.complex]
     if real and functions[0].kind != FunctionKind.time.value:
         text = (

@@ -683,3 +683,14 @@ def test_one_view_without_unit_of_coordinates_can_have_those_of_another(uff, tmp
         assert f"instrument.geometry={geometry} without instrument.length_unit" in str(error.value)
     group = UffImport(views=views, **SAID, geometry=geometry).read()
     np.testing.assert_allclose(group["position"], [POINTS[0], POINTS[2]], rtol=1e-12)
+
+
+def test_unit_of_coordinates_that_contradicts_the_file_is_doubtful(uff, tmp_path):
+    path = tmp_path / "a.uff"
+    path.write_bytes(uff.units() + uff.nodes(POINTS) + uff.function(3, FIRST))
+    group = read(path, length_unit=LengthUnit.mm)
+    np.testing.assert_allclose(group["position"], [1e-3 * np.array(POINTS[2])])
+    (finding,) = take_findings({"line_of_sight": group})
+    assert "instrument.length_unit wins, although data set 164 states" in finding.text
+    assert finding.severity.name == "doubtful"
+    assert not take_findings({"line_of_sight": read(path, length_unit=LengthUnit.m)})
