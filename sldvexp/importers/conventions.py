@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from sldvexp.dataset import Severity
 from sldvexp.errors import UserError
+from sldvexp.importers.reference import ReferenceUnit
 from sldvexp.typing import Array, ComplexArray
 from sldvexp.unit_labels import Amplitude as Amplitude
 
@@ -151,6 +152,8 @@ class Conventions:
         What was decided and by what, for the record.
     odd : tuple of (str, Severity)
         What else the file says that was not heeded, a sentence each, and how much that weighs.
+    reference : ReferenceUnit or None
+        None if values have no reference.
 
     Examples
     --------
@@ -164,6 +167,7 @@ class Conventions:
     conjugate: bool
     told: dict[str, str]
     odd: tuple[tuple[str, Severity], ...] = ()
+    reference: ReferenceUnit | None = None
 
     def velocity(self, values: NDArray, frequency: Array) -> ComplexArray:
         """Turn values of any shape that ends with frequency to velocities, m/s."""

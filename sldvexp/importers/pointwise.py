@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from sldvexp.errors import Checks
+from sldvexp.errors import Checks, UserError
 from sldvexp.files import unusable
 from sldvexp.importers.base import PointImporter
 from sldvexp.importers.conventions import (
@@ -25,6 +25,7 @@ from sldvexp.importers.pointwise_data import (
     to_images,
     to_line_of_sight,
 )
+from sldvexp.importers.reference import reference_of
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.units import LengthUnit
@@ -57,9 +58,10 @@ class PointwiseImport(PointImporter):
     phase : Phase, optional
         Sign of i omega t in the analyser's Fourier series, which no file says; a cross spectrum of
         the response and the conjugate reference is exp_plus.
-    reference : float, optional
-        Peak amplitude of the reference in its unit of the file, which response functions are
-        multiplied with; 1 gives velocities per unit.
+    reference : float or str, optional
+        Peak amplitude of the reference, which response functions are multiplied with: with its
+        unit, as ``2 N``, or a number in the unit of the files if all have one; 1 gives velocities
+        per unit.
     std : float, optional, m/s
         Standard error of every velocity, of real and imaginary part each.
     zeros : Zeros
@@ -78,7 +80,7 @@ class PointwiseImport(PointImporter):
     length_unit: LengthUnit | None = None
     amplitude: Amplitude | None = None
     phase: Phase | None = None
-    reference: float | None = None
+    reference: int | float | str | None = None
     std: float | None = None
     zeros: Zeros = Zeros.refuse
     incomplete: bool | str = False
@@ -93,9 +95,13 @@ class PointwiseImport(PointImporter):
             self._check_view(checks, f"views.{name}", view)
         for i, frequency in enumerate(self.frequency):
             checks.non_negative(f"frequency[{i}]", frequency)
-        for name in ("std", "reference"):
-            if (value := getattr(self, name)) is not None:
-                checks.positive(name, value)
+        if self.std is not None:
+            checks.positive("std", self.std)
+        if self.reference is not None:
+            try:
+                reference_of(self.reference)
+            except UserError as error:
+                checks.require(False, "reference", str(error))
         check_incomplete(checks, self.incomplete)
         self.check(checks)
         checks.done()

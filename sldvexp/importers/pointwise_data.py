@@ -22,6 +22,7 @@ from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import UserError, nearest
 from sldvexp.importers.conventions import Directions, Positive
 from sldvexp.importers.incomplete import Incomplete
+from sldvexp.importers.reference import ReferenceUnit
 from sldvexp.io.uff import UniversalGeometry
 from sldvexp.io.uff.functions import DIRECTIONS
 from sldvexp.io.velocities import LineOfSight
@@ -84,6 +85,10 @@ class PointwiseData:
         What is odd but no reason to refuse.
     said : dict of int to str
         Where a file says that a point was not measured, by its place in `node`.
+    reference : ReferenceUnit or None
+        None if values have no reference.
+    places : str
+        File of the positions if it states their unit itself.
     """
 
     name: str
@@ -99,6 +104,8 @@ class PointwiseData:
     told: dict[str, str]
     findings: list[Finding] = field(default_factory=list)
     said: dict[int, str] = field(default_factory=dict)
+    reference: ReferenceUnit | None = None
+    places: str = ""
 
     @property
     def measured(self) -> IntArray:
@@ -255,10 +262,21 @@ def _positions(views: list[PointwiseData], node: IntArray) -> Array | None:
             raise UserError(
                 f"{view.source}: the node {node[worst]} of view {view.name} is "
                 f"{apart[worst]:.3g} m from where view {views[0].name} has it; the views must have "
-                "one geometry"
+                f"one geometry{_way_on(views)}"
             )
         found = np.where(np.isnan(found), own, found)
     return found
+
+
+def _way_on(views: list[PointwiseData]) -> str:
+    """Name a file whose positions all views may have, as one setting fits not all units."""
+    known = [view.places for view in views if view.places]
+    if not known or len(known) == len(views):
+        return ""
+    return (
+        f"; if units of coordinates are the reason, read those of all views from {known[0]}, which "
+        f"states their unit: instrument.geometry={known[0]} without instrument.length_unit"
+    )
 
 
 def _common(views: list[PointwiseData], incomplete: Incomplete) -> tuple[IntArray, list[Finding]]:

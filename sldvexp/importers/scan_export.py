@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.dataset import Finding, Severity
-from sldvexp.errors import Checks
+from sldvexp.errors import Checks, UserError
 from sldvexp.importers.conventions import (
     Conventions,
     Directions,
@@ -23,6 +23,12 @@ from sldvexp.importers.conventions import (
 from sldvexp.importers.incomplete import Incomplete, incomplete_by
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, same_frequencies
+from sldvexp.importers.reference import (
+    ask_unit,
+    reference_of,
+    unit_of_reference,
+    unknown_units,
+)
 from sldvexp.importers.scan_rows import read_table
 from sldvexp.importers.scan_table import (
     ColumnsNotUnderstoodError,
@@ -93,8 +99,13 @@ class ScanExport(PointwiseImport):
         """Read the views' tables, one after the other; what they leave open is asked together."""
         questions = Questions()
         views = [_view(self, name, view, questions) for name, view in self.views.items()]
+        units = {v.name: v.reference for v in views if v is not None and v.reference is not None}
+        if open_ := ask_unit(self.reference, units):
+            questions.note(open_, "instrument.reference")
         questions.done()
+        odd = unknown_units(self.reference, units)
         for found in filter(None, views):
+            found.findings.extend(odd if found is views[0] else [])
             same_frequencies(found, views[0])
             yield found
 
@@ -150,6 +161,7 @@ def _view(
         rules.told | {"length_unit": f"{length:g} m, {by}", "lines": table.told},
         [*_gaps(name, roles, node), *_overruled(settings, name, table, roles)],
         said,
+        rules.reference,
     )
 
 
@@ -423,7 +435,9 @@ def _conventions(
         "columns": ", ".join(f"{role} {table.place[i]}" for role, i in roles.items()),
     }
     conjugate = settings.phase.value < 0
-    return Conventions(quantity, factor * unit * settings.positive.value, conjugate, told)
+    factor *= unit * settings.positive.value
+    per = unit_of_reference(label.reference) if label and label.reference else None
+    return Conventions(quantity, factor, conjugate, told, reference=per)
 
 
 def _ask_units(settings: ScanExport, table: ScanTable, questions: Questions) -> None:
@@ -485,7 +499,11 @@ def _scale(
             )
             questions.ask(table.path, "reference", "1.0", what)
             return 1.0, {}
-        return settings.reference, {"reference": f"{settings.reference:g} {label.reference}"}
+        try:
+            amount = reference_of(settings.reference).per(unit_of_reference(label.reference))
+        except UserError as error:
+            raise table.wrong(str(error)) from error
+        return amount, {"reference": f"{amount:g} {label.reference}"}
     amplitude = settings.amplitude or (label.amplitude if label else None)
     if amplitude is None:
         questions.ask(table.path, "amplitude", "peak", AMPLITUDES)

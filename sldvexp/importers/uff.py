@@ -17,6 +17,7 @@ from sldvexp.errors import Checks, UserError
 from sldvexp.importers.conventions import Conventions, Directions, Quantity, Questions, Zeros
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, close, same_frequencies
+from sldvexp.importers.reference import ask_unit, unknown_units
 from sldvexp.importers.uff_choice import (
     ANY,
     OF_REFERENCE,
@@ -24,6 +25,7 @@ from sldvexp.importers.uff_choice import (
     require_witnesses_agree,
 )
 from sldvexp.importers.uff_conventions import (
+    SAME_UNIT,
     FunctionKind,
     ask_positive,
     decide_conventions,
@@ -140,9 +142,14 @@ class UffImport(PointwiseImport):
             chosen = {
                 name: _choose(self, view, opened, questions) for name, view in self.views.items()
             }
-            questions.done()
             sources = {name: source for name, source in chosen.items() if source is not None}
-            odd = [] if self.reference_dof else _several_references(sources)
+            if not self.reference_dof:
+                _ask_reference(sources, questions)
+            units = {n: s.rules.reference for n, s in sources.items() if s.rules.reference}
+            if open_ := ask_unit(self.reference, units):
+                questions.note(open_, "instrument.reference")
+            questions.done()
+            odd = unknown_units(self.reference, units)
             for name, source in sources.items():
                 found = _view(self, name, self.views[name], source)
                 found.findings.extend(odd if first is None else [])
@@ -159,6 +166,8 @@ class _ViewSource(NamedTuple):
     rules: Conventions
     geometry: UniversalGeometry | None
     length: tuple[float, str]
+    places: str
+    overruled: str
 
 
 def _choose(
@@ -198,27 +207,31 @@ def _choose(
     except UserError as error:
         questions.note(error, file.source.path)
         return None
-    return _ViewSource(file, functions, rules, geometry, length) if rules else None
+    stated, overruled = "", ""
+    if places.geometry is not None and places.units is not None:
+        stated, one = str(places.source.path), places.units.length
+        if abs(length[0] / one - 1) > SAME_UNIT:
+            overruled = f"data set 164 states a unit of length of {one:g} m"
+    if rules is None:
+        return None
+    return _ViewSource(file, functions, rules, geometry, length, stated, overruled)
 
 
-def _several_references(sources: dict[str, _ViewSource]) -> list[Finding]:
-    """Say that views are of several references, whose excitations may not be the same."""
+def _ask_reference(sources: dict[str, _ViewSource], questions: Questions) -> None:
+    """Ask whether views of several references had one excitation, as these may not be the same."""
     views: dict[str, list[str]] = {}
     for name, source in sources.items():
         if source.functions[0].kind in OF_REFERENCE:
             views.setdefault(source.functions[0].reference_dof, []).append(name)
     if len(views) < 2:
-        return []
+        return
     listed = ", ".join(f"{dof} ({', '.join(names)})" for dof, names in views.items())
-    return [
-        Finding(
-            "reference",
-            "all views",
-            f"response functions of the views are of several references: {listed}; they fit "
-            "together only if one excitation was behind them all",
-            remedy=f"instrument.reference_dof={ANY}",
-        )
-    ]
+    message = (
+        f"response functions of the views are of several references: {listed}; give all views "
+        "functions of one reference and name it with instrument.reference_dof, or say "
+        f"instrument.reference_dof={ANY} if one excitation was behind them all"
+    )
+    questions.note(UserError(f"instrument.views: {message}"), "instrument.views")
 
 
 def _ask_more(
@@ -241,7 +254,7 @@ def _view(
     settings: UffImport, name: str, view: PointwiseView, source: _ViewSource
 ) -> PointwiseData:
     """Turn one view's functions into velocities."""
-    file, functions, rules, geometry, (length, by) = source
+    file, functions, rules, geometry, (length, by) = source[:5]
     told = rules.told | settings.choice(view).left_out(file, functions)
     if functions[0].kind == FunctionKind.time.value:
         reference = find_reference(settings.time_reference, file)
@@ -280,6 +293,7 @@ def _view(
         length,
         told | axes | ({"length_unit": f"{length:g} m, {by}"} if by else {}),
         _findings(name, source),
+        places=source.places,
     )
 
 
@@ -290,6 +304,9 @@ def _findings(name: str, source: _ViewSource) -> list[Finding]:
         Finding("unit", subject, f"{file.source.path}: {text}", severity)
         for text, severity in source.rules.odd
     ]
+    if source.overruled:
+        text = f"{source.places}: instrument.length_unit wins, although {source.overruled}"
+        found.append(Finding("unit", subject, text))
     real = [f for f in functions if not f.complex]
     if real and functions[0].kind != FunctionKind.time.value:
         text = (

@@ -172,12 +172,26 @@ class FunctionChoice:
                 f"{function.dof}); choose one with dof of the view",
             )
         if function.dof == other.dof and function.reference_dof != other.reference_dof:
-            _require_one_reference(file, found)
+            raise self._several_of_node(file, found)
         raise file.wrong(
             function,
             f"and data set {other.entry.number} are both of node {function.node} "
             f"({function.dof} and {other.dof}); choose one with instrument.containing or "
             f"dof of the view",
+        )
+
+    def _several_of_node(self, file: UniversalFile, found: list[Function]) -> Exception:
+        """Ask for the reference of a node's functions, of which one can be read."""
+        first = found[0]
+        function = next(f for f in found if f.reference_dof != first.reference_dof)
+        several = ", ".join(sorted({f.reference_dof for f in found}))
+        why = f", as {ANY} cannot choose among functions of one node"
+        return file.wrong(
+            function,
+            f"is of the reference {function.reference_dof}, data set {first.entry.number} of the "
+            f"same node {first.node} of {first.reference_dof}; choose one of {several} with "
+            f"instrument.reference_dof={first.reference_dof}"
+            f"{why if self.reference_dof == ANY else ''}",
         )
 
 

@@ -21,6 +21,7 @@ from sldvexp.importers.conventions import (
     Questions,
 )
 from sldvexp.importers.pointwise import PointwiseImport
+from sldvexp.importers.reference import ReferenceUnit, reference_of, unit_of_reference
 from sldvexp.io.uff import Function, UniversalFile
 from sldvexp.io.uff.functions import (
     ACCELERATION,
@@ -54,6 +55,10 @@ SAME_UNIT = 1e-3
 SCALES = {PEAK: Amplitude.peak, RMS: Amplitude.rms}
 #: Kinds whose values are amplitudes of motions.
 OF_AMPLITUDES = (FunctionKind.spectrum, FunctionKind.nodal)
+#: Kinds whose values are per unit of a reference, or were multiplied with it.
+OF_REFERENCE = (FunctionKind.frf, FunctionKind.cross)
+#: Numbers of reaction and excitation forces.
+FORCES = (9, 13)
 
 
 class Meaning(NamedTuple):
@@ -107,7 +112,8 @@ def decide_conventions(
     """
     path, kind = file.source.path, FunctionKind(functions[0].kind)
     meaning = _one_meaning(settings, file, functions, questions)
-    scaled = _scale(settings, file, functions[0], meaning, questions)
+    unit = _reference_unit(file, functions) if kind in OF_REFERENCE else None
+    scaled = _scale(settings, file, functions[0], meaning, unit, questions)
     phase = Phase.exp_plus if kind is FunctionKind.time else settings.phase
     if phase is None:
         what = "the sign of the phase (exp_plus or exp_minus)"
@@ -129,7 +135,8 @@ def decide_conventions(
         "directions": settings.directions.name,
     }
     factor = meaning.factor * scale * sign
-    return Conventions(meaning.quantity, factor, phase is Phase.exp_minus, told, meaning.odd)
+    conjugate = phase is Phase.exp_minus
+    return Conventions(meaning.quantity, factor, conjugate, told, meaning.odd, unit)
 
 
 def ask_positive(settings: PointwiseImport, file: UniversalFile, questions: Questions) -> None:
@@ -162,6 +169,7 @@ def _scale(
     file: UniversalFile,
     function: Function,
     meaning: Meaning | None,
+    unit: ReferenceUnit | None,
     questions: Questions,
 ) -> tuple[float, dict[str, str]] | None:
     """Find the factor to peak amplitudes: the reference, or the scale of spectra."""
@@ -171,15 +179,65 @@ def _scale(
     if kind in OF_AMPLITUDES:
         found = _amplitude(settings, file, function, meaning, questions)
         return (found[0].value, {"amplitude": f"{found[0].name}, {found[1]}"}) if found else None
-    if settings.reference is None:
+    if settings.reference is None or unit is None:
         what = (
             "the reference's peak amplitude, which response functions are multiplied with (1: "
             "velocities per unit of the reference)"
         )
         questions.ask(file.source.path, "reference", "1.0", what)
         return None
-    unit = function.reference.unit
-    return settings.reference, {"reference": f"{settings.reference:g} {unit}".strip()}
+    try:
+        amount = reference_of(settings.reference).per(unit)
+    except UserError as error:
+        raise file.wrong(function, str(error)) from error
+    return amount, {"reference": f"{amount:g} {unit.text}".strip()}
+
+
+def _reference_unit(file: UniversalFile, functions: list[Function]) -> ReferenceUnit:
+    """Find the one unit of the references of all functions.
+
+    Raises
+    ------
+    UserError
+        If they are in several.
+    """
+    first = _own_reference_unit(file, functions[0])
+    for function in functions[1:]:
+        unit = _own_reference_unit(file, function)
+        if not unit.is_same(first):
+            raise file.wrong(
+                function,
+                f"has a reference in {unit.text or 'an unknown unit'}, data set "
+                f"{functions[0].entry.number} in {first.text or 'an unknown unit'}; functions of "
+                "references in several units must come in different files",
+            )
+    return first
+
+
+def _own_reference_unit(file: UniversalFile, f: Function) -> ReferenceUnit:
+    """Find the unit of a reference by its label, that of the values, or data set 164."""
+    label, _ = read_label(f)
+    texts = [f.reference.unit, label.reference if label is not None else ""]
+    stated = [unit_of_reference(text) for text in texts if text]
+    if stated and not stated[0].is_same(stated[-1]):
+        return ReferenceUnit(" or ".join(unit.text for unit in stated))
+    if stated or file.units is None:
+        return stated[0] if stated else ReferenceUnit()
+    if f.reference.kind in FORCES and file.units.force > 0:
+        name = next((n for n in ("N", "lbf") if _is_force(n, file.units.force)), "")
+        return ReferenceUnit(name or f"{file.units.force:g} N", "force", file.units.force)
+    if f.reference.kind in BY_NUMBER:
+        quantity = BY_NUMBER[f.reference.kind]
+        per_time = {Quantity.displacement: "", Quantity.velocity: "/s"}.get(quantity, "/s^2")
+        length = file.units.length
+        name = "m" if length == 1 else f"{length:g} m"
+        return ReferenceUnit(name + per_time, quantity.name, length)
+    return ReferenceUnit()
+
+
+def _is_force(name: str, factor: float) -> bool:
+    """Tell whether a unit of force of data set 164 is the one of that name."""
+    return unit_of_reference(name).is_same(ReferenceUnit(name, "force", factor))
 
 
 def length_unit(

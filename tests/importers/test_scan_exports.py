@@ -246,6 +246,26 @@ def test_response_functions_need_the_reference(read):
     assert group.attrs["import_columns"] == "x 2, y 3, z 4, index 1, real 5, imag 6"
 
 
+def test_references_of_tables_in_several_units_are_converted_or_asked_about(tmp_path):
+    views = {}
+    for name, unit, per in (("a", "m/s/N", 1.0), ("b", "m/s/lbf", 4.4482216152605)):
+        values = per * np.array(PARTS)
+        text = TABLES["english"].split("Index")[0] + (
+            f"Index\tX [m]\tY [m]\tZ [m]\tReal [{unit}]\tImag [{unit}]\n"
+            + rows(INDEX, *XYZ, *values)
+        )
+        path = tmp_path / f"{name}.txt"
+        path.write_text(text)
+        views[name] = PointwiseView(path=str(path), origin=[0.0, 0.0, 1.5])
+    with pytest.raises(UserError, match=r"in N \(a\), lbf \(b\); .* instrument.reference='2 N'"):
+        ScanExport(views=views, **PLAIN | {"reference": 2}).read()
+    group = ScanExport(views=views, **PLAIN | {"reference": "2 N"}).read()
+    for view in "ab":
+        np.testing.assert_allclose(group["velocity"].sel(view=view)[:, 0], 2 * VALUES, rtol=1e-8)
+    with pytest.raises(UserError, match=r"reference in N, a force, but .* in V, a voltage"):
+        ScanExport(views=views, **PLAIN | {"reference": "2 V"}).read()
+
+
 def test_status(read):
     head = "197 Hz\nNr\tX [m]\tY [m]\tZ [m]\tRe [m/s]\tIm [m/s]\tStatus\n"
     text = head + rows(INDEX, *XYZ, *PARTS, [3, 3, 0, 3])

@@ -48,14 +48,14 @@ class TextLines:
             raise self.wrong(message)
         return found
 
-    def numbers(self, what: str, count: int, width: int) -> list[float]:
-        """Read the next line's numbers in columns of `width`, exactly so many."""
+    def numbers(self, what: str, count: int, width: int, most: int = 0) -> list[float]:
+        """Read the next line's numbers in columns of `width`, so many, or up to `most` if more."""
         line = self.next(what)
         found = numbers(line, width)
         if found is None or len(found) < count or not np.isfinite(found[:count]).all():
             message = f"{what} must be {count} numbers in columns of {width}, not {shown(line)}"
             raise self.wrong(message)
-        return found[:count]
+        return found[: max(count, most)]
 
     def wrong(self, message: str, line: int | None = None) -> Exception:
         """Word the error of a line, of the last one read if none is named."""

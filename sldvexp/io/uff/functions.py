@@ -6,7 +6,7 @@ functions costs no more memory than the one that is looked at.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -386,10 +386,13 @@ class Units:
         Of the system of units.
     length : float
         One of the file's units of length in m.
+    force : float
+        One of the file's units of force in N; NaN if the factor says nothing.
     """
 
     name: str
     length: float
+    force: float = float("nan")
 
 
 def read_units(source: Source, entries: list[DataSet]) -> Units | None:
@@ -404,16 +407,19 @@ def read_units(source: Source, entries: list[DataSet]) -> Units | None:
     for entry in (e for e in entries if e.kind == 164):
         lines = TextLines(source, entry)
         head = lines.next("the code of the units")
-        factor = lines.numbers("the factors of the units", 1, 25)[0]
+        factors = lines.numbers("the factors of the units", 1, 25, most=2)
+        factor = factors[0]
         if not factor > 0:
             raise lines.wrong(f"the factor of lengths must be a positive number, not {factor:g}")
-        units = Units(decoded(head[10:30]).strip(), 1.0 / factor)
+        force = 1.0 / factors[1] if len(factors) > 1 and factors[1] > 0 else float("nan")
+        units = Units(decoded(head[10:30]).strip(), 1.0 / factor, force)
         if found is not None and found.length != units.length:
             raise lines.wrong(
                 f"states one unit of length as {units.length:g} m, an earlier data set 164 as "
                 f"{found.length:g} m; a file has one system of units"
             )
-        found = units
+        same = found is None or found.force == units.force
+        found = units if same else replace(units, force=float("nan"))
     return found
 
 

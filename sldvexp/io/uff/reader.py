@@ -370,7 +370,7 @@ def universal_file(path: Path) -> Iterator[UniversalFile]:
     >>> _ = path.write_text(writer.units() + writer.nodes(np.eye(3), np.ones(3, int)))
     >>> with universal_file(path) as file:
     ...     print(file.units, file.geometry.label)
-    Units(name='SI: Meter (newton)', length=1.0) [1 2 3]
+    Units(name='SI: Meter (newton)', length=1.0, force=1.0) [1 2 3]
     """
     with opened(path) as source:
         entries = index(source)

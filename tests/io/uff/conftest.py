@@ -16,9 +16,9 @@ def data_set(kind, *lines):
     return MARK + f"{kind:6d}\n".encode() + text + MARK
 
 
-def units(length=1.0, name="SI"):
-    """Data set 164; `length` is one unit of length in m."""
-    numbers = "".join(f"{v:25.17E}".replace("E", "D") for v in (1 / length, 1.0, 1.0))
+def units(length=1.0, name="SI", force=1.0):
+    """Data set 164; `length` is one unit of length in m, `force` one of force in N."""
+    numbers = "".join(f"{v:25.17E}".replace("E", "D") for v in (1 / length, 1 / force, 1.0))
     return data_set(164, f"{9:10d}{name:20s}{1:10d}", numbers, f"{0.0:25.17E}".replace("E", "D"))
 
 
@@ -96,6 +96,7 @@ def header(
     words=("made", "", "", "", ""),
     reference=(1, 3),
     reference_kind=13,
+    reference_unit="N",
     axis=None,
 ):
     """The eleven lines of a data set 58."""
@@ -108,7 +109,7 @@ def header(
         f"{type_:10d}{count:10d}{int(even):10d}{first:13.5E}{step:13.5E}{0.0:13.5E}",
         f"{axis[0]:10d}{0:5d}{0:5d}{0:5d} {axis[1]:20s} {axis[2]:20s}".rstrip(),
         f"{quantity:10d}{0:5d}{0:5d}{0:5d} {'Schwinggeschwindig.':20s} {unit:20s}".rstrip(),
-        f"{reference_kind:10d}{0:5d}{0:5d}{0:5d} {'Kraft':20s} {'N':20s}".rstrip(),
+        f"{reference_kind:10d}{0:5d}{0:5d}{0:5d} {'Kraft':20s} {reference_unit:20s}".rstrip(),
         f"{0:10d}{0:5d}{0:5d}{0:5d} {'NONE':20s} {'NONE':20s}".rstrip(),
     ]
 
