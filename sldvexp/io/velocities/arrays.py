@@ -19,7 +19,16 @@ from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.io.tables import AXES
 from sldvexp.io.velocities.matlab import read_arrays
-from sldvexp.io.velocities.table import DIMENSIONS, KNOWN, ORDER, OWN, FileLayout, LineOfSight
+from sldvexp.io.velocities.table import (
+    DIMENSIONS,
+    KNOWN,
+    ORDER,
+    OWN,
+    UNSTATED_LENGTH,
+    UNSTATED_VELOCITY,
+    FileLayout,
+    LineOfSight,
+)
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
 from sldvexp.units import LengthUnit, VelocityUnit, unit_named
@@ -46,12 +55,13 @@ LIKE = {
 PARTS = {"velocity": ("real", "imag"), "direction_cosines": ("dx", "dy", "dz")}
 
 
-def read_netcdf(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSight:
+def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) -> LineOfSight:
     """Read a run's group ``line_of_sight``, or the same variables of another file.
 
     These are at the root or in the layout's group, and may have other names of variables and
     dimensions. The file's own unit of velocity must agree with `unit`.
     """
+    unit = unit or UNSTATED_VELOCITY
     data, theirs = _renamed(_group(path, layout), layout, path)
     for name in REQUIRED:
         if name not in data:
@@ -92,7 +102,8 @@ def _places(
         data["position"].attrs = dict(data["x"].attrs)
     if "position" in data:
         stated = data["position"].attrs.get("units")
-        unit = unit_named(LengthUnit, stated, f"{path}, position") if stated else layout.length
+        given = layout.length or UNSTATED_LENGTH
+        unit = unit_named(LengthUnit, stated, f"{path}, position") if stated else given
         there["position"] = unit.value * _in_order(data, "position", theirs, path)
     for name in ("triangle", "line"):
         if name in data and name not in data.dims:
@@ -102,7 +113,7 @@ def _places(
     return there
 
 
-def read_matlab(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSight:
+def read_matlab(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) -> LineOfSight:
     """Read a MATLAB file with arrays of these names, or of those that the layout maps to them.
 
     ``direction_cosines`` (views x 3, or views x points x 3), ``velocity`` (views x frequencies, or
@@ -128,10 +139,12 @@ def read_matlab(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> Lin
     for name in {"view", "point"} & set(values):
         values[name] = _names(values[name])
     if "position" in values:
-        values["position"] = layout.length.value * _numbers(values, "position", path)
+        values["position"] = (layout.length or UNSTATED_LENGTH).value * _numbers(
+            values, "position", path
+        )
     for name in set(JOINED) & set(values):
         values[name] = np.atleast_2d(_numbers(values, name, path)) - 1
-    return from_arrays(values, path, unit, layout)
+    return from_arrays(values, path, unit or UNSTATED_VELOCITY, layout)
 
 
 def _names(values: Any) -> list[str]:
@@ -236,7 +249,8 @@ def from_arrays(
         std=std,
         missing=missing if missing.any() else None,
         position=np.atleast_2d(values["position"]) if "position" in values else None,
-        **joined,
+        triangle=joined.get("triangle"),
+        line=joined.get("line"),
     )
 
 
