@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.io
+import xarray as xr
 
 from sldvexp.errors import UserError
 from sldvexp.importers.velocity_file import File
@@ -131,6 +133,26 @@ def test_settings_answer_for_units_that_are_not_understood(read):
     )
     np.testing.assert_allclose(group["velocity"], 2**0.5 * 1e-6 * (2 + 3j), rtol=1e-14)
     np.testing.assert_allclose(group["position"][0], 0.0254 * np.array([100, 200, -50]))
+
+
+@pytest.mark.parametrize("ending", ["mat", "nc"])
+def test_names_of_arrays_state_units_too(tmp_path, ending):
+    path = tmp_path / f"mine.{ending}"
+    arrays = {
+        "direction_cosines": (("view", "axis"), DIRECTIONS),
+        "v_mm_s_rms": (("view", "frequency"), np.full((3, 2), 4.0)),
+        "f_khz": (("frequency",), np.array([0.195, 0.44])),
+    }
+    if ending == "mat":
+        scipy.io.savemat(path, {name: values for name, (_, values) in arrays.items()})
+    else:
+        xr.Dataset(arrays).to_netcdf(path)
+    mapping = {"v_mm_s_rms": "velocity", "f_khz": "frequency"}
+    group = File(path=str(path), mapping=mapping).read()
+    np.testing.assert_allclose(group["velocity"], 2**0.5 * 4e-3, rtol=1e-14)
+    np.testing.assert_allclose(group["frequency"], [195.0, 440.0], rtol=1e-14)
+    with pytest.raises(UserError, match=r"states mm/s rms, .*instrument.unit=m_per_s; they must"):
+        File(path=str(path), mapping=mapping, unit=VelocityUnit.m_per_s).read()
 
 
 def test_words_that_look_like_no_unit_are_none():

@@ -1,4 +1,4 @@
-"""Units in headings of columns that a mapping gives the program's names, as ``Realteil [mm/s]``.
+"""Units in headings of columns and names of arrays, as ``Realteil [mm/s]`` and ``v_mm_s``.
 
 A heading's unit stands in brackets at its end, or after a comma, slash, blank or underscore. In
 brackets it must be understood, or be replaced by a setting; elsewhere words are no unit unless they
@@ -26,10 +26,10 @@ from sldvexp.units import VelocityUnit
 
 #: Columns of each quantity; those of one are in one unit.
 QUANTITIES = {
-    "velocity": ("real", "imag", "std"),
-    "displacement": AXES,
+    "velocity": ("real", "imag", "std", "velocity", "velocity_std"),
+    "displacement": (*AXES, "position"),
     "frequency": ("frequency",),
-    "": ("dx", "dy", "dz"),
+    "": ("dx", "dy", "dz", "direction_cosines"),
 }
 #: How a length is called.
 SHOWN = {"displacement": "length", "": "number without unit"}
