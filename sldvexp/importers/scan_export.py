@@ -29,13 +29,13 @@ from sldvexp.importers.reference import (
     unit_of_reference,
     unknown_units,
 )
+from sldvexp.importers.scan_frequency import stated_in
 from sldvexp.importers.scan_rows import read_table
 from sldvexp.importers.scan_table import (
     ColumnsNotUnderstoodError,
     ScanTable,
     by_rows,
     fields,
-    frequencies_in,
     is_length,
     meaning,
 )
@@ -291,15 +291,16 @@ def _one_frequency(settings: ScanExport, table: ScanTable, questions: Questions)
     """Find the frequency of a table without a column of it; one that is asked for is 1 Hz."""
     lines = table.before.splitlines()
     # Cells too: the comma before `100 Hz` is a delimiter here and a decimal mark there.
-    cells = [cell for line in lines for cell in fields(line, table.delimiter)]
-    stated = frequencies_in("\n".join([*lines, *cells]))
-    if len(settings.frequency) == 1 and len(stated) != 1:
+    cells = ["\t".join(fields(line, table.delimiter)) for line in lines]
+    stated = stated_in([*lines, *cells], table.delimiter)
+    if stated.one is None and len(settings.frequency) == 1:
         return settings.frequency[0]
-    if len(stated) != 1:
-        several = f"states {', '.join(f'{f:g}' for f in stated)} Hz" if stated else "states none"
+    if stated.one is None:
+        numbers = ", ".join(f"{f:g}" for f in stated.all)
+        several = f"states {numbers} Hz" if numbers else "states none"
         questions.ask(table.path, "frequency", "[197]", f"one frequency of its values ({several})")
         return 1.0
-    return stated[0]
+    return stated.one
 
 
 def _chosen(settings: ScanExport, table: ScanTable, frequency: Array) -> IndexArray:

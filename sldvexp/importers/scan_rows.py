@@ -22,13 +22,13 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.files import read_text, require_file
+from sldvexp.importers.scan_frequency import stated_in
 from sldvexp.importers.scan_table import (
     LEAST_COLUMNS,
     NUMBER,
     ScanTable,
     column_names,
     fields,
-    frequencies_in,
     number,
     of_frequencies,
 )
@@ -214,7 +214,7 @@ class _Reader:
             parsed = self._filled(*_parse(fields(bare, self.delimiter)), bare)
         if self._is_alike(parsed[1]) or (parsed[1][0] and not comment):
             self._wrong(i, *parsed)
-        if frequencies_in(line) and not below:
+        if stated_in([line]).all and not below:
             raise self._error(i, "states a frequency, as no line above the table does")
         if not comment and not below:
             raise self._error(i, "stands between rows of the table and is not understood")
@@ -223,16 +223,22 @@ class _Reader:
 
     def _heading(self, i: int, before: list[str], now: float, below: bool) -> float:
         """Read a line that stood above the table with perhaps other numbers."""
-        first, stated = frequencies_in("\n".join(before)), frequencies_in(self.lines[i])
-        if stated != first and (below or len(first) != 1 or len(stated) != 1):
-            rows = ", but no rows follow" if below else ", and not one as above the table"
+        first = stated_in(before, self.delimiter)
+        stated = stated_in(self.lines[i : i + 1], self.delimiter)
+        changed = stated.all != first.all
+        if changed and (below or first.one is None or stated.one is None):
+            rows = (
+                ", but no rows follow"
+                if below
+                else ", and not one as above the table, such as Frequency: 440 Hz"
+            )
             raise self._error(i, f"states frequencies{rows}")
         self._count("repeated headings", below)
-        if len(stated) != 1:
+        if stated.one is None or first.one is None:
             return now
         if np.isnan(now):
-            self.frequency = first * len(self.frequency)
-        return stated[0]
+            self.frequency = [first.one] * len(self.frequency)
+        return stated.one
 
     def _count(self, what: str, below: bool) -> None:
         if not below:

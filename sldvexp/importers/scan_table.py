@@ -264,10 +264,10 @@ def column_names(
 
 
 def of_frequencies(cells: list[str]) -> bool:
-    """Tell whether a line holds bare numbers, of columns, behind a name with their unit Hz."""
+    """Tell whether a line holds bare numbers behind a name with their unit Hz."""
     words = [cell for cell in cells if cell and not NUMBER.fullmatch(cell)]
     bare = sum(map(bool, cells)) - len(words)
-    return bare > 1 and len(words) == 1 and "hz" in words[0].lower()
+    return bare > 0 and len(words) == 1 and "hz" in words[0].lower()
 
 
 def _unit(cells: Sequence[str]) -> str:
@@ -316,11 +316,6 @@ def is_length(unit: str) -> bool:
     if label is None or label.amplitude is not None or label.form is not SpectralForm.linear:
         return False
     return label.quantity == "displacement" and not label.reference
-
-
-def frequencies_in(text: str) -> list[float]:
-    """Find the numbers that a text states in Hz, each once."""
-    return list(dict.fromkeys(hertz(m) for m in HERTZ.finditer(text)))
 
 
 def hertz(found: re.Match[str]) -> float:

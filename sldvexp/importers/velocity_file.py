@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from omegaconf import MISSING
@@ -33,14 +33,14 @@ class File(PointImporter):
         A ``.csv`` (``view,dx,dy,dz,frequency,real,imag`` and optionally ``point``, ``std`` and the
         points' ``x,y,z``), or ``.nc`` or ``.mat`` with arrays ``direction_cosines``, ``velocity``,
         ``frequency``, ``std``, ``position``, and ``triangle`` and ``line`` between points.
-    unit : VelocityUnit
-        Of the file's velocities.
+    unit : VelocityUnit or None
+        Of the file's velocities; if none is set, as headings of columns say, or m/s.
     positive : Positive
         Which way a positive velocity points.
     phase : Phase
         Sign of the time dependence that complex velocities belong to.
-    amplitude : Amplitude
-        What a velocity gives of a sine.
+    amplitude : Amplitude or None
+        What a velocity gives of a sine; if none is set, as headings of columns say, or its peak.
     mapping : dict of str to str
         From the file's names of variables, dimensions or columns to the program's, ``{vlos:
         velocity, head: view}``; complex velocities may come as ``real`` and ``imag``.
@@ -49,22 +49,23 @@ class File(PointImporter):
         those that it needs, and the axis comes last unless it is named.
     group : str
         Of a ``.nc``; empty for the group ``line_of_sight``, or the root.
-    length_unit : LengthUnit
-        Of positions, where neither a column as ``x_mm`` nor an attribute says it.
+    length_unit : LengthUnit or None
+        Of positions, where neither a column as ``x_mm`` or ``X [mm]`` nor an attribute says it; if
+        none is set, m.
     incomplete : bool or str
         What becomes of points that not all views have: false refuses them, drop (or true) leaves
         them out, mark keeps them as NaN with a flag. They are counted in the verdict.
     """
 
     path: str = MISSING
-    unit: VelocityUnit = VelocityUnit.m_per_s
+    unit: VelocityUnit | None = None
     positive: Positive = Positive.towards
     phase: Phase = Phase.exp_plus
-    amplitude: Amplitude = Amplitude.peak
+    amplitude: Amplitude | None = None
     mapping: dict[str, str] = field(default_factory=dict)
     order: list[str] = field(default_factory=list)
     group: str = ""
-    length_unit: LengthUnit = LengthUnit.m
+    length_unit: LengthUnit | None = None
     incomplete: bool | str = False
 
     def __post_init__(self) -> None:
@@ -91,17 +92,20 @@ class File(PointImporter):
         incomplete = incomplete_by(self.incomplete)
         gaps = incomplete is not Incomplete.refuse
         layout = FileLayout(self.mapping, tuple(self.order), self.group, self.length_unit, gaps)
+        layout = replace(layout, amplitude=self.amplitude)
         table = read(locate(self.path), self.unit, layout)
         found = _missing(table, incomplete)
         group = (table.complete() if incomplete is Incomplete.drop else table).to_dataset()
-        factor = self.positive.value * self.amplitude.value
+        amplitude = self.amplitude or table.amplitude or Amplitude.peak
+        factor = self.positive.value * amplitude.value
         velocity = group["velocity"].values
         velocity = factor * (np.conj(velocity) if self.phase is Phase.exp_minus else velocity)
         group["velocity"] = group["velocity"].copy(data=velocity)
         if "velocity_std" in group:
             std = group["velocity_std"]
-            group["velocity_std"] = std.copy(data=self.amplitude.value * std.values)
-        said = {name: getattr(self, name).name for name in ("positive", "phase", "amplitude")}
+            group["velocity_std"] = std.copy(data=amplitude.value * std.values)
+        said = {name: getattr(self, name).name for name in ("positive", "phase")}
+        said["amplitude"] = amplitude.name
         told = group.assign_attrs({f"import_{name}": value for name, value in said.items()})
         return with_findings(told, found)
 

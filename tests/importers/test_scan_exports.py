@@ -315,7 +315,7 @@ REFUSED = {
     "no frequency": (TABLES["english"].replace("197 Hz", "high"), "does not state one frequency"),
     "two frequencies": (
         TABLES["english"].replace("197 Hz", "197 Hz of 0 to 1.6 kHz"),
-        "states 197, 1600 Hz",
+        "states 197, 0, 1600 Hz",
     ),
     "mixed marks": (TABLES["english"].replace("0.3\t", "0,3\t", 1), "points and commas are mixed"),
     "twice": (

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,18 @@ from numpy.typing import NDArray
 from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.io.tables import AXES
+from sldvexp.io.velocities.headings import read_headings
 from sldvexp.io.velocities.matlab import read_arrays
-from sldvexp.io.velocities.table import DIMENSIONS, KNOWN, ORDER, OWN, FileLayout, LineOfSight
+from sldvexp.io.velocities.table import (
+    DIMENSIONS,
+    KNOWN,
+    ORDER,
+    OWN,
+    UNSTATED_LENGTH,
+    UNSTATED_VELOCITY,
+    FileLayout,
+    LineOfSight,
+)
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
 from sldvexp.units import LengthUnit, VelocityUnit, unit_named
@@ -46,13 +57,17 @@ LIKE = {
 PARTS = {"velocity": ("real", "imag"), "direction_cosines": ("dx", "dy", "dz")}
 
 
-def read_netcdf(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSight:
+def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) -> LineOfSight:
     """Read a run's group ``line_of_sight``, or the same variables of another file.
 
     These are at the root or in the layout's group, and may have other names of variables and
     dimensions. The file's own unit of velocity must agree with `unit`.
     """
-    data, theirs = _renamed(_group(path, layout), layout, path)
+    raw = _group(path, layout)
+    data, theirs = _renamed(raw, layout, path)
+    names = {str(k): layout.mapping.get(str(k), str(k)) for k in raw.variables}
+    units = read_headings(names, unit, layout, path)
+    unit = unit or UNSTATED_VELOCITY
     for name in REQUIRED:
         if name not in data:
             others = [str(n) for n in data.data_vars if n not in KNOWN]
@@ -61,8 +76,8 @@ def read_netcdf(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> Lin
                 f"{path}: the variable {name} is missing; needed are {', '.join(REQUIRED)}"
                 f"{there if others else ''}"
             )
-    stated = str(data["velocity"].attrs.get("units", unit.name))
-    if unit_named(VelocityUnit, stated, f"{path}, velocity") is not unit:
+    stated = str(data["velocity"].attrs.get("units", ""))
+    if stated and unit_named(VelocityUnit, stated, f"{path}, velocity") is not unit:
         raise UserError(
             f"{path}: the file states velocities in {stated}, the configuration "
             f"instrument.unit={unit.name}; they must agree"
@@ -78,12 +93,21 @@ def read_netcdf(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> Lin
     if ("point" in data["velocity"].dims) != ("point" in data["direction_cosines"].dims):
         raise UserError(f"{path}: velocity and direction_cosines must both have a dimension point")
     values |= {d: data[d].values for d in ORDER if d in data.variables}
-    values |= _places(data, theirs, layout, path)
-    return from_arrays(values, path, unit, layout)
+    if "frequency" in values:
+        values["frequency"] = units.frequency * _numbers(values, "frequency", path)
+    values |= _places(data, theirs, layout, path, units.length)
+    factor = units.velocity or unit.value
+    if stated and factor != unit.value:
+        raise UserError(f"{path}: the name of an array and its attribute units contradict")
+    return replace(from_arrays(values, path, factor, layout), amplitude=units.amplitude)
 
 
 def _places(
-    data: xr.Dataset, theirs: dict[str, str], layout: FileLayout, path: Path
+    data: xr.Dataset,
+    theirs: dict[str, str],
+    layout: FileLayout,
+    path: Path,
+    named: float | None,
 ) -> dict[str, NDArray]:
     """Find positions, m, and the triangles and lines between points, from 0."""
     there: dict[str, NDArray] = {}
@@ -92,8 +116,12 @@ def _places(
         data["position"].attrs = dict(data["x"].attrs)
     if "position" in data:
         stated = data["position"].attrs.get("units")
-        unit = unit_named(LengthUnit, stated, f"{path}, position") if stated else layout.length
-        there["position"] = unit.value * _in_order(data, "position", theirs, path)
+        unit = named or (layout.length or UNSTATED_LENGTH).value
+        if stated:
+            unit = unit_named(LengthUnit, stated, f"{path}, position").value
+        if named and unit != named:
+            raise UserError(f"{path}: the name of an array and its attribute units contradict")
+        there["position"] = unit * _in_order(data, "position", theirs, path)
     for name in ("triangle", "line"):
         if name in data and name not in data.dims:
             there[name] = data[name].values - int(data[name].attrs.get("start_index", 0))
@@ -102,7 +130,7 @@ def _places(
     return there
 
 
-def read_matlab(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSight:
+def read_matlab(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) -> LineOfSight:
     """Read a MATLAB file with arrays of these names, or of those that the layout maps to them.
 
     ``direction_cosines`` (views x 3, or views x points x 3), ``velocity`` (views x frequencies, or
@@ -121,17 +149,22 @@ def read_matlab(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> Lin
                 f"{path}: the array {name} is missing; needed are {', '.join(REQUIRED)}; the file "
                 f"has {_contents(found)}, of which instrument.mapping may call one so"
             )
+    names = {k: layout.mapping.get(k, k) for k in found}
+    units = read_headings(names, unit, layout, path)
     if layout.order:
         values = _ordered(values, layout.order, path)
     if "frequency" in values:
         values["frequency"] = np.asarray(values["frequency"]).ravel()
+        values["frequency"] = units.frequency * _numbers(values, "frequency", path)
     for name in {"view", "point"} & set(values):
         values[name] = _names(values[name])
     if "position" in values:
-        values["position"] = layout.length.value * _numbers(values, "position", path)
+        length = units.length or (layout.length or UNSTATED_LENGTH).value
+        values["position"] = length * _numbers(values, "position", path)
     for name in set(JOINED) & set(values):
         values[name] = np.atleast_2d(_numbers(values, name, path)) - 1
-    return from_arrays(values, path, unit, layout)
+    factor = units.velocity or UNSTATED_VELOCITY.value
+    return replace(from_arrays(values, path, factor, layout), amplitude=units.amplitude)
 
 
 def _names(values: Any) -> list[str]:
@@ -179,7 +212,7 @@ def _contents(found: Mapping[str, NDArray]) -> str:
 
 
 def from_arrays(
-    values: Mapping[str, Any], path: Path, unit: VelocityUnit, layout: FileLayout = OWN
+    values: Mapping[str, Any], path: Path, unit: float, layout: FileLayout = OWN
 ) -> LineOfSight:
     """Give missing point and frequency dimensions length one and check the shapes.
 
@@ -190,8 +223,8 @@ def from_arrays(
         ``frequency``, ``position`` in m, and ``triangle`` and ``line``, from 0.
     path : Path
         Of the file, for messages.
-    unit : VelocityUnit
-        Of velocities and standard errors.
+    unit : float
+        One of that of velocities and standard errors in m/s.
     """
     cosines = _numbers(values, "direction_cosines", path)
     velocity = _numbers(values, "velocity", path)
@@ -212,7 +245,7 @@ def from_arrays(
     frequency = _frequencies(values, velocity.shape[2], path)
     std = None
     if "std" in values:
-        std = cube(_numbers(values, "std", path).astype(float)) * unit.value
+        std = cube(_numbers(values, "std", path).astype(float)) * unit
         try:
             std = np.broadcast_to(std, velocity.shape)
         except ValueError:
@@ -232,11 +265,12 @@ def from_arrays(
         point=_labels(values, "point", points, path) if named else None,
         frequency=frequency,
         direction_cosines=cosines.astype(float),
-        velocity=np.where(missing, np.nan, velocity) * unit.value,
+        velocity=np.where(missing, np.nan, velocity) * unit,
         std=std,
         missing=missing if missing.any() else None,
         position=np.atleast_2d(values["position"]) if "position" in values else None,
-        **joined,
+        triangle=joined.get("triangle"),
+        line=joined.get("line"),
     )
 
 

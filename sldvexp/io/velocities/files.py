@@ -18,7 +18,16 @@ from sldvexp.errors import UserError, nearest
 from sldvexp.files import require_file
 from sldvexp.io.tables import AXES, COORDINATES, MISSING, TextTable, read_table
 from sldvexp.io.velocities.arrays import read_matlab, read_netcdf
-from sldvexp.io.velocities.table import ORDER, OWN, REMEDY, FileLayout, LineOfSight
+from sldvexp.io.velocities.headings import HeadingUnits, read_headings
+from sldvexp.io.velocities.table import (
+    ORDER,
+    OWN,
+    REMEDY,
+    UNSTATED_LENGTH,
+    UNSTATED_VELOCITY,
+    FileLayout,
+    LineOfSight,
+)
 from sldvexp.typing import Array, IndexArray
 from sldvexp.units import LengthUnit, VelocityUnit
 
@@ -37,15 +46,15 @@ LEAST = {
 }
 
 
-def read(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSight:
+def read(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) -> LineOfSight:
     r"""Read a file of velocities.
 
     Parameters
     ----------
     path : Path
         ``.csv``, ``.nc`` or ``.mat``.
-    unit : VelocityUnit
-        Of the file's velocities.
+    unit : VelocityUnit or None
+        Of the file's velocities; None if it is left to the file, and m/s if this says nothing.
     layout : FileLayout
         How the file differs from the program's own.
 
@@ -68,13 +77,15 @@ def read(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSigh
     return READERS[path.suffix.lower()](path, unit, layout)
 
 
-def read_csv(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOfSight:
+def read_csv(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) -> LineOfSight:
     """Read ``view,dx,dy,dz,frequency,real,imag`` with optional ``point``, ``x,y,z`` and ``std``.
 
     Velocities are real if there is no column ``imag``. Views, points and frequencies keep the
-    file's order. Coordinates may state their unit, as ``x_mm``.
+    file's order. Coordinates may state their unit, as ``x_mm``, and so may headings that the layout
+    maps to others.
     """
-    table = _table(path, layout)
+    table, units = _table(path, unit, layout)
+    factor = units.velocity or UNSTATED_VELOCITY.value
     columns = {c: _checked(table, c, layout) for c in table.header}
     labels, shape, where = _cells(table, {c: columns[c] for c in ORDER if c in columns}, layout)
 
@@ -94,18 +105,19 @@ def read_csv(path: Path, unit: VelocityUnit, layout: FileLayout = OWN) -> LineOf
             f"{path}: the direction of view {labels[0][moved[0, 0]]} differs between frequencies; "
             "give directions that belong to one point as points of their own"
         )
-    position = _position(table, cube, labels[1], layout)
+    position = _position(table, cube, labels[1], layout, units)
     points = labels[1] if "point" in columns else None
     return LineOfSight(
         source=str(path),
         view=labels[0],
         point=["1"] if points is None and position is not None else points,
-        frequency=np.array(labels[2], float) if "frequency" in columns else None,
+        frequency=units.frequency * np.array(labels[2], float) if "frequency" in columns else None,
         direction_cosines=first,
-        velocity=np.where(missing, np.nan, velocity) * unit.value,
-        std=None if std is None else np.where(missing, np.nan, std) * unit.value,
+        velocity=np.where(missing, np.nan, velocity) * factor,
+        std=None if std is None else np.where(missing, np.nan, std) * factor,
         missing=missing if missing.any() else None,
         position=position,
+        amplitude=units.amplitude,
     )
 
 
@@ -116,7 +128,11 @@ def _first(values: Array, axis: int) -> Array:
 
 
 def _position(
-    table: TextTable, cube: Callable[[str], Array], labels: list[Any], layout: FileLayout
+    table: TextTable,
+    cube: Callable[[str], Array],
+    labels: list[Any],
+    layout: FileLayout,
+    units: HeadingUnits,
 ) -> Array | None:
     """Find the points' coordinates, shape (point, 3), m; None if there are none.
 
@@ -141,7 +157,9 @@ def _position(
             f"{table.path}: {which} has more than one position; each point needs one, and points "
             "of their own need a column point"
         )
-    return found * (LengthUnit[stated] if stated else layout.length).value
+    if stated:
+        return found * LengthUnit[stated].value
+    return found * (units.length or (layout.length or UNSTATED_LENGTH).value)
 
 
 def _cells(
@@ -188,12 +206,15 @@ def _cells(
     return labels, shape, where
 
 
-def _table(path: Path, layout: FileLayout) -> TextTable:
-    """Read the text with the program's names of columns, and check these."""
+def _table(
+    path: Path, unit: VelocityUnit | None, layout: FileLayout
+) -> tuple[TextTable, HeadingUnits]:
+    """Read the text with the program's names of columns, check these, and find their units."""
     table = read_table(path, inline_comments=True)
     if not table.header:
         raise UserError(f"{path}: is empty; needed are the columns {', '.join(REQUIRED)}")
     layout.require(table.header, path)
+    headings = {c: layout.mapping.get(c, c) for c in table.header}
     table = replace(table, header=[layout.mapping.get(c, c) for c in table.header])
     known = REQUIRED + OPTIONAL + WITH_UNIT
     unknown = [column for column in table.header if column not in known]
@@ -213,7 +234,7 @@ def _table(path: Path, layout: FileLayout) -> TextTable:
     table.require(REQUIRED, f"needed are {', '.join(REQUIRED)}")
     if not table.rows:
         raise UserError(f"{path}: the table has no rows")
-    return table
+    return table, read_headings(headings, unit, layout, path)
 
 
 def _checked(table: TextTable, column: str, layout: FileLayout) -> list[Any]:
@@ -241,7 +262,7 @@ def _checked(table: TextTable, column: str, layout: FileLayout) -> list[Any]:
     return cells if column in ("view", "point") else values.tolist()
 
 
-READERS: dict[str, Callable[[Path, VelocityUnit, FileLayout], LineOfSight]] = {
+READERS: dict[str, Callable[[Path, VelocityUnit | None, FileLayout], LineOfSight]] = {
     ".csv": read_csv,
     ".nc": read_netcdf,
     ".mat": read_matlab,

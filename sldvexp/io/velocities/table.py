@@ -17,7 +17,8 @@ from sldvexp import dataset
 from sldvexp.errors import UserError, nearest
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
-from sldvexp.units import LengthUnit
+from sldvexp.unit_labels import Amplitude
+from sldvexp.units import LengthUnit, VelocityUnit
 
 #: How values that are not there become known to be so.
 REMEDY = (
@@ -52,6 +53,8 @@ class LineOfSight:
     position : ndarray or None, shape (point, 3), m
     triangle, line : ndarray of int or None, shapes (triangle, 3) and (line, 2)
         Places of points that a surface or a line joins.
+    amplitude : Amplitude or None
+        Measure of a sine that the file says its velocities are; None if it says nothing.
 
     Raises
     ------
@@ -77,6 +80,7 @@ class LineOfSight:
     position: Array | None = None
     triangle: IntArray | None = None
     line: IntArray | None = None
+    amplitude: Amplitude | None = None
 
     def __repr__(self) -> str:
         names = ("views", "points", "frequencies")
@@ -232,6 +236,8 @@ KNOWN = (
     "triangle",
     "line",
 )
+#: Units of files that state none, by nobody told.
+UNSTATED_VELOCITY, UNSTATED_LENGTH = VelocityUnit.m_per_s, LengthUnit.m
 ORDER = ("view", "point", "frequency")
 DIMENSIONS = (*ORDER, "axis")
 
@@ -248,17 +254,20 @@ class FileLayout:
         Dimensions of the velocities where they have no names; all of `ORDER` that there are.
     group : str
         Of a netCDF file; empty for its root.
-    length : LengthUnit
-        Of positions, where the file does not say it.
+    length : LengthUnit or None
+        Of positions, where the file does not say it; None for m.
     gaps : bool
         Whether velocities may be missing.
+    amplitude : Amplitude or None
+        Measure of a sine that velocities are said to be.
     """
 
     mapping: Mapping[str, str] = field(default_factory=dict)
     order: tuple[str, ...] = ()
     group: str = ""
-    length: LengthUnit = LengthUnit.m
+    length: LengthUnit | None = None
     gaps: bool = False
+    amplitude: Amplitude | None = None
 
     def require(self, names: Iterable[Hashable], path: Path) -> None:
         """Complain about names that the file does not have."""
