@@ -159,7 +159,11 @@ def _view(
         ),
         length,
         rules.told | {"length_unit": f"{length:g} m, {by}", "lines": table.told},
-        [*_gaps(name, roles, node), *_overruled(settings, name, table, roles)],
+        [
+            *_gaps(name, roles, node),
+            *_overruled(settings, name, table, roles),
+            *_left_out(settings, name, table, roles),
+        ],
         said,
         rules.reference,
     )
@@ -179,6 +183,31 @@ def _gaps(name: str, roles: dict[str, int], node: IntArray) -> list[Finding]:
     )
     size = float(len(absent))
     return [Finding("missing_rows", f"view {name}", text, Severity.note, size=size)]
+
+
+#: Different words in a column that may be a point's status; of more, it is a remark.
+FEW_WORDS = range(2, 7)
+
+
+def _left_out(
+    settings: ScanExport, name: str, table: ScanTable, roles: dict[str, int]
+) -> list[Finding]:
+    """Tell which columns `instrument.columns` leaves out, and if one may say what is valid."""
+    others = [i for i in range(table.values.shape[1]) if i not in roles.values()]
+    if not settings.columns or not others:
+        return []
+    named = f"{table.path}: instrument.columns leaves out {table.listed(others)}"
+    few = {i: sorted(set(table.words[i])) for i in others if i in table.words}
+    few = {i: words for i, words in few.items() if len(words) in FEW_WORDS}
+    if not few or "status" in roles:
+        return [Finding("left_out", f"view {name}", named, Severity.note)]
+    column, words = next(iter(few.items()))
+    text = (
+        f"{named}; column {table.place[column]} is {', '.join(words)}: if that tells which values "
+        "are good, points of bad ones are used"
+    )
+    remedy = f"instrument.columns.status={table.place[column]}"
+    return [Finding("left_out", f"view {name}", text, Severity.doubtful, remedy=remedy)]
 
 
 def _overruled(

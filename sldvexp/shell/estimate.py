@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.field.bounds.budget import by_source, not_included
+from sldvexp.field.bounds.budget import SOURCES, by_source, not_included
 from sldvexp.field.bounds.pose_uncertainty import PoseErrors, pose_covariance
 from sldvexp.field.visibility.view import View, views_of
 from sldvexp.laser import TwoMirror
@@ -43,6 +43,9 @@ LENGTH = 2 / 3
 
 #: Step of the difference by which strains are differentiated by the height, m.
 STEP = 1e-6
+
+#: Sources that other fields have, and splines through the pixels themselves do not.
+NEVER = (SOURCES["interpolation"], SOURCES["elements"])
 
 NO_COVARIANCE = "the poses have no covariance: bounds are those of the velocities' noise"
 
@@ -132,7 +135,7 @@ class SurfaceField:
             "cond": float(np.linalg.cond(self.fit.posterior.factors[0]) ** 2),
             "coordinate_system": "local" if local else "world",
             "confidence_level": self.method.confidence,
-            "not_included": "; ".join(not_included(variance)),
+            "not_included": "; ".join(t for t in not_included(variance) if t not in NEVER),
             "notes": "\n".join(self.notes),
         }
         return group

@@ -134,6 +134,26 @@ def test_squares_have_no_amplitude():
         read(CASES / "sq.txt")
 
 
+@pytest.mark.parametrize(
+    ("words", "severity"),
+    [
+        (["Valid", "Invalid", "Valid", "Optimal"], "doubtful"),
+        (["ok"] * 4, "note"),
+    ],
+)
+def test_columns_that_are_left_out_are_named(tmp_path, words, severity):
+    """One of a few different words may tell which values are good."""
+    lines = ["Frequency: 195 Hz", "Index\tX [m]\tY [m]\tZ [m]\tReal [m/s]\tImag [m/s]\tStatus"]
+    lines += [f"{i + 1}\t{i}\t{i * i}\t0\t1e-3\t0\t{word}" for i, word in enumerate(words)]
+    path = tmp_path / "words.txt"
+    path.write_text("\n".join(lines) + "\n")
+    columns = {"index": 1, "x": 2, "y": 3, "z": 4, "real": 5, "imag": 6}
+    (found,) = dataset.take_findings({"line_of_sight": read(path, columns=columns)})
+    assert found.severity.name == severity
+    assert "instrument.columns leaves out 7 (Status)" in found.text
+    assert found.remedy == ("instrument.columns.status=7" if severity == "doubtful" else "")
+
+
 def test_settings_that_win_over_labels_are_told(tmp_path):
     path = CASES / "rms.txt"
     group = read(path)
