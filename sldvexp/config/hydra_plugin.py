@@ -108,6 +108,11 @@ class BoundedFiles(FileConfigSource):
         return [n for n in found if not (folder / f"{n}{OTHER_ENDING}").is_file()]
 
 
+# In a worker of a sweep Hydra registers its own source again, and takes another class of the same
+# name for that; its pickles go by `__qualname__`.
+BoundedFiles.__name__ = FileConfigSource.__name__
+
+
 class PluginSearchPath(SearchPathPlugin):
     """Order in which files are looked for: the user's, the program's, those of packages.
 

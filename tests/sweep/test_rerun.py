@@ -122,11 +122,11 @@ HOSTILE = {
     ),
     "resolver": (
         {"config": other(lambda c: c["instrument"].update(path="${oc.env:HOME}"))},
-        "config: instrument.path refers to something, ${oc.env:HOME}; a run's file has values only",
+        "instrument.path is refused: a file refers to settings, as in ${seed}, and cannot look up",
     ),
     "resolver in a key": (
         {"config": other(lambda c: c.update(compare={"${oc.env:HOME}": {}}))},
-        "refers to something, ${oc.env:HOME}",
+        "compare.${oc.env:HOME} is refused: a file refers to settings",
     ),
     "hydra's callbacks": (
         {"config": other(lambda c: c.update(hydra={"callbacks": {"x": CALL}}))},
