@@ -17,7 +17,8 @@ from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.lazy import xarray as xr
-from sldvexp.shell import SurfaceField, SurfaceReconstruction, reconstruct_surface
+from sldvexp.shell import SurfaceField, SurfaceReconstruction
+from sldvexp.shell.estimate import reconstruct_surface
 from sldvexp.shell.gage import Gage, along
 from sldvexp.statistics import student_factor
 from sldvexp.typing import Array, ComplexArray

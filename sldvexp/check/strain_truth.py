@@ -8,6 +8,7 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.check.base import Check, Examination
+from sldvexp.check.truth import errors_and_coverage
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
@@ -29,21 +30,10 @@ class StrainTruth(Check):
                 "reconstruction=shell and scene=plate"
             )
         strain, truth = strains[0], run.groups["truth"]["strain"].values
-        error = strain["strain"].values - truth
         level = float(student_factor(strain.attrs["confidence_level"], np.inf))
         bound = level * strain["strain_std_by_part"].values
-        parts = np.stack([error.real, error.imag])
-        known = np.isfinite(parts) & np.isfinite(bound)
-        covered = (np.abs(parts) <= bound) & known
-        true = np.sqrt(np.nanmean(np.abs(truth) ** 2, axis=0))
-        rms = np.sqrt(np.nanmean(np.abs(error) ** 2, axis=0))
         return dataset.group(
             "examined/strain_truth",
             {name: strain[name].values for name in ("strain_component", "frequency")},
-            relative_error=rms / true,
-            rms_error=rms,
-            rms_bound=np.sqrt(np.nanmean(bound**2, axis=(0, 1))),
-            covered=covered.sum(axis=(0, 1)) / known.sum(axis=(0, 1)),
-            relative_error_in_all=np.linalg.norm(rms, axis=1) / np.linalg.norm(true, axis=1),
-            covered_in_all=covered.sum(axis=(0, 1, 3)) / known.sum(axis=(0, 1, 3)),
+            **errors_and_coverage(strain["strain"].values - truth, truth, bound),
         )

@@ -42,28 +42,48 @@ class Truth(Check):
         found = columns.at_surface(field["velocity"].values)
         if "n" in field["component"].values:
             truth = np.einsum("nca,naf->ncf", tree["volume"]["frame"].values[columns.inside], truth)
-        error = found - truth
         of_parts = field["confidence_by_part"].transpose("part", *field["velocity"].dims).values
         bound = np.stack([columns.at_surface(part) for part in of_parts])
-        parts = np.stack([error.real, error.imag])
-        known = np.isfinite(parts) & np.isfinite(bound)
-        with np.errstate(invalid="ignore"):
-            covered = (np.abs(parts) <= bound) & known
-        largest = np.sqrt(np.nanmean(np.abs(truth) ** 2, axis=0))
-        rms = np.sqrt(np.nanmean(np.abs(error) ** 2, axis=0))
         coords = {"component": field["component"].values, "frequency": field["frequency"].values}
         group = dataset.group(
             "examined/truth",
             coords,
-            relative_error=rms / largest,
-            rms_error=rms,
-            rms_bound=np.sqrt(np.nanmean(bound**2, axis=(0, 1))),
-            covered=covered.sum(axis=(0, 1)) / known.sum(axis=(0, 1)),
-            relative_error_in_all=np.linalg.norm(rms, axis=1) / np.linalg.norm(largest, axis=1),
-            covered_in_all=covered.sum(axis=(0, 1, 3)) / known.sum(axis=(0, 1, 3)),
+            **errors_and_coverage(found - truth, truth, bound),
         )
         group.attrs["columns"] = len(columns.inside)
         return group
+
+
+def errors_and_coverage(
+    error: NDArray[np.inexact], truth: NDArray[np.inexact], bound: Array
+) -> dict[str, Array]:
+    """Compare errors with the truth's size, and with their intervals.
+
+    Parameters
+    ----------
+    error, truth : ndarray of complex, shape (place, component, frequency)
+        NaN where nothing is known.
+    bound : ndarray, shape (part, place, component, frequency)
+        Half-widths of the intervals.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (component, frequency) or (component,)
+    """
+    parts = np.stack([error.real, error.imag])
+    known = np.isfinite(parts) & np.isfinite(bound)
+    with np.errstate(invalid="ignore"):
+        covered = (np.abs(parts) <= bound) & known
+    size = np.sqrt(np.nanmean(np.abs(truth) ** 2, axis=0))
+    rms = np.sqrt(np.nanmean(np.abs(error) ** 2, axis=0))
+    return {
+        "relative_error": rms / size,
+        "rms_error": rms,
+        "rms_bound": np.sqrt(np.nanmean(bound**2, axis=(0, 1))),
+        "covered": covered.sum(axis=(0, 1)) / known.sum(axis=(0, 1)),
+        "relative_error_in_all": np.linalg.norm(rms, axis=1) / np.linalg.norm(size, axis=1),
+        "covered_in_all": covered.sum(axis=(0, 1, 3)) / known.sum(axis=(0, 1, 3)),
+    }
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,10 +53,8 @@ class MeasuredSurface:
     def of(cls, volume: Volume, laser: TwoMirror) -> MeasuredSurface:
         """Take the surface that a volume is laid around."""
         prisms = volume.prisms()
-        lowest = prisms.position[: prisms.surface_nodes]
-        nodes = lowest - prisms.depth[0] * prisms.frame[:, 2]
         grazing = float(np.radians(volume.sight.grazing))
-        return cls(laser, prisms, nodes, grazing, not volume.sight.both_sides)
+        return cls(laser, prisms, prisms.surface, grazing, not volume.sight.both_sides)
 
     @property
     def thickness(self) -> float:

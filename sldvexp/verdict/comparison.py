@@ -129,10 +129,7 @@ def bench_of(
 def stated_covariance(pose: xr.Dataset, views: Sequence[View]) -> Array | None:
     """Collect the covariance of the poses of some views, shape (6 view, 6 view); None if exact."""
     errors = PoseErrors.from_dataset(pose, [v.name for v in views])
-    if errors is None:
-        return None
-    of_intrinsics = errors.pose.reshape(len(errors.pose), POSE * len(views))
-    return np.asarray(errors.covariance + of_intrinsics.T @ of_intrinsics)
+    return None if errors is None else errors.whole
 
 
 def prior_factor(covariance: Array | None, views: int, thickness: float) -> Array:

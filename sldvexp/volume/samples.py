@@ -61,6 +61,12 @@ class Prisms:
         return len(self.position)
 
     @property
+    def surface(self) -> Array:
+        """Nodes of the given surface, at depth 0, shape (surface_node, 3), m."""
+        lowest = self.position[: self.surface_nodes]
+        return np.asarray(lowest - self.depth[0] * self.frame[:, 2])
+
+    @property
     def layer(self) -> IntArray:
         """Layer that each node belongs to, from 0, shape (node,)."""
         return np.repeat(np.arange(self.layers), self.surface_nodes)

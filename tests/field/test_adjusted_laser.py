@@ -194,3 +194,11 @@ def test_unknown_covariance_of_adjusted_poses_is_none(make_views: Make) -> None:
         intrinsic=np.zeros((3, 1)),
     )
     assert PoseErrors.from_dataset(pose, ["1", "2", "3"]) is None
+
+
+def test_the_poses_whole_covariance_has_the_errors_that_go_with_the_intrinsics():
+    with_intrinsics = np.array([[[0.1, 0, 0, 0, 0, 0.2], [0, 0.3, 0, 0, 0, 0]]])
+    errors = PoseErrors(np.eye(12), with_intrinsics, np.zeros((1, 2, 5)))
+    row = with_intrinsics.reshape(12)
+    assert errors.whole == pytest.approx(np.eye(12) + np.outer(row, row))
+    assert PoseErrors(np.eye(12), np.zeros((0, 2, 6)), np.zeros((0, 2, 5))).whole.shape == (12, 12)

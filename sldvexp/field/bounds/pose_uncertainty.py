@@ -232,6 +232,12 @@ class PoseErrors:
             intrinsic,
         )
 
+    @property
+    def whole(self) -> Array:
+        """Covariance of the poses' errors, with those that go with the intrinsics'."""
+        of_intrinsics = self.pose.reshape(len(self.pose), len(self.covariance))
+        return np.asarray(self.covariance + of_intrinsics.T @ of_intrinsics)
+
     def moved(self, views: Sequence[View]) -> Iterator[tuple[list[View], list[View]]]:
         """Move the views by each independent error, added and subtracted."""
         for pose, intrinsic in zip(self.pose, self.intrinsic, strict=True):
