@@ -312,6 +312,9 @@ VARIABLES: dict[str, dict[str, Variable]] = {
             "place strain_component [frequency]", "1", "half-width of its interval, larger part"
         ),
         "stress": _V("place strain_component [frequency]", "Pa", "plane stress of the face"),
+        "stress_std": _V(
+            "place strain_component [frequency]", "Pa", "its standard error at most, larger part"
+        ),
         "von_mises": _V(
             "place [frequency]", "Pa", "von Mises stress of the face, largest of a cycle"
         ),

@@ -294,12 +294,11 @@ def _on_surface(run: Run, name: str, method: shell.SurfaceReconstruction) -> Non
         )
     if e.stream is not None:
         raise UserError("splines on the surface take all frequencies at once: leave out stream")
-    found = shell.reconstruct_surface(run.tree, e.laser, e.volume, method, e.material)
+    found = shell.estimate.reconstruct_surface(run.tree, e.laser, e.volume, method, e.material)
     run.tree[name] = found.field()
     if found.frequency is not None:
-        run.tree[name.replace("field", "strain").replace("compare/", COMPARED_STRAIN)] = (
-            found.strain()
-        )
+        compared = name.removeprefix("compare/")
+        run.tree["strain" if name == "field" else f"{COMPARED_STRAIN}{compared}"] = found.strain()
 
 
 def _streamed_field(run: Run) -> None:

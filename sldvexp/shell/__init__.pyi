@@ -1,7 +1,7 @@
+from . import estimate as estimate
 from .chart import Chart as Chart
 from .estimate import SurfaceField as SurfaceField
 from .estimate import estimate_surface as estimate_surface
-from .estimate import reconstruct_surface as reconstruct_surface
 from .evidence import WeightedFit as WeightedFit
 from .gage import Gage as Gage
 from .love import ThinShell as ThinShell
@@ -12,4 +12,5 @@ from .shell import Shell as Shell
 from .spline import Spline as Spline
 from .splines import TensorSplines as TensorSplines
 from .stress import plane_stress as plane_stress
+from .stress import stress_std as stress_std
 from .stress import von_mises as von_mises

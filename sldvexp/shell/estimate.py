@@ -17,18 +17,18 @@ from numpy.typing import ArrayLike, NDArray
 from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.field.bounds.budget import SOURCES, by_source, not_included
-from sldvexp.field.bounds.pose_uncertainty import PoseErrors, pose_covariance
+from sldvexp.field.bounds.pose_uncertainty import POSE, PoseErrors, pose_covariance
+from sldvexp.field.estimate import NO_COVARIANCE
 from sldvexp.field.visibility.view import View, views_of
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.shell.love import STRAINS, ThinShell
 from sldvexp.shell.material import Isotropic
 from sldvexp.shell.method import GivenSurface, PoseTreatment, SurfaceReconstruction
-from sldvexp.shell.outline import Outline, surface_nodes
-from sldvexp.shell.pixels import POSE
+from sldvexp.shell.outline import Outline
 from sldvexp.shell.shell import Shell
 from sldvexp.shell.splines import TensorSplines
-from sldvexp.shell.stress import plane_stress, von_mises
+from sldvexp.shell.stress import plane_stress, stress_std, von_mises
 from sldvexp.shell.surface_fit import PriorErrors, SurfaceFit, fit
 from sldvexp.statistics import student_factor
 from sldvexp.typing import Array, ComplexArray
@@ -46,8 +46,6 @@ STEP = 1e-6
 
 #: Sources that other fields have, and splines through the pixels themselves do not.
 NEVER = (SOURCES["interpolation"], SOURCES["elements"])
-
-NO_COVARIANCE = "the poses have no covariance: bounds are those of the velocities' noise"
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,28 +140,30 @@ class SurfaceField:
 
     def strain(self) -> xr.Dataset:
         """Make the group ``strain``, at the nodes of the given surface."""
-        place = self.fit.outline.corners
-        surfaces = {"": self.fit.face}
+        place, face = self.fit.outline.corners, self.fit.face
+        strain, variance = self._strain_at(place, face)
+        found = self._with_bounds("", strain, variance)
+        found["strain_std_by_part"] = np.sqrt(variance)
         if self.method.of_middle:
-            surfaces |= {"middle_": 0.0, "back_": -self.fit.face}
-        found: dict[str, NDArray[Any]] = {}
-        total: Array | None = None
-        for name, height in surfaces.items():
-            strain, variance = self._strain_at(place, height)
-            std = np.sqrt(variance.max(axis=0))
-            found |= {f"{name}strain": strain, f"{name}strain_std": std}
-            found[f"{name}confidence"] = self.factor * std
-            if total is None:
-                found["strain_std_by_part"] = np.sqrt(variance)
-                if self.material is not None:
-                    stress = plane_stress(strain, self.material.E, self.material.nu)
-                    found |= {"stress": stress, "von_mises": von_mises(stress)}
-                total = variance
+            for name, height in (("middle_", 0.0), ("back_", -face)):
+                found |= self._with_bounds(name, *self._strain_at(place, height))
+        if self.material is not None:
+            stress = plane_stress(strain, self.material.E, self.material.nu)
+            std = stress_std(strain, found["strain_std"], self.material)
+            found |= {"stress": stress, "stress_std": std, "von_mises": von_mises(stress)}
         coords = {"strain_component": list(STRAINS), "part": ["real", "imaginary"]}
-        always = {"position": surface_nodes(self.prisms), "triangle": self.prisms.triangles}
+        always = {"position": self.prisms.surface, "triangle": self.prisms.triangles}
         group = self._group("strain", coords, always=always, **found)
         group.attrs |= {"confidence_level": self.method.confidence}
         return group
+
+    def _with_bounds(
+        self, name: str, strain: ComplexArray, variance: Array
+    ) -> dict[str, NDArray[Any]]:
+        """Name strains and their bounds, of the larger part."""
+        std = np.sqrt(variance.max(axis=0))
+        bounds = {f"{name}strain_std": std, f"{name}confidence": self.factor * std}
+        return {f"{name}strain": strain, **bounds}
 
     def strain_of(
         self, rows: Array, row_at: Sequence[Callable[[ThinShell, float], Array]]
@@ -225,7 +225,8 @@ class SurfaceField:
 
     def _chi_square_ratio(self) -> Array:
         """Compare residuals with the stated noise, of every frequency."""
-        white = self.fit.residual / self.fit.pixel_std[:, None] / self.fit.columns.scale
+        measured = self.fit.measured
+        white = self.fit.residual / measured.pixel_std[:, None] / measured.scale
         return np.asarray(np.mean(np.abs(white) ** 2, axis=0) / 2)
 
     def _group(
@@ -260,23 +261,12 @@ def reconstruct_surface(
     ------
     UserError
         See `estimate_surface`.
-
-    Examples
-    --------
-    Of the groups of a session, as ``sldvexp experiment=plate_strain`` leaves them:
-
-    >>> from sldvexp import dataset, shell
-    >>> def again(folder, laser, volume, thickness):
-    ...     with dataset.load(folder / "run.nc") as tree:
-    ...         groups = {n.path.lstrip("/"): n.to_dataset() for n in tree.load().subtree}
-    ...     sheet = shell.Isotropic(thickness=thickness)
-    ...     return shell.reconstruct_surface(groups, laser, volume, shell.Shell(), sheet).strain()
     """
     views = views_of(tree, laser)
     image = tree[f"image/{views[0].name}"]
     frequency = image["frequency"].values if "frequency" in image.coords else None
     known = PoseErrors.from_dataset(tree["pose"], [v.name for v in views])
-    joint = None if known is None else known.covariance
+    joint = None if known is None else known.whole
     return estimate_surface(
         views, laser, volume, method, material, frequency=frequency, covariance=joint
     )
@@ -297,7 +287,7 @@ def estimate_surface(
     Parameters
     ----------
     views : sequence of View
-        PoseTreatment and velocity images.
+        Poses and velocity images.
     laser : TwoMirror
         Which all views were taken with.
     volume : Volume
@@ -394,10 +384,10 @@ def _splines(outline: Outline, method: SurfaceReconstruction, longest: float) ->
 def _told(found: SurfaceFit) -> list[str]:
     """Say what a user must know of the fit."""
     told = []
-    if found.estimated_noise:
+    if not found.measured.stated:
         told.append(
             "the pixels' noise is not stated; it is taken from what splines without priors leave "
-            f"over: {1e3 * found.pixel_std[0]:.3g} mm/s"
+            f"over: {1e3 * found.measured.pixel_std[0]:.3g} mm/s"
         )
     unseen = [p.view.name for p in found.pixels if not len(p.pixel)]
     if unseen:

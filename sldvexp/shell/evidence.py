@@ -42,17 +42,11 @@ class WeightedFit:
         ``A'y``.
     share : ndarray, shape (combination, column)
         Of each combination in the average; they add up to 1.
-    evidence : ndarray, shape (column,)
-        -2 log of the mean likelihood, for models of the same data to be compared by.
-    weight : ndarray, shape (combination, penalty)
-        The logarithms lam.
     """
 
     factors: list[Array]
     reduced: Array
     share: Array
-    evidence: Array
-    weight: Array
 
     @classmethod
     def of(
@@ -93,14 +87,12 @@ class WeightedFit:
             kept.append(factor)
         likelihood = -0.5 * np.array(twice)
         density = likelihood - weight[:, 1:].sum(axis=1)[:, None] / 2
-        best = density.max(axis=0)
-        share = np.exp(density - best)
-        evidence = -2 * (best + np.log(share.mean(axis=0)))
+        share = np.exp(density - density.max(axis=0))
         share /= share.sum(axis=0)
         share[share < NEGLIGIBLE] = 0
         share /= share.sum(axis=0)
         used = np.flatnonzero(share.any(axis=1))
-        return cls([kept[i] for i in used], reduced, share[used], evidence, weight[used])
+        return cls([kept[i] for i in used], reduced, share[used])
 
     def mean(self) -> Array:
         """Average the coefficients, shape (coefficient, column)."""

@@ -7,9 +7,6 @@ from dataclasses import dataclass, field
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 
-#: Properties in the order of `Isotropic`, with their units.
-UNITS = {"thickness": "m", "E": "Pa", "nu": "1", "rho": "kg/m3"}
-
 
 @dataclass
 class Tolerance:
@@ -20,13 +17,11 @@ class Tolerance:
     thickness : float, m
     E : float, Pa
     nu : float
-    rho : float, kg/m3
     """
 
     thickness: float = 0.0
     E: float = 0.0
     nu: float = 0.0
-    rho: float = 0.0
 
 
 @register("material", "isotropic")
@@ -42,8 +37,6 @@ class Isotropic:
         Young's modulus; stresses need it.
     nu : float
         Poisson's ratio.
-    rho : float, kg/m3
-        Density.
     tolerance : Tolerance
         Standard uncertainties, which go into the bounds.
     """
@@ -51,18 +44,16 @@ class Isotropic:
     thickness: float = 0.0
     E: float = 70.0e9
     nu: float = 0.33
-    rho: float = 2700.0
     tolerance: Tolerance = field(default_factory=Tolerance)
 
     def __post_init__(self) -> None:
         checks = Checks()
         checks.positive("E", self.E)
-        checks.positive("rho", self.rho)
         checks.require(-1 < self.nu < 0.5, "nu", f"must lie between -1 and 0.5, not {self.nu}")
         message = (
             "must be given, in m, as in 0.003: strain and motion along the surface depend on it"
         )
         checks.require(self.thickness > 0, "thickness", message)
-        for name in UNITS:
+        for name in ("thickness", "E", "nu"):
             checks.non_negative(f"tolerance.{name}", getattr(self.tolerance, name))
         checks.done()

@@ -67,8 +67,8 @@ class Outline:
         UserError
             If the surface bends both ways.
         """
-        nodes = surface_nodes(prisms)
-        chart = chart_of_grid(volume) if isinstance(volume, Grid) else fitted_chart(nodes, prisms)
+        nodes = prisms.surface
+        chart = chart_of_grid(volume) if isinstance(volume, Grid) else fitted_chart(prisms)
         lowered = below(chart, given)
         coordinates, _ = lowered.place(nodes)
         low, high = coordinates.min(axis=0) - margin, coordinates.max(axis=0) + margin
@@ -93,12 +93,6 @@ class Outline:
         return found
 
 
-def surface_nodes(prisms: Prisms) -> Array:
-    """Find the nodes of the given surface, at depth 0, shape (surface_node, 3), m."""
-    lowest = prisms.position[: prisms.surface_nodes]
-    return np.asarray(lowest - prisms.depth[0] * prisms.frame[:, 2])
-
-
 def below(chart: Chart, height: float) -> Chart:
     """Make the chart of the surface that lies so far below a chart's own, along the normals."""
     center = chart.center - height * chart.axes[2]
@@ -113,14 +107,15 @@ def chart_of_grid(grid: Grid) -> Chart:
     return Chart(unit * np.array(grid.center, float), axes, curvature)
 
 
-def fitted_chart(nodes: Array, prisms: Prisms) -> Chart:
-    """Fit a plane to the nodes of a surface, or else a cylinder.
+def fitted_chart(prisms: Prisms) -> Chart:
+    """Fit a plane to the nodes of the given surface, or else a cylinder.
 
     Raises
     ------
     UserError
         If it is neither.
     """
+    nodes = prisms.surface
     middle = nodes.mean(axis=0)
     along = np.linalg.svd(nodes - middle, full_matrices=False)[2]
     normal = along[2] * np.sign(along[2] @ prisms.frame[:, 2].mean(axis=0) or 1.0)

@@ -14,13 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.field import View
+from sldvexp.field.bounds.pose_uncertainty import POSE
 from sldvexp.laser import TwoMirror, rays
 from sldvexp.shell.love import ThinShell
 from sldvexp.shell.outline import Outline
 from sldvexp.typing import Array, BoolArray, IndexArray
 
-#: Parameters of a pose: a rotation vector of the laser frame, rad, and the origin, m.
-POSE = 6
 #: Step of the differences by which places are differentiated, rad and m.
 STEP = 1e-6
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from sldvexp.shell.material import Isotropic
 from sldvexp.typing import Array, ComplexArray
 
 #: Von Mises' quadratic form of the components ss, tt, st.
@@ -39,6 +40,37 @@ def plane_stress(strain: ComplexArray, E: float, nu: float) -> ComplexArray:
     ss, tt, st = np.moveaxis(strain, 1, 0)
     plane = E / (1 - nu**2)
     return np.stack([plane * (ss + nu * tt), plane * (tt + nu * ss), E / (1 + nu) * st], axis=1)
+
+
+def stress_std(strain: ComplexArray, std: Array, material: Isotropic) -> Array:
+    """Bound the stresses' standard errors, of the strains' and of the material's.
+
+    How strains of one place go together is not known here, so that their errors are added as if
+    they did in the least favourable way.
+
+    Parameters
+    ----------
+    strain : ndarray of complex, shape (place, 3, frequency)
+    std : ndarray, shape (place, 3, frequency)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.shell import Isotropic
+    >>> from sldvexp.shell.material import Tolerance
+    >>> sheet = Isotropic(0.003, E=70e9, nu=0.0, tolerance=Tolerance(E=7e9))
+    >>> strain = np.array([[[3e-6], [0], [0]]], complex)
+    >>> stress_std(strain, np.array([[[4e-7], [0], [0]]]), sheet)[0, 0].round().tolist()
+    [35000.0]
+    """
+    e, nu, known = material.E, material.nu, material.tolerance
+    ss, tt, st = np.moveaxis(std, 1, 0)
+    plane = e / (1 - nu**2)
+    own = [plane * (ss + abs(nu) * tt), plane * (tt + abs(nu) * ss), e / (1 + nu) * st]
+    here, step = plane_stress(strain, e, nu), 1e-6
+    by_nu = (plane_stress(strain, e, nu + step) - here) / step
+    of_material = np.abs(here * known.E / e) ** 2 + np.abs(by_nu * known.nu) ** 2
+    return np.asarray(np.sqrt(np.stack(own, axis=1) ** 2 + of_material))
 
 
 def von_mises(stress: ComplexArray) -> Array:

@@ -7,12 +7,14 @@ errors enter linearised (`sldvexp.shell.nuisances`), and the fit is repeated whe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.field import View
+from sldvexp.field.bounds.pose_uncertainty import POSE
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
 from sldvexp.shell.columns import SignalColumns
@@ -20,7 +22,7 @@ from sldvexp.shell.evidence import WeightedFit
 from sldvexp.shell.love import ThinShell
 from sldvexp.shell.nuisances import Nuisances
 from sldvexp.shell.outline import Outline
-from sldvexp.shell.pixels import POSE, ViewPixels
+from sldvexp.shell.pixels import ViewPixels
 from sldvexp.typing import Array, ComplexArray
 
 #: Logarithms of weights that are tried, for coefficients over the velocities' size: of w, and of
@@ -61,39 +63,86 @@ class PriorErrors:
 
 
 @dataclass(frozen=True, eq=False)
+class Measured:
+    """Velocities of all views' pixels, and their noise as a product of pixel and frequency.
+
+    Attributes
+    ----------
+    velocity : ndarray of complex, shape (pixel, frequency), m/s
+    pixel_std : ndarray, shape (pixel,), m/s
+    scale : ndarray, shape (frequency,)
+    stated : bool
+        False where the views state no noise and it is taken from the residuals.
+    """
+
+    velocity: ComplexArray
+    pixel_std: Array
+    scale: Array
+    stated: bool
+
+    @classmethod
+    def of(cls, pixels: Sequence[ViewPixels], shell: ThinShell, face: float) -> Measured:
+        """Collect the pixels of all views.
+
+        Raises
+        ------
+        UserError
+            If nothing moves.
+        """
+        velocity = np.concatenate([p.view.velocity[p.pixel] for p in pixels])
+        largest = float(np.abs(velocity).max())
+        if largest == 0:
+            raise UserError(
+                "all pixels that meet the surface are at rest: there is no motion to fit"
+            )
+        std = np.concatenate([_std_of(p) for p in pixels])
+        if std.min() <= EXACT * largest:
+            even = np.full(len(velocity), _left_over(pixels, shell, face, velocity))
+            return cls(velocity, even, np.ones(velocity.shape[1]), False)
+        by_frequency = np.sqrt(np.mean(std**2, axis=0))
+        scale = by_frequency / np.sqrt(np.mean(by_frequency**2))
+        return cls(velocity, np.sqrt(np.mean((std / scale) ** 2, axis=1)), scale, True)
+
+
+@dataclass(frozen=True, eq=False)
 class SurfaceFit:
     """The splines' posterior, and what was found of errors beside the field.
 
     Attributes
     ----------
     shell : ThinShell
+    outline : Outline
+    face : float, m
+        Height of the measured face above the splines' surface.
     pixels : list of ViewPixels
         At the poses as adjusted.
+    measured : Measured
     columns : SignalColumns
     posterior : WeightedFit
     solved : list of ndarray, shape (coefficient, error)
         ``H^-1 A'J`` of every reduced column.
     nuisances : Nuisances
     at : ndarray, shape (error,)
-        PriorErrors that the equations are taken at.
-    residual : ndarray of complex, shape (pixel, frequency), m/s
-    pixel_std : ndarray, shape (pixel,), m/s
-    estimated_noise : bool
-        Whether the pixels' noise was not stated and is taken from the residuals.
+        Errors that the equations are taken at.
     """
 
     shell: ThinShell
     outline: Outline
     face: float
     pixels: list[ViewPixels]
+    measured: Measured
     columns: SignalColumns
     posterior: WeightedFit
     solved: list[Array]
     nuisances: Nuisances
     at: Array
-    residual: ComplexArray
-    pixel_std: Array
-    estimated_noise: bool
+
+    @cached_property
+    def residual(self) -> ComplexArray:
+        """Velocities less those of the splines, shape (pixel, frequency), m/s."""
+        theta = self.posterior.mean()
+        fitted = np.concatenate([p.design(self.shell, self.face) @ theta for p in self.pixels])
+        return np.asarray(self.measured.velocity - self.columns.combined(fitted))
 
     def evaluate(
         self, rows: Array, thicker: Array | None = None
@@ -156,21 +205,15 @@ def fit(
             f"{count} pixels of all views together meet the surface from the side of its normals, "
             f"where {FEWEST} are needed: does the volume lie where the structure is?"
         )
-    velocity, pixel_std, scale, stated = _noise(pixels)
-    if not stated:
-        pixel_std = np.full(count, _left_over(pixels, shell, face, velocity))
-    columns = SignalColumns.of(velocity, pixel_std, scale)
-    fitted = _Equations(laser, outline, shell, face, length, errors, columns, pixel_std)
-    at = np.zeros(len(errors.factor))
-    found = fitted.at(pixels, at)
+    measured = Measured.of(pixels, shell, face)
+    equations = _Equations(laser, outline, shell, face, length, errors, pixels, measured)
+    found = equations.at(np.zeros(len(errors.factor)))
     for _ in range(REPEATED if errors.adjusted else 0):
         moved = found.nuisances.mean
-        if np.linalg.norm(np.linalg.lstsq(errors.factor, moved - at)[0]) < SETTLED:
+        if np.linalg.norm(np.linalg.lstsq(errors.factor, moved - found.at)[0]) < SETTLED:
             break
-        at = moved
-        found = fitted.at(pixels, at)
-    residual = velocity - _predicted(found)
-    return replace(found, residual=residual, estimated_noise=not stated)
+        found = equations.at(moved)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,65 +226,91 @@ class _Equations:
     face: float
     length: float | None
     errors: PriorErrors
-    columns: SignalColumns
-    pixel_std: Array
+    pixels: list[ViewPixels]
+    measured: Measured
 
-    def at(self, pixels: list[ViewPixels], at: Array) -> SurfaceFit:
+    @cached_property
+    def columns(self) -> SignalColumns:
+        """Columns that carry the signal."""
+        m = self.measured
+        return SignalColumns.of(m.velocity, m.pixel_std, m.scale)
+
+    def at(self, at: Array) -> SurfaceFit:
         """Fit with poses, height and thickness that are off by so much."""
-        views = len(pixels)
-        height, thickness = at[POSE * views :]
+        *poses, height, thickness = at
         face = self.face + thickness / 2
-        poses = at[: POSE * views].reshape(views, POSE)
         moved = [
             p.seen_from(pose, self.laser, self.outline, face + height)
-            for p, pose in zip(pixels, poses, strict=True)
+            for p, pose in zip(self.pixels, np.reshape(poses, (-1, POSE)), strict=True)
         ]
-        data = np.split(self.columns.data, np.cumsum([len(p.pixel) for p in pixels])[:-1])
-        weight = np.split(1 / self.pixel_std, np.cumsum([len(p.pixel) for p in pixels])[:-1])
+        weight = self._by_view(1 / self.measured.pixel_std)
         designs = [
             p.design(self.shell, face) * w[:, None] for p, w in zip(moved, weight, strict=True)
         ]
-        normal = np.sum([a.T @ a for a in designs], axis=0)
+        data = self._by_view(self.columns.data)
         right = np.sum([a.T @ y for a, y in zip(designs, data, strict=True)], axis=0)
-        size = np.sqrt(np.mean((self.columns.data[:, 0] * self.pixel_std) ** 2))
+        size = np.sqrt(np.mean((self.columns.data[:, 0] * self.measured.pixel_std) ** 2))
         posterior = WeightedFit.of(
-            normal,
+            np.sum([a.T @ a for a in designs], axis=0),
             right,
             (self.columns.data**2).sum(axis=0),
             self.shell.penalties(self.length),
             [grid - 2 * np.log(size) for grid in WEIGHTS],
         )
         theta = posterior.mean()
-        crossed = np.zeros((self.shell.coefficients, len(at), theta.shape[1]))
-        products = np.zeros((len(at), theta.shape[1]))
-        squares = np.zeros((theta.shape[1], len(at), len(at)))
-        for k, (p, a, y, w) in enumerate(zip(moved, designs, data, weight, strict=True)):
-            change = self._changes(p, theta, face, height) * w[:, None, None]
-            own = [*range(POSE * k, POSE * (k + 1)), len(at) - 2, len(at) - 1]
-            crossed[:, own] += np.einsum("pi,pec->iec", a, change, optimize=True)
-            products[own] += np.einsum("pec,pc->ec", change, y)
-            squares[np.ix_(range(theta.shape[1]), own, own)] += np.einsum(
-                "pec,pfc->cef", change, change, optimize=True
-            )
-        solved = [posterior.solve(crossed[:, :, c], c) for c in range(theta.shape[1])]
-        told = [squares[c] - crossed[:, :, c].T @ solved[c] for c in range(theta.shape[1])]
-        nuisances = Nuisances(np.zeros(len(at)), self.errors.factor)
-        if self.errors.adjusted and self.errors.factor.size:
-            nuisances = Nuisances.posterior(self.errors.factor, at, products, told, solved, right)
+        changes = [
+            self._changes(p, theta, face, height) * w[:, None, None]
+            for p, w in zip(moved, weight, strict=True)
+        ]
+        solved, nuisances = self._nuisances(at, posterior, designs, changes, right)
         return SurfaceFit(
             self.shell,
             self.outline,
             face,
             moved,
+            self.measured,
             self.columns,
             posterior,
             solved,
             nuisances,
             at,
-            np.zeros((0, 0), complex),
-            self.pixel_std,
-            False,
         )
+
+    def _by_view(self, values: Array) -> list[Array]:
+        """Split what is of all pixels into views."""
+        return np.split(values, np.cumsum([len(p.pixel) for p in self.pixels])[:-1])
+
+    def _nuisances(
+        self,
+        at: Array,
+        posterior: WeightedFit,
+        designs: list[Array],
+        changes: list[Array],
+        right: Array,
+    ) -> tuple[list[Array], Nuisances]:
+        """Solve for what the errors do to the coefficients, and find the errors if they may move.
+
+        Parameters
+        ----------
+        changes : list of ndarray, shape (pixel, 6 + height and thickness, column)
+            Derivatives J of each view's whitened predictions.
+        """
+        errors, columns = len(at), right.shape[1]
+        crossed = np.zeros((self.shell.coefficients, errors, columns))
+        products = np.zeros((errors, columns))
+        squares = np.zeros((columns, errors, errors))
+        data = self._by_view(self.columns.data)
+        for k, (a, j, y) in enumerate(zip(designs, changes, data, strict=True)):
+            own = [*range(POSE * k, POSE * (k + 1)), errors - 2, errors - 1]
+            crossed[:, own] += np.einsum("pi,pec->iec", a, j, optimize=True)
+            products[own] += np.einsum("pec,pc->ec", j, y)
+            of_view = np.einsum("pec,pfc->cef", j, j, optimize=True)
+            squares[np.ix_(range(columns), own, own)] += of_view
+        solved = [posterior.solve(crossed[:, :, c], c) for c in range(columns)]
+        if not self.errors.adjusted or not self.errors.factor.size:
+            return solved, Nuisances(np.zeros(errors), self.errors.factor)
+        told = [squares[c] - crossed[:, :, c].T @ solved[c] for c in range(columns)]
+        return solved, Nuisances.posterior(self.errors.factor, at, products, told, solved, right)
 
     def _changes(self, pixels: ViewPixels, theta: Array, face: float, height: float) -> Array:
         """Differentiate a view's predictions, shape (pixel, 6 + height and thickness, column)."""
@@ -263,32 +332,10 @@ class _Equations:
         return np.concatenate([change, by_thickness[:, None]], axis=1)
 
 
-def _noise(pixels: Sequence[ViewPixels]) -> tuple[ComplexArray, Array, Array, bool]:
-    """Collect velocities and their noise as a product of pixel and frequency.
-
-    Returns
-    -------
-    velocity : ndarray of complex, shape (pixel, frequency), m/s
-    pixel_std : ndarray, shape (pixel,), m/s
-    scale : ndarray, shape (frequency,)
-    stated : bool
-    """
-    velocity = np.concatenate([p.view.velocity[p.pixel] for p in pixels])
-    std = np.concatenate(
-        [
-            np.broadcast_to(
-                p.view.std.reshape(len(p.view.std), -1)[p.pixel], p.view.velocity[p.pixel].shape
-            )
-            for p in pixels
-        ]
-    )
-    largest = float(np.abs(velocity).max())
-    if std.min() <= EXACT * largest:
-        even = np.full(len(velocity), largest or 1.0)
-        return velocity, even, np.ones(velocity.shape[1]), False
-    by_frequency = np.sqrt(np.mean(std**2, axis=0))
-    scale = by_frequency / np.sqrt(np.mean(by_frequency**2))
-    return velocity, np.sqrt(np.mean((std / scale) ** 2, axis=1)), scale, True
+def _std_of(pixels: ViewPixels) -> Array:
+    """Collect standard errors of a view's pixels at every frequency, m/s."""
+    own = pixels.view.std.reshape(len(pixels.view.std), -1)[pixels.pixel]
+    return np.broadcast_to(own, pixels.view.velocity[pixels.pixel].shape)
 
 
 def _left_over(
@@ -300,11 +347,4 @@ def _left_over(
     left = np.abs(velocity - design @ theta) ** 2
     free = max(len(velocity) - int(rank), 1)
     least = EXACT * np.abs(velocity).max()  # exact data have no noise, but round-off
-    return float(max(np.sqrt(left.sum() / (2 * free * velocity.shape[1])), least or 1.0))
-
-
-def _predicted(found: SurfaceFit) -> ComplexArray:
-    """Predict all pixels at the errors that the equations are taken at."""
-    theta = found.posterior.mean()
-    designs = (p.design(found.shell, found.face) for p in found.pixels)
-    return found.columns.combined(np.concatenate([a @ theta for a in designs]))
+    return float(max(np.sqrt(left.sum() / (2 * free * velocity.shape[1])), least))

@@ -10,7 +10,7 @@ from hypothesis import given
 from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_from_euler
 from sldvexp.shell import Chart, Outline
-from sldvexp.shell.outline import fitted_chart, surface_nodes
+from sldvexp.shell.outline import fitted_chart
 from sldvexp.volume import TriangulatedSurface
 from sldvexp.volume.grid import Grid
 from sldvexp.volume.samples import extruded
@@ -70,7 +70,7 @@ def test_local_axes_are_those_of_the_nodes_of_a_grid():
     grid = Grid(center=[0.4, 0.1, 0.2], euler=[0.2, 0.5, -0.1], radius=0.5, size=[0.26, 0.2])
     prisms = grid.prisms()
     outline = Outline.of(grid, prisms, 0.0, 0.0)
-    place, height = outline.chart.place(surface_nodes(prisms))
+    place, height = outline.chart.place(prisms.surface)
     assert height == pytest.approx(0.0, abs=1e-12)
     assert outline.chart.frames(place) == pytest.approx(prisms.frame, abs=1e-12)
 
@@ -81,10 +81,10 @@ def test_a_mesh_gets_the_chart_of_the_grid_that_it_is(radius):
     prisms = grid.prisms()
     own, fitted = (
         Outline.of(grid, prisms, 0.0, 0.0).chart,
-        fitted_chart(surface_nodes(prisms), prisms),
+        fitted_chart(prisms),
     )
     assert fitted.curvature == pytest.approx(own.curvature, rel=1e-6, abs=1e-9)
-    assert fitted.place(surface_nodes(prisms))[1] == pytest.approx(0.0, abs=1e-8)
+    assert fitted.place(prisms.surface)[1] == pytest.approx(0.0, abs=1e-8)
     assert abs(fitted.axes[2] @ own.axes[2]) == pytest.approx(1.0, abs=1e-9)
 
 
@@ -99,7 +99,7 @@ def test_a_surface_that_bends_both_ways_is_named():
     frame = node_frames(TriangulatedSurface(dome, flat.triangles), normal, np.array([1.0, 0, 0]))
     prisms = extruded(dome, flat.triangles, frame, np.array([-0.01, 0.01]))
     with pytest.raises(UserError, match=r"flat or bends along one direction; .* mm off a cylinder"):
-        fitted_chart(dome, prisms)
+        fitted_chart(prisms)
 
 
 def test_a_hole_in_a_mesh_does_not_belong_to_the_structure():

@@ -11,7 +11,6 @@ from sldvexp.errors import UserError
 from sldvexp.shell import Isotropic, Shell, Spline, estimate_surface
 from sldvexp.shell.material import Tolerance
 from sldvexp.shell.method import GivenSurface, PoseTreatment
-from sldvexp.shell.outline import surface_nodes
 from tests.shell import simulated_shell as lab
 
 
@@ -20,7 +19,7 @@ def compared(found, truth, level=1.96):
     place = found.fit.outline.corners
     frames = found.fit.outline.chart.frames(place)
     rows = found.fit.shell.velocity(place, found.fit.face)
-    face = surface_nodes(found.prisms) + (found.fit.face - found.fit.outline.given) * frames[:, 2]
+    face = found.prisms.surface + (found.fit.face - found.fit.outline.given) * frames[:, 2]
     true = np.einsum("pij,pj->pi", frames, truth.velocity(face, lab.FREQUENCY))
     strain = truth.strain(face, lab.FREQUENCY)
     errors, held = [], []
@@ -81,7 +80,7 @@ def test_a_faster_structure_comes_out_alike():
     faster = [replace(v, velocity=1e3 * v.velocity, std=1e3 * np.asarray(v.std)) for v in views]
     found = estimated(faster, lab.volume())
     group = found.strain()
-    strain = truth.strain(surface_nodes(found.prisms), lab.FREQUENCY)
+    strain = truth.strain(found.prisms.surface, lab.FREQUENCY)
     error = group["strain"].values[..., 0] / 1e3 - strain
     again = np.linalg.norm(error, axis=0) / np.linalg.norm(strain, axis=0)
     assert again == pytest.approx(once[3:], rel=0.02)
@@ -175,7 +174,7 @@ def test_noise_that_is_not_stated_is_estimated():
     views = lab.views(truth, np.random.default_rng(9))
     silent = [replace(v, std=np.zeros(len(v.dac))) for v in views]
     found = estimated(silent, lab.volume())
-    assert found.fit.pixel_std[0] == pytest.approx(lab.NOISE, rel=0.05)
+    assert found.fit.measured.pixel_std[0] == pytest.approx(lab.NOISE, rel=0.05)
     assert any("noise is not stated" in note for note in found.notes)
     errors, _ = compared(found, truth)
     assert errors[2] < 0.001
@@ -211,6 +210,13 @@ def test_a_shell_needs_a_thickness():
     with pytest.raises(UserError, match=r"thickness: choose material=aluminium material.thickness"):
         estimated(views, lab.volume(), sheet=None)
     assert estimated(views, lab.volume(), Spline(margin=0.02), sheet=None).fit.face == 0
+
+
+def test_a_structure_at_rest_is_told():
+    views = lab.views(lab.plate(), np.random.default_rng(14))
+    still = [replace(v, velocity=np.zeros_like(v.velocity)) for v in views]
+    with pytest.raises(UserError, match=r"^all pixels that meet the surface are at rest"):
+        estimated(still, lab.volume())
 
 
 def test_a_volume_beside_the_structure_is_told():
