@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from sldvexp.instrument.connection import DisturbanceError
 from sldvexp.instrument.profile import ByteOrder, ChannelOrder, Data, SampleType
-from sldvexp.instrument.protocol import CHANNELS, Acquisition, RawSamples, Status
+from sldvexp.instrument.protocol import CHANNELS, RawSamples, Status
 from sldvexp.typing import Array
 
 #: Counts on each side of zero.
@@ -80,7 +80,7 @@ LOOKED_AT = 4
 
 
 def better_reading(
-    data: Data, block: bytes, shape: tuple[int, int], acquisition: Acquisition, rate: float
+    data: Data, block: bytes, shape: tuple[int, int], tones: Sequence[float], rate: float
 ) -> str:
     """Name the settings of a profile's `data` that explain a block as its own do not.
 
@@ -90,7 +90,7 @@ def better_reading(
     block : bytes
     shape : tuple of int
         Pixels, and samples a pixel and channel.
-    acquisition : Acquisition
+    tones : sequence of float, Hz
         What the generator plays.
     rate : float, Hz
 
@@ -99,7 +99,6 @@ def better_reading(
     str
         As in ``data.order: big``; empty if the block is read well, or nothing else is better.
     """
-    tones = acquisition.excitation
     if not tones or shape[1] < SAMPLES_A_SINE * len(tones):
         return ""
     time = np.arange(shape[1]) / rate

@@ -358,7 +358,7 @@ class CommandedInstrument:
     def _require_right_reading(self, block: bytes, pixels: int) -> None:
         """Require, once an acquisition, that the reference is what the generator plays."""
         data, a = self.profile.data, self._configured()
-        better = better_reading(data, block, (pixels, a.samples), a, self._rate)
+        better = better_reading(data, block, (pixels, a.samples), a.excitation, self._rate)
         if better:
             raise InstrumentError(
                 f"the reference channel is no sum of the generator's sines as the profile reads "
