@@ -188,7 +188,10 @@ class Volume(ABC):
         UserError
             If the surface is unsound, or the layers fold.
         """
-        own = self.surface()
+        return self._prisms(self.surface())
+
+    def _prisms(self, own: TriangulatedSurface) -> Prisms:
+        """Extrude the surface and put it into the world."""
         check_surface(own)
         normal = vertex_normals(own) if own.normal is None else own.normal
         check_prisms(own, normal, self.depths())
@@ -209,8 +212,10 @@ class Volume(ABC):
         return self.unit.value * np.linspace(self.offset - half, self.offset + half, self.layers)
 
     def group(self) -> xr.Dataset:
-        """Make the group ``volume`` of a run."""
-        return volume_to_dataset(self.prisms(), self.rule())
+        """Make the group ``volume`` of a run, with what was merged as its attribute."""
+        own = self.surface()
+        group = volume_to_dataset(self._prisms(own), self.rule())
+        return group.assign_attrs(merged=own.told) if own.told else group
 
     def _check_depth(self, checks: Checks) -> None:
         if not self.depth:

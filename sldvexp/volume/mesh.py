@@ -14,7 +14,6 @@ from omegaconf import MISSING
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.io import read_mesh
-from sldvexp.lazy import xarray as xr
 from sldvexp.volume.base import Volume
 from sldvexp.volume.surface import TriangulatedSurface
 
@@ -51,9 +50,3 @@ class MeshFile(Volume):
         return TriangulatedSurface(
             mesh.position, mesh.triangles, None, str(path), mesh.number, told=mesh.told
         )
-
-    def group(self) -> xr.Dataset:
-        """Make the group ``volume`` of a run, with what was merged as its attribute."""
-        group = super().group()
-        told = self.surface().told
-        return group.assign_attrs(merged=told) if told else group
