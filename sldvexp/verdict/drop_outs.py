@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from sldvexp.field import View
-from sldvexp.image.interpolation.standing_in import AROUND
+from sldvexp.image.interpolation.standing_in import AROUND, quadratic
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
@@ -161,8 +161,7 @@ def _off_neighbours(dac: Array, values: Array, std: Array, some: slice, near: In
     noise = std[some, None]
     away = dac[near] - dac[some, None]
     size = np.sqrt(np.mean(away**2, axis=(1, 2), keepdims=True))
-    x, y = np.moveaxis(away / np.maximum(size, np.finfo(float).tiny), -1, 0)
-    design = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+    design = quadratic(away / np.maximum(size, np.finfo(float).tiny))
     weight, seen = np.ones(near.shape), values[near]
     for _ in range(PASSES):
         weighted = weight[..., None] * design
@@ -256,15 +255,9 @@ def _should_move(
     middle, size = dac[rim].mean(axis=0), np.sqrt(np.mean(np.ptp(dac[rim], axis=0) ** 2)) / 2
     if np.linalg.norm(dac[patch].mean(axis=0) - middle) > ONE_SIDED * size:
         return False
-    design, into = (_quadratic((dac[of] - middle) / size) for of in (rim, patch))
+    design, into = (quadratic((dac[of] - middle) / size) for of in (rim, patch))
     continued = into @ np.linalg.lstsq(design, white[rim], rcond=None)[0]
     return bool(np.median(np.sum(continued**2, axis=1)) > limit)
-
-
-def _quadratic(place: Array) -> Array:
-    """Evaluate the terms of a quadratic, shape (..., 6)."""
-    x, y = np.moveaxis(place, -1, 0)
-    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
 
 
 def _connected(marked: BoolArray, near: IndexArray) -> list[IndexArray]:

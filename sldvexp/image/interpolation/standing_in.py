@@ -23,6 +23,12 @@ NOISIEST = 1.0
 DETERMINED = 1e-6
 
 
+def quadratic(place: Array) -> Array:
+    """Evaluate the terms of a quadratic at places, shape (..., 2); shape (..., 6)."""
+    x, y = np.moveaxis(place, -1, 0)
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+
+
 def stand_ins(
     grid: Array, usable: BoolArray, dropped: BoolArray
 ) -> tuple[scipy.sparse.csr_array, BoolArray]:
@@ -84,8 +90,7 @@ def _weights(away: Array, there: BoolArray) -> tuple[Array, BoolArray]:
     """
     square = np.where(there, np.square(away).sum(axis=2), np.inf)
     size = np.sqrt(np.min(square, axis=1, initial=np.inf, keepdims=True))
-    x, y = np.moveaxis(away / np.where(np.isfinite(size), size, 1.0)[..., None], -1, 0)
-    design = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+    design = quadratic(away / np.where(np.isfinite(size), size, 1.0)[..., None])
     weighted = design * np.where(there, size**2 / np.where(there, square, 1.0), 0.0)[..., None]
     normal = np.swapaxes(weighted, 1, 2) @ design
     value, vector = np.linalg.eigh(np.nan_to_num(normal))
