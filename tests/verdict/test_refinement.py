@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -52,10 +50,7 @@ def hit_errors(made: Session, error: np.ndarray) -> np.ndarray:
 
 def field_error(made: Session, moves: np.ndarray) -> float:
     """Find the r.m.s. error of a field that is made with moved poses, m/s."""
-    views = [
-        replace(v, rotation=rotation_from_vector(m[:3]) @ v.rotation, origin=v.origin + m[3:])
-        for v, m in zip(made.views, moves, strict=True)
-    ]
+    views = [view.moved(move) for view, move in zip(made.views, moves, strict=True)]
     found = estimate_field(views, LASER, surface(), Absolute()).velocity
     layers = found.reshape(-1, len(made.surface.nodes), *found.shape[1:])
     lines = range(found.shape[-1])
