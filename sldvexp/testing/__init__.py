@@ -1,1 +1,1 @@
-"""Means of tests to make an instrument fail."""
+"""Means of tests to make an instrument, or the power, fail."""
