@@ -44,8 +44,6 @@ FULL_ERROR = "HYDRA_FULL_ERROR"
 #: Another way to say ``-m``.
 MULTIRUN = "hydra.mode=MULTIRUN"
 
-log = logging.getLogger(__name__)
-
 USUAL_WARNING = warnings.formatwarning
 
 # Before numpy comes: the bits of a result should not depend on how many processors a machine has,
@@ -289,13 +287,11 @@ class Command:
         gc.enable()
         job = HydraConfig.get()
         lines: Any = OmegaConf.to_container(job.overrides, resolve=False)
+        origins = config.Origins(self.arguments, [*lines["hydra"], *lines["task"]])
 
         def told(error: BaseException) -> str | None:
-            return config.messages.sentence(
-                error, config.Origins(self.arguments, [*lines["hydra"], *lines["task"]])
-            )
+            return config.messages.sentence(error, origins)
 
-        origins = config.Origins(self.arguments, [*lines["hydra"], *lines["task"]])
         for mixed in config.mixed_tables.mixed_tables(cfg, origins):
             log.warning(mixed)
         computed = True
@@ -366,9 +362,8 @@ class Command:
                 "command line: --experimental-rerun would run whatever that file says; sldvexp "
                 "rerun repeats a run from its run.nc"
             )
-        searched = any(".." in o or "hydra.searchpath" in o for o in options.overrides)
-        if options.config_dir or options.config_name or searched or self.recorded:
-            origins = config.Origins(self.arguments)
+        origins = config.Origins(self.arguments)
+        if origins.may_have_others or self.recorded:
             config.security.check(origins)
             asked = [x.value("hydra.mode") for x in origins.layers_of_files() if x.outside]
             return "MULTIRUN" in asked
