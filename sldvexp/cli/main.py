@@ -25,15 +25,15 @@ from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
-from sldvexp import cli, config, files, pipeline, sweep
+from sldvexp import cli, config, pipeline, sweep, writing
 from sldvexp.cli import commands
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE, conf_dir
 from sldvexp.errors import UserError, words_of
-from sldvexp.files import require_no_links
 from sldvexp.limits import shown
 from sldvexp.stopping import end_with, exit_status, heed, this_process
+from sldvexp.writing import require_no_links
 
 log = logging.getLogger(__name__)
 
@@ -106,8 +106,8 @@ def _refuse_finished(folder: Path, experiment: Experiment) -> None:
 def _keep_settings(folder: Path) -> None:
     """Sync what Hydra wrote of a run's settings, with which it goes on after a power cut."""
     if (folder / ".hydra").is_dir():
-        files.sync_all(folder / ".hydra")
-    files.sync(folder)
+        writing.sync_all(folder / ".hydra")
+    writing.sync(folder)
 
 
 class Command:
@@ -280,7 +280,7 @@ class Command:
         _refuse_finished(folder, self.experiment)  # by whoever had the lock until now
         if (folder / RUN_FILE).is_file():
             with read_write(cfg.hydra):
-                cfg.hydra.run.dir = str(self.folder / files.NEW)
+                cfg.hydra.run.dir = str(self.folder / writing.NEW)
 
     def _job(self, cfg: DictConfig) -> None:
         """Do one job; its mistakes are told here, so that a sweep goes on with the next."""
