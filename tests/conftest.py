@@ -20,7 +20,7 @@ import pytest
 import xarray as xr
 from hydra.core.config_search_path import ConfigSearchPath
 
-from sldvexp import dataset, files
+from sldvexp import dataset, writing
 from sldvexp.cli import commands, main
 from sldvexp.config.cached_loader import Memory, RememberingLoader
 from sldvexp.config.paths import conf_dir
@@ -105,7 +105,7 @@ def _remembered() -> Iterator[None]:
 def _unsynced() -> Iterator[None]:
     """No power is cut in these processes; tests that cut it use others."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(files, "sync", lambda _: None)
+        patch.setattr(writing, "sync", lambda _: None)
         yield
 
 

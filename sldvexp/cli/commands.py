@@ -19,8 +19,9 @@ from hydra.core.override_parser.types import Quote, QuotedString
 from sldvexp import cli, config, sweep
 from sldvexp.config.paths import RUN_FILE, displayed
 from sldvexp.errors import UserError, nearest
-from sldvexp.files import NEW, READY, read_text
+from sldvexp.files import read_text
 from sldvexp.limits import YAML_BYTES, load_yaml
+from sldvexp.writing import NEW, READY
 
 #: Each is a module of this room; its `run` gets the words after it and the user's folder.
 COMMANDS = ("check", "compare", "export", "handbook", "list", "plot", "report", "rerun", "show")

@@ -15,7 +15,7 @@ from sldvexp.config.refusals import refusal
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.export import Export
-from sldvexp.files import replacing
+from sldvexp.writing import replacing
 
 
 def run(words: list[str], config_dir: str | None) -> int:

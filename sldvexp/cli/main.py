@@ -25,15 +25,15 @@ from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
-from sldvexp import cli, config, files, pipeline, sweep
+from sldvexp import cli, config, pipeline, sweep, writing
 from sldvexp.cli import commands
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE, conf_dir
 from sldvexp.errors import UserError, words_of
-from sldvexp.files import require_no_links
 from sldvexp.limits import shown
 from sldvexp.stopping import end_with, exit_status, heed, this_process
+from sldvexp.writing import require_no_links
 
 log = logging.getLogger(__name__)
 
@@ -43,8 +43,6 @@ FULL_ERROR = "HYDRA_FULL_ERROR"
 
 #: Another way to say ``-m``.
 MULTIRUN = "hydra.mode=MULTIRUN"
-
-log = logging.getLogger(__name__)
 
 USUAL_WARNING = warnings.formatwarning
 
@@ -108,8 +106,8 @@ def _refuse_finished(folder: Path, experiment: Experiment) -> None:
 def _keep_settings(folder: Path) -> None:
     """Sync what Hydra wrote of a run's settings, with which it goes on after a power cut."""
     if (folder / ".hydra").is_dir():
-        files.sync_all(folder / ".hydra")
-    files.sync(folder)
+        writing.sync_all(folder / ".hydra")
+    writing.sync(folder)
 
 
 class Command:
@@ -282,20 +280,18 @@ class Command:
         _refuse_finished(folder, self.experiment)  # by whoever had the lock until now
         if (folder / RUN_FILE).is_file():
             with read_write(cfg.hydra):
-                cfg.hydra.run.dir = str(self.folder / files.NEW)
+                cfg.hydra.run.dir = str(self.folder / writing.NEW)
 
     def _job(self, cfg: DictConfig) -> None:
         """Do one job; its mistakes are told here, so that a sweep goes on with the next."""
         gc.enable()
         job = HydraConfig.get()
         lines: Any = OmegaConf.to_container(job.overrides, resolve=False)
+        origins = config.Origins(self.arguments, [*lines["hydra"], *lines["task"]])
 
         def told(error: BaseException) -> str | None:
-            return config.messages.sentence(
-                error, config.Origins(self.arguments, [*lines["hydra"], *lines["task"]])
-            )
+            return config.messages.sentence(error, origins)
 
-        origins = config.Origins(self.arguments, [*lines["hydra"], *lines["task"]])
         for mixed in config.mixed_tables.mixed_tables(cfg, origins):
             log.warning(mixed)
         computed = True
@@ -366,9 +362,8 @@ class Command:
                 "command line: --experimental-rerun would run whatever that file says; sldvexp "
                 "rerun repeats a run from its run.nc"
             )
-        searched = any(".." in o or "hydra.searchpath" in o for o in options.overrides)
-        if options.config_dir or options.config_name or searched or self.recorded:
-            origins = config.Origins(self.arguments)
+        origins = config.Origins(self.arguments)
+        if origins.may_have_others or self.recorded:
             config.security.check(origins)
             asked = [x.value("hydra.mode") for x in origins.layers_of_files() if x.outside]
             return "MULTIRUN" in asked

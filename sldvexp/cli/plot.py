@@ -8,9 +8,9 @@ from sldvexp import dataset
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.dataset import RunData
 from sldvexp.errors import UserError, nearest
-from sldvexp.files import require_no_link, require_no_links
 from sldvexp.plot import FIGURES, figures_of, save
 from sldvexp.plot.selection import require
+from sldvexp.writing import require_no_link, require_no_links
 
 #: Files that figures can be made of, and the folder beside them that the figures go to.
 SWEEP_FILE = "sweep.nc"

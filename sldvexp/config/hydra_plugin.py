@@ -9,7 +9,7 @@ from __future__ import annotations
 import builtins
 from pathlib import Path
 
-from hydra._internal.core_plugins.file_config_source import FileConfigSource
+from hydra._internal.core_plugins import file_config_source as hydras
 from hydra._internal.sources_registry import SourcesRegistry
 from hydra.core.config_search_path import ConfigSearchPath, SearchPathQuery
 from hydra.core.config_store import ConfigStore
@@ -79,8 +79,12 @@ class PluginSource(ConfigSource):
         return groups if results_filter is ObjectType.GROUP else sorted([*found, *groups])
 
 
-class BoundedFiles(FileConfigSource):
-    """Files of configuration, those of others only if they are bounded."""
+class FileConfigSource(hydras.FileConfigSource):
+    """Files of configuration, those of others only if they are bounded.
+
+    In a worker of a sweep Hydra registers its own source again, and leaves one of that name as it
+    is; another name it refuses.
+    """
 
     def load_config(self, config_path: str) -> ConfigResult:
         """See `ConfigSource`."""
@@ -108,11 +112,6 @@ class BoundedFiles(FileConfigSource):
         return [n for n in found if not (folder / f"{n}{OTHER_ENDING}").is_file()]
 
 
-# In a worker of a sweep Hydra registers its own source again, and takes another class of the same
-# name for that; its pickles go by `__qualname__`.
-BoundedFiles.__name__ = FileConfigSource.__name__
-
-
 class PluginSearchPath(SearchPathPlugin):
     """Order in which files are looked for: the user's, the program's, those of packages.
 
@@ -132,7 +131,7 @@ def install() -> None:
     plugins = Plugins.instance()
     for plugin in (PluginSource, PluginSearchPath):
         plugins.register(plugin)
-    SourcesRegistry.instance().types[BoundedFiles.scheme()] = BoundedFiles
+    SourcesRegistry.instance().types[FileConfigSource.scheme()] = FileConfigSource
 
 
 def _is_schema(config_path: str) -> bool:

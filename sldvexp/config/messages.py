@@ -22,7 +22,7 @@ from sldvexp.config.paths import OTHER_ENDING, displayed
 from sldvexp.config.refusals import refusal
 from sldvexp.config.sources import COMMAND_LINE, Origins
 from sldvexp.errors import ConfigError, UserError, nearest, words_of
-from sldvexp.files import FULL
+from sldvexp.writing import FULL
 
 #: What Hydra says about an argument, and what a user is told; the pattern's groups fill it.
 ARGUMENTS = (

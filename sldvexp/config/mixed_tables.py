@@ -25,17 +25,23 @@ def mixed_tables(config: DictConfig, origins: Origins) -> Iterator[str]:
     origins : Origins
         Of its settings.
     """
-    users = [layer for layer in origins.layers() if layer.of_user]
-    for key, table in _tables(config, ""):
-        if all(layer.value(key) is NOTHING for layer in users):
-            continue
+    # Files are composed again, which takes as long as it did, only where they can matter.
+    given = origins.layers() if origins.may_have_others else origins.of_line
+    users = [layer for layer in given if layer.of_user]
+    candidates = [
+        (key, table)
+        for key, table in _tables(config, "")
+        if any(layer.value(key) is not NOTHING for layer in users)
+    ]
+    layers = origins.layers() if candidates else []
+    for key, table in candidates:
         examples, own = [], []
         for name in map(str, table):
-            given = [x for x in origins.layers() if x.value(f"{key}.{name}") is not NOTHING]
-            if given and all(layer.of_user for layer in given):
+            by = [x for x in layers if x.value(f"{key}.{name}") is not NOTHING]
+            if by and all(layer.of_user for layer in by):
                 own.append(name)
-            elif given and not any(layer.of_user for layer in given):
-                examples.append((name, given[-1].source))
+            elif by and not any(layer.of_user for layer in by):
+                examples.append((name, by[-1].source))
         if examples and own:
             name, file = examples[0]
             yield (

@@ -120,12 +120,23 @@ class Origins:
 
     def layers(self) -> list[ConfigLayer]:
         """List files, then arguments that set values; later ones win."""
-        return list(reversed([x for x in self._last_first() if x.values is not None]))
+        return [x for x in (*self._composed, *self.of_line) if x.values is not None]
+
+    @property
+    def of_line(self) -> list[ConfigLayer]:
+        """Arguments that set values; later ones win."""
+        setting = (o for o in self.overrides if o not in self.choices)
+        return [ConfigLayer(COMMAND_LINE, o.key_or_group, o.value()) for o in setting]
+
+    @property
+    def may_have_others(self) -> bool:
+        """True if files may be in it that are neither the program's nor a package's."""
+        named = any(".." in text or "hydra.searchpath" in text for text in self.settings)
+        return bool(self.options.config_dir or self.options.config_name or named)
 
     def _last_first(self) -> Iterator[ConfigLayer]:
         """Yield arguments that set values, then files, then arguments that choose."""
-        for o in reversed([o for o in self.overrides if o not in self.choices]):
-            yield ConfigLayer(COMMAND_LINE, o.key_or_group, o.value())
+        yield from reversed(self.of_line)
         yield from reversed(self._composed)
         for o in reversed(self.choices):
             yield ConfigLayer(COMMAND_LINE, o.package or o.key_or_group, None)

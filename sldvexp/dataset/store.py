@@ -19,10 +19,11 @@ from numpy.typing import ArrayLike
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.dataset.variables import AXES, CONVENTIONS, FREQUENCY, VARIABLES, Variable
 from sldvexp.errors import UserError
-from sldvexp.files import require_file, whole_or_nothing
+from sldvexp.files import require_file
 from sldvexp.lazy import netCDF4
 from sldvexp.lazy import xarray as xr
 from sldvexp.limits import SHOWN, shown, too_many_groups, too_much_claimed, tried_apart
+from sldvexp.writing import whole_or_nothing
 
 UNREADABLE = "is not a readable netCDF-4 file"
 

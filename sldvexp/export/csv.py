@@ -18,8 +18,8 @@ from sldvexp.export.velocities import (
     positions_of,
     velocities_of,
 )
-from sldvexp.files import whole_or_nothing
 from sldvexp.lazy import pandas as pd
+from sldvexp.writing import whole_or_nothing
 
 
 @register("export", "csv")

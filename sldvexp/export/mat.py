@@ -19,8 +19,8 @@ from sldvexp.export.velocities import (
     mesh_of,
     velocities_of,
 )
-from sldvexp.files import whole_or_nothing
 from sldvexp.lazy import scipy
+from sldvexp.writing import whole_or_nothing
 
 
 @register("export", "mat")

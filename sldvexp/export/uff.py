@@ -23,12 +23,12 @@ from sldvexp.export.velocities import (
     mesh_of,
     velocities_of,
 )
-from sldvexp.files import whole_or_nothing
 from sldvexp.io.uff import writer as uf
 from sldvexp.io.uff.seal import SealedWriter
 from sldvexp.io.uff.writer import qualifiers, units
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
+from sldvexp.writing import whole_or_nothing
 
 
 class GeometryDataSets(Enum):

@@ -22,8 +22,8 @@ from sldvexp.export.velocities import (
     mesh_of,
     velocities_of,
 )
-from sldvexp.files import whole_or_nothing
 from sldvexp.lazy import xarray as xr
+from sldvexp.writing import whole_or_nothing
 
 NODE, FACE, LAYER = "mesh_node", "mesh_face", "layer_depth"
 #: Which mesh a variable belongs to, and where on it.

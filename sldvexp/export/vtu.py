@@ -22,10 +22,10 @@ from sldvexp.export.velocities import (
     velocities_of,
     velocity_in_world,
 )
-from sldvexp.files import require_no_link, whole_or_nothing
 from sldvexp.io import pvd, vtu
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, ComplexArray
+from sldvexp.writing import require_no_link, whole_or_nothing
 
 
 @register("export", "vtu")

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from sldvexp.errors import UserError
-from sldvexp.files import make_folder, read_json, whole_or_nothing
+from sldvexp.files import read_json
 from sldvexp.instrument.protocol import InstrumentError
 from sldvexp.typing import Array
+from sldvexp.writing import make_folder, whole_or_nothing
 
 #: Bytes of a kept answer at most.
 LONGEST = 2**20

@@ -18,7 +18,7 @@ from omegaconf import MISSING
 from sldvexp.config.paths import JOURNAL, locate
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError, nearest
-from sldvexp.files import make_folder, require_file, whole_or_nothing
+from sldvexp.files import require_file
 from sldvexp.instrument.person import RecordedPerson
 from sldvexp.instrument.protocol import (
     CHANNELS,
@@ -32,6 +32,7 @@ from sldvexp.laser import TwoMirror
 from sldvexp.limits import too_much_claimed
 from sldvexp.targets import Target
 from sldvexp.typing import Array, IntArray
+from sldvexp.writing import make_folder, whole_or_nothing
 
 #: Arrays of a kept line, and the kinds of numbers that each may have.
 KINDS = {"dac": "iu", "asked": "f", "counts": "iu", "volts_per_count": "f", "status": "iu"}
@@ -54,7 +55,7 @@ def write_line(
     samples : RawSamples
         What came.
     lasting : bool
-        See `sldvexp.files.whole_or_nothing`.
+        See `sldvexp.writing.whole_or_nothing`.
     """
     make_folder(path.parent)
     with whole_or_nothing(path, lasting) as beside, beside.open("wb") as file:

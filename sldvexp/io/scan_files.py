@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.files import read_text, require_file, whole_or_nothing
+from sldvexp.files import read_text, require_file
 from sldvexp.typing import IntArray
+from sldvexp.writing import whole_or_nothing
 
 
 def read_centres(path: Path) -> IntArray:

@@ -21,12 +21,12 @@ from sldvexp.dataset import VERDICT, Finding, Severity, findings_of, findings_to
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import UserError
 from sldvexp.export import export_all
-from sldvexp.files import making, take_over, whole_or_nothing
 from sldvexp.pipeline import provenance
 from sldvexp.pipeline.steps import SCAN, STEPS, Run, Step
 from sldvexp.report import REPORT_FILE, Report, attempt, closing_table, pose_text
 from sldvexp.session import Operator
 from sldvexp.session.interruption import how_to_go_on, telling_of_the_scan
+from sldvexp.writing import making, take_over, whole_or_nothing
 
 log = logging.getLogger(__name__)
 

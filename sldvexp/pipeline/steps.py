@@ -27,7 +27,6 @@ from sldvexp.dataset import (
     verdict_of,
 )
 from sldvexp.errors import UserError
-from sldvexp.files import own_folder
 from sldvexp.instrument import InstrumentError, ScanningPlugin
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import Refine
@@ -37,6 +36,7 @@ from sldvexp.session import Operator
 from sldvexp.session.camera import NobodyThereError
 from sldvexp.session.interruption import has_lines, how_to_go_on
 from sldvexp.stopping import stopping_once
+from sldvexp.writing import own_folder
 
 #: Where the scans lie, in the dataset and in the journal, that pose methods are compared on.
 COMPARED_SCANS = "compare_scan"

@@ -17,7 +17,6 @@ from matplotlib.figure import Figure
 
 from sldvexp.dataset import RunData, Source, is_void
 from sldvexp.errors import UserError
-from sldvexp.files import whole_or_nothing
 from sldvexp.plot import (
     circle_edges,
     field_maps,
@@ -33,6 +32,7 @@ from sldvexp.plot import (
 )
 from sldvexp.plot.layer import field_unavailable_because
 from sldvexp.plot.style import SETTINGS
+from sldvexp.writing import whole_or_nothing
 
 
 class FigureEntry(NamedTuple):

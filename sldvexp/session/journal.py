@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.files import make_folder, read_bytes, whole_or_nothing
+from sldvexp.files import read_bytes
 from sldvexp.instrument import Acquisition, RawSamples
 from sldvexp.instrument.person import read_answer, write_answer
 from sldvexp.instrument.recording import asked, read_line, write_line
 from sldvexp.typing import IntArray
+from sldvexp.writing import make_folder, whole_or_nothing
 
 log = logging.getLogger(__name__)
 

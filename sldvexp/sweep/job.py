@@ -13,13 +13,13 @@ from omegaconf import DictConfig
 from sldvexp.config.experiment import Retry
 from sldvexp.config.paths import JOURNAL, RUN_FILE, locate
 from sldvexp.errors import UserError
-from sldvexp.files import sweep_up
 from sldvexp.lazy import netCDF4
 from sldvexp.pipeline import provenance, runner
 from sldvexp.sweep import record
 from sldvexp.sweep.lock import LOCK_FILE, locked
 from sldvexp.sweep.record import Record, State, Stopwatch
 from sldvexp.sweep.shared_steps import SHARED, Store
+from sldvexp.writing import sweep_up
 
 
 def perform(

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from sldvexp.config.paths import JOURNAL
 from sldvexp.errors import UserError
-from sldvexp.files import leftovers, make_folder, remove_leftovers, sweep_up
+from sldvexp.writing import leftovers, make_folder, remove_leftovers, sweep_up
 
 try:
     import fcntl

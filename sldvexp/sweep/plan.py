@@ -15,7 +15,8 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
 from sldvexp.errors import UserError
-from sldvexp.files import read_json, whole_or_nothing
+from sldvexp.files import read_json
+from sldvexp.writing import whole_or_nothing
 
 #: In a sweep's folder: which sweep it belongs to.
 OWNER = ".sweep.json"

@@ -14,11 +14,11 @@ from rich.table import Table
 from sldvexp.dataset import VERDICT
 from sldvexp.dataset.run_data import ABOUT
 from sldvexp.errors import UserError, nearest
-from sldvexp.files import whole_or_nothing
 from sldvexp.lazy import xarray as xr
 from sldvexp.report import LARGEST, first, fitted, number
 from sldvexp.sweep import collect
 from sldvexp.sweep.collect import FOLDER
+from sldvexp.writing import whole_or_nothing
 
 #: What runs are ranked by unless the user says: the first of these that they have.
 PREFERRED = (

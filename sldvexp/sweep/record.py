@@ -9,7 +9,8 @@ from enum import StrEnum
 from pathlib import Path
 
 from sldvexp.errors import UserError
-from sldvexp.files import read_json, whole_or_nothing
+from sldvexp.files import read_json
+from sldvexp.writing import whole_or_nothing
 
 FILE = "record.json"
 

@@ -22,11 +22,12 @@ from sldvexp import dataset
 from sldvexp.config import schema
 from sldvexp.config.paths import locate
 from sldvexp.errors import UserError
-from sldvexp.files import read_json, whole_or_nothing
+from sldvexp.files import read_json
 from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline import provenance
 from sldvexp.pipeline.steps import Run, Step
 from sldvexp.sweep.lock import locked
+from sldvexp.writing import whole_or_nothing
 
 log = logging.getLogger(__name__)
 

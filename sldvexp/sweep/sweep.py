@@ -17,7 +17,6 @@ from pathlib import Path
 from types import TracebackType
 
 from sldvexp.errors import UserError
-from sldvexp.files import require_no_links, sweep_up
 from sldvexp.pipeline.provenance import about_program
 from sldvexp.report import Report
 from sldvexp.sweep import record
@@ -27,6 +26,7 @@ from sldvexp.sweep.plan import RESOLVER, Plan, folder_name, register_resolver
 from sldvexp.sweep.record import State, Stopwatch
 from sldvexp.sweep.shared_steps import SHARED
 from sldvexp.sweep.summary import write_summary
+from sldvexp.writing import require_no_links, sweep_up
 
 SWEEPS = Path("outputs/sweeps")
 

@@ -16,7 +16,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from sldvexp import files
+from sldvexp import writing
 
 #: Of a record: what was there before ends here.
 BEGUN = {"begun": True}
@@ -61,7 +61,7 @@ class Disk:
         self._write(BEGUN)
 
     def sync(self, path: Path) -> None:
-        """Note what `path` has, in the place of `sldvexp.files.sync`."""
+        """Note what `path` has, in the place of `sldvexp.writing.sync`."""
         if not path.resolve().is_relative_to(self.folder):
             return
         if self._count == self._cut:
@@ -101,7 +101,7 @@ def recorded(
     folder, record, cut
         See `Disk`.
     """
-    files.sync = Disk(folder, record, cut).sync
+    writing.sync = Disk(folder, record, cut).sync
     sys.argv = ["sldvexp", *arguments]
     command()
 

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from sldvexp.dataset import open_run
-from sldvexp.files import NEW, OUTDATED, READY, making, settle, take_over, whole_or_nothing
 from sldvexp.sweep.lock import alone, locked
 from sldvexp.testing import power
+from sldvexp.writing import NEW, OUTDATED, READY, making, settle, take_over, whole_or_nothing
 
 POINT = ("experiment=point", "export={mine: {plugin: csv}, other: {plugin: mat}}")
 #: Of those, without what the finished run has.

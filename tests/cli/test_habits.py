@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from sldvexp.config.sources import Origins
+
 CORNERS = "{corners: [[-640, 140], [-640, -1440], [640, -1440], [640, 140]]}"
 SCAN = f"""# @package _global_
 defaults:
@@ -185,3 +187,10 @@ def test_entry_of_the_example_that_is_changed_is_no_mixture(sldvexp, lab):
     place = "{euler: [0.024, 2.910, -3.117], origin: [0.290, 0.530, 1.655]}"
     lab(x=SCAN.replace("NAME", '"1"') + f"scene: {{views: {{1: {place}}}}}\n")
     assert " come from " not in sldvexp("--config-dir", "my", "experiment=x", "report=none").out
+
+
+def test_files_are_composed_once_where_no_table_is_given(sldvexp, monkeypatch):
+    composed = []
+    monkeypatch.setattr(Origins, "layers_of_files", lambda self: composed.append(self) or [])
+    assert sldvexp("experiment=point", "report=none", "seed=3").status == 0
+    assert composed == []

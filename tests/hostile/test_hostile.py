@@ -16,6 +16,7 @@ from typing import Any
 
 import inputs_configuration
 import inputs_files
+import inputs_folders
 import inputs_others
 import inputs_runs
 import pytest
@@ -24,7 +25,13 @@ from inputs import FOLDER, NEIGHBOUR, RUNS, Hostile
 
 INPUTS: list[Hostile] = [
     each
-    for module in (inputs_configuration, inputs_files, inputs_runs, inputs_others)
+    for module in (
+        inputs_configuration,
+        inputs_files,
+        inputs_runs,
+        inputs_folders,
+        inputs_others,
+    )
     for each in module.INPUTS
 ]
 #: One of so many is tried by default.

@@ -13,7 +13,8 @@ from sldvexp import dataset, limits
 from sldvexp.cli.commands import in_order, with_bare_names
 from sldvexp.config.security import looks_up, require_bounded_line
 from sldvexp.errors import UserError
-from sldvexp.files import read_text, require_no_links
+from sldvexp.files import read_text
+from sldvexp.writing import require_no_links
 
 
 def nested(depth: int) -> str:

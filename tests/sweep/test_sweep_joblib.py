@@ -12,6 +12,14 @@ pytest.importorskip("hydra_plugins.hydra_joblib_launcher")
 TWO = ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "hydra.sweep.dir=swept")
 
 
+def test_runs_of_other_processes_are_done_and_collected(sldvexp, tmp_path):
+    done = sldvexp("-m", "experiment=point", "seed=1,2", "report=none", *TWO)
+    assert done.status == 0, done.err
+    assert len(list((tmp_path / "swept").glob("*/run.nc"))) == 2
+    with xr.open_dataset(tmp_path / "swept/sweep.nc", engine="netcdf4") as table:
+        assert table["state"].values.tolist() == ["done"] * 2
+
+
 @pytest.mark.long
 def test_runs_of_other_processes(sldvexp, tmp_path):
     call = ("-m", "experiment=point", "seed=1,2,-1", "reconstruction=absolute,relative", *TWO)

@@ -7,10 +7,11 @@ from pathlib import Path
 from types import ModuleType
 
 from sldvexp.errors import UserError
-from sldvexp.files import require_file, whole_or_nothing
+from sldvexp.files import require_file
 from sldvexp.io.registration import csv, netcdf, reg
 from sldvexp.io.registration.table import RegistrationTable
 from sldvexp.units import LengthUnit
+from sldvexp.writing import whole_or_nothing
 
 #: Suffix of a file to the module that reads and writes it.
 FORMATS = {".reg": reg, ".csv": csv, ".nc": netcdf}

@@ -9,9 +9,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from sldvexp.files import whole_or_nothing
 from sldvexp.lazy import jinja2, markupsafe, plotly
 from sldvexp.report.html.blocks import Link, More, Section, Shape
+from sldvexp.writing import whole_or_nothing
 
 
 def write(path: Path, title: str, subtitle: str, sections: Sequence[Section]) -> Path:
