@@ -34,7 +34,8 @@ class File(PointImporter):
         points' ``x,y,z``), or ``.nc`` or ``.mat`` with arrays ``direction_cosines``, ``velocity``,
         ``frequency``, ``std``, ``position``, and ``triangle`` and ``line`` between points.
     unit : VelocityUnit or None
-        Of the file's velocities; if none is set, as headings of columns say, or m/s.
+        Of the file's velocities; if none is set, as headings of columns or the attribute units of a
+        ``.nc`` say, or m/s.
     positive : Positive
         Which way a positive velocity points.
     phase : Phase

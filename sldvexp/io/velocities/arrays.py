@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.io.tables import AXES
-from sldvexp.io.velocities.headings import read_headings
+from sldvexp.io.velocities.headings import SAME, read_headings
 from sldvexp.io.velocities.matlab import read_arrays
 from sldvexp.io.velocities.table import (
     DIMENSIONS,
@@ -61,13 +61,12 @@ def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
     """Read a run's group ``line_of_sight``, or the same variables of another file.
 
     These are at the root or in the layout's group, and may have other names of variables and
-    dimensions. The file's own unit of velocity must agree with `unit`.
+    dimensions. The file's own unit of velocity must agree with `unit`, if that is set.
     """
     raw = _group(path, layout)
     data, theirs = _renamed(raw, layout, path)
     names = {str(k): layout.mapping.get(str(k), str(k)) for k in raw.variables}
     units = read_headings(names, unit, layout, path)
-    unit = unit or UNSTATED_VELOCITY
     for name in REQUIRED:
         if name not in data:
             others = [str(n) for n in data.data_vars if n not in KNOWN]
@@ -76,12 +75,7 @@ def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
                 f"{path}: the variable {name} is missing; needed are {', '.join(REQUIRED)}"
                 f"{there if others else ''}"
             )
-    stated = str(data["velocity"].attrs.get("units", ""))
-    if stated and unit_named(VelocityUnit, stated, f"{path}, velocity") is not unit:
-        raise UserError(
-            f"{path}: the file states velocities in {stated}, the configuration "
-            f"instrument.unit={unit.name}; they must agree"
-        )
+    factor = _velocity_factor(data["velocity"], unit, units.velocity, path)
     values: dict[str, Any] = {}
     for name, key in (
         ("direction_cosines", "direction_cosines"),
@@ -96,10 +90,36 @@ def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
     if "frequency" in values:
         values["frequency"] = units.frequency * _numbers(values, "frequency", path)
     values |= _places(data, theirs, layout, path, units.length)
-    factor = units.velocity or unit.value
-    if stated and factor != unit.value:
-        raise UserError(f"{path}: the name of an array and its attribute units contradict")
     return replace(from_arrays(values, path, factor, layout), amplitude=units.amplitude)
+
+
+def _velocity_factor(
+    velocity: xr.DataArray, unit: VelocityUnit | None, named: float | None, path: Path
+) -> float:
+    """Find one of the velocities' unit in m/s: by their attribute, name, or the settings.
+
+    Raises
+    ------
+    UserError
+        If the attribute contradicts one of the others.
+    """
+    text = str(velocity.attrs.get("units", ""))
+    stated = unit_named(VelocityUnit, text, f"{path}, velocity") if text else None
+    if stated and unit and stated is not unit:
+        raise UserError(
+            f"{path}: the file states velocities in {text}, the configuration "
+            f"instrument.unit={unit.name}; they must agree"
+        )
+    if stated is None:
+        return named or UNSTATED_VELOCITY.value
+    _require_agreement(stated, named, path)
+    return stated.value
+
+
+def _require_agreement(stated: VelocityUnit | LengthUnit, named: float | None, path: Path) -> None:
+    """Complain unless the unit in a name is that of the attribute, if there is one."""
+    if named is not None and abs(named / stated.value - 1) > SAME:
+        raise UserError(f"{path}: the name of an array and its attribute units contradict")
 
 
 def _places(
@@ -115,12 +135,12 @@ def _places(
         data = data.assign(position=xr.concat([data[c] for c in AXES], "axis", coords="minimal"))
         data["position"].attrs = dict(data["x"].attrs)
     if "position" in data:
-        stated = data["position"].attrs.get("units")
+        text = data["position"].attrs.get("units")
         unit = named or (layout.length or UNSTATED_LENGTH).value
-        if stated:
-            unit = unit_named(LengthUnit, stated, f"{path}, position").value
-        if named and unit != named:
-            raise UserError(f"{path}: the name of an array and its attribute units contradict")
+        if text:
+            stated = unit_named(LengthUnit, text, f"{path}, position")
+            _require_agreement(stated, named, path)
+            unit = stated.value
         there["position"] = unit * _in_order(data, "position", theirs, path)
     for name in ("triangle", "line"):
         if name in data and name not in data.dims:
