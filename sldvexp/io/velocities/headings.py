@@ -83,12 +83,11 @@ def read_headings(
     """
     stated = {q: _common(mapping, q, path, layout, unit) for q in QUANTITIES}
     velocity, length, frequency = (stated[q] for q in ("velocity", "displacement", "frequency"))
-    given = (
-        ("unit", unit, velocity and velocity.factor, velocity),
-        ("length_unit", layout.length, length and length.factor, length),
-    )
-    for name, setting, factor, label in given:
-        if setting and label and abs((factor or 0.0) / setting.value - 1) > SAME:
+    for name, setting, label in (
+        ("unit", unit, velocity),
+        ("length_unit", layout.length, length),
+    ):
+        if setting and label and abs(label.factor / setting.value - 1) > SAME:
             raise _contradiction(path, label, name, setting.name)
     amplitude = velocity.amplitude if velocity else None
     if amplitude and velocity and layout.amplitude not in (None, amplitude):
@@ -123,8 +122,8 @@ def _common(
     columns = [(k, v) for k, v in mapping.items() if v in QUANTITIES[quantity]]
     found = {}
     for heading, own in columns:
-        try:
-            found[heading] = unit_in(heading, quantity)
+        try:  # the program's own names, as velocity_std, have no unit
+            found[heading] = None if heading == own else unit_in(heading, quantity)
         except UserError as error:
             if isinstance(error, UnitNotUnderstoodError) and settings.get(quantity):
                 found[heading] = None  # the settings say it
