@@ -13,10 +13,8 @@ from typing import NamedTuple
 
 from sldvexp.dataset import Finding
 from sldvexp.errors import UserError
-from sldvexp.unit_labels import SpectralForm, UnitNotUnderstoodError, read_unit
+from sldvexp.unit_labels import SpectralForm, UnitNotUnderstoodError, read_unit, same_unit
 
-#: How far factors of one unit may be apart, relatively.
-SAME_UNIT = 1e-3
 #: Number and unit of a setting, as ``2 N``.
 AMOUNT = re.compile(r"\s*(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 
@@ -42,8 +40,7 @@ class ReferenceUnit(NamedTuple):
         """Tell whether two units are one, by their meaning, or by their text if they have none."""
         if not self.quantity or not other.quantity:
             return (self.quantity, self.text) == (other.quantity, other.text)
-        alike = abs(self.factor / other.factor - 1) <= SAME_UNIT
-        return self.quantity == other.quantity and alike
+        return self.quantity == other.quantity and same_unit(self.factor, other.factor)
 
 
 class Reference(NamedTuple):

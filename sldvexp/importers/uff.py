@@ -25,7 +25,6 @@ from sldvexp.importers.uff_choice import (
     require_witnesses_agree,
 )
 from sldvexp.importers.uff_conventions import (
-    SAME_UNIT,
     FunctionKind,
     ask_positive,
     decide_conventions,
@@ -45,6 +44,7 @@ from sldvexp.io.uff import Function, UniversalFile, UniversalGeometry, universal
 from sldvexp.io.uff.functions import DIRECTIONS, NODAL
 from sldvexp.io.uff.geometry import CARTESIAN, WORLD
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
+from sldvexp.unit_labels import same_unit
 
 COHERENCE = 6
 #: How far a wanted frequency may be from a line, in line spacings.
@@ -210,7 +210,7 @@ def _choose(
     stated, overruled = "", ""
     if places.geometry is not None and places.units is not None:
         stated, one = str(places.source.path), places.units.length
-        if abs(length[0] / one - 1) > SAME_UNIT:
+        if not same_unit(length[0], one):
             overruled = f"data set 164 states a unit of length of {one:g} m"
     if rules is None:
         return None

@@ -32,7 +32,13 @@ from sldvexp.io.uff.functions import (
     RMS,
     VELOCITY,
 )
-from sldvexp.unit_labels import SpectralForm, UnitLabel, UnitNotUnderstoodError, read_unit
+from sldvexp.unit_labels import (
+    SpectralForm,
+    UnitLabel,
+    UnitNotUnderstoodError,
+    read_unit,
+    same_unit,
+)
 
 
 class FunctionKind(Enum):
@@ -50,8 +56,6 @@ BY_NUMBER = {
     VELOCITY: Quantity.velocity,
     ACCELERATION: Quantity.acceleration,
 }
-#: How far two statements of one unit may be apart, relatively.
-SAME_UNIT = 1e-3
 SCALES = {PEAK: Amplitude.peak, RMS: Amplitude.rms}
 #: Kinds whose values are amplitudes of motions.
 OF_AMPLITUDES = (FunctionKind.spectrum, FunctionKind.nodal)
@@ -346,7 +350,7 @@ def _by_label(
     odd = _not_heeded(settings, f, label)
     if label.length and file.units is not None:
         stated = file.units.length
-        differ = abs(label.length / stated - 1) > SAME_UNIT
+        differ = not same_unit(label.length, stated)
         if differ and stated != 1:
             message = (
                 f"has values in {label.text}, but data set 164 states a unit of length of "
@@ -374,7 +378,7 @@ def _not_heeded(
     unit_differs = (
         settings.unit is not None
         and f.ordinate.unit
-        and (label is None or abs(label.factor / settings.unit.value - 1) > SAME_UNIT)
+        and (label is None or not same_unit(label.factor, settings.unit.value))
     )
     contradictions = {
         "quantity": settings.quantity is not None and stated - {settings.quantity.name},
