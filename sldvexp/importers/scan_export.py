@@ -20,7 +20,7 @@ from sldvexp.importers.conventions import (
     Questions,
     Zeros,
 )
-from sldvexp.importers.incomplete import Incomplete, incomplete_by
+from sldvexp.importers.incomplete import REMEDY, Incomplete, incomplete_by
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, same_frequencies
 from sldvexp.importers.reference import (
@@ -295,10 +295,7 @@ def _grid(
         row[place] = i
     if (row < 0).any() and incomplete_by(settings.incomplete) is Incomplete.refuse:
         p, f = np.argwhere(row < 0)[0]
-        raise table.wrong(
-            f"there is no row for point {node[p]} at {frequency[f]:g} Hz; leave such points out "
-            "with instrument.incomplete=drop, or keep them marked with instrument.incomplete=mark"
-        )
+        raise table.wrong(f"there is no row for point {node[p]} at {frequency[f]:g} Hz; {REMEDY}")
     return node, frequency, row
 
 
@@ -379,7 +376,7 @@ def _missing(
     said : dict of int to str
         Where the file says so, by the point's place.
     """
-    absent, there = np.isnan(values) | np.isinf(values), row >= 0
+    absent, there = ~np.isfinite(values), row >= 0
     of_row = absent | ~_good(settings, table, roles, questions)
     missing = np.asarray((of_row[row] | ~there).any(axis=1))
     zero = ~missing & ~values[row].any(axis=1)

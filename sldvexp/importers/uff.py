@@ -18,13 +18,9 @@ from sldvexp.importers.conventions import Conventions, Directions, Quantity, Que
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, close, same_frequencies
 from sldvexp.importers.reference import ask_unit, unknown_units
-from sldvexp.importers.uff_choice import (
-    ANY,
-    OF_REFERENCE,
-    FunctionChoice,
-    require_witnesses_agree,
-)
+from sldvexp.importers.uff_choice import ANY, FunctionChoice, require_witnesses_agree
 from sldvexp.importers.uff_conventions import (
+    OF_REFERENCE,
     FunctionKind,
     ask_positive,
     decide_conventions,
@@ -221,7 +217,7 @@ def _ask_reference(sources: dict[str, _ViewSource], questions: Questions) -> Non
     """Ask whether views of several references had one excitation, as these may not be the same."""
     views: dict[str, list[str]] = {}
     for name, source in sources.items():
-        if source.functions[0].kind in OF_REFERENCE:
+        if FunctionKind(source.functions[0].kind) in OF_REFERENCE:
             views.setdefault(source.functions[0].reference_dof, []).append(name)
     if len(views) < 2:
         return

@@ -333,14 +333,13 @@ def _by_label(
     """Find the unit by a label that is understood, unless others contradict it."""
     where = f"{file.source.path}, data set {f.entry.number}"
     factor = label.factor
-    place = str(f.entry.wrong(file.source, f.entry.first, "")).removesuffix(": ")
     if label.quantity != quantity.name:
         if settings.quantity is None:
             message = (
                 f"states the quantity {quantity.name}, but its unit {label.text} is one of "
                 f"{label.quantity}; say which with instrument.quantity"
             )
-            questions.note(UserError(f"{place}: {message}"), place)
+            questions.note(file.wrong(f, message), file.source.path)
             return None
         if label.factor != label.length:  # of times other than seconds, or of g
             what = f"the unit of length of its {quantity.name}; the label {label.text} has another"
@@ -356,7 +355,7 @@ def _by_label(
                 f"has values in {label.text}, but data set 164 states a unit of length of "
                 f"{stated:g} m; units are mixed, say which with instrument.unit"
             )
-            questions.note(UserError(f"{place}: {message}"), place)
+            questions.note(file.wrong(f, message), file.source.path)
             return None
         if differ:  # programs write a data set 164 of SI whatever the labels are
             said = f"values are in {label.text} as their label says, although data set 164 states m"
