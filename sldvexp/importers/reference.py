@@ -128,19 +128,24 @@ def ask_unit(setting: float | str | None, units: Mapping[str, ReferenceUnit]) ->
 
 
 def unknown_units(setting: float | str | None, units: Mapping[str, ReferenceUnit]) -> list[Finding]:
-    """Find views whose reference may be in another unit than that of the others."""
-    first = next(iter(units.values()), None)
+    """Find views whose reference may be in another unit than the amplitude, or that of the others.
+
+    A bare number is in the unit of the files, whichever that is, if they have one.
+    """
     unknown = {view: unit for view, unit in units.items() if not unit.quantity}
-    if setting is None or first is None or all(u.is_same(first) for u in units.values()):
+    if setting is None or not unknown:
         return []
-    if not unknown:
+    reference, first = reference_of(setting), next(iter(unknown.values()))
+    one = all(unit.is_same(first) for unit in units.values())
+    if one and reference.unit is None:
         return []
     return [
         Finding(
             "reference",
             f"view {', '.join(unknown)}",
-            f"units of the references are {_listed(units)}; instrument.reference={setting} was "
-            "taken to be in a unit that is not known as in the others",
+            f"units of the references are {_listed(units)}; where that is not known, the number of "
+            f"instrument.reference={setting} was taken to be in it",
+            remedy=f"instrument.reference={reference.amount:g}" if one else "",
         )
     ]
 

@@ -656,6 +656,16 @@ def test_reference_whose_unit_is_not_known_is_doubtful(uff, tmp_path):
     assert finding.severity.name == "doubtful"
 
 
+def test_unit_of_a_setting_that_no_file_confirms_is_doubtful(uff, tmp_path):
+    path = tmp_path / "a.uff"
+    path.write_bytes(uff.units() + uff.nodes(POINTS) + uff.function(1, FIRST, reference_unit="EU"))
+    assert not take_findings({"line_of_sight": read(path, reference=2.0)})
+    (finding,) = take_findings({"line_of_sight": read(path, reference="2 N")})
+    assert "are EU (a); where that is not known, the number of" in finding.text
+    assert finding.remedy == "instrument.reference=2"
+    assert finding.severity.name == "doubtful"
+
+
 def test_reference_of_another_quantity_or_several_units_is_refused(uff, tmp_path):
     path = tmp_path / "a.uff"
     nodes = uff.units() + uff.nodes(POINTS)
