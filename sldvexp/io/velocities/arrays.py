@@ -525,15 +525,19 @@ def _pairs(array: xr.DataArray, strange: list[str], free: list[str]) -> dict[str
     return pairs | dict(zip(left, others, strict=False))
 
 
+def _ends(labels: NDArray) -> list[str]:
+    """List the last letters of labels."""
+    return [str(label).strip().lower()[-1:] for label in labels]
+
+
 def _tells_xyz(labels: NDArray) -> bool:
     """Tell whether labels end in x, y and z."""
-    return sorted(str(label).strip().lower()[-1:] for label in labels) == list("xyz")
+    return sorted(_ends(labels)) == list("xyz")
 
 
 def _xyz(labels: NDArray) -> list[int]:
     """Find x, y, z by the ends of the labels; as they stand if these do not tell."""
-    ends = [str(label).strip().lower()[-1:] for label in labels]
-    return [ends.index(c) for c in "xyz"] if sorted(ends) == list("xyz") else [0, 1, 2]
+    return [_ends(labels).index(c) for c in "xyz"] if _tells_xyz(labels) else [0, 1, 2]
 
 
 def _sizes(array: xr.DataArray, theirs: dict[str, str] | None = None) -> str:
