@@ -19,13 +19,20 @@ from numpy.typing import NDArray
 from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.io.tables import AXES
-from sldvexp.io.velocities.headings import SAME, read_headings
+from sldvexp.io.velocities.attributes import (
+    frequency_factor,
+    require_agreement,
+    require_errors_alike,
+    velocity_factor,
+)
+from sldvexp.io.velocities.headings import read_headings
 from sldvexp.io.velocities.matlab import read_arrays
 from sldvexp.io.velocities.table import (
     DIMENSIONS,
     KNOWN,
     ORDER,
     OWN,
+    UNSTATED_FREQUENCY,
     UNSTATED_LENGTH,
     UNSTATED_VELOCITY,
     FileLayout,
@@ -75,7 +82,8 @@ def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
                 f"{path}: the variable {name} is missing; needed are {', '.join(REQUIRED)}"
                 f"{there if others else ''}"
             )
-    factor = _velocity_factor(data["velocity"], unit, units.velocity, path)
+    factor = velocity_factor(data["velocity"], unit, units.velocity, path)
+    require_errors_alike(data, factor, path)
     values: dict[str, Any] = {}
     for name, key in (
         ("direction_cosines", "direction_cosines"),
@@ -88,38 +96,10 @@ def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
         raise UserError(f"{path}: velocity and direction_cosines must both have a dimension point")
     values |= {d: data[d].values for d in ORDER if d in data.variables}
     if "frequency" in values:
-        values["frequency"] = units.frequency * _numbers(values, "frequency", path)
+        hertz = frequency_factor(data["frequency"], units.frequency, path)
+        values["frequency"] = hertz * _numbers(values, "frequency", path)
     values |= _places(data, theirs, layout, path, units.length)
     return replace(from_arrays(values, path, factor, layout), amplitude=units.amplitude)
-
-
-def _velocity_factor(
-    velocity: xr.DataArray, unit: VelocityUnit | None, named: float | None, path: Path
-) -> float:
-    """Find one of the velocities' unit in m/s: by their attribute, name, or the settings.
-
-    Raises
-    ------
-    UserError
-        If the attribute contradicts one of the others.
-    """
-    text = str(velocity.attrs.get("units", ""))
-    stated = unit_named(VelocityUnit, text, f"{path}, velocity") if text else None
-    if stated and unit and stated is not unit:
-        raise UserError(
-            f"{path}: the file states velocities in {text}, the configuration "
-            f"instrument.unit={unit.name}; they must agree"
-        )
-    if stated is None:
-        return named or UNSTATED_VELOCITY.value
-    _require_agreement(stated, named, path)
-    return stated.value
-
-
-def _require_agreement(stated: VelocityUnit | LengthUnit, named: float | None, path: Path) -> None:
-    """Complain unless the unit in a name is that of the attribute, if there is one."""
-    if named is not None and abs(named / stated.value - 1) > SAME:
-        raise UserError(f"{path}: the name of an array and its attribute units contradict")
 
 
 def _places(
@@ -139,7 +119,7 @@ def _places(
         unit = named or (layout.length or UNSTATED_LENGTH).value
         if text:
             stated = unit_named(LengthUnit, text, f"{path}, position")
-            _require_agreement(stated, named, path)
+            require_agreement(stated.value, named, path)
             unit = stated.value
         there["position"] = unit * _in_order(data, "position", theirs, path)
     for name in ("triangle", "line"):
@@ -175,7 +155,8 @@ def read_matlab(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
         values = _ordered(values, layout.order, path)
     if "frequency" in values:
         values["frequency"] = np.asarray(values["frequency"]).ravel()
-        values["frequency"] = units.frequency * _numbers(values, "frequency", path)
+        hertz = units.frequency or UNSTATED_FREQUENCY
+        values["frequency"] = hertz * _numbers(values, "frequency", path)
     for name in {"view", "point"} & set(values):
         values[name] = _names(values[name])
     if "position" in values:
