@@ -33,6 +33,7 @@ class File(PointImporter):
         A ``.csv`` (``view,dx,dy,dz,frequency,real,imag`` and optionally ``point``, ``std`` and the
         points' ``x,y,z``), or ``.nc`` or ``.mat`` with arrays ``direction_cosines``, ``velocity``,
         ``frequency``, ``std``, ``position``, and ``triangle`` and ``line`` between points.
+        Attributes ``units`` in a ``.nc`` are heeded, of frequencies as of velocities.
     unit : VelocityUnit or None
         Of the file's velocities; if none is set, as headings of columns or the attribute units of a
         ``.nc`` say, or m/s.
