@@ -75,9 +75,7 @@ class UnitLabel:
     factor : float
         One of the unit in SI; of a power that of the unit whose square it is.
     length : float
-        One of a motion's unit of length in m if its times are seconds; 0 of all others.
-    length : float
-        One of a motion's unit of length in m; 0 of others, and of g.
+        One of a motion's unit of length in m if its times are seconds; 0 of all others, as of g.
     amplitude : Amplitude or None
         None if the label says nothing of it.
     form : SpectralForm
@@ -232,6 +230,21 @@ TOKEN = re.compile(
 EXPONENT = re.compile(
     r"\s*\^\s*\(\s*([+-]?\d+)\s*\)|\s*\^\s*([+-]?\d+)(?![\d.])|([+-]?\d+)(?![\d.])"
 )
+
+
+#: How far two statements of one unit may be apart, relatively, as programs round them.
+SAME_UNIT = 1e-3
+
+
+def same_unit(one: float, two: float) -> bool:
+    """Tell whether two statements of a unit in SI mean the same one.
+
+    Examples
+    --------
+    >>> same_unit(0.0254, 1 / 39.37), same_unit(1.0, 0.9)
+    (True, False)
+    """
+    return abs(one / two - 1) <= SAME_UNIT
 
 
 @lru_cache(maxsize=512)
@@ -446,11 +459,13 @@ def _joined(text: str, inner: list[_Factor], exponent: int) -> _Factor:
     """Make one factor of those in brackets."""
     if len(inner) == 1:
         return inner[0]._replace(exponent=inner[0].exponent * exponent)
-    unit = inner[0].unit ** inner[0].exponent
-    for factor in inner[1:]:
-        unit = unit * factor.unit**factor.exponent
     names = tuple(n for f in inner for n in f.names)
-    return _Factor(text.strip(), names, unit, exponent, tuple(inner))
+    return _Factor(text.strip(), names, _unit_of(inner), exponent, tuple(inner))
+
+
+def _unit_of(factors: list[_Factor]) -> Any:
+    """Multiply factors with one another, as one quantity of pint."""
+    return math.prod((f.unit**f.exponent for f in factors), start=pint_registry().Quantity(1.0))
 
 
 def _without_mixtures(text: str, factors: list[_Factor]) -> list[_Factor]:
@@ -536,14 +551,18 @@ def _in_seconds(factors: list[_Factor]) -> bool:
     return all(pint_registry().Quantity(1.0, n).check("[length]") for n in names)
 
 
+def _without_square(factors: list[_Factor]) -> tuple[list[_Factor], bool]:
+    """Take the root of factors if all of them are squares, and tell if they are."""
+    squared = all(f.exponent % 2 == 0 for f in factors)
+    if not squared:
+        return factors, False
+    return [f._replace(exponent=f.exponent // 2) for f in factors], True
+
+
 def _motion(text: str, factors: list[_Factor]) -> tuple[str, float, bool]:
     """Tell which motion factors of length and time are, its unit in SI, and if it is squared."""
-    squared = all(f.exponent % 2 == 0 for f in factors)
-    if squared:
-        factors = [f._replace(exponent=f.exponent // 2) for f in factors]
-    unit = factors[0].unit ** factors[0].exponent
-    for f in factors[1:]:
-        unit = unit * f.unit**f.exponent
+    factors, squared = _without_square(factors)
+    unit = _unit_of(factors)
     powers = dict(unit.dimensionality)
     key = (powers.get("[length]", 0), powers.get("[time]", 0))
     lengths = [f for f in factors if "[length]" in f.powers]
@@ -558,17 +577,15 @@ def _motion(text: str, factors: list[_Factor]) -> tuple[str, float, bool]:
 
 def _other(text: str, factors: list[_Factor]) -> tuple[str, float, bool]:
     """Tell which quantity a unit is of that is no motion."""
-    squared = all(f.exponent % 2 == 0 for f in factors)
-    unit = 1.0
-    for f in factors:
-        unit = unit * f.unit ** (f.exponent // 2 if squared else f.exponent)
+    factors, squared = _without_square(factors)
+    unit = _unit_of(factors)
     names = [n for f in factors for n in f.names]
-    factor = float(unit.to_base_units().magnitude)  # type: ignore[attr-defined]
+    factor = float(unit.to_base_units().magnitude)
     if {"degree", "radian"} & set(names):
         return ("angle" if len(names) == 1 else "another quantity"), factor, squared
     same = [
         quantity
         for name, quantity in QUANTITIES.items()
-        if unit.dimensionality == pint_registry().Quantity(1.0, name).dimensionality  # type: ignore[attr-defined]
+        if unit.dimensionality == pint_registry().Quantity(1.0, name).dimensionality
     ]
     return (same[0] if same else "another quantity"), factor, squared

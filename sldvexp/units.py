@@ -61,9 +61,10 @@ def unit_named(kind: type[Unit], name: str, where: str) -> Unit:
     >>> unit_named(LengthUnit, "millimetres", "a.nc")
     <LengthUnit.mm: 0.001>
     """
-    plain = name.strip().lower()
-    if plain in kind.__members__:
-        return kind[plain]
+    own = name.strip()
+    for plain in (own.lower(), own.replace("/", "_per_")):
+        if plain in kind.__members__:
+            return kind[plain]
     with suppress(UnitNotUnderstoodError):
         label = read_unit(name)
         same = [unit for unit in kind if math.isclose(unit.value, label.factor, rel_tol=1e-9)]

@@ -24,10 +24,19 @@ class Incomplete(Enum):
     drop = "drop"
     mark = "mark"
 
+    @property
+    def done(self) -> str:
+        """Words of a finding for what became of the points."""
+        return "left out" if self is Incomplete.drop else "kept without a velocity"
+
 
 #: The setting's values and their meaning.
-VALUES = {"false": Incomplete.refuse, "true": Incomplete.drop}
-VALUES |= {"drop": Incomplete.drop, "mark": Incomplete.mark}
+VALUES = {one.value: one for one in Incomplete} | {"true": Incomplete.drop}
+#: Ways on for somebody whose points were refused.
+REMEDY = (
+    "leave such points out with instrument.incomplete=drop, or keep them marked with "
+    "instrument.incomplete=mark"
+)
 
 
 def check_incomplete(checks: Checks, value: bool | str) -> None:

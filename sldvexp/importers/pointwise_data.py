@@ -21,7 +21,7 @@ from sldvexp import dataset
 from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import UserError, nearest
 from sldvexp.importers.conventions import Directions, Positive
-from sldvexp.importers.incomplete import Incomplete
+from sldvexp.importers.incomplete import REMEDY, Incomplete
 from sldvexp.importers.reference import ReferenceUnit
 from sldvexp.io.uff import UniversalGeometry
 from sldvexp.io.uff.functions import DIRECTIONS
@@ -297,16 +297,14 @@ def _common(views: list[PointwiseData], incomplete: Incomplete) -> tuple[IntArra
         others = f" ({len(lost)} nodes are measured by some views only)" if len(lost) > 1 else ""
         raise UserError(
             f"{by.source}{where}: the view {by.name} has not measured node {lost[0]}, as others "
-            f"have{others}; leave such points out with instrument.incomplete=drop, or keep them "
-            "marked with instrument.incomplete=mark"
+            f"have{others}; {REMEDY}"
         )
     counts = ", ".join(
         f"view {view.name} {len(np.setdiff1d(whole, view.measured))}" for view in views
     )
-    done = "left out" if incomplete is Incomplete.drop else "kept without a velocity"
     text = (
-        f"{len(lost)} of {len(whole)} points are {done}, as not all views have measured them "
-        f"(missing: {counts}; the first is node {lost[0]})"
+        f"{len(lost)} of {len(whole)} points are {incomplete.done}, as not all views have "
+        f"measured them (missing: {counts}; the first is node {lost[0]})"
     )
     found = Finding("missing_points", "points", text, Severity.note, size=float(len(lost)))
     return (whole if incomplete is Incomplete.mark else everywhere), [found]

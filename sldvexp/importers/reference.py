@@ -13,10 +13,8 @@ from typing import NamedTuple
 
 from sldvexp.dataset import Finding
 from sldvexp.errors import UserError
-from sldvexp.unit_labels import SpectralForm, UnitNotUnderstoodError, read_unit
+from sldvexp.unit_labels import SpectralForm, UnitNotUnderstoodError, read_unit, same_unit
 
-#: How far factors of one unit may be apart, relatively.
-SAME_UNIT = 1e-3
 #: Number and unit of a setting, as ``2 N``.
 AMOUNT = re.compile(r"\s*(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 
@@ -42,8 +40,7 @@ class ReferenceUnit(NamedTuple):
         """Tell whether two units are one, by their meaning, or by their text if they have none."""
         if not self.quantity or not other.quantity:
             return (self.quantity, self.text) == (other.quantity, other.text)
-        alike = abs(self.factor / other.factor - 1) <= SAME_UNIT
-        return self.quantity == other.quantity and alike
+        return self.quantity == other.quantity and same_unit(self.factor, other.factor)
 
 
 class Reference(NamedTuple):
@@ -131,19 +128,24 @@ def ask_unit(setting: float | str | None, units: Mapping[str, ReferenceUnit]) ->
 
 
 def unknown_units(setting: float | str | None, units: Mapping[str, ReferenceUnit]) -> list[Finding]:
-    """Find views whose reference may be in another unit than that of the others."""
-    first = next(iter(units.values()), None)
+    """Find views whose reference may be in another unit than the amplitude, or that of the others.
+
+    A bare number is in the unit of the files, whichever that is, if they have one.
+    """
     unknown = {view: unit for view, unit in units.items() if not unit.quantity}
-    if setting is None or first is None or all(u.is_same(first) for u in units.values()):
+    if setting is None or not unknown:
         return []
-    if not unknown:
+    reference, first = reference_of(setting), next(iter(unknown.values()))
+    one = all(unit.is_same(first) for unit in units.values())
+    if one and reference.unit is None:
         return []
     return [
         Finding(
             "reference",
             f"view {', '.join(unknown)}",
-            f"units of the references are {_listed(units)}; instrument.reference={setting} was "
-            "taken to be in a unit that is not known as in the others",
+            f"units of the references are {_listed(units)}; where that is not known, the number of "
+            f"instrument.reference={setting} was taken to be in it",
+            remedy=f"instrument.reference={reference.amount:g}" if one else "",
         )
     ]
 

@@ -20,7 +20,7 @@ from sldvexp.importers.conventions import (
     Questions,
     Zeros,
 )
-from sldvexp.importers.incomplete import Incomplete, incomplete_by
+from sldvexp.importers.incomplete import REMEDY, Incomplete, incomplete_by
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, same_frequencies
 from sldvexp.importers.reference import (
@@ -42,15 +42,13 @@ from sldvexp.importers.scan_table import (
 from sldvexp.io.uff import UniversalGeometry
 from sldvexp.io.uff.geometry import WORLD
 from sldvexp.typing import Array, BoolArray, IndexArray, IntArray
-from sldvexp.unit_labels import SpectralForm, UnitLabel
+from sldvexp.unit_labels import SpectralForm, UnitLabel, same_unit
 
 #: How questions name what a table does not state.
 COORDINATES, VALUES = "the unit of its coordinates", "the unit of its values"
 AMPLITUDES = "whether amplitudes are peak or rms"
 #: Beyond such point numbers gaps mean nothing, as they are names then.
 MOST_NUMBERS = 10**7
-#: How far units that agree may be apart.
-SAME_UNIT = 1e-3
 #: Values of a status that a question lists.
 MOST_STATUS = 8
 #: Phases beyond this are of no spectrum in rad, but of one in deg.
@@ -224,14 +222,14 @@ def _overruled(
         and settings.quantity.name != values.quantity,
         ("unit", text): values is not None
         and settings.unit is not None
-        and abs(values.factor / settings.unit.value - 1) > SAME_UNIT,
+        and not same_unit(values.factor, settings.unit.value),
         ("amplitude", text): values is not None
         and None not in (settings.amplitude, values.amplitude)
         and settings.amplitude is not values.amplitude,
         ("length_unit", length): places is not None
         and settings.length_unit is not None
         and places.quantity == "displacement"
-        and abs(places.factor / settings.length_unit.value - 1) > SAME_UNIT,
+        and not same_unit(places.factor, settings.length_unit.value),
     }
     return [
         Finding(
@@ -297,10 +295,7 @@ def _grid(
         row[place] = i
     if (row < 0).any() and incomplete_by(settings.incomplete) is Incomplete.refuse:
         p, f = np.argwhere(row < 0)[0]
-        raise table.wrong(
-            f"there is no row for point {node[p]} at {frequency[f]:g} Hz; leave such points out "
-            "with instrument.incomplete=drop, or keep them marked with instrument.incomplete=mark"
-        )
+        raise table.wrong(f"there is no row for point {node[p]} at {frequency[f]:g} Hz; {REMEDY}")
     return node, frequency, row
 
 
@@ -381,7 +376,7 @@ def _missing(
     said : dict of int to str
         Where the file says so, by the point's place.
     """
-    absent, there = np.isnan(values) | np.isinf(values), row >= 0
+    absent, there = ~np.isfinite(values), row >= 0
     of_row = absent | ~_good(settings, table, roles, questions)
     missing = np.asarray((of_row[row] | ~there).any(axis=1))
     zero = ~missing & ~values[row].any(axis=1)

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from sldvexp.importers.scan_table import (
+    DECIMAL,
     FREQUENCY,
     HERTZ,
     IN_BRACKETS,
@@ -30,25 +31,12 @@ WORDS = {
     *("eigenfrequenz", "anregungsfrequenz"),
 }
 BESIDE = {
-    *(
-        "of",
-        "the",
-        "at",
-        "line",
-        "selected",
-        "current",
-        "excitation",
-        "value",
-        "der",
-        "linie",
-        "de",
-    ),
-    *("la", "bei", "in", "hz", "khz"),
+    *("of", "the", "at", "line", "selected", "current", "excitation", "value"),
+    *("der", "linie", "de", "la", "bei", "in", "hz", "khz"),
 }
-_NUMBER = r"\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?"
 #: A number with its unit behind it, or before it as in ``[Hz]: 195``.
 STATED = re.compile(
-    rf"{HERTZ.pattern}|(?<![^\W\d_])(?P<before>k?)Hz\b[\s\])}}\"]*[:=;,\s\"]*(?P<bare>{_NUMBER})"
+    rf"{HERTZ.pattern}|(?<![^\W\d_])(?P<before>k?)Hz\b[\s\])}}\"]*[:=;,\s\"]*(?P<bare>{DECIMAL})"
     r"(?![\d.,]*\s*k?Hz\b)"
 )
 #: Another number of a range beside one, before it and behind it.
@@ -57,10 +45,10 @@ RANGE_BEFORE = re.compile(rf"\d{_TO}$")
 #: The other end of a range that is surely one.
 _DASH = r"\s*(?:-|–|—|…|\.\.+|to|bis)\s*"
 FROM, UP_TO = (
-    re.compile(rf"({_NUMBER}){_DASH}$"),
-    re.compile(rf"{_DASH}({_NUMBER})(?!\S*\s*k?Hz\b)"),
+    re.compile(rf"({DECIMAL}){_DASH}$"),
+    re.compile(rf"{_DASH}({DECIMAL})(?!\S*\s*k?Hz\b)"),
 )
-RANGE_BEHIND = re.compile(rf"{_TO}{_NUMBER}")
+RANGE_BEHIND = re.compile(rf"{_TO}{DECIMAL}")
 
 
 @dataclass
@@ -110,10 +98,10 @@ def stated_in(lines: Sequence[str], delimiter: str | None = None) -> Stated:
 def _read(line: str, delimiter: str | None, found: Stated) -> None:
     """Add the frequencies of one line."""
     matches = list(STATED.finditer(line))
-    values = [_hertz(m) for m in matches]
     if not matches:
         return
-    if set(map(_hertz, matches)) == {values[0]} and _of_columns(fields(line, delimiter)):
+    values = [_hertz(m) for m in matches]
+    if len(set(values)) == 1 and _of_columns(fields(line, delimiter)):
         found.own.append(values[0])
         return
     behind, of_values = 0, False

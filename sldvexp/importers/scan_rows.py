@@ -32,10 +32,9 @@ from sldvexp.importers.scan_table import (
     number,
     of_frequencies,
 )
-from sldvexp.io.tables import MISSING, require_decimals
+from sldvexp.io.tables import DELIMITERS, MISSING, require_decimals
 from sldvexp.typing import Array
 
-DELIMITERS = ("\t", ";", ",", None)
 COMMENTS = ("#", "%", "//", "!")
 #: Numbers that make a line look like a row.
 LEAST_NUMBERS = 3
@@ -62,7 +61,7 @@ def read_table(path: Path) -> ScanTable:
         if max(map(line.count, "\t;, ")) > MOST_COLUMNS:
             raise UserError(f"{path}, line {i + 1}: has more than {MOST_COLUMNS} columns")
     most = Choice(None, (), 0, [])
-    for delimiter in DELIMITERS:
+    for delimiter in (*DELIMITERS, None):  # None for blanks
         most = max(most, _shape(lines, delimiter), key=lambda choice: choice.rows)
         if 2 * most.rows > len(lines):
             break

@@ -22,7 +22,9 @@ from sldvexp.unit_labels import SpectralForm, UnitLabel, UnitNotUnderstoodError,
 NUMBER = re.compile(r"[+\-\u2212]?([0-9]+([.,][0-9]*)?|[.,][0-9]+)([eEdD][+\-\u2212]?[0-9]+)?")
 #: The unit at the end of a column's name, in brackets.
 IN_BRACKETS = re.compile(r"[\[(]\s*(?P<unit>[^\[\]]+?)\s*[\])]\s*$")
-HERTZ = re.compile(r"(?<![\d.,])(?P<number>\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*(?P<kilo>k?)Hz\b")
+#: A number without a sign, in the middle of text.
+DECIMAL = r"\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?"
+HERTZ = re.compile(rf"(?<![\d.,])(?P<number>{DECIMAL})\s*(?P<kilo>k?)Hz\b")
 #: A frequency in a column's name, as ``@ 100 Hz`` or ``(0,1 kHz)``.
 FREQUENCY = re.compile(rf"[@(\[]?\s*{HERTZ.pattern}\s*[)\]]?")
 #: Names of one degree and one radian in other languages than English.
@@ -320,7 +322,7 @@ def is_length(unit: str) -> bool:
 
 def hertz(found: re.Match[str]) -> float:
     """Convert a match of `HERTZ` to Hz."""
-    return float(found["number"].replace(",", ".")) * (1000.0 if found["kilo"] else 1.0)
+    return number(found["number"]) * (1000.0 if found["kilo"] else 1.0)
 
 
 #: Lines above the table in which the columns' frequencies may stand.

@@ -18,14 +18,9 @@ from sldvexp.importers.conventions import Conventions, Directions, Quantity, Que
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, close, same_frequencies
 from sldvexp.importers.reference import ask_unit, unknown_units
-from sldvexp.importers.uff_choice import (
-    ANY,
-    OF_REFERENCE,
-    FunctionChoice,
-    require_witnesses_agree,
-)
+from sldvexp.importers.uff_choice import ANY, FunctionChoice, require_witnesses_agree
 from sldvexp.importers.uff_conventions import (
-    SAME_UNIT,
+    OF_REFERENCE,
     FunctionKind,
     ask_positive,
     decide_conventions,
@@ -45,6 +40,7 @@ from sldvexp.io.uff import Function, UniversalFile, UniversalGeometry, universal
 from sldvexp.io.uff.functions import DIRECTIONS, NODAL
 from sldvexp.io.uff.geometry import CARTESIAN, WORLD
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
+from sldvexp.unit_labels import same_unit
 
 COHERENCE = 6
 #: How far a wanted frequency may be from a line, in line spacings.
@@ -210,7 +206,7 @@ def _choose(
     stated, overruled = "", ""
     if places.geometry is not None and places.units is not None:
         stated, one = str(places.source.path), places.units.length
-        if abs(length[0] / one - 1) > SAME_UNIT:
+        if not same_unit(length[0], one):
             overruled = f"data set 164 states a unit of length of {one:g} m"
     if rules is None:
         return None
@@ -221,7 +217,7 @@ def _ask_reference(sources: dict[str, _ViewSource], questions: Questions) -> Non
     """Ask whether views of several references had one excitation, as these may not be the same."""
     views: dict[str, list[str]] = {}
     for name, source in sources.items():
-        if source.functions[0].kind in OF_REFERENCE:
+        if FunctionKind(source.functions[0].kind) in OF_REFERENCE:
             views.setdefault(source.functions[0].reference_dof, []).append(name)
     if len(views) < 2:
         return

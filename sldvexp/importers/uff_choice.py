@@ -15,7 +15,12 @@ import numpy as np
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.importers.conventions import Conventions, Phase, Quantity
-from sldvexp.importers.uff_conventions import BY_NUMBER, FunctionKind, read_label
+from sldvexp.importers.uff_conventions import (
+    BY_NUMBER,
+    OF_REFERENCE,
+    FunctionKind,
+    read_label,
+)
 from sldvexp.io.uff import Function, UniversalFile
 from sldvexp.io.uff.functions import ACCELERATION, DIRECTIONS, DISPLACEMENT, KINDS, VELOCITY
 from sldvexp.typing import Array, IndexArray
@@ -26,8 +31,6 @@ MOTION = (0, 1, DISPLACEMENT, VELOCITY, ACCELERATION)
 ANY = "any"
 #: Which of several quantities of one motion is read.
 PREFERRED = (Quantity.velocity, Quantity.displacement, Quantity.acceleration)
-#: Kinds of functions that have a reference.
-OF_REFERENCE = (FunctionKind.frf.value, FunctionKind.cross.value)
 #: How far, relatively, witnesses of one motion may be apart, and functions that are witnesses.
 AGREE, WITNESSES = 0.3, 20
 
@@ -70,7 +73,7 @@ class FunctionChoice:
         of_kind = [f for f in wanted if f.kind == known.value and f.ordinate.kind in MOTION]
         if known is FunctionKind.time:
             of_kind = [f for f in of_kind if f.dof != self.time_reference]
-        if known.value in OF_REFERENCE:
+        if known in OF_REFERENCE:
             of_kind = self._of_reference(file, of_kind)
         by_node: dict[int, list[Function]] = {}
         for function in of_kind:
@@ -85,7 +88,7 @@ class FunctionChoice:
             if abs(function.direction) > 3:
                 message = f"is of a rotation ({function.dof}); leave it out with dof"
                 raise file.wrong(function, message)
-        if known.value in OF_REFERENCE and self.reference_dof != ANY:
+        if known in OF_REFERENCE and self.reference_dof != ANY:
             _require_one_reference(file, chosen)
         return chosen
 
@@ -282,7 +285,7 @@ def _witnesses(
     file: UniversalFile, functions: list[Function]
 ) -> list[tuple[tuple[Function, float], tuple[Function, float]]]:
     """Find functions of the same motion but another quantity, each with its unit in SI."""
-    if functions[0].kind not in (*OF_REFERENCE, FunctionKind.spectrum.value):
+    if FunctionKind(functions[0].kind) not in (*OF_REFERENCE, FunctionKind.spectrum):
         return []
     same: dict[tuple[int, ...], list[Function]] = {}
     for f in file.functions:

@@ -32,7 +32,13 @@ from sldvexp.io.uff.functions import (
     RMS,
     VELOCITY,
 )
-from sldvexp.unit_labels import SpectralForm, UnitLabel, UnitNotUnderstoodError, read_unit
+from sldvexp.unit_labels import (
+    SpectralForm,
+    UnitLabel,
+    UnitNotUnderstoodError,
+    read_unit,
+    same_unit,
+)
 
 
 class FunctionKind(Enum):
@@ -50,8 +56,6 @@ BY_NUMBER = {
     VELOCITY: Quantity.velocity,
     ACCELERATION: Quantity.acceleration,
 }
-#: How far two statements of one unit may be apart, relatively.
-SAME_UNIT = 1e-3
 SCALES = {PEAK: Amplitude.peak, RMS: Amplitude.rms}
 #: Kinds whose values are amplitudes of motions.
 OF_AMPLITUDES = (FunctionKind.spectrum, FunctionKind.nodal)
@@ -329,14 +333,13 @@ def _by_label(
     """Find the unit by a label that is understood, unless others contradict it."""
     where = f"{file.source.path}, data set {f.entry.number}"
     factor = label.factor
-    place = str(f.entry.wrong(file.source, f.entry.first, "")).removesuffix(": ")
     if label.quantity != quantity.name:
         if settings.quantity is None:
             message = (
                 f"states the quantity {quantity.name}, but its unit {label.text} is one of "
                 f"{label.quantity}; say which with instrument.quantity"
             )
-            questions.note(UserError(f"{place}: {message}"), place)
+            questions.note(file.wrong(f, message), file.source.path)
             return None
         if label.factor != label.length:  # of times other than seconds, or of g
             what = f"the unit of length of its {quantity.name}; the label {label.text} has another"
@@ -346,13 +349,13 @@ def _by_label(
     odd = _not_heeded(settings, f, label)
     if label.length and file.units is not None:
         stated = file.units.length
-        differ = abs(label.length / stated - 1) > SAME_UNIT
+        differ = not same_unit(label.length, stated)
         if differ and stated != 1:
             message = (
                 f"has values in {label.text}, but data set 164 states a unit of length of "
                 f"{stated:g} m; units are mixed, say which with instrument.unit"
             )
-            questions.note(UserError(f"{place}: {message}"), place)
+            questions.note(file.wrong(f, message), file.source.path)
             return None
         if differ:  # programs write a data set 164 of SI whatever the labels are
             said = f"values are in {label.text} as their label says, although data set 164 states m"
@@ -374,7 +377,7 @@ def _not_heeded(
     unit_differs = (
         settings.unit is not None
         and f.ordinate.unit
-        and (label is None or abs(label.factor / settings.unit.value - 1) > SAME_UNIT)
+        and (label is None or not same_unit(label.factor, settings.unit.value))
     )
     contradictions = {
         "quantity": settings.quantity is not None and stated - {settings.quantity.name},

@@ -33,8 +33,10 @@ class File(PointImporter):
         A ``.csv`` (``view,dx,dy,dz,frequency,real,imag`` and optionally ``point``, ``std`` and the
         points' ``x,y,z``), or ``.nc`` or ``.mat`` with arrays ``direction_cosines``, ``velocity``,
         ``frequency``, ``std``, ``position``, and ``triangle`` and ``line`` between points.
+        Attributes ``units`` in a ``.nc`` are heeded, of frequencies as of velocities.
     unit : VelocityUnit or None
-        Of the file's velocities; if none is set, as headings of columns say, or m/s.
+        Of the file's velocities; if none is set, as headings of columns or the attribute units of a
+        ``.nc`` say, or m/s.
     positive : Positive
         Which way a positive velocity points.
     phase : Phase
@@ -118,13 +120,12 @@ def _missing(table: LineOfSight, incomplete: Incomplete) -> list[Finding]:
     of_points = table.point is not None
     count = int(lost.any(axis=1).sum() if of_points else lost.sum())
     whole = lost.shape[0] if of_points else lost.shape[1]
-    done = "left out" if incomplete is Incomplete.drop else "kept without a velocity"
     gone = np.asarray(table.missing.any(axis=2) if of_points else table.missing[:, 0])
     counts = ", ".join(
         f"view {name} {int(own.sum())}" for name, own in zip(table.view, gone, strict=True)
     )
     text = (
-        f"{count} of {whole} {'points' if of_points else 'frequencies'} are {done}, as not all "
-        f"views have values there (missing: {counts})"
+        f"{count} of {whole} {'points' if of_points else 'frequencies'} are {incomplete.done}, as "
+        f"not all views have values there (missing: {counts})"
     )
     return [Finding("missing_points", "points", text, Severity.note, size=float(count))]

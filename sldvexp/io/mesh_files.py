@@ -21,10 +21,9 @@ from sldvexp.io.obj import read_obj
 from sldvexp.io.uff import UniversalGeometry, universal_file
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, IntArray
+from sldvexp.unit_labels import same_unit
 
 SUFFIXES = (".uff", ".unv", ".uf", ".bunv")
-#: How far a universal file's unit of length may be from the one of the configuration.
-SAME_UNIT = 1e-3
 #: Way to a surface from a file that has none.
 WAY_ON = (
     "write shell elements of the surface into it, as mesh programs do of the faces of solids, or "
@@ -33,8 +32,6 @@ WAY_ON = (
 #: Corners of meshio's surface cells; nodes beyond them are inside of edges and faces.
 TRIANGLES = ("triangle", "triangle6", "triangle7")
 QUADRILATERALS = ("quad", "quad8", "quad9")
-
-
 #: Corners in an STL file within this part of its extent are one node, its digits being seven.
 MERGED = 1e-5
 #: They are so at most within this part of the shortest side.
@@ -135,7 +132,7 @@ def _of_universal_file(path: Path, unit: float) -> MeshSurface:
         geometry, units = file.geometry, file.units
     if geometry is None:
         raise UserError(f"{path}: has no geometry (data set 15 or 2411), but {file.contents}")
-    if units is not None and abs(units.length / unit - 1) > SAME_UNIT:
+    if units is not None and not same_unit(units.length, unit):
         raise UserError(
             f"{path}: states coordinates in units of {units.length:g} m, the configuration "
             f"volume.unit in units of {unit:g} m; they must agree"

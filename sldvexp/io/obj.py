@@ -6,6 +6,7 @@ back from the last vertex so far with negative numbers.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -45,11 +46,8 @@ def read_obj(path: Path) -> tuple[Array, dict[str, list[IntArray]]]:
     require_file(path)
     vertices: list[list[float]] = []
     cells: dict[str, list[IntArray]] = {"triangle": [], "quad": [], "other": []}
-    text = read_text(path).replace("\\\r\n", " ").replace("\\\n", " ")
-    for line, words in enumerate((line.partition("#")[0].split() for line in text.splitlines()), 1):
+    for line, words in _statements(read_text(path)):
         where = f"{path}, line {line}"
-        if not words:
-            continue
         if words[0] == "v":
             if len(words) < 4:
                 raise UserError(f"{where}: a vertex needs x, y and z")
@@ -64,6 +62,23 @@ def read_obj(path: Path) -> tuple[Array, dict[str, list[IntArray]]]:
             kind = {3: "triangle", 4: "quad"}[len(corners)] if words[0] == "f" else "other"
             cells[kind].append(corners)
     return np.array(vertices, float).reshape(-1, 3), cells
+
+
+def _statements(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Split text into statements, each the line that it begins on and its words.
+
+    A backslash at the end of a line lets a statement go on in the next one.
+    """
+    begin, whole = 1, ""
+    for line, part in enumerate(text.splitlines(), 1):
+        whole += part.removesuffix("\\") + " "
+        if part.endswith("\\"):
+            continue
+        if words := whole.partition("#")[0].split():
+            yield begin, words
+        begin, whole = line + 1, ""
+    if words := whole.partition("#")[0].split():
+        yield begin, words
 
 
 def _corner(word: str, vertices: int, where: str) -> int:

@@ -155,6 +155,93 @@ def test_names_of_arrays_state_units_too(tmp_path, ending):
         File(path=str(path), mapping=mapping, unit=VelocityUnit.m_per_s).read()
 
 
+@pytest.mark.parametrize(
+    ("name", "units", "unit"),
+    [
+        ("velocity", "mm/s", None),
+        ("velocity", "mm s-1", VelocityUnit.mm_per_s),
+        ("v_mm_s", "mm/s", None),
+        ("v_mm_s", "mm/s", VelocityUnit.mm_per_s),
+    ],
+)
+def test_unit_in_an_attribute_is_heeded_and_may_agree_with_the_name(tmp_path, name, units, unit):
+    path = array_with_units(tmp_path, name, units)
+    group = File(path=str(path), mapping=mapping_of(name), unit=unit).read()
+    np.testing.assert_allclose(group["velocity"], 4e-3, rtol=1e-14)
+    np.testing.assert_allclose(group["position"][0], [0.3048, 0.6096, 0.0], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("units", "unit", "said"),
+    [
+        ("m/s", None, "the name of an array and its attribute units contradict"),
+        ("m/s", VelocityUnit.mm_per_s, "states velocities in m/s, .*instrument.unit=mm_per_s;"),
+    ],
+)
+def test_attribute_that_contradicts_is_refused(tmp_path, units, unit, said):
+    path = array_with_units(tmp_path, "v_mm_s", units)
+    with pytest.raises(UserError, match=said):
+        File(path=str(path), mapping=mapping_of("v_mm_s"), unit=unit).read()
+
+
+def spectra(tmp_path, name, units, std_units):
+    """Write velocities of 4 m/s at two frequencies in a unit, with standard errors."""
+    path = tmp_path / "mine.nc"
+    values = np.full((3, 2), 4.0)
+    arrays = {
+        "direction_cosines": (("view", "axis"), DIRECTIONS),
+        "velocity": (("view", "frequency"), values, {"units": "m/s"}),
+        "velocity_std": (("view", "frequency"), values / 10, {"units": std_units}),
+        name: (("frequency",), np.array([0.195, 0.44]), {"units": units}),
+    }
+    xr.Dataset(arrays).to_netcdf(path)
+    return {"path": str(path), "mapping": {} if name == "frequency" else {name: "frequency"}}
+
+
+@pytest.mark.parametrize(
+    ("name", "units", "factor"),
+    [("frequency", "kHz", 1e3), ("f_khz", "kHz", 1e3), ("frequency", "Hz", 1.0), ("f", "", 1.0)],
+)
+def test_frequencies_are_in_the_unit_of_their_attribute(tmp_path, name, units, factor):
+    group = File(**spectra(tmp_path, name, units, "m s-1")).read()
+    np.testing.assert_allclose(group["frequency"], factor * np.array([0.195, 0.44]), rtol=1e-14)
+    np.testing.assert_allclose(group["velocity_std"], 0.4, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("name", "units", "std_units", "said"),
+    [
+        ("f_khz", "Hz", "m/s", "the name of an array and its attribute units contradict"),
+        ("f_hz", "kHz", "m/s", "the name of an array and its attribute units contradict"),
+        ("frequency", "rad/s", "m/s", "frequency: the unit 'rad/s' .* is none of a frequency"),
+        ("frequency", "lines", "m/s", "frequency: the unit 'lines' is not known here"),
+        ("frequency", "Hz", "mm/s", "velocity_std is in mm/s, velocity in m/s; they must be in"),
+    ],
+)
+def test_attributes_of_frequencies_and_errors_may_be_refused(
+    tmp_path, name, units, std_units, said
+):
+    with pytest.raises(UserError, match=said):
+        File(**spectra(tmp_path, name, units, std_units)).read()
+
+
+def array_with_units(tmp_path, name, units):
+    """Write velocities of 4 in a unit, and positions whose name and attribute both say ft."""
+    path = tmp_path / "mine.nc"
+    places = np.array([[1.0, 2.0, 0.0], [3.0, 1.0, 0.0]])
+    arrays = {
+        "direction_cosines": (("view", "point", "axis"), np.stack([DIRECTIONS] * 2, axis=1)),
+        name: (("view", "point"), np.full((3, 2), 4.0), {"units": units}),
+        "p_ft": (("point", "axis"), places, {"units": "ft"}),
+    }
+    xr.Dataset(arrays).to_netcdf(path)
+    return path
+
+
+def mapping_of(name):
+    return {"p_ft": "position"} | ({} if name == "velocity" else {name: "velocity"})
+
+
 def test_words_that_look_like_no_unit_are_none():
     assert unit_in("Richtung X", "") is None
     assert unit_in("v_m", "velocity") is None

@@ -68,6 +68,11 @@ WRONG = {
     "vertex 0": ("v 0 0 0\nf 0 1 1\n", "line 2: there is no vertex 0"),
     "far back": ("v 0 0 0\nf -2 -1 -1\n", "line 2: there is no vertex -2"),
     "a word": ("v 0 0 0\nf a b c\n", "line 2: 'a' names no vertex"),
+    "behind a line that goes on": (
+        "v 0 \\\n0 \\\r\n0\nf a b c\n",
+        "line 4: 'a' names no vertex",
+    ),
+    "where a line begins that goes on": ("v 0 0 0\nf 1 \\\n1 a\n", "line 2: 'a' names no vertex"),
     "two coordinates": ("v 0 0\n", "line 1: a vertex needs x, y and z"),
     "no number": ("v 0 0 x\n", "line 1: a coordinate must be a number, not 'x'"),
     "nothing": ("", "has no cells, but neither triangles nor quadrilaterals"),

@@ -347,7 +347,7 @@ class UniversalFile:
             for kind, n in count.items()
         )
 
-    def wrong(self, function: Function, message: str) -> Exception:
+    def wrong(self, function: Function, message: str) -> UserError:
         """Word the error of a function as a whole."""
         return function.entry.wrong(self.source, function.entry.first, message)
 

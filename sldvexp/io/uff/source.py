@@ -1,6 +1,7 @@
 """Bytes of a universal file and where its data sets stand, so that every error names a line.
 
-The file is read piece by piece: a large one costs no more than its headers.
+The file is read piece by piece: a large one costs no more than its headers, and to be read through
+once if it has a seal.
 """
 
 from __future__ import annotations

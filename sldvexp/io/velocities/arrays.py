@@ -19,6 +19,12 @@ from numpy.typing import NDArray
 from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.io.tables import AXES
+from sldvexp.io.velocities.attributes import (
+    frequency_factor,
+    require_agreement,
+    require_errors_alike,
+    velocity_factor,
+)
 from sldvexp.io.velocities.headings import read_headings
 from sldvexp.io.velocities.matlab import read_arrays
 from sldvexp.io.velocities.table import (
@@ -26,6 +32,7 @@ from sldvexp.io.velocities.table import (
     KNOWN,
     ORDER,
     OWN,
+    UNSTATED_FREQUENCY,
     UNSTATED_LENGTH,
     UNSTATED_VELOCITY,
     FileLayout,
@@ -61,13 +68,12 @@ def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
     """Read a run's group ``line_of_sight``, or the same variables of another file.
 
     These are at the root or in the layout's group, and may have other names of variables and
-    dimensions. The file's own unit of velocity must agree with `unit`.
+    dimensions. The file's own unit of velocity must agree with `unit`, if that is set.
     """
     raw = _group(path, layout)
     data, theirs = _renamed(raw, layout, path)
     names = {str(k): layout.mapping.get(str(k), str(k)) for k in raw.variables}
     units = read_headings(names, unit, layout, path)
-    unit = unit or UNSTATED_VELOCITY
     for name in REQUIRED:
         if name not in data:
             others = [str(n) for n in data.data_vars if n not in KNOWN]
@@ -76,12 +82,8 @@ def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
                 f"{path}: the variable {name} is missing; needed are {', '.join(REQUIRED)}"
                 f"{there if others else ''}"
             )
-    stated = str(data["velocity"].attrs.get("units", ""))
-    if stated and unit_named(VelocityUnit, stated, f"{path}, velocity") is not unit:
-        raise UserError(
-            f"{path}: the file states velocities in {stated}, the configuration "
-            f"instrument.unit={unit.name}; they must agree"
-        )
+    factor = velocity_factor(data["velocity"], unit, units.velocity, path)
+    require_errors_alike(data, factor, path)
     values: dict[str, Any] = {}
     for name, key in (
         ("direction_cosines", "direction_cosines"),
@@ -94,11 +96,9 @@ def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
         raise UserError(f"{path}: velocity and direction_cosines must both have a dimension point")
     values |= {d: data[d].values for d in ORDER if d in data.variables}
     if "frequency" in values:
-        values["frequency"] = units.frequency * _numbers(values, "frequency", path)
+        hertz = frequency_factor(data["frequency"], units.frequency, path)
+        values["frequency"] = hertz * _numbers(values, "frequency", path)
     values |= _places(data, theirs, layout, path, units.length)
-    factor = units.velocity or unit.value
-    if stated and factor != unit.value:
-        raise UserError(f"{path}: the name of an array and its attribute units contradict")
     return replace(from_arrays(values, path, factor, layout), amplitude=units.amplitude)
 
 
@@ -115,12 +115,12 @@ def _places(
         data = data.assign(position=xr.concat([data[c] for c in AXES], "axis", coords="minimal"))
         data["position"].attrs = dict(data["x"].attrs)
     if "position" in data:
-        stated = data["position"].attrs.get("units")
+        text = data["position"].attrs.get("units")
         unit = named or (layout.length or UNSTATED_LENGTH).value
-        if stated:
-            unit = unit_named(LengthUnit, stated, f"{path}, position").value
-        if named and unit != named:
-            raise UserError(f"{path}: the name of an array and its attribute units contradict")
+        if text:
+            stated = unit_named(LengthUnit, text, f"{path}, position")
+            require_agreement(stated.value, named, path)
+            unit = stated.value
         there["position"] = unit * _in_order(data, "position", theirs, path)
     for name in ("triangle", "line"):
         if name in data and name not in data.dims:
@@ -155,7 +155,8 @@ def read_matlab(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
         values = _ordered(values, layout.order, path)
     if "frequency" in values:
         values["frequency"] = np.asarray(values["frequency"]).ravel()
-        values["frequency"] = units.frequency * _numbers(values, "frequency", path)
+        hertz = units.frequency or UNSTATED_FREQUENCY
+        values["frequency"] = hertz * _numbers(values, "frequency", path)
     for name in {"view", "point"} & set(values):
         values[name] = _names(values[name])
     if "position" in values:
@@ -505,15 +506,19 @@ def _pairs(array: xr.DataArray, strange: list[str], free: list[str]) -> dict[str
     return pairs | dict(zip(left, others, strict=False))
 
 
+def _ends(labels: NDArray) -> list[str]:
+    """List the last letters of labels."""
+    return [str(label).strip().lower()[-1:] for label in labels]
+
+
 def _tells_xyz(labels: NDArray) -> bool:
     """Tell whether labels end in x, y and z."""
-    return sorted(str(label).strip().lower()[-1:] for label in labels) == list("xyz")
+    return sorted(_ends(labels)) == list("xyz")
 
 
 def _xyz(labels: NDArray) -> list[int]:
     """Find x, y, z by the ends of the labels; as they stand if these do not tell."""
-    ends = [str(label).strip().lower()[-1:] for label in labels]
-    return [ends.index(c) for c in "xyz"] if sorted(ends) == list("xyz") else [0, 1, 2]
+    return [_ends(labels).index(c) for c in "xyz"] if _tells_xyz(labels) else [0, 1, 2]
 
 
 def _sizes(array: xr.DataArray, theirs: dict[str, str] | None = None) -> str:

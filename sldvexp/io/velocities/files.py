@@ -23,6 +23,7 @@ from sldvexp.io.velocities.table import (
     ORDER,
     OWN,
     REMEDY,
+    UNSTATED_FREQUENCY,
     UNSTATED_LENGTH,
     UNSTATED_VELOCITY,
     FileLayout,
@@ -86,6 +87,7 @@ def read_csv(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) ->
     """
     table, units = _table(path, unit, layout)
     factor = units.velocity or UNSTATED_VELOCITY.value
+    hertz = units.frequency or UNSTATED_FREQUENCY
     columns = {c: _checked(table, c, layout) for c in table.header}
     labels, shape, where = _cells(table, {c: columns[c] for c in ORDER if c in columns}, layout)
 
@@ -111,7 +113,7 @@ def read_csv(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) ->
         source=str(path),
         view=labels[0],
         point=["1"] if points is None and position is not None else points,
-        frequency=units.frequency * np.array(labels[2], float) if "frequency" in columns else None,
+        frequency=hertz * np.array(labels[2], float) if "frequency" in columns else None,
         direction_cosines=first,
         velocity=np.where(missing, np.nan, velocity) * factor,
         std=None if std is None else np.where(missing, np.nan, std) * factor,

@@ -51,15 +51,15 @@ class HeadingUnits:
         if neither headings nor settings say it.
     length : float or None
         One of the coordinates' unit in m; None if no heading says it.
-    frequency : float
-        One of the frequencies' unit in Hz.
+    frequency : float or None
+        One of the frequencies' unit in Hz; None if no heading says it.
     amplitude : Amplitude or None
         None if headings say nothing of it.
     """
 
     velocity: float | None = None
     length: float | None = None
-    frequency: float = 1.0
+    frequency: float | None = None
     amplitude: Amplitude | None = None
 
 
@@ -83,12 +83,11 @@ def read_headings(
     """
     stated = {q: _common(mapping, q, path, layout, unit) for q in QUANTITIES}
     velocity, length, frequency = (stated[q] for q in ("velocity", "displacement", "frequency"))
-    given = (
-        ("unit", unit, velocity and velocity.factor, velocity),
-        ("length_unit", layout.length, length and length.factor, length),
-    )
-    for name, setting, factor, label in given:
-        if setting and label and abs((factor or 0.0) / setting.value - 1) > SAME:
+    for name, setting, label in (
+        ("unit", unit, velocity),
+        ("length_unit", layout.length, length),
+    ):
+        if setting and label and abs(label.factor / setting.value - 1) > SAME:
             raise _contradiction(path, label, name, setting.name)
     amplitude = velocity.amplitude if velocity else None
     if amplitude and velocity and layout.amplitude not in (None, amplitude):
@@ -96,7 +95,7 @@ def read_headings(
     return HeadingUnits(
         velocity.factor if velocity else unit and unit.value,
         length.factor if length else None,
-        frequency.factor if frequency else 1.0,
+        frequency.factor if frequency else None,
         amplitude,
     )
 
@@ -123,8 +122,8 @@ def _common(
     columns = [(k, v) for k, v in mapping.items() if v in QUANTITIES[quantity]]
     found = {}
     for heading, own in columns:
-        try:
-            found[heading] = unit_in(heading, quantity)
+        try:  # the program's own names, as velocity_std, have no unit
+            found[heading] = None if heading == own else unit_in(heading, quantity)
         except UserError as error:
             if isinstance(error, UnitNotUnderstoodError) and settings.get(quantity):
                 found[heading] = None  # the settings say it
@@ -176,7 +175,7 @@ def unit_in(heading: str, quantity: str) -> UnitLabel | None:
     """
     bracket = BRACKETS.search(heading)
     if bracket and bracket["unit"] not in NONE:
-        return _of_quantity(read_unit(bracket["unit"]), quantity)
+        return of_quantity(read_unit(bracket["unit"]), quantity)
     if bracket and quantity:
         raise UnitNotUnderstoodError(
             f"the unit {bracket['unit']!r} is none of a {_shown(quantity)}"
@@ -194,7 +193,7 @@ def _after_a_sign(heading: str, quantity: str) -> UnitLabel | None:
             except UnitNotUnderstoodError:
                 continue
             if len(rest) > 1 or label.quantity == quantity:  # v_m, f_s, Richtung X: a letter
-                return _of_quantity(label, quantity)
+                return of_quantity(label, quantity)
     return None
 
 
@@ -206,7 +205,7 @@ def _spellings(text: str) -> Sequence[str]:
     return list(dict.fromkeys(t.replace("_", " ") for t in (text, over)))
 
 
-def _of_quantity(label: UnitLabel, quantity: str) -> UnitLabel:
+def of_quantity(label: UnitLabel, quantity: str) -> UnitLabel:
     """Refuse a unit of another quantity, or that is no plain one of it."""
     plain = label.form is SpectralForm.linear and not label.reference and not label.product
     if label.quantity != quantity or not plain or (label.amplitude and quantity != "velocity"):

@@ -236,8 +236,8 @@ KNOWN = (
     "triangle",
     "line",
 )
-#: Units of files that state none, by nobody told.
-UNSTATED_VELOCITY, UNSTATED_LENGTH = VelocityUnit.m_per_s, LengthUnit.m
+#: Units of files that state none, by nobody told; that of frequencies in Hz.
+UNSTATED_VELOCITY, UNSTATED_LENGTH, UNSTATED_FREQUENCY = VelocityUnit.m_per_s, LengthUnit.m, 1.0
 ORDER = ("view", "point", "frequency")
 DIMENSIONS = (*ORDER, "axis")
 

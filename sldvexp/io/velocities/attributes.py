@@ -1,0 +1,76 @@
+"""Units in attributes of netCDF variables, compared with those in their names and settings.
+
+The attribute is the file's own word: what a name or a setting says of the same array must agree.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sldvexp.dataset import FREQUENCY
+from sldvexp.errors import UserError
+from sldvexp.io.velocities.headings import SAME, of_quantity
+from sldvexp.io.velocities.table import UNSTATED_FREQUENCY, UNSTATED_VELOCITY
+from sldvexp.lazy import xarray as xr
+from sldvexp.unit_labels import read_unit
+from sldvexp.units import VelocityUnit, unit_named
+
+
+def velocity_factor(
+    velocity: xr.DataArray, unit: VelocityUnit | None, named: float | None, path: Path
+) -> float:
+    """Find one of the velocities' unit in m/s: by their attribute, name, or the settings.
+
+    Raises
+    ------
+    UserError
+        If the attribute contradicts one of the others.
+    """
+    text = str(velocity.attrs.get("units", ""))
+    stated = unit_named(VelocityUnit, text, f"{path}, velocity") if text else None
+    if stated and unit and stated is not unit:
+        raise UserError(
+            f"{path}: the file states velocities in {text}, the configuration "
+            f"instrument.unit={unit.name}; they must agree"
+        )
+    if stated is None:
+        return named or UNSTATED_VELOCITY.value
+    require_agreement(stated.value, named, path)
+    return stated.value
+
+
+def frequency_factor(frequency: xr.DataArray, named: float | None, path: Path) -> float:
+    """Find one of the frequencies' unit in Hz, by their attribute or name.
+
+    Raises
+    ------
+    UserError
+        If they contradict, or the attribute is no unit of frequency.
+    """
+    text = str(frequency.attrs.get("units", ""))
+    if not text:
+        return named or UNSTATED_FREQUENCY
+    stated = UNSTATED_FREQUENCY
+    if text != FREQUENCY.units:
+        try:
+            stated = of_quantity(read_unit(text), "frequency").factor
+        except UserError as error:
+            raise UserError(f"{path}, frequency: {error}; correct its attribute units") from None
+    require_agreement(stated, named, path)
+    return stated
+
+
+def require_errors_alike(data: xr.Dataset, factor: float, path: Path) -> None:
+    """Complain unless standard errors are in the unit of the velocities, `factor` in m/s."""
+    text = str(data["velocity_std"].attrs.get("units", "")) if "velocity_std" in data else ""
+    if text and abs(unit_named(VelocityUnit, text, f"{path}, std").value / factor - 1) > SAME:
+        own = data["velocity"].attrs.get("units", f"units of {factor:g} m/s")
+        raise UserError(
+            f"{path}: velocity_std is in {text}, velocity in {own}; they must be in the same unit"
+        )
+
+
+def require_agreement(stated: float, named: float | None, path: Path) -> None:
+    """Complain unless the unit in a name is that of the attribute, if there is one."""
+    if named is not None and abs(named / stated - 1) > SAME:
+        raise UserError(f"{path}: the name of an array and its attribute units contradict")
