@@ -62,8 +62,9 @@ class Examination(RunData):
         UserError
             If the run has no volume, or no such field.
         """
-        fields = self.fields()
-        if not fields or "volume" not in self.groups:
+        fields = {"field": self.groups["field"]} if self.has("field", "velocity") else {}
+        fields |= self.below("compare", "velocity")
+        if "field" not in fields or "volume" not in self.groups:
             raise UserError("there is no field: choose a volume and a reconstruction")
         if name not in fields:
             raise UserError(f"of: there is no field {name}; {nearest(name, fields)}")

@@ -334,7 +334,7 @@ def estimate_surface(
     given_frequency = None if frequency is None else np.asarray(frequency, float)
     face, given = _heights(method, material)
     prisms = volume.prisms()
-    outline = Outline.of(volume, prisms, given, method.margin)
+    outline = Outline.of(volume, prisms, given)
     longest = float((outline.high - outline.low).max())
     length = None
     if isinstance(method, Shell):
