@@ -67,7 +67,7 @@ class Examination(RunData):
         if "field" not in fields or "volume" not in self.groups:
             raise UserError("there is no field: choose a volume and a reconstruction")
         if name not in fields:
-            raise UserError(f"of: there is no field {name}; {nearest(name, fields)}")
+            raise UserError(f"there is no field {name}; {nearest(name, fields)}")
         return fields[name]
 
 
