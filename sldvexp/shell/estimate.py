@@ -130,7 +130,7 @@ class SurfaceField:
             "samples": count,
             "sse": float(squares.sum()),
             "residual_std": float(np.sqrt(squares.mean() / count)),
-            "cond": float(np.linalg.cond(self.fit.posterior.factors[0]) ** 2),
+            "cond": self.fit.posterior.condition,
             "coordinate_system": "local" if local else "world",
             "confidence_level": self.method.confidence,
             "not_included": "; ".join(t for t in not_included(variance) if t not in NEVER),
