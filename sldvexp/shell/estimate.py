@@ -377,7 +377,7 @@ def _splines(outline: Outline, method: SurfaceReconstruction, longest: float) ->
     return ThinShell(
         TensorSplines.over(low, high, method.cells, 5, unit),
         TensorSplines.over(low, high, method.membrane_cells, 3, unit),
-        outline.chart.curvature,
+        outline.chart,
     )
 
 
