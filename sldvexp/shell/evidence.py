@@ -28,6 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -192,7 +193,15 @@ class WeightedFit:
 
     def mean(self) -> Array:
         """Average the coefficients, shape (coefficient, column)."""
+        return self._mean
+
+    @cached_property
+    def _mean(self) -> Array:
         return np.asarray(sum(self._averaged(self.reduced, self.share)))
+
+    @cached_property
+    def _whitened(self) -> list[tuple[Array, Array]]:
+        return [level.whitened(self.reduced) for level in self.levels]
 
     def solve(self, right: Array, column: int) -> Array:
         """Compute ``H^-1 right``, averaged over the weights of a column of data.
@@ -225,19 +234,19 @@ class WeightedFit:
 
     def _evaluate(self, rows: Array) -> tuple[Array, Array]:
         """Compute mean and variance of some functionals."""
-        mean = np.zeros((len(rows), self.reduced.shape[1]))
-        square = np.zeros_like(mean)
-        for level, of_level in zip(self.levels, self.share, strict=True):
+        mean = rows @ self._mean
+        spread = np.zeros_like(mean)
+        for level, (of_data, to_data), of_level in zip(
+            self.levels, self._whitened, self.share, strict=True
+        ):
             own, others = level.whitened(rows.T)
-            of_data, to_data = level.whitened(self.reduced)
-            fixed, spread = own.T @ of_data, (own**2).sum(axis=0)[:, None]
+            fixed, least = own.T @ of_data, (own**2).sum(axis=0)[:, None]
             for scale, share in zip(level.scale.T, of_level, strict=True):
                 if share.any():
                     here = fixed + others.T @ (scale[:, None] * to_data)
-                    variance = spread + (scale @ others**2)[:, None]
-                    mean += share * here
-                    square += share * (variance + here**2)
-        return mean, np.maximum(square - mean**2, 0.0)
+                    variance = least + (scale @ others**2)[:, None]
+                    spread += share * (variance + (here - mean) ** 2)
+        return mean, spread
 
 
 def _cholesky(matrix: Array) -> Array:
