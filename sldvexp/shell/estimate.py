@@ -8,7 +8,7 @@ the middle and of the back, and stresses.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -78,6 +78,11 @@ class SurfaceField:
     def factor(self) -> float:
         """Half-width of an interval over the standard error."""
         return float(student_factor(self.method.confidence, np.inf))
+
+    def of_lines(self, lines: slice) -> SurfaceField:
+        """Keep some of the lines."""
+        assert self.frequency is not None
+        return replace(self, fit=self.fit.of_lines(lines), frequency=self.frequency[lines])
 
     def field(self) -> xr.Dataset:
         """Make the group ``field``."""
@@ -285,6 +290,7 @@ def reconstruct_surface(
     volume: Volume,
     method: SurfaceReconstruction,
     material: Isotropic | None,
+    reduced: Mapping[str, xr.Dataset] | None = None,
 ) -> SurfaceField:
     """Estimate a smooth field on the volume's surface from the groups of a run.
 
@@ -292,20 +298,27 @@ def reconstruct_surface(
     ----------
     tree : mapping of str to xarray.Dataset
         With the groups ``pose`` and ``image/<view>``.
+    reduced : mapping of str to xarray.Dataset, optional
+        Images of few lines to look for pixels in, where those of the tree are Dask arrays, which
+        are read some pixels at a time.
 
     Raises
     ------
     UserError
         See `estimate_surface`.
     """
-    views = views_of(tree, laser)
+    views = views_of({**tree, **(reduced or {})}, laser)
     image = tree[f"image/{views[0].name}"]
     frequency = image["frequency"].values if "frequency" in image.coords else None
     known = PoseErrors.from_dataset(tree["pose"], [v.name for v in views])
     joint = None if known is None else known.whole
-    return estimate_surface(
-        views, laser, volume, method, material, frequency=frequency, covariance=joint
-    )
+    if reduced is None:
+        return estimate_surface(
+            views, laser, volume, method, material, frequency=frequency, covariance=joint
+        )
+    images = [tree[f"image/{v.name}"] for v in views]
+    data = [i["velocity"].data for i in images], [i["velocity_std"].data for i in images]
+    return _estimate(views, *data, laser, volume, method, material, frequency, joint)
 
 
 def estimate_surface(
@@ -368,6 +381,24 @@ def estimate_surface(
     [0.0, 0.0, 2.0]
     """
     given_frequency = None if frequency is None else np.asarray(frequency, float)
+    images, std = [v.velocity for v in views], [v.std for v in views]
+    return _estimate(
+        views, images, std, laser, volume, method, material, given_frequency, covariance
+    )
+
+
+def _estimate(
+    views: Sequence[View],
+    images: Sequence[Any],
+    std: Sequence[Any],
+    laser: TwoMirror,
+    volume: Volume,
+    method: SurfaceReconstruction,
+    material: Isotropic | None,
+    frequency: Array | None,
+    covariance: Array | None,
+) -> SurfaceField:
+    """Do what `estimate_surface` does, with images that need not be in memory."""
     face, given = _heights(method, material)
     prisms = volume.prisms()
     outline = Outline.of(volume, prisms, given, method.margin)
@@ -385,11 +416,8 @@ def estimate_surface(
         joint, method.height_tolerance, thickness, method.poses is PoseTreatment.adjust
     )
     shell = _splines(outline, method, longest)
-    images, std = [v.velocity for v in views], [v.std for v in views]
     found = fit(views, images, std, laser, outline, shell, face, length, errors)
-    return SurfaceField(
-        found, prisms, volume, method, material, given_frequency, [*notes, *_told(found)]
-    )
+    return SurfaceField(found, prisms, volume, method, material, frequency, [*notes, *_told(found)])
 
 
 def _interpolating(z: Array, known: Array) -> Array:
