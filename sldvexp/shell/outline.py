@@ -15,6 +15,7 @@ from sldvexp.errors import UserError
 from sldvexp.geometry import Bins, rotation_from_euler
 from sldvexp.lazy import scipy
 from sldvexp.shell.chart import Chart
+from sldvexp.shell.cylinder_chart import CylinderChart
 from sldvexp.typing import Array, BoolArray, IntArray
 from sldvexp.volume import Prisms, Volume
 from sldvexp.volume.grid import Grid
@@ -69,7 +70,7 @@ class Outline:
         """
         nodes = prisms.surface
         chart = chart_of_grid(volume) if isinstance(volume, Grid) else fitted_chart(prisms)
-        lowered = below(chart, given)
+        lowered = chart.lowered(given)
         coordinates, _ = lowered.place(nodes)
         low, high = coordinates.min(axis=0) - margin, coordinates.max(axis=0) + margin
         return cls(lowered, given, coordinates, prisms.triangles, low, high, margin)
@@ -93,21 +94,15 @@ class Outline:
         return found
 
 
-def below(chart: Chart, height: float) -> Chart:
-    """Make the chart of the surface that lies so far below a chart's own, along the normals."""
-    center = chart.center - height * chart.axes[2]
-    return Chart(center, chart.axes, chart.curvature / (1 - chart.curvature * height))
-
-
-def chart_of_grid(grid: Grid) -> Chart:
+def chart_of_grid(grid: Grid) -> CylinderChart:
     """Take the coordinates of a grid, whose own x is the arc."""
     unit = grid.unit.value
     axes = rotation_from_euler(grid.euler)
     curvature = 0.0 if grid.radius is None else 1 / (unit * grid.radius)
-    return Chart(unit * np.array(grid.center, float), axes, curvature)
+    return CylinderChart(unit * np.array(grid.center, float), axes, curvature)
 
 
-def fitted_chart(prisms: Prisms) -> Chart:
+def fitted_chart(prisms: Prisms) -> CylinderChart:
     """Fit a plane to the nodes of the given surface, or else a cylinder.
 
     Raises
@@ -122,7 +117,7 @@ def fitted_chart(prisms: Prisms) -> Chart:
     extent = float(np.linalg.norm(np.ptp((nodes - middle) @ along.T, axis=0)))
     bulge = np.abs((nodes - middle) @ normal).max()
     if bulge <= BULGE * extent:
-        return Chart(middle, np.stack([along[0], np.cross(normal, along[0]), normal]))
+        return CylinderChart(middle, np.stack([along[0], np.cross(normal, along[0]), normal]))
     best = min(
         (_cylinder(nodes, middle, normal, along[i]) for i in (0, 1)), key=lambda found: found[1]
     )
@@ -135,15 +130,15 @@ def fitted_chart(prisms: Prisms) -> Chart:
     return best[0]
 
 
-def _cylinder(nodes: Array, middle: Array, normal: Array, across: Array) -> tuple[Chart, float]:
+def _cylinder(nodes: Array, middle: Array, normal: Array, across: Array) -> tuple[CylinderChart, float]:
     """Fit a cylinder that bends along one direction first; the largest distance of a node."""
     axes = np.stack([across, np.cross(normal, across), normal])
     x, _, h = ((nodes - middle) @ axes.T).T
     curve = np.polyfit(x, h, 2)
 
-    def chart(p: Array) -> Chart:
+    def chart(p: Array) -> CylinderChart:
         turned = scipy.spatial.transform.Rotation.from_rotvec(p[:3]).as_matrix() @ axes
-        return Chart(middle + p[3] * turned[2], turned, p[4])
+        return CylinderChart(middle + p[3] * turned[2], turned, p[4])
 
     start = np.array([0.0, 0.0, 0.0, curve[2], -2 * curve[0]])
     found = scipy.optimize.least_squares(
