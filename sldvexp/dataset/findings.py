@@ -186,7 +186,7 @@ def with_findings(made: xr.Dataset, findings: Sequence[Finding]) -> xr.Dataset:
     texts = [
         {name: getattr(f, name) for name in ("kind", "subject", "text", "remedy")}
         | {"severity": f.severity.name}
-        | ({"size": f.size} if np.isfinite(f.size) else {})
+        | {n: getattr(f, n) for n in ("p_value", "size") if np.isfinite(getattr(f, n))}
         for f in findings
     ]
     return made.assign_attrs({FINDINGS: json.dumps(texts)})

@@ -344,14 +344,18 @@ VARIABLES: dict[str, dict[str, Variable]] = {
     },
     "examined/gages": {
         "strain": _V("gage [frequency]", "1", "predicted strain along the gage, over its grid"),
-        "strain_std_by_part": _V("part gage [frequency]", "1", "its standard error, of each part"),
         "confidence": _V("gage [frequency]", "1", "half-width of its interval, of the larger part"),
+        "confidence_by_part": _V(
+            "part gage [frequency]", "1", "half-width of its interval, of each part"
+        ),
         "measured": _V("gage [frequency]", "1", "strain that the gage showed"),
+        "measured_std": _V("gage [frequency]", "1", "its standard uncertainty, of each part"),
         "difference": _V("gage [frequency]", "1", "measured minus predicted strain"),
         "difference_confidence": _V(
-            "gage [frequency]", "1", "half-width of its interval, of the larger part"
+            "part gage [frequency]", "1", "half-width of its interval, of each part"
         ),
-        "agrees": _V("gage [frequency]", "1", "1 where the difference is within its interval"),
+        "p_value": _V("gage [frequency]", "1", "probability of such a difference by chance"),
+        "agrees": _V("gage [frequency]", "1", "1 where the difference is no surprise"),
         "true_strain": _V("gage [frequency]", "1", "strain that the virtual lab's plate has there"),
     },
     "examined/kreis": {

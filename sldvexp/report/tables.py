@@ -138,6 +138,8 @@ def field_tables(run: RunData) -> Iterator[Table]:
         yield budget_table(first)
     if "strain" in run.groups:
         yield strain_table(run.groups["strain"], strongest(first))
+    for gages in run.below("examined", "confidence_by_part").values():
+        yield gage_table(gages, strongest(first))
     for truth in run.below("examined", "rms_bound").values():
         yield truth_table(truth, strongest(first))
 
@@ -246,6 +248,41 @@ def strain_table(strain: xr.Dataset, frequencies: Sequence[float]) -> Table:
             cells.append("" if stress is None else number(1e-6 * float(stress.max()), 3))
             table.add_row(*map(escape, cells))
     return table
+
+
+def gage_table(gages: xr.Dataset, frequencies: Sequence[float]) -> Table:
+    """Show strains of gages at some frequencies: predicted, measured and how they compare.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> found = group("examined/gages", {"gage": ["a"], "frequency": [50.0]}, strain=[[3e-6j]],
+    ...               confidence_by_part=[[[2e-7]], [[1e-7]]])
+    >>> [list(column.cells) for column in gage_table(found, [50.0]).columns]
+    [['a'], ['50'], ['0+3j'], ['0.2, 0.1']]
+    """
+    measured = "measured" in gages
+    names = ["predicted", "bound", *["measured", "difference", "bound", "p", "agrees"] * measured]
+    title = f"Strain along gages, microstrain{_some([gages])}"
+    table = Table("gage", FREQUENCY.units, *names, title=title, title_justify="left")
+    for gage in gages["gage"].values:
+        for hertz in frequencies:
+            one = _at(gages.sel(gage=gage), hertz)
+            cells = [str(gage), f"{hertz:g}"]
+            cells += [_microstrain(one[n]) for n in ("strain", "confidence_by_part")]
+            if measured and np.isfinite(one["measured"].item()):
+                compared = ("measured", "difference", "difference_confidence")
+                cells += [_microstrain(one[name]) for name in compared]
+                cells += [f"{one['p_value'].item():.2g}", "yes" if one["agrees"] else "no"]
+            elif measured:
+                cells += ["missing", *[""] * 4]
+            table.add_row(*map(escape, cells))
+    return table
+
+
+def _microstrain(values: xr.DataArray) -> str:
+    """Write a strain, or what is of its real and imaginary part."""
+    return ", ".join(f"{1e6 * v:.3g}" for v in np.atleast_1d(values.values))
 
 
 def truth_table(truth: xr.Dataset, frequencies: Sequence[float]) -> Table:

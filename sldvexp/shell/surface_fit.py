@@ -30,6 +30,8 @@ from sldvexp.typing import Array, ComplexArray
 #: Logarithms of weights that are tried, for coefficients over the velocities' size: of w, and of
 #: the motion along the surface, whose large ones stand for "none".
 WEIGHTS = (np.arange(-11.0, 17.0, 1.5), np.arange(-9.0, 21.0, 1.5))
+#: Typical size of the middle's own motion along itself, over the velocities': thin structures bend.
+MEMBRANE = 0.05
 #: Pixels without which no field is found: more than a cubic polynomial in two variables has terms.
 FEWEST = 30
 #: Change of the errors, in standard deviations, below which nothing is repeated, and repetitions.
@@ -303,6 +305,7 @@ class _Equations:
             (data**2).sum(axis=0),
             self.shell.penalties(self.length),
             [grid - 2 * np.log(size) for grid in WEIGHTS],
+            np.inf if self.length is None else MEMBRANE * size,
         )
         solved, nuisances = self._nuisances(at, posterior, moved, face, height)
         return SurfaceFit(
