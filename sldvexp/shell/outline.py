@@ -18,7 +18,10 @@ from sldvexp.shell.chart import Chart
 from sldvexp.typing import Array, BoolArray, IntArray
 from sldvexp.volume import Prisms, Volume
 from sldvexp.volume.grid import Grid
+from sldvexp.volume.outlined import OutlinedSurface
 
+#: Volumes that know their plane or cylinder.
+KNOWN = (Grid, OutlinedSurface)
 #: Distance of a node from the fitted surface, over the surface's extent, that is still no bulge.
 BULGE = 2e-3
 #: How far, in barycentric coordinates, a place may miss a triangle and still lie in it.
@@ -68,7 +71,7 @@ class Outline:
             If the surface bends both ways.
         """
         nodes = prisms.surface
-        chart = chart_of_grid(volume) if isinstance(volume, Grid) else fitted_chart(prisms)
+        chart = chart_of_grid(volume) if isinstance(volume, KNOWN) else fitted_chart(prisms)
         lowered = below(chart, given)
         coordinates, _ = lowered.place(nodes)
         low, high = coordinates.min(axis=0) - margin, coordinates.max(axis=0) + margin
@@ -99,8 +102,8 @@ def below(chart: Chart, height: float) -> Chart:
     return Chart(center, chart.axes, chart.curvature / (1 - chart.curvature * height))
 
 
-def chart_of_grid(grid: Grid) -> Chart:
-    """Take the coordinates of a grid, whose own x is the arc."""
+def chart_of_grid(grid: Grid | OutlinedSurface) -> Chart:
+    """Take the coordinates of a surface whose own x is the arc."""
     unit = grid.unit.value
     axes = rotation_from_euler(grid.euler)
     curvature = 0.0 if grid.radius is None else 1 / (unit * grid.radius)
