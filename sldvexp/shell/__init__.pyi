@@ -1,5 +1,6 @@
 from . import estimate as estimate
 from .chart import Chart as Chart
+from .cylinder_chart import CylinderChart as CylinderChart
 from .estimate import SurfaceField as SurfaceField
 from .estimate import estimate_surface as estimate_surface
 from .evidence import WeightedFit as WeightedFit

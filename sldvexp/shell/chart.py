@@ -1,41 +1,71 @@
-"""Coordinates on a plane or on a cylinder: where beams meet it, and its local axes.
+"""Coordinates on a surface: where beams meet it, its local axes, and how it bends.
 
-The surface at the height z above the given one consists of the points
+Points at coordinates (s, t) and the height z above the surface are ``P(s, t) + z n(s, t)``. The
+local axes t1, t2 and the normal n turn from place to place. Per unit of length along t_i
 
-    P(s, t, z) = center + (x, y, h)' axes,   x = (r + z) sin(s/r), y = t, h = (r + z) cos(s/r) - r,
+    the coordinates change by J_i1, J_i2,      n changes by kappa_ij t_j,
+    t1 changes by g_i t2 - kappa_i1 n,         t2 by -g_i t1 - kappa_i2 n,
 
-with the arc s along the first axis, t along the second and the radius r; a plane is r -> infinity.
-The local axes t1, t2, n at (s, t) point along s, along t and along the normal. The curvature of the
-given surface is k = 1/r along s and none along t.
+with the curvature tensor kappa, which is positive where normals spread, and the turn g of the axes
+about the normal. Motion and strain of a shell need no more of a surface than these.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 
 from sldvexp.typing import Array, BoolArray
 
+#: Steps towards where a beam meets a surface, and the change of coordinates that ends them, m.
+STEPS, SETTLED = 30, 1e-12
+#: Distance from the surface, m, within which a beam has met it.
+MET = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
-class Chart:
-    """Coordinates (s, t) of a surface that bends along s alone, or not at all.
+class LocalForms:
+    """How coordinates and local axes change along the surface, per unit of length.
 
-    Parameters
+    Attributes
+    ----------
+    rate : ndarray, shape (point, 2, 2)
+        J: of the coordinates (last), along t1 and t2.
+    curvature : ndarray, shape (point, 2, 2), 1/m
+        kappa: of the normal towards t1 and t2 (last), along t1 and t2; symmetric.
+    turn : ndarray, shape (point, 2), 1/m
+        g: of t1 towards t2, along t1 and t2.
+    """
+
+    rate: Array
+    curvature: Array
+    turn: Array
+
+    def stretch(self, height: float) -> Array:
+        """Compute ``delta + z kappa``, lengths at a height over those on the surface, (p, 2, 2)."""
+        return np.asarray(np.eye(2) + height * self.curvature)
+
+    def at(self, height: float) -> LocalForms:
+        """Find those of the surface at a height, whose local axes are the same."""
+        shrink = np.linalg.inv(self.stretch(height))
+        turn = np.einsum("pij,pj->pi", shrink, self.turn)
+        return LocalForms(shrink @ self.rate, shrink @ self.curvature, turn)
+
+
+class Chart(ABC):
+    """Coordinates (s, t) of a surface.
+
+    Attributes
     ----------
     center : ndarray, shape (3,), m
-        Where s = t = 0, in the world.
-    axes : ndarray, shape (3, 3)
-        Rows: s, t and the normal there, in the world.
-    curvature : float, 1/m
-        Along s; positive where the normals spread.
+        A point near the surface's middle, in the world.
     """
 
     center: Array
-    axes: Array
-    curvature: float = 0.0
 
+    @abstractmethod
     def place(self, points: Array) -> tuple[Array, Array]:
         """Find the coordinates of points near the surface, and their heights above it.
 
@@ -47,48 +77,28 @@ class Chart:
         -------
         coordinates : ndarray, shape (point, 2), m
         height : ndarray, shape (point,), m
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from sldvexp.shell import Chart
-        >>> chart = Chart(np.zeros(3), np.eye(3), 2.0)
-        >>> coordinates, height = chart.place(np.array([[0.6, 0, -0.5]]))
-        >>> coordinates.round(4).tolist(), height.round(4).tolist()
-        ([[0.7854, 0.0]], [0.1])
         """
-        (x, t, h), k = ((points - self.center) @ self.axes.T).T, self.curvature
-        arc = np.arctan2(k * x, 1 + k * h) / k if k else x
-        # hypot(x, h + r) - r, without the digits that a nearly flat surface would lose
-        height = (k * (x**2 + h**2) + 2 * h) / (1 + np.hypot(k * x, 1 + k * h))
-        return np.column_stack([arc, t]), height
 
+    @abstractmethod
     def points(self, coordinates: Array, height: float) -> Array:
         """Find the points at coordinates and a height, shape (point, 3), m, in the world."""
-        (s, t), k = coordinates.T, self.curvature
-        # (cos(k s) - 1) / k and sin(k s) / k, also for k = 0
-        sagitta = -k * s**2 * np.sinc(k * s / (2 * np.pi)) ** 2 / 2
-        across = s * np.sinc(k * s / np.pi)
-        angle = k * s
-        local = [across + height * np.sin(angle), t, sagitta + height * np.cos(angle)]
-        return np.asarray(self.center + np.stack(local, axis=-1) @ self.axes)
 
+    @abstractmethod
     def frames(self, coordinates: Array) -> Array:
         """Compute the local axes, shape (point, 3, 3): rows t1, t2, n in the world."""
-        angle = coordinates[:, 0] * self.curvature
-        cosine, sine, zero = np.cos(angle), np.sin(angle), np.zeros(len(angle))
-        local = np.stack(
-            [
-                np.stack([cosine, zero, -sine], axis=-1),
-                np.broadcast_to([0.0, 1.0, 0.0], (len(angle), 3)),
-                np.stack([sine, zero, cosine], axis=-1),
-            ],
-            axis=1,
-        )
-        return local @ self.axes
+
+    @abstractmethod
+    def forms(self, coordinates: Array) -> LocalForms:
+        """Compute how the surface and its axes change along it."""
+
+    def lowered(self, height: float) -> Chart:
+        """Make the chart of the surface that lies so far below this one, along the normals."""
+        return ParallelChart(self, -height)
 
     def met(self, begin: Array, way: Array, height: float) -> tuple[Array, Array, BoolArray]:
-        """Find where beams first meet the surface at a height, from the side of its normals.
+        """Find where beams meet the surface at a height, from the side of its normals.
+
+        Steps lead along the tangent plane at the height to where the beam passes through it.
 
         Parameters
         ----------
@@ -103,16 +113,84 @@ class Chart:
             Direction cosines towards the instrument, along t1, t2 and n.
         meets : ndarray of bool, shape (beam,)
         """
-        start, along = (begin - self.center) @ self.axes.T, way @ self.axes.T
-        (x, _, h), (dx, _, dh), k = start.T, along.T, self.curvature
-        # a far^2 + 2 b far + c = 0, all times the curvature, so that a plane is no exception
-        a = k * (dx**2 + dh**2)
-        b = k * (x * dx + h * dh) + dh
-        c = k * (x**2 + h**2 - height**2) + 2 * (h - height)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            far = c / (np.sqrt(b * b - a * c) - b)
-        meets = np.isfinite(far) & (far > 0)
-        point = begin + np.where(meets, far, 0.0)[:, None] * way
-        coordinates, _ = self.place(point)
-        cosine = -np.einsum("bij,bj->bi", self.frames(coordinates), way)
-        return coordinates, cosine, meets & (cosine[:, 2] > 0)
+        nearest = (self.center - begin) * way
+        coordinates, _ = self.place(begin + nearest.sum(axis=1)[:, None] * way)
+        for _ in range(STEPS):
+            frames, point = self.frames(coordinates), self.points(coordinates, height)
+            step = self.along(coordinates, height, slide(frames, begin - point, way))
+            change = np.einsum("pi,pia->pa", step, self.forms(coordinates).rate)
+            coordinates = coordinates + change
+            if np.nan_to_num(np.abs(change)).max(initial=0.0) < SETTLED:
+                break
+        frames = self.frames(coordinates)
+        point = self.points(coordinates, height)
+        cosine = -np.einsum("bij,bj->bi", frames, way)
+        far = np.einsum("bi,bi->b", point - begin, way)
+        miss = np.linalg.norm(begin + far[:, None] * way - point, axis=1)
+        return coordinates, cosine, (miss < MET) & (far > 0) & (cosine[:, 2] > 0)
+
+    def along(self, coordinates: Array, height: float, step: Array) -> Array:
+        """Reduce steps at a height to lengths on the surface, along t1 and t2, (point, 2, ...)."""
+        stretch = self.forms(coordinates).stretch(height)
+        return np.asarray(np.linalg.solve(stretch, step.reshape(*step.shape[:2], -1))).reshape(
+            step.shape
+        )
+
+
+def slide(frames: Array, move: Array, way: Array) -> Array:
+    """Compute how the points where beams meet a surface move along it if the beams do.
+
+    Parameters
+    ----------
+    frames : ndarray, shape (point, 3, 3)
+        Local axes at the points.
+    move : ndarray, shape (point, 3, ...), m
+        Of the beams.
+    way : ndarray, shape (point, 3)
+        Unit vectors of the beams.
+
+    Returns
+    -------
+    ndarray, shape (point, 2, ...), m
+        Along t1 and t2.
+    """
+    local = np.einsum("pij,pj...->pi...", frames, move)
+    toward = np.einsum("pij,pj->pi", frames, way)
+    slope = (toward[:, :2] / toward[:, 2:]).reshape(*toward[:, :2].shape, *(1,) * (move.ndim - 2))
+    return np.asarray(local[:, :2] - slope * local[:, 2:])
+
+
+@dataclass(frozen=True, eq=False)
+class ParallelChart(Chart):
+    """Coordinates of another chart for the surface at a height above its own.
+
+    Parameters
+    ----------
+    chart : Chart
+    height : float, m
+    """
+
+    chart: Chart
+    height: float
+
+    @property
+    def center(self) -> Array:  # type: ignore[override]
+        """A point near the middle."""
+        return self.chart.center
+
+    def place(self, points: Array) -> tuple[Array, Array]:
+        """Find coordinates and heights of points; see `Chart`."""
+        coordinates, height = self.chart.place(points)
+        return coordinates, height - self.height
+
+    def points(self, coordinates: Array, height: float) -> Array:
+        """Find the points at coordinates and a height; see `Chart`."""
+        return self.chart.points(coordinates, height + self.height)
+
+    def frames(self, coordinates: Array) -> Array:
+        """Compute the local axes; see `Chart`."""
+        return self.chart.frames(coordinates)
+
+    def forms(self, coordinates: Array) -> LocalForms:
+        """Compute how the surface and its axes change along it; see `Chart`."""
+        return self.chart.forms(coordinates).at(self.height)

@@ -11,7 +11,8 @@ that of the fitted columns and that of W itself:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,26 +44,30 @@ class SignalColumns:
     scale: Array
 
     @classmethod
-    def of(cls, velocity: ComplexArray, pixel_std: Array, scale: Array) -> SignalColumns:
-        """Whiten velocities and keep the columns that carry signal.
+    def of(cls, white: Callable[[], Iterable[Array]], scale: Array) -> SignalColumns:
+        """Keep the columns of whitened velocities that carry signal.
 
         Parameters
         ----------
-        velocity : ndarray of complex, shape (pixel, frequency), m/s
-        pixel_std : ndarray, shape (pixel,), m/s
+        white : callable
+            Gives the velocities over their standard errors, real parts and then imaginary parts of
+            all frequencies, (pixel, 2 frequency), some pixels at a time.
         scale : ndarray, shape (frequency,)
         """
-        white = velocity / pixel_std[:, None] / scale
-        whole = np.concatenate([white.real, white.imag], axis=1)
-        values, vectors = np.linalg.eigh(whole.T @ whole)
+        columns, pixels = 2 * len(scale), 0
+        gram = np.zeros((columns, columns))
+        for some in white():
+            gram += some.T @ some
+            pixels += len(some)
+        values, vectors = np.linalg.eigh(gram)
         size = np.sqrt(np.maximum(values[::-1], 0.0))
         combination = vectors.T[::-1]
-        noise = np.sqrt(len(whole)) + np.sqrt(whole.shape[1])
+        noise = np.sqrt(pixels) + np.sqrt(columns)
         kept = max(int((size > BEYOND * noise).sum()), 1)
-        if velocity.shape[1] == 1 or kept == whole.shape[1]:
-            kept, size = whole.shape[1], np.full(whole.shape[1], np.inf)
+        if len(scale) == 1 or kept == columns:
+            kept, size = columns, np.full(columns, np.inf)
         used = combination[:kept]
-        return cls(whole @ used.T, used, size[:kept], scale)
+        return cls(np.concatenate([some @ used.T for some in white()]), used, size[:kept], scale)
 
     def lines(self, mean: Array, variance: Array) -> tuple[ComplexArray, Array]:
         """Put lines together from the reduced columns' results.
@@ -80,6 +85,23 @@ class SignalColumns:
         of_columns += np.sum((mean / self.size) ** 2, axis=-1, keepdims=True)
         real, imaginary = np.split(of_columns, 2, axis=-1)
         return self.combined(mean), np.stack([real, imaginary]) * self.scale**2
+
+    def quadratic(self, gram: Array) -> Array:
+        """Compute variances of both parts, (part, ..., frequency), from those of reduced columns.
+
+        Parameters
+        ----------
+        gram : ndarray, shape (..., reduced, reduced)
+        """
+        pairs = np.einsum("ic,jc->ijc", self.combination, self.combination)
+        flat = gram.reshape(*gram.shape[:-2], -1) @ pairs.reshape(-1, pairs.shape[-1])
+        return np.stack(np.split(np.maximum(flat, 0.0), 2, axis=-1)) * self.scale**2
+
+    def of_part(self, lines: slice) -> SignalColumns:
+        """Keep some of the lines, which are put together from the same columns."""
+        real, imaginary = np.split(self.combination, 2, axis=-1)
+        combination = np.concatenate([real[:, lines], imaginary[:, lines]], axis=1)
+        return replace(self, combination=combination, scale=self.scale[lines])
 
     def combined(self, reduced: Array) -> ComplexArray:
         """Put complex lines together, shape (..., frequency)."""

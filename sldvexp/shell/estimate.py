@@ -22,6 +22,7 @@ from sldvexp.field.estimate import NO_COVARIANCE
 from sldvexp.field.visibility.view import View, views_of
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
+from sldvexp.shell.around_holes import HoleFunctions
 from sldvexp.shell.love import STRAINS, ThinShell
 from sldvexp.shell.material import Isotropic
 from sldvexp.shell.method import GivenSurface, PoseTreatment, SurfaceReconstruction
@@ -99,10 +100,11 @@ class SurfaceField:
             "source": sources,
             "equation": ["all components"],
         }
-        left, count = self.fit.residual, len(self.fit.residual)
-        squares = np.sum(np.abs(left) ** 2, axis=0)
-        ends = np.cumsum([len(p.pixel) for p in self.fit.pixels])[:-1]
-        by_view = np.stack([np.sqrt(np.mean(np.abs(v) ** 2, axis=0)) for v in np.split(left, ends)])
+        squares, chi2_ratio = self._residual_squares()
+        samples = np.array([len(p.pixel) for p in self.fit.pixels])
+        sse, count = squares.sum(axis=0), int(samples.sum())
+        with np.errstate(invalid="ignore"):
+            by_view = np.sqrt(squares / samples[:, None])
         group = self._group(
             "field",
             coords,
@@ -114,23 +116,23 @@ class SurfaceField:
             velocity_std_by_part=std,
             confidence_by_part=self.factor * std,
             variance=each,
-            sse=squares[None],
-            residual_std=np.sqrt(squares / count)[None],
-            chi2_ratio=self._chi_square_ratio()[None],
+            sse=sse[None],
+            residual_std=np.sqrt(sse / count)[None],
+            chi2_ratio=chi2_ratio[None],
             residual_std_by_view=by_view,
             always={
                 "position": self.prisms.position,
                 "element": self.prisms.element.astype(np.int32),
                 "observable": np.ones((nodes, 3), bool),
-                "samples_seen": [len(p.pixel) for p in self.fit.pixels],
+                "samples_seen": samples,
             },
         )
         group.attrs |= {
             "dof": self.fit.shell.coefficients,
             "samples": count,
-            "sse": float(squares.sum()),
-            "residual_std": float(np.sqrt(squares.mean() / count)),
-            "cond": float(np.linalg.cond(self.fit.posterior.factors[0]) ** 2),
+            "sse": float(sse.sum()),
+            "residual_std": float(np.sqrt(sse.mean() / count)),
+            "cond": self.fit.posterior.condition,
             "coordinate_system": "local" if local else "world",
             "confidence_level": self.method.confidence,
             "not_included": "; ".join(t for t in not_included(variance) if t not in NEVER),
@@ -223,11 +225,15 @@ class SurfaceField:
             turn = np.swapaxes(frames, 1, 2)
         return [sum(turn[:, a, i, None] * own[i] for i in range(3)) for a in range(3)]
 
-    def _chi_square_ratio(self) -> Array:
-        """Compare residuals with the stated noise, of every frequency."""
-        measured = self.fit.measured
-        white = self.fit.residual / measured.pixel_std[:, None] / measured.scale
-        return np.asarray(np.mean(np.abs(white) ** 2, axis=0) / 2)
+    def _residual_squares(self) -> tuple[Array, Array]:
+        """Add up squared residuals, (view, frequency), and compare them with the stated noise."""
+        measured, lines = self.fit.measured, len(self.fit.measured.scale)
+        squares, white = np.zeros((len(self.fit.pixels), lines)), np.zeros(lines)
+        for k, some, left in self.fit.residuals():
+            square = np.abs(left) ** 2
+            squares[k] += square.sum(axis=0)
+            white += (square / measured.pixel_std[some, None] ** 2).sum(axis=0)
+        return squares, white / len(measured.pixel_std) / measured.scale**2 / 2
 
     def _group(
         self,
@@ -349,7 +355,8 @@ def estimate_surface(
         joint, method.height_tolerance, thickness, method.poses is PoseTreatment.adjust
     )
     shell = _splines(outline, method, longest)
-    found = fit(views, laser, outline, shell, face, length, errors)
+    images, std = [v.velocity for v in views], [v.std for v in views]
+    found = fit(views, images, std, laser, outline, shell, face, length, errors)
     return SurfaceField(
         found, prisms, volume, method, material, given_frequency, [*notes, *_told(found)]
     )
@@ -377,7 +384,8 @@ def _splines(outline: Outline, method: SurfaceReconstruction, longest: float) ->
     return ThinShell(
         TensorSplines.over(low, high, method.cells, 5, unit),
         TensorSplines.over(low, high, method.membrane_cells, 3, unit),
-        outline.chart.curvature,
+        outline.chart,
+        HoleFunctions.of(outline.holes, longest / method.cells),
     )
 
 

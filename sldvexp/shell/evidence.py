@@ -1,4 +1,4 @@
-"""Least squares with penalties whose weights are averaged over by their evidence.
+"""Least squares with two penalties whose weights are averaged over by their evidence.
 
 With whitened data ``y = A theta + e`` of unit variance and priors ``exp(lam_j) P_j`` of the
 coefficients' precision, ``H = A'A + sum_j exp(lam_j) P_j``, the restricted likelihood is
@@ -7,27 +7,120 @@ coefficients' precision, ``H = A'A + sum_j exp(lam_j) P_j``, the restricted like
 
 (Patterson and Thompson 1971; Wahba 1985). One optimum of it would hide how little data may say of a
 weight. So a grid of weights is averaged over, each counting by its likelihood and a prior that is
-flat in lam_1 and flat in the standard deviation exp(-lam_j/2) of all others, whose "none at all" is
+flat in lam_1 and flat in the standard deviation exp(-lam_2/2) of the other, whose "none at all" is
 then a limit of the model. Means and variances are those of the mixture: bounds carry the doubt
 about the weights, and "no membrane" needs no option of its own.
 
-All columns of data share the factors of H; a column more costs one product a point of the grid.
+Penalties do not share coefficients. With those of the second in the block m and all others in the
+block b, a value of lam_1 gives ``H_bb = L L'``, ``C = L^-1 H_bm`` and the Schur complement
+``S = N_mm - C'C`` (N = A'A), and one eigenproblem diagonalises S and P_2 together,
+
+    G S G' = 1 - c D,   G P_2 G' = D,   so   (S + exp(lam_2) P_2)^-1 = G' (1 + (exp(lam_2) - c) D)^-1 G
+
+for all lam_2 at once. With ``a = L^-1 f_b`` and ``g = G (f_m - C'a)`` of a functional f,
+
+    f' H^-1 f = a'a + sum_i g_i^2 / (1 + (exp(lam_2) - c) D_i).
+
+All columns of data share these factors.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from sldvexp.lazy import scipy
-from sldvexp.typing import Array
+from sldvexp.typing import Array, IndexArray
 
 #: Share of a weight in the average below which it is left out.
 NEGLIGIBLE = 1e-3
 #: Relative eigenvalue of a penalty that counts as zero.
 NULL = 1e-9
+#: Functionals that are evaluated together.
+TOGETHER = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """Factors of H for one weight of the first penalty and all of the second.
+
+    Attributes
+    ----------
+    inner, outer : ndarray of int
+        Coefficients of the blocks b and m.
+    lower : ndarray, shape (inner, inner)
+        L.
+    coupling : ndarray, shape (inner, outer)
+        C.
+    whitener : ndarray, shape (outer, outer)
+        G.
+    scale : ndarray, shape (outer, weight)
+        ``1 / (1 + (exp(lam_2) - c) D)``.
+    determinant : ndarray, shape (weight,)
+        ``log|H|``.
+    """
+
+    inner: IndexArray
+    outer: IndexArray
+    lower: Array
+    coupling: Array
+    whitener: Array
+    scale: Array
+    determinant: Array
+
+    @classmethod
+    def of(
+        cls, precision: Array, penalty: Array, inner: IndexArray, outer: IndexArray, weights: Array
+    ) -> Level:
+        """Factorise.
+
+        Parameters
+        ----------
+        precision : ndarray, shape (coefficient, coefficient)
+            ``A'A + exp(lam_1) P_1``.
+        penalty : ndarray, shape (coefficient, coefficient)
+            P_2.
+        weights : ndarray, shape (weight,)
+            ``exp(lam_2)``.
+        """
+        lower = _cholesky(precision[np.ix_(inner, inner)])
+        coupling = _solve(lower, precision[np.ix_(inner, outer)])
+        own, least = penalty[np.ix_(outer, outer)], weights.min()
+        schur = precision[np.ix_(outer, outer)] - coupling.T @ coupling
+        root = _cholesky(schur + least * own)
+        inverse = _solve(root, np.eye(len(outer)))
+        values, vectors = np.linalg.eigh(inverse @ own @ inverse.T)
+        whole = 1 + (weights - least) * np.maximum(values, 0.0)[:, None]
+        diagonal = np.r_[np.diag(lower), np.diag(root)]
+        determinant = 2 * np.log(diagonal).sum() + np.log(whole).sum(axis=0)
+        whitener = vectors.T @ inverse
+        return cls(inner, outer, lower, coupling, whitener, 1 / whole, determinant)
+
+    def whitened(self, columns: Array) -> tuple[Array, Array]:
+        """Compute a and g of functionals or right sides, (coefficient, any)."""
+        of_inner = _solve(self.lower, columns[self.inner])
+        return of_inner, self.whitener @ (columns[self.outer] - self.coupling.T @ of_inner)
+
+    def coefficients(self, of_inner: Array, of_outer: Array) -> Array:
+        """Turn back what is whitened: ``H^-1 f`` is that of a and of g times the scale."""
+        found = np.empty((len(self.inner) + len(self.outer), of_inner.shape[1]))
+        found[self.outer] = self.whitener.T @ of_outer
+        left = of_inner - self.coupling @ found[self.outer]
+        found[self.inner] = scipy.linalg.solve_triangular(
+            self.lower, left, lower=True, trans=1, check_finite=False
+        )
+        return found
+
+    def condition(self, weight: int) -> float:
+        """Compute the condition number of H."""
+        size = len(self.inner)
+        root = np.zeros((size + len(self.outer),) * 2)
+        root[:size, :size], root[size:, :size] = self.lower, self.coupling.T
+        root[size:, size:] = np.linalg.inv(self.whitener) / np.sqrt(self.scale[:, weight])
+        return float(np.linalg.cond(root) ** 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,17 +129,17 @@ class WeightedFit:
 
     Attributes
     ----------
-    factors : list of ndarray, shape (coefficient, coefficient)
-        Lower Cholesky factors of H, one for every combination of weights that counts.
+    levels : list of Level
+        One for every weight of the first penalty that counts.
     reduced : ndarray, shape (coefficient, column)
         ``A'y``.
-    share : ndarray, shape (combination, column)
-        Of each combination in the average; they add up to 1.
+    share : list of ndarray, shape (weight, column)
+        Of each level's combinations in the average; all together they add up to 1.
     """
 
-    factors: list[Array]
+    levels: list[Level]
     reduced: Array
-    share: Array
+    share: list[Array]
 
     @classmethod
     def of(
@@ -67,61 +160,48 @@ class WeightedFit:
             ``A'y``.
         squares : ndarray, shape (column,)
             ``y'y``.
-        penalties : sequence of ndarray, shape (coefficient, coefficient)
-        grids : sequence of ndarray
+        penalties : sequence of 2 ndarray, shape (coefficient, coefficient)
+            Of different coefficients.
+        grids : sequence of 2 ndarray
             Values of lam of each penalty.
         """
-        weight = np.array(np.meshgrid(*grids, indexing="ij")).reshape(len(grids), -1).T
-        size = [_rank_and_log_determinant(p) for p in penalties]
-        twice, kept = [], []
-        for lam in weight:
-            factor = scipy.linalg.cholesky(
-                normal + sum(np.exp(w) * p for w, p in zip(lam, penalties, strict=True)),
-                lower=True,
-                check_finite=False,
-            )
-            solved = scipy.linalg.solve_triangular(factor, reduced, lower=True, check_finite=False)
-            prior = sum(w * rank + log for w, (rank, log) in zip(lam, size, strict=True))
-            determinant = 2 * np.log(np.diag(factor)).sum()
-            twice.append(squares - (solved**2).sum(axis=0) + determinant - prior)
-            kept.append(factor)
-        likelihood = -0.5 * np.array(twice)
-        density = likelihood - weight[:, 1:].sum(axis=1)[:, None] / 2
-        share = np.exp(density - density.max(axis=0))
-        share /= share.sum(axis=0)
+        (first, second), (own, other) = penalties, grids
+        of_second = second.any(axis=1)
+        inner, outer = np.flatnonzero(~of_second), np.flatnonzero(of_second)
+        (rank, log), (other_rank, other_log) = (_rank_and_log_determinant(p) for p in penalties)
+        levels, density = [], []
+        for lam in own:
+            precision = normal + np.exp(lam) * first
+            level = Level.of(precision, second, inner, outer, np.exp(other))
+            of_inner, of_outer = level.whitened(reduced)
+            explained = (of_inner**2).sum(axis=0) + level.scale.T @ of_outer**2
+            prior = rank * lam + log + other_rank * other + other_log
+            twice = squares - explained + (level.determinant - prior)[:, None]
+            levels.append(level)
+            density.append(-twice / 2 - other[:, None] / 2)
+        share = np.exp(np.array(density) - np.max(density, axis=(0, 1)))
+        share /= share.sum(axis=(0, 1))
         share[share < NEGLIGIBLE] = 0
-        share /= share.sum(axis=0)
-        used = np.flatnonzero(share.any(axis=1))
-        return cls([kept[i] for i in used], reduced, share[used])
+        share /= share.sum(axis=(0, 1))
+        used = np.flatnonzero(share.any(axis=(1, 2)))
+        return cls([levels[i] for i in used], reduced, [share[i] for i in used])
+
+    @property
+    def condition(self) -> float:
+        """Condition number of H, of the first weights that count."""
+        return self.levels[0].condition(int(self.share[0].any(axis=1).argmax()))
 
     def mean(self) -> Array:
         """Average the coefficients, shape (coefficient, column)."""
-        return np.asarray(
-            sum(
-                scipy.linalg.cho_solve((c, True), self.reduced, check_finite=False) * share
-                for c, share in zip(self.factors, self.share, strict=True)
-            )
-        )
+        return self._mean
 
-    def evaluate(self, rows: Array) -> tuple[Array, Array]:
-        """Compute mean and variance of linear functionals, shape (functional, column) each.
+    @cached_property
+    def _mean(self) -> Array:
+        return np.asarray(sum(self._averaged(self.reduced, self.share)))
 
-        Parameters
-        ----------
-        rows : ndarray, shape (functional, coefficient)
-        """
-        mean = np.zeros((len(rows), self.reduced.shape[1]))
-        square = np.zeros_like(mean)
-        for factor, share in zip(self.factors, self.share, strict=True):
-            solved = scipy.linalg.solve_triangular(
-                factor, np.column_stack([rows.T, self.reduced]), lower=True, check_finite=False
-            )
-            of_rows, of_data = solved[:, : len(rows)], solved[:, len(rows) :]
-            here = of_rows.T @ of_data
-            variance = (of_rows**2).sum(axis=0)[:, None]
-            mean += share * here
-            square += share * (variance + here**2)
-        return mean, np.maximum(square - mean**2, 0.0)
+    @cached_property
+    def _whitened(self) -> list[tuple[Array, Array]]:
+        return [level.whitened(self.reduced) for level in self.levels]
 
     def solve(self, right: Array, column: int) -> Array:
         """Compute ``H^-1 right``, averaged over the weights of a column of data.
@@ -131,17 +211,55 @@ class WeightedFit:
         right : ndarray, shape (coefficient, any)
         column : int
         """
-        return np.asarray(
-            sum(
-                share[column] * scipy.linalg.cho_solve((c, True), right, check_finite=False)
-                for c, share in zip(self.factors, self.share, strict=True)
-                if share[column] > 0
-            )
-        )
+        return np.asarray(sum(self._averaged(right, [s[:, [column]] for s in self.share])))
+
+    def _averaged(self, right: Array, share: list[Array]) -> Iterator[Array]:
+        """Give the parts of the average of ``H^-1 right``, of columns with their own shares."""
+        for level, of_level in zip(self.levels, share, strict=True):
+            if of_level.any():
+                of_inner, of_outer = level.whitened(right)
+                scale = level.scale @ of_level
+                yield level.coefficients(of_inner * of_level.sum(axis=0), of_outer * scale)
+
+    def evaluate(self, rows: Array) -> tuple[Array, Array]:
+        """Compute mean and variance of linear functionals, shape (functional, column) each.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (functional, coefficient)
+        """
+        blocks = [self._evaluate(rows[k : k + TOGETHER]) for k in range(0, len(rows), TOGETHER)]
+        mean, variance = zip(*blocks, strict=True)
+        return np.concatenate(mean), np.concatenate(variance)
+
+    def _evaluate(self, rows: Array) -> tuple[Array, Array]:
+        """Compute mean and variance of some functionals."""
+        mean = rows @ self._mean
+        spread = np.zeros_like(mean)
+        for level, (of_data, to_data), of_level in zip(
+            self.levels, self._whitened, self.share, strict=True
+        ):
+            own, others = level.whitened(rows.T)
+            fixed, least = own.T @ of_data, (own**2).sum(axis=0)[:, None]
+            for scale, share in zip(level.scale.T, of_level, strict=True):
+                if share.any():
+                    here = fixed + others.T @ (scale[:, None] * to_data)
+                    variance = least + (scale @ others**2)[:, None]
+                    spread += share * (variance + (here - mean) ** 2)
+        return mean, spread
+
+
+def _cholesky(matrix: Array) -> Array:
+    return np.asarray(scipy.linalg.cholesky(matrix, lower=True, check_finite=False))
+
+
+def _solve(lower: Array, right: Array) -> Array:
+    return np.asarray(scipy.linalg.solve_triangular(lower, right, lower=True, check_finite=False))
 
 
 def _rank_and_log_determinant(penalty: Array) -> tuple[int, float]:
     """Count eigenvalues that are not zero, and add up their logarithms."""
-    values = np.linalg.eigvalsh(penalty)
+    own = penalty.any(axis=1)
+    values = np.linalg.eigvalsh(penalty[np.ix_(own, own)])
     values = values[values > NULL * values.max()]
     return len(values), float(np.log(values).sum())

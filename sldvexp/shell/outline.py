@@ -8,6 +8,7 @@ may have any shape and holes; with a margin it is the rectangle around them.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from sldvexp.errors import UserError
 from sldvexp.geometry import Bins, rotation_from_euler
 from sldvexp.lazy import scipy
 from sldvexp.shell.chart import Chart
+from sldvexp.shell.cylinder_chart import CylinderChart
 from sldvexp.typing import Array, BoolArray, IntArray
 from sldvexp.volume import Prisms, Volume
 from sldvexp.volume.grid import Grid
@@ -72,10 +74,28 @@ class Outline:
         """
         nodes = prisms.surface
         chart = chart_of_grid(volume) if isinstance(volume, KNOWN) else fitted_chart(prisms)
-        lowered = below(chart, given)
+        lowered = chart.lowered(given)
         coordinates, _ = lowered.place(nodes)
         low, high = coordinates.min(axis=0) - margin, coordinates.max(axis=0) + margin
         return cls(lowered, given, coordinates, prisms.triangles, low, high, margin)
+
+    @cached_property
+    def holes(self) -> list[tuple[Array, float]]:
+        """Middles, shape (2,), m, and mean radii, m, of the holes; none with a margin.
+
+        A hole whose middle belongs to the structure, as that of a curved slot may, is left out.
+        """
+        if self.margin > 0:
+            return []
+        loops = [self.corners[loop] for loop in rims(self.triangles)]
+        middles, areas = zip(*(_middle_and_area(loop) for loop in loops), strict=True)
+        outer = int(np.argmax(areas))
+        held = self.holds(np.array(middles))
+        return [
+            (middle, float(np.sqrt(area / np.pi)))
+            for i, (middle, area) in enumerate(zip(middles, areas, strict=True))
+            if i != outer and not held[i]
+        ]
 
     def holds(self, coordinates: Array) -> BoolArray:
         """Tell which places belong to the structure, shape (place,)."""
@@ -96,21 +116,46 @@ class Outline:
         return found
 
 
-def below(chart: Chart, height: float) -> Chart:
-    """Make the chart of the surface that lies so far below a chart's own, along the normals."""
-    center = chart.center - height * chart.axes[2]
-    return Chart(center, chart.axes, chart.curvature / (1 - chart.curvature * height))
+def rims(triangles: IntArray) -> list[IntArray]:
+    """Follow the edges that only one triangle has, around each rim; nodes in their order.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> [loop.tolist() for loop in rims(np.array([[0, 1, 2], [0, 2, 3]]))]
+    [[0, 1, 2, 3]]
+    """
+    start, end = triangles.ravel().tolist(), np.roll(triangles, -1, axis=1).ravel().tolist()
+    edges = set(zip(start, end, strict=True))
+    following = {a: b for a, b in edges if (b, a) not in edges}
+    loops = []
+    for first in sorted(following):
+        loop, node = [], first
+        while node in following:
+            loop.append(node)
+            node = following.pop(node)
+        if loop:
+            loops.append(np.array(loop))
+    return loops
 
 
-def chart_of_grid(grid: Grid | OutlinedSurface) -> Chart:
+def _middle_and_area(loop: Array) -> tuple[Array, float]:
+    """Compute the centroid and the area of a polygon, shape (corner, 2)."""
+    (x, y), (u, v) = loop.T, np.roll(loop, -1, axis=0).T
+    cross = x * v - u * y
+    area = cross.sum() / 2
+    return np.array([((x + u) * cross).sum(), ((y + v) * cross).sum()]) / (6 * area), abs(area)
+
+
+def chart_of_grid(grid: Grid | OutlinedSurface) -> CylinderChart:
     """Take the coordinates of a surface whose own x is the arc."""
     unit = grid.unit.value
     axes = rotation_from_euler(grid.euler)
     curvature = 0.0 if grid.radius is None else 1 / (unit * grid.radius)
-    return Chart(unit * np.array(grid.center, float), axes, curvature)
+    return CylinderChart(unit * np.array(grid.center, float), axes, curvature)
 
 
-def fitted_chart(prisms: Prisms) -> Chart:
+def fitted_chart(prisms: Prisms) -> CylinderChart:
     """Fit a plane to the nodes of the given surface, or else a cylinder.
 
     Raises
@@ -125,7 +170,7 @@ def fitted_chart(prisms: Prisms) -> Chart:
     extent = float(np.linalg.norm(np.ptp((nodes - middle) @ along.T, axis=0)))
     bulge = np.abs((nodes - middle) @ normal).max()
     if bulge <= BULGE * extent:
-        return Chart(middle, np.stack([along[0], np.cross(normal, along[0]), normal]))
+        return CylinderChart(middle, np.stack([along[0], np.cross(normal, along[0]), normal]))
     best = min(
         (_cylinder(nodes, middle, normal, along[i]) for i in (0, 1)), key=lambda found: found[1]
     )
@@ -138,15 +183,17 @@ def fitted_chart(prisms: Prisms) -> Chart:
     return best[0]
 
 
-def _cylinder(nodes: Array, middle: Array, normal: Array, across: Array) -> tuple[Chart, float]:
+def _cylinder(
+    nodes: Array, middle: Array, normal: Array, across: Array
+) -> tuple[CylinderChart, float]:
     """Fit a cylinder that bends along one direction first; the largest distance of a node."""
     axes = np.stack([across, np.cross(normal, across), normal])
     x, _, h = ((nodes - middle) @ axes.T).T
     curve = np.polyfit(x, h, 2)
 
-    def chart(p: Array) -> Chart:
+    def chart(p: Array) -> CylinderChart:
         turned = scipy.spatial.transform.Rotation.from_rotvec(p[:3]).as_matrix() @ axes
-        return Chart(middle + p[3] * turned[2], turned, p[4])
+        return CylinderChart(middle + p[3] * turned[2], turned, p[4])
 
     start = np.array([0.0, 0.0, 0.0, curve[2], -2 * curve[0]])
     found = scipy.optimize.least_squares(

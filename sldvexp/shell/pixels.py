@@ -5,6 +5,11 @@ divided by its standard error. If the pose of its view is off, the face lies hig
 thicker, the place and the direction cosines change:
 
     dv = dD . V + D . (V,s ds + V,t dt) + D . V,z dz.
+
+A beam ``b + r w`` that moves by db and dw moves the point by ``db + r dw``, and on along the beam
+until it is in the surface again: by d along the surface. With the stretch of lengths at the height,
+J, kappa and g (see `sldvexp.shell.chart`), and D = -(t1, t2, n) w, the change of place is
+``dl = (1 + z kappa)^-1 d``, ``(ds, dt) = J' dl``, and the axes turn by kappa dl and g dl.
 """
 
 from __future__ import annotations
@@ -16,12 +21,11 @@ import numpy as np
 from sldvexp.field import View
 from sldvexp.field.bounds.pose_uncertainty import POSE
 from sldvexp.laser import TwoMirror, rays
+from sldvexp.shell.chart import slide
+from sldvexp.shell.linear_form import LinearForm, summed
 from sldvexp.shell.love import ThinShell
 from sldvexp.shell.outline import Outline
 from sldvexp.typing import Array, BoolArray, IndexArray
-
-#: Step of the differences by which places are differentiated, rad and m.
-STEP = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +57,10 @@ class ViewPixels:
         kept = kept[outline.holds(coordinates[kept])]
         return cls(view, pixel[kept], coordinates[kept], cosine[kept])
 
+    def part(self, some: slice) -> ViewPixels:
+        """Keep some of the pixels."""
+        return ViewPixels(self.view, self.pixel[some], self.coordinates[some], self.cosine[some])
+
     def seen_from(self, pose: Array, laser: TwoMirror, outline: Outline, face: float) -> ViewPixels:
         """Follow the same pixels' beams from a pose that is off by a rotation vector and origin."""
         view = self.view.moved(pose)
@@ -67,28 +75,51 @@ class ViewPixels:
         place : ndarray, shape (pixel, 2, 7), m/rad and 1
         cosine : ndarray, shape (pixel, 3, 7), 1/rad and 1/m
         """
-        place, cosine = [], []
-        for i in range(POSE + 1):
-            by = STEP * np.eye(POSE + 1)[i]
-            ahead = self.seen_from(by[:POSE], laser, outline, face + by[POSE])
-            behind = self.seen_from(-by[:POSE], laser, outline, face - by[POSE])
-            place.append((ahead.coordinates - behind.coordinates) / (2 * STEP))
-            cosine.append((ahead.cosine - behind.cosine) / (2 * STEP))
-        return np.stack(place, axis=-1), np.stack(cosine, axis=-1)
+        chart, view = outline.chart, self.view
+        begin, way = _beams(view, laser, self.pixel)
+        frames, forms = chart.frames(self.coordinates), chart.forms(self.coordinates)
+        far = np.einsum("pi,pi->p", chart.points(self.coordinates, face) - begin, way)
+        # R turned by a small e about an axis a of the laser: R' (x - e a x x) for all x
+        turn = -np.cross(view.rotation[:, None], way).transpose(1, 2, 0)
+        lever = -np.cross(view.rotation[:, None], begin - view.origin).transpose(1, 2, 0)
+        none = np.zeros((len(way), 3, POSE + 1))
+        turned, moved = none.copy(), none
+        turned[:, :, :3], moved[:, :, :3] = turn, lever + far[:, None, None] * turn
+        moved[:, :, 3:POSE], moved[:, :, POSE] = np.eye(3), -frames[:, 2]
+        step = chart.along(self.coordinates, face, slide(frames, moved, way))
+        cosine = -np.einsum("pij,pje->pie", frames, turned)
+        bent = np.einsum("pij,pje->pie", forms.curvature, step)
+        about = np.einsum("pj,pje->pe", forms.turn, step)
+        one, two, normal = self.cosine.T[:, :, None]
+        cosine[:, 0] += about * two - bent[:, 0] * normal
+        cosine[:, 1] += -about * one - bent[:, 1] * normal
+        cosine[:, 2] += bent[:, 0] * one + bent[:, 1] * two
+        return np.einsum("pie,pia->pae", step, forms.rate), cosine
 
     def design(self, shell: ThinShell, face: float) -> Array:
         """Make the rows, shape (pixel, coefficient)."""
-        velocity = shell.velocity(self.coordinates, face)
-        return np.asarray(
-            sum(d[:, None] * of for d, of in zip(self.cosine.T, velocity, strict=True))
-        )
+        (rows,) = shell.rows(self.coordinates, [self._seen(shell, face)])
+        return rows
+
+    def predicted(self, shell: ThinShell, theta: Array, face: float) -> Array:
+        """Compute velocities of the pixels from coefficients, (coefficient, column)."""
+        return shell.values(theta, self.coordinates, [self._seen(shell, face)])[:, 0]
+
+    def _seen(self, shell: ThinShell, face: float) -> LinearForm:
+        """Make the form of the motion along the beams."""
+        motion = shell.motion(self.coordinates, face)
+        return summed([own * toward for own, toward in zip(motion, self.cosine.T, strict=True)])
+
+
+def _beams(view: View, laser: TwoMirror, pixel: IndexArray) -> tuple[Array, Array]:
+    """Compute starts, m, and unit vectors of beams in the world, shape (pixel, 3) each."""
+    own = view.laser(laser)
+    start, along = rays(own.angle_from_dac(view.dac[pixel]), own.mirror_offset)
+    return view.origin + start @ view.rotation, along @ view.rotation
 
 
 def _met(
     view: View, laser: TwoMirror, outline: Outline, face: float, pixel: IndexArray
 ) -> tuple[Array, Array, BoolArray]:
     """Follow beams of some pixels to the face."""
-    own = view.laser(laser)
-    start, along = rays(own.angle_from_dac(view.dac[pixel]), own.mirror_offset)
-    begin, way = view.origin + start @ view.rotation, along @ view.rotation
-    return outline.chart.met(begin, way, face)
+    return outline.chart.met(*_beams(view, laser, pixel), face)

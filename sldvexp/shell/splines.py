@@ -101,9 +101,14 @@ class TensorSplines:
 
     def __call__(self, coordinates: Array, i: int = 0, j: int = 0) -> Array:
         """Evaluate i-th derivatives by s and j-th by t, shape (point, function), 1/m^(i+j)."""
-        s, t = coordinates.T / self.unit
-        both = self.along_s(s, i)[:, :, None] * self.along_t(t, j)[:, None, :]
-        return np.asarray(both.reshape(len(s), self.count) / self.unit ** (i + j))
+        of_s, of_t = self.along(coordinates, 0, i), self.along(coordinates, 1, j)
+        both = of_s[:, :, None] * of_t[:, None, :]
+        return np.asarray(both.reshape(len(of_s), self.count))
+
+    def along(self, coordinates: Array, axis: int, order: int) -> Array:
+        """Evaluate derivatives of the splines along s (0) or t (1), shape (point, function)."""
+        own = (self.along_s, self.along_t)[axis]
+        return own(coordinates[:, axis] / self.unit, order) / self.unit**order
 
     def penalty(self, order: int) -> Array:
         """Integrate squared derivatives of that order, which no turn of the axes changes.

@@ -6,9 +6,10 @@ errors enter linearised (`sldvexp.shell.nuisances`), and the fit is repeated whe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
 from sldvexp.shell.columns import SignalColumns
 from sldvexp.shell.evidence import WeightedFit
+from sldvexp.shell.linear_form import LinearForm
 from sldvexp.shell.love import ThinShell
 from sldvexp.shell.nuisances import Nuisances
 from sldvexp.shell.outline import Outline
@@ -34,6 +36,8 @@ FEWEST = 30
 SETTLED, REPEATED = 0.05, 4
 #: Standard error of a pixel, over the largest velocity, below which it is taken as unknown.
 EXACT = 1e-9
+#: Pixels whose equations are in memory together.
+TOGETHER = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,40 +72,60 @@ class Measured:
 
     Attributes
     ----------
-    velocity : ndarray of complex, shape (pixel, frequency), m/s
+    images : sequence of array, shape (pixel, frequency) each, m/s
+        Velocities of all pixels of each view, which are read some pixels at a time.
     pixel_std : ndarray, shape (pixel,), m/s
+        Of those that see the structure, of all views one after the other.
     scale : ndarray, shape (frequency,)
     stated : bool
         False where the views state no noise and it is taken from the residuals.
     """
 
-    velocity: ComplexArray
+    images: Sequence[Any]
     pixel_std: Array
     scale: Array
     stated: bool
 
     @classmethod
-    def of(cls, pixels: Sequence[ViewPixels], shell: ThinShell, face: float) -> Measured:
-        """Collect the pixels of all views.
+    def of(
+        cls,
+        images: Sequence[Any],
+        std: Sequence[Any],
+        pixels: Sequence[ViewPixels],
+        shell: ThinShell,
+        face: float,
+    ) -> Measured:
+        """Find the noise of the pixels of all views.
+
+        Parameters
+        ----------
+        images : sequence of array, shape (pixel, frequency) each, m/s
+        std : sequence of array, shape (pixel,) or (pixel, frequency) each, m/s
 
         Raises
         ------
         UserError
             If nothing moves.
         """
-        velocity = np.concatenate([p.view.velocity[p.pixel] for p in pixels])
-        largest = float(np.abs(velocity).max())
+        sizes = [_size(images[k], block) for k, _, block in blocks(pixels)]
+        largest = max(sizes, default=0.0)
         if largest == 0:
             raise UserError(
                 "all pixels that meet the surface are at rest: there is no motion to fit"
             )
-        std = np.concatenate([_std_of(p) for p in pixels])
-        if std.min() <= EXACT * largest:
-            even = np.full(len(velocity), _left_over(pixels, shell, face, velocity))
-            return cls(velocity, even, np.ones(velocity.shape[1]), False)
-        by_frequency = np.sqrt(np.mean(std**2, axis=0))
+        lines, count = images[0].shape[1], sum(len(p.pixel) for p in pixels)
+        own = [_std_of(std[k], block, lines) for k, _, block in blocks(pixels)]
+        if min(float(part.min()) for part in own) <= EXACT * largest:
+            left = _left_over(pixels, shell, face, images, largest)
+            return cls(images, np.full(count, left), np.ones(lines), False)
+        by_frequency = np.sqrt(sum((part**2).sum(axis=0) for part in own) / count)
         scale = by_frequency / np.sqrt(np.mean(by_frequency**2))
-        return cls(velocity, np.sqrt(np.mean((std / scale) ** 2, axis=1)), scale, True)
+        by_pixel = [np.sqrt(np.mean((part / scale) ** 2, axis=1)) for part in own]
+        return cls(images, np.concatenate(by_pixel), scale, True)
+
+    def velocity(self, k: int, block: ViewPixels) -> ComplexArray:
+        """Read the velocities of some pixels of a view, shape (pixel, frequency), m/s."""
+        return np.asarray(self.images[k][block.pixel], complex)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,9 +164,14 @@ class SurfaceFit:
     @cached_property
     def residual(self) -> ComplexArray:
         """Velocities less those of the splines, shape (pixel, frequency), m/s."""
+        return np.concatenate([left for _, _, left in self.residuals()])
+
+    def residuals(self) -> Iterator[tuple[int, slice, ComplexArray]]:
+        """Give the number of a view, some of all pixels, and what the splines leave of these."""
         theta = self.posterior.mean()
-        fitted = np.concatenate([p.design(self.shell, self.face) @ theta for p in self.pixels])
-        return np.asarray(self.measured.velocity - self.columns.combined(fitted))
+        for k, some, block in blocks(self.pixels):
+            fitted = self.columns.combined(block.predicted(self.shell, theta, self.face))
+            yield k, some, self.measured.velocity(k, block) - fitted
 
     def evaluate(
         self, rows: Array, thicker: Array | None = None
@@ -169,14 +198,15 @@ class SurfaceFit:
             gain[:, -1] += thicker @ self.posterior.mean()
         mean = mean + np.einsum("fec,e->fc", gain, self.nuisances.mean - self.at)
         values, own = self.columns.lines(mean, variance)
-        by_error = self.columns.combined(gain)
-        spread = np.einsum("fel,em->fml", by_error, self.nuisances.factor)
-        others = np.stack([(spread.real**2).sum(axis=1), (spread.imag**2).sum(axis=1)])
+        spread = np.einsum("fec,em->fmc", gain, self.nuisances.factor)
+        others = self.columns.quadratic(np.einsum("fmc,fmd->fcd", spread, spread))
         return values, own, others
 
 
 def fit(
     views: Sequence[View],
+    images: Sequence[Any],
+    std: Sequence[Any],
     laser: TwoMirror,
     outline: Outline,
     shell: ThinShell,
@@ -188,6 +218,9 @@ def fit(
 
     Parameters
     ----------
+    images : sequence of array, shape (pixel, frequency) each, m/s
+        Velocities of the views.
+    std : sequence of array, shape (pixel,) or (pixel, frequency) each, m/s
     face : float, m
         Height of the measured face above the splines' surface.
     length : float, m, optional
@@ -205,7 +238,7 @@ def fit(
             f"{count} pixels of all views together meet the surface from the side of its normals, "
             f"where {FEWEST} are needed: does the volume lie where the structure is?"
         )
-    measured = Measured.of(pixels, shell, face)
+    measured = Measured.of(images, std, pixels, shell, face)
     equations = _Equations(laser, outline, shell, face, length, errors, pixels, measured)
     found = equations.at(np.zeros(len(errors.factor)))
     for _ in range(REPEATED if errors.adjusted else 0):
@@ -233,7 +266,13 @@ class _Equations:
     def columns(self) -> SignalColumns:
         """Columns that carry the signal."""
         m = self.measured
-        return SignalColumns.of(m.velocity, m.pixel_std, m.scale)
+
+        def white() -> Iterator[Array]:
+            for k, some, block in blocks(self.pixels):
+                own = m.velocity(k, block) / m.pixel_std[some, None] / m.scale
+                yield np.concatenate([own.real, own.imag], axis=1)
+
+        return SignalColumns.of(white, m.scale)
 
     def at(self, at: Array) -> SurfaceFit:
         """Fit with poses, height and thickness that are off by so much."""
@@ -243,26 +282,22 @@ class _Equations:
             p.seen_from(pose, self.laser, self.outline, face + height)
             for p, pose in zip(self.pixels, np.reshape(poses, (-1, POSE)), strict=True)
         ]
-        weight = self._by_view(1 / self.measured.pixel_std)
-        designs = [
-            p.design(self.shell, face) * w[:, None] for p, w in zip(moved, weight, strict=True)
-        ]
-        data = self._by_view(self.columns.data)
-        right = np.sum([a.T @ y for a, y in zip(designs, data, strict=True)], axis=0)
-        size = np.sqrt(np.mean((self.columns.data[:, 0] * self.measured.pixel_std) ** 2))
+        weight, data = 1 / self.measured.pixel_std, self.columns.data
+        size = np.sqrt(np.mean((data[:, 0] * self.measured.pixel_std) ** 2))
+        normal = self.shell.known_precision() / size**2
+        right = np.zeros((self.shell.coefficients, data.shape[1]))
+        for _, some, block in blocks(moved):
+            design = block.design(self.shell, face) * weight[some, None]
+            normal += design.T @ design
+            right += design.T @ data[some]
         posterior = WeightedFit.of(
-            np.sum([a.T @ a for a in designs], axis=0),
+            normal,
             right,
-            (self.columns.data**2).sum(axis=0),
+            (data**2).sum(axis=0),
             self.shell.penalties(self.length),
             [grid - 2 * np.log(size) for grid in WEIGHTS],
         )
-        theta = posterior.mean()
-        changes = [
-            self._changes(p, theta, face, height) * w[:, None, None]
-            for p, w in zip(moved, weight, strict=True)
-        ]
-        solved, nuisances = self._nuisances(at, posterior, designs, changes, right)
+        solved, nuisances = self._nuisances(at, posterior, moved, face, height)
         return SurfaceFit(
             self.shell,
             self.outline,
@@ -276,34 +311,30 @@ class _Equations:
             at,
         )
 
-    def _by_view(self, values: Array) -> list[Array]:
-        """Split what is of all pixels into views."""
-        return np.split(values, np.cumsum([len(p.pixel) for p in self.pixels])[:-1])
-
     def _nuisances(
         self,
         at: Array,
         posterior: WeightedFit,
-        designs: list[Array],
-        changes: list[Array],
-        right: Array,
+        moved: list[ViewPixels],
+        face: float,
+        height: float,
     ) -> tuple[list[Array], Nuisances]:
         """Solve for what the errors do to the coefficients, and find the errors if they may move.
 
-        Parameters
-        ----------
-        changes : list of ndarray, shape (pixel, 6 + height and thickness, column)
-            Derivatives J of each view's whitened predictions.
+        With derivatives J of each view's whitened predictions by its pose, height and thickness.
         """
+        right, theta = posterior.reduced, posterior.mean()
         errors, columns = len(at), right.shape[1]
         crossed = np.zeros((self.shell.coefficients, errors, columns))
         products = np.zeros((errors, columns))
         squares = np.zeros((columns, errors, errors))
-        data = self._by_view(self.columns.data)
-        for k, (a, j, y) in enumerate(zip(designs, changes, data, strict=True)):
+        for k, some, block in blocks(moved):
             own = [*range(POSE * k, POSE * (k + 1)), errors - 2, errors - 1]
-            crossed[:, own] += np.einsum("pi,pec->iec", a, j, optimize=True)
-            products[own] += np.einsum("pec,pc->ec", j, y)
+            weight = 1 / self.measured.pixel_std[some, None]
+            a = block.design(self.shell, face) * weight
+            j = self._changes(block, theta, face, height) * weight[:, None]
+            crossed[:, own] += (a.T @ j.reshape(len(a), -1)).reshape(-1, len(own), columns)
+            products[own] += np.einsum("pec,pc->ec", j, self.columns.data[some])
             of_view = np.einsum("pec,pfc->cef", j, j, optimize=True)
             squares[np.ix_(range(columns), own, own)] += of_view
         solved = [posterior.solve(crossed[:, :, c], c) for c in range(columns)]
@@ -315,36 +346,66 @@ class _Equations:
     def _changes(self, pixels: ViewPixels, theta: Array, face: float, height: float) -> Array:
         """Differentiate a view's predictions, shape (pixel, 6 + height and thickness, column)."""
         place, cosine = pixels.changes(self.laser, self.outline, face + height)
-        where = pixels.coordinates
+        where, shell = pixels.coordinates, self.shell
 
-        def motion(rows: tuple[Array, Array, Array]) -> Array:
-            return np.stack([of @ theta for of in rows], axis=1)  # (pixel, axis, column)
+        def motion(*forms: LinearForm) -> Array:
+            return shell.values(theta, where, forms)  # (pixel, axis, column)
 
-        here = motion(self.shell.velocity(where, face))
-        by_s = motion(self.shell.velocity(where, face, 1, 0))
-        by_t = motion(self.shell.velocity(where, face, 0, 1))
         toward = pixels.cosine
-        change = np.einsum("pae,pac->pec", cosine, here)
-        for slope, by in ((by_s, place[:, 0]), (by_t, place[:, 1])):
-            change += by[:, :, None] * np.einsum("pa,pac->pc", toward, slope)[:, None]
-        thicker = motion(self.shell.velocity_by_height(where))
+        change = np.einsum("pae,pac->pec", cosine, motion(*shell.motion(where, face)))
+        for axis in range(2):
+            slope = motion(*shell.motion(where, face, 1 - axis, axis))
+            along = np.einsum("pa,pac->pc", toward, slope)
+            change += place[:, axis, :, None] * along[:, None]
+        thicker = motion(*shell.motion_by_height(where))
         by_thickness = (change[:, POSE] + np.einsum("pa,pac->pc", toward, thicker)) / 2
         return np.concatenate([change, by_thickness[:, None]], axis=1)
 
 
-def _std_of(pixels: ViewPixels) -> Array:
-    """Collect standard errors of a view's pixels at every frequency, m/s."""
-    own = pixels.view.std.reshape(len(pixels.view.std), -1)[pixels.pixel]
-    return np.broadcast_to(own, pixels.view.velocity[pixels.pixel].shape)
+def blocks(pixels: Sequence[ViewPixels]) -> Iterator[tuple[int, slice, ViewPixels]]:
+    """Give the number of a view, some of all views' pixels, and these pixels, few at a time."""
+    before = 0
+    for k, of_view in enumerate(pixels):
+        for start in range(0, len(of_view.pixel), TOGETHER):
+            block = of_view.part(slice(start, start + TOGETHER))
+            yield k, slice(before + start, before + start + len(block.pixel)), block
+        before += len(of_view.pixel)
+
+
+def _size(image: Any, block: ViewPixels) -> float:
+    """Find the largest velocity of some pixels, m/s."""
+    return float(np.abs(np.asarray(image[block.pixel])).max(initial=0.0))
+
+
+def _std_of(std: Any, block: ViewPixels, lines: int) -> Array:
+    """Collect standard errors of some pixels at every frequency, m/s."""
+    own = np.asarray(std[block.pixel], float)
+    return np.broadcast_to(own.reshape(len(own), -1), (len(own), lines))
 
 
 def _left_over(
-    pixels: Sequence[ViewPixels], shell: ThinShell, face: float, velocity: ComplexArray
+    pixels: Sequence[ViewPixels],
+    shell: ThinShell,
+    face: float,
+    images: Sequence[Any],
+    largest: float,
 ) -> float:
     """Estimate the noise, m/s, from what splines without any prior leave over."""
-    design = np.concatenate([p.design(shell, face) for p in pixels])
-    theta, _, rank, _ = np.linalg.lstsq(design, velocity, rcond=1e-10)
-    left = np.abs(velocity - design @ theta) ** 2
-    free = max(len(velocity) - int(rank), 1)
-    least = EXACT * np.abs(velocity).max()  # exact data have no noise, but round-off
-    return float(max(np.sqrt(left.sum() / (2 * free * velocity.shape[1])), least))
+    lines = images[0].shape[1]
+    normal = np.zeros((shell.coefficients,) * 2)
+    right = np.zeros((shell.coefficients, lines), complex)
+    for k, _, block in blocks(pixels):
+        design = block.design(shell, face)
+        normal += design.T @ design
+        right += design.T @ np.asarray(images[k][block.pixel], complex)
+    values, vectors = np.linalg.eigh(normal)
+    known = values > 1e-14 * values.max()
+    theta = vectors[:, known] @ ((vectors[:, known].T @ right) / values[known, None])
+    left, count = 0.0, 0
+    for k, _, block in blocks(pixels):
+        velocity = np.asarray(images[k][block.pixel], complex)
+        rest = velocity - block.design(shell, face) @ theta
+        left, count = left + float((np.abs(rest) ** 2).sum()), count + len(rest)
+    free = max(count - int(known.sum()), 1)
+    least = EXACT * largest  # exact data have no noise, but round-off
+    return float(max(np.sqrt(left / (2 * free * lines)), least))

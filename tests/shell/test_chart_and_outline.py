@@ -9,7 +9,7 @@ from hypothesis import given
 
 from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_from_euler
-from sldvexp.shell import Chart, Outline
+from sldvexp.shell import CylinderChart, Outline
 from sldvexp.shell.outline import fitted_chart
 from sldvexp.volume import TriangulatedSurface
 from sldvexp.volume.grid import Grid
@@ -38,7 +38,7 @@ def at(chart, place, height):
     height=st.floats(-0.1, 0.1),
 )
 def test_places_are_found_again(curvature, s, t, height):
-    chart = Chart(np.array([1.0, -2.0, 0.5]), AXES, curvature)
+    chart = CylinderChart(np.array([1.0, -2.0, 0.5]), AXES, curvature)
     place, found = chart.place(at(chart, np.array([[s, t]]), np.array([height])))
     assert place == pytest.approx(np.array([[s, t]]), abs=1e-12)
     assert found == pytest.approx([height], abs=1e-12)
@@ -47,7 +47,7 @@ def test_places_are_found_again(curvature, s, t, height):
 @pytest.mark.parametrize("curvature", CURVATURES)
 def test_beams_meet_the_surface_at_its_height(curvature):
     rng = np.random.default_rng(1)
-    chart = Chart(np.array([0.2, 0.1, 0.0]), AXES, curvature)
+    chart = CylinderChart(np.array([0.2, 0.1, 0.0]), AXES, curvature)
     place, height = rng.uniform(-0.15, 0.15, (50, 2)), 0.002
     point = at(chart, place, np.full(50, height))
     begin = chart.center + np.array([0.1, -0.2, 1.7]) @ chart.axes
@@ -61,7 +61,7 @@ def test_beams_meet_the_surface_at_its_height(curvature):
 
 
 def test_the_back_is_not_met():
-    chart = Chart(np.zeros(3), np.eye(3))
+    chart = CylinderChart(np.zeros(3), np.eye(3))
     _, _, meets = chart.met(np.array([[0, 0, -1.0]]), np.array([[0, 0, 1.0]]), 0.0)
     assert not meets.any()
 

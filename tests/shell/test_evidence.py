@@ -92,6 +92,13 @@ def test_intervals_hold_as_often_as_they_say():
     assert error < 0.01
 
 
+def columns_of(velocity, std, scale):
+    """In two parts."""
+    white = velocity / std[:, None] / scale
+    whole = np.concatenate([white.real, white.imag], axis=1)
+    return SignalColumns.of(lambda: np.array_split(whole, 2), scale)
+
+
 def test_lines_are_put_together_from_their_columns():
     rng = np.random.default_rng(4)
     shapes, spectrum = rng.normal(size=(500, 2)), rng.normal(size=(2, 40)) @ np.eye(40)
@@ -99,7 +106,7 @@ def test_lines_are_put_together_from_their_columns():
     clean = 30 * shapes @ (spectrum * np.exp(0.3j))
     std, scale = rng.uniform(0.5, 2, 500), rng.uniform(0.5, 2, 40)
     velocity = clean + (noise[0] + 1j * noise[1]) * std[:, None] * scale
-    columns = SignalColumns.of(velocity, std, scale)
+    columns = columns_of(velocity, std, scale)
     assert 2 <= columns.data.shape[1] <= 3
     lines = columns.combined(columns.data) * std[:, None]
     left = np.abs(lines - clean) / std[:, None] / scale
@@ -111,7 +118,7 @@ def test_lines_are_put_together_from_their_columns():
 
 def test_a_single_line_keeps_both_of_its_parts():
     velocity = np.array([[1 + 2j], [3 - 1j], [0.5j]])
-    columns = SignalColumns.of(velocity, np.ones(3), np.ones(1))
+    columns = columns_of(velocity, np.ones(3), np.ones(1))
     assert columns.combined(columns.data) == pytest.approx(velocity)
     _, variance = columns.lines(columns.data, np.ones((3, 2)))
     assert variance == pytest.approx(1.0)
