@@ -143,6 +143,7 @@ class Experiment:
     scene: Any = one_of(
         "scene",
         {
+            "annular_plate": "sldvexp.virtual_lab.annular_plate",
             "calibration": "sldvexp.virtual_lab.calibration_scene",
             "plate": "sldvexp.virtual_lab.plate",
         },
@@ -187,6 +188,7 @@ class Experiment:
         {
             "grid": "sldvexp.volume.grid",
             "mesh": "sldvexp.volume.mesh",
+            "outline": "sldvexp.volume.outlined",
             "points": "sldvexp.volume.points",
         },
     )

@@ -458,6 +458,12 @@ VARIABLES: dict[str, dict[str, Variable]] = {
             "strain_component", "1", "relative error of all frequencies together"
         ),
         "covered_in_all": _V("strain_component", "1", "share covered of all frequencies"),
+        "peak": _V("[frequency]", "1", "strain where the truth's is highest, along its direction"),
+        "peak_confidence": _V("[frequency]", "1", "half-width of its interval, of both parts"),
+        "true_peak": _V("[frequency]", "1", "highest principal strain of the truth"),
+        "peak_covered": _V("[frequency]", "1", "1 where the interval of the peak holds the truth"),
+        "concentration": _V("[frequency]", "1", "peak over the r.m.s. of the principal strain"),
+        "true_concentration": _V("[frequency]", "1", "concentration of the truth"),
     },
     "examined/truth": {
         "relative_error": _V(

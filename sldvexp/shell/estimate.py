@@ -22,6 +22,7 @@ from sldvexp.field.estimate import NO_COVARIANCE
 from sldvexp.field.visibility.view import View, views_of
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
+from sldvexp.shell.around_holes import HoleFunctions
 from sldvexp.shell.linear_form import summed
 from sldvexp.shell.love import STRAINS, ThinShell
 from sldvexp.shell.material import Isotropic
@@ -462,6 +463,7 @@ def _splines(outline: Outline, method: SurfaceReconstruction, longest: float) ->
         TensorSplines.over(low, high, method.cells, 5, unit),
         TensorSplines.over(low, high, method.membrane_cells, 3, unit),
         outline.chart,
+        HoleFunctions.of(outline.holes, longest / method.cells),
     )
 
 

@@ -292,13 +292,13 @@ class _Equations:
             for p, pose in zip(self.pixels, np.reshape(poses, (-1, POSE)), strict=True)
         ]
         weight, data = 1 / self.measured.pixel_std, self.columns.data
-        normal = np.zeros((self.shell.coefficients,) * 2)
+        size = np.sqrt(np.mean((data[:, 0] * self.measured.pixel_std) ** 2))
+        normal = self.shell.known_precision() / size**2
         right = np.zeros((self.shell.coefficients, data.shape[1]))
         for _, some, block in blocks(moved):
             design = block.design(self.shell, face) * weight[some, None]
             normal += design.T @ design
             right += design.T @ data[some]
-        size = np.sqrt(np.mean((data[:, 0] * self.measured.pixel_std) ** 2))
         posterior = WeightedFit.of(
             normal,
             right,
