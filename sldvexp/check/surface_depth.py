@@ -15,7 +15,7 @@ from sldvexp import dataset
 from sldvexp.check.agreement import agreement, best_depth, jackknife
 from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
-from sldvexp.errors import Checks, UserError
+from sldvexp.errors import Checks
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import ComplexArray
 

@@ -225,6 +225,7 @@ class Experiment:
             "gages": "sldvexp.check.gages",
             "kreis": "sldvexp.check.kreis",
             "left_out": "sldvexp.check.left_out",
+            "lever_arm": "sldvexp.check.lever_arm",
             "love": "sldvexp.check.love",
             "needed_components": "sldvexp.check.needed_components",
             "phase_image": "sldvexp.check.phase_image",

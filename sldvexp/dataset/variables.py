@@ -421,6 +421,31 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "p_value": _V("view", "1", "probability of such a view if it is right, by three tests"),
         "named": _V("view", "1", "1 where the verdict names the view, or one of two, as wrong"),
     },
+    "examined/lever_arm": {
+        "lever_arm": _V("frequency", "m", "lever arm of the slopes, under bending alone"),
+        "lever_arm_std": _V("frequency", "m", "its standard error"),
+        "confidence": _V("frequency", "m", "half-width of its interval"),
+        "stated": _V("", "m", "half the thickness, which it should be"),
+        "stated_std": _V("", "m", "standard uncertainty of it and of the height given"),
+        "wave_number": _V("frequency", "rad/m", "wave number of the bending"),
+        "beside_membrane": _V(
+            "frequency", "m", "lever arm with low motions of the middle let free"
+        ),
+        "beside_membrane_std": _V("frequency", "m", "its standard error"),
+        "chi_square": _V(
+            "bending_part frequency", "1", "of low motions of the middle against none"
+        ),
+        "p_value": _V("bending_part frequency", "1", "probability of such a one without any"),
+        "offset": _V("", "m", "lever arm minus the stated one, at long waves"),
+        "offset_std": _V("", "m", "its standard error"),
+        "shear": _V("", "1", "part of the slope that shear takes at the shortest waves"),
+        "shear_std": _V("", "1", "its standard error"),
+        "p_love": _V("", "1", "probability of such motion of the middle in phase, without any"),
+        "p_arm": _V("", "1", "probability of such lever arms if they are as stated"),
+        "p_membrane": _V(
+            "", "1", "probability of such motion of the middle, whatever the lever arm"
+        ),
+    },
     "examined/love": {
         "variation": _V("component [frequency]", "1", "r.m.s. change through the layers over size"),
         "bound": _V("component [frequency]", "1", "r.m.s. half-width of the intervals over size"),

@@ -124,6 +124,9 @@ class SurfaceFit:
     nuisances : Nuisances
     at : ndarray, shape (error,)
         Errors that the equations are taken at.
+    errors : PriorErrors
+        What was known of them before the fit.
+    laser : TwoMirror
     """
 
     shell: ThinShell
@@ -136,6 +139,8 @@ class SurfaceFit:
     solved: list[Array]
     nuisances: Nuisances
     at: Array
+    errors: PriorErrors
+    laser: TwoMirror
 
     @cached_property
     def residual(self) -> ComplexArray:
@@ -274,6 +279,8 @@ class _Equations:
             solved,
             nuisances,
             at,
+            self.errors,
+            self.laser,
         )
 
     def _by_view(self, values: Array) -> list[Array]:
