@@ -227,6 +227,7 @@ class Experiment:
             "left_out": "sldvexp.check.left_out",
             "lever_arm": "sldvexp.check.lever_arm",
             "love": "sldvexp.check.love",
+            "middle_surface": "sldvexp.check.middle_surface",
             "needed_components": "sldvexp.check.needed_components",
             "phase_image": "sldvexp.check.phase_image",
             "pose_equivalence": "sldvexp.check.pose_equivalence",

@@ -361,6 +361,14 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "meets_by_rcond": _V("method", "1", "1 where the reciprocal number is above the limit"),
         "meets_by_hadamard": _V("method", "1", "1 where the Hadamard number is above the limit"),
     },
+    "examined/middle_surface": {
+        "place_s": _V("patch", "m", "middle of the patch, along the surface's first direction"),
+        "place_t": _V("patch", "m", "middle of the patch, along its second direction"),
+        "by_layers": _V("patch", "m", "height of least kinetic energy over the middle as given"),
+        "by_layers_std": _V("patch", "m", "its standard error"),
+        "by_lever_arm": _V("patch", "m", "height of the middle by the lever arm of the slopes"),
+        "by_lever_arm_std": _V("patch", "m", "its standard error"),
+    },
     "examined/needed_components": {
         "f_statistic": _V("[frequency]", "1", "F of the components against none"),
         "f_critical": _V("[frequency]", "1", "critical value of F"),

@@ -25,6 +25,7 @@ import numpy as np
 
 from sldvexp.lazy import scipy
 from sldvexp.shell.love import ThinShell
+from sldvexp.shell.outline import Outline
 from sldvexp.shell.pixels import ViewPixels
 from sldvexp.shell.surface_fit import WEIGHTS, SurfaceFit
 from sldvexp.typing import Array, ComplexArray, IntArray
@@ -246,9 +247,9 @@ def low_order(fit: SurfaceFit, coordinates: Array) -> Array:
     return np.stack([np.cos(i * x) * np.cos(j * y) for i, j in order], axis=-1)
 
 
-def patch_of(fit: SurfaceFit, coordinates: Array, patches: tuple[int, int]) -> IntArray:
+def patch_of(outline: Outline, coordinates: Array, patches: tuple[int, int]) -> IntArray:
     """Find the patch of every place, of equal parts of the outline's rectangle, row by row."""
-    low, high = fit.outline.low, fit.outline.high
+    low, high = outline.low, outline.high
     share = (coordinates - low) / (high - low) * patches
     i, j = np.clip(share.astype(int), 0, np.array(patches) - 1).T
     return np.asarray(i * patches[1] + j)
@@ -329,7 +330,7 @@ def _add_view(
     tangential = pixels.cosine[:, :2]
     slopes = [shell.bending(pixels.coordinates, *d) @ theta[of_w] for d in ((1, 0), (0, 1))]
     arm = -np.einsum("pa,apl->pl", tangential, slopes) * weight
-    patch = patch_of(fit, pixels.coordinates, patches)
+    patch = patch_of(fit.outline, pixels.coordinates, patches)
     in_patch = patch[:, None] == np.arange(patches[0] * patches[1])
     waves = low_order(fit, pixels.coordinates)
     membrane = np.hstack([d[:, None] * waves for d in tangential.T]) * weight

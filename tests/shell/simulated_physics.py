@@ -18,12 +18,13 @@ class SinePlate:
     """A plate whose w is ``sum_mn amplitude_mn sin(m pi s/a) sin(n pi t/b)``, m/s.
 
     Its face moves along itself by -h/2 (1 - shear k^2) of the slopes of every term, and by
-    `along` times low waves of the middle.
+    `along` times low waves of the middle. Beyond s = 0 and t = 0 the face is higher by `bump`, m.
     """
 
     amplitude: dict[float, np.ndarray]
     shear: float = 0.0
     along: complex = 0.0
+    bump: float = 0.0
     center: np.ndarray = field(default_factory=lambda: lab.CENTER)
     rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
     surface: FlatSurface = field(
@@ -46,7 +47,7 @@ class SinePlate:
 
     def velocity(self, points, frequency):
         place = (np.asarray(points) - self.center)[:, :2]
-        arm = -THICKNESS / 2
+        arm = -THICKNESS / 2 - self.bump * np.all(place > 0, axis=1)
 
         def along(i, j):
             slope = self.derivative(place, frequency, i, j)
