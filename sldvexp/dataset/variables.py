@@ -365,6 +365,14 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "meets_by_rcond": _V("method", "1", "1 where the reciprocal number is above the limit"),
         "meets_by_hadamard": _V("method", "1", "1 where the Hadamard number is above the limit"),
     },
+    "examined/middle_surface": {
+        "place_s": _V("patch", "m", "middle of the patch, along the surface's first direction"),
+        "place_t": _V("patch", "m", "middle of the patch, along its second direction"),
+        "by_layers": _V("patch", "m", "height of least kinetic energy over the middle as given"),
+        "by_layers_std": _V("patch", "m", "its standard error"),
+        "by_lever_arm": _V("patch", "m", "height of the middle by the lever arm of the slopes"),
+        "by_lever_arm_std": _V("patch", "m", "its standard error"),
+    },
     "examined/needed_components": {
         "f_statistic": _V("[frequency]", "1", "F of the components against none"),
         "f_critical": _V("[frequency]", "1", "critical value of F"),
@@ -424,6 +432,31 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "expected": _V("view", "m/s", "that of a view that is right, from noise and poses"),
         "p_value": _V("view", "1", "probability of such a view if it is right, by three tests"),
         "named": _V("view", "1", "1 where the verdict names the view, or one of two, as wrong"),
+    },
+    "examined/lever_arm": {
+        "lever_arm": _V("frequency", "m", "lever arm of the slopes, under bending alone"),
+        "lever_arm_std": _V("frequency", "m", "its standard error"),
+        "confidence": _V("frequency", "m", "half-width of its interval"),
+        "stated": _V("", "m", "half the thickness, which it should be"),
+        "stated_std": _V("", "m", "standard uncertainty of it and of the height given"),
+        "wave_number": _V("frequency", "rad/m", "wave number of the bending"),
+        "beside_membrane": _V(
+            "frequency", "m", "lever arm with low motions of the middle let free"
+        ),
+        "beside_membrane_std": _V("frequency", "m", "its standard error"),
+        "chi_square": _V(
+            "bending_part frequency", "1", "of low motions of the middle against none"
+        ),
+        "p_value": _V("bending_part frequency", "1", "probability of such a one without any"),
+        "offset": _V("", "m", "lever arm minus the stated one, at long waves"),
+        "offset_std": _V("", "m", "its standard error"),
+        "shear": _V("", "1", "part of the slope that shear takes at the shortest waves"),
+        "shear_std": _V("", "1", "its standard error"),
+        "p_love": _V("", "1", "probability of such motion of the middle in phase, without any"),
+        "p_arm": _V("", "1", "probability of such lever arms if they are as stated"),
+        "p_membrane": _V(
+            "", "1", "probability of such motion of the middle, whatever the lever arm"
+        ),
     },
     "examined/love": {
         "variation": _V("component [frequency]", "1", "r.m.s. change through the layers over size"),

@@ -150,6 +150,9 @@ class SurfaceFit:
     nuisances : Nuisances
     at : ndarray, shape (error,)
         Errors that the equations are taken at.
+    errors : PriorErrors
+        What was known of them before the fit.
+    laser : TwoMirror
     """
 
     shell: ThinShell
@@ -162,6 +165,8 @@ class SurfaceFit:
     solved: list[Array]
     nuisances: Nuisances
     at: Array
+    errors: PriorErrors
+    laser: TwoMirror
 
     @cached_property
     def residual(self) -> ComplexArray:
@@ -319,6 +324,8 @@ class _Equations:
             solved,
             nuisances,
             at,
+            self.errors,
+            self.laser,
         )
 
     def _nuisances(
