@@ -90,7 +90,7 @@ class MiddleSurface(Check):
             outline = found.fit.outline
             maps["lever_arm"] = by_lever_arm(found, self._patches, self.lines)
         else:
-            outline = Outline.of(e.volume, e.volume.prisms(), 0.0, 0.0)
+            outline = Outline.of(e.volume, e.volume.prisms(), 0.0)
         if layered:
             maps["layers"] = by_layers(run, layered[0], outline, self._patches)
         i, j = np.divmod(np.arange(np.prod(self.patches)), self.patches[1])

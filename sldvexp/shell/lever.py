@@ -335,7 +335,7 @@ def _add_view(
     waves = low_order(fit, pixels.coordinates)
     membrane = np.hstack([d[:, None] * waves for d in tangential.T]) * weight
     moved, posed = _by_errors(fit, poses, view, theta)
-    data = measured.velocity[here][:, lines] * turn * weight + moved * weight
+    data = measured.velocity(view, pixels)[:, lines] * turn * weight + moved * weight
     for i, scale in enumerate(measured.scale[lines]):
         for part, of_part in enumerate((np.real, np.imag)):
             columns = np.hstack(
