@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,7 +73,7 @@ def test_holes_of_an_outline_are_found():
     assert c == pytest.approx(0.04 / np.sqrt(np.pi), rel=1e-9)
     grid = Grid()
     assert Outline.of(grid, grid.prisms(), 0.0).holes == []
-    assert Outline.of(volume, volume.prisms(), 0.0, 0.01).holes == []
+    assert Outline.of(replace(volume, margin=0.01), volume.prisms(), 0.0).holes == []
 
 
 def test_rims_of_a_ring_are_two():
