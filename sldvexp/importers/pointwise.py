@@ -144,9 +144,9 @@ class PointwiseImport(PointImporter):
 
     def _references(self) -> dict[str, float | str]:
         """List the amplitudes of references that are set, by the setting."""
-        set_ = {key_of_view(name, "reference"): v.reference for name, v in self.views.items()}
-        set_["instrument.reference"] = self.reference
-        return {key: value for key, value in set_.items() if value is not None}
+        found: dict[str, float | str | None] = {"instrument.reference": self.reference}
+        found |= {key_of_view(n, "reference"): view.reference for n, view in self.views.items()}
+        return {key: value for key, value in found.items() if value is not None}
 
     def check_references(
         self, units: Mapping[str, ReferenceUnit], questions: ViewQuestions
@@ -216,4 +216,5 @@ class PointwiseImport(PointImporter):
         UserError
             As `read`, or if there is no pose or standard error.
         """
-        return to_images(list(self.measured(ViewQuestions(self.views))), tree, laser)
+        questions = ViewQuestions(self.views, for_field=True)
+        return to_images(list(self.measured(questions)), tree, laser)

@@ -22,7 +22,7 @@ from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import UserError, nearest
 from sldvexp.importers.conventions import Amplitude, Directions, MotionUnit, Positive, Quantity
 from sldvexp.importers.incomplete import Incomplete
-from sldvexp.importers.questions import SeenPoints, key_of_view, lacking, lost_points
+from sldvexp.importers.questions import SeenPoints, key_of_view, lacking, lost_points, no_errors
 from sldvexp.importers.reference import ReferenceUnit
 from sldvexp.io.uff import UniversalGeometry
 from sldvexp.io.uff.functions import DIRECTIONS
@@ -128,8 +128,15 @@ class PointwiseData:
     @property
     def seen(self) -> SeenPoints:
         """Its points, and which of them it has measured."""
-        missing, frequency = self.missing, self.frequency
-        return SeenPoints(self.name, self.source, self.node, missing, frequency, self.said)
+        return SeenPoints(
+            self.name,
+            self.source,
+            self.node,
+            self.missing,
+            self.frequency,
+            self.said,
+            self.std is not None,
+        )
 
 
 def to_line_of_sight(
@@ -439,10 +446,7 @@ def _image(
             "name a file that has with instrument.geometry"
         )
     if view.std is None:
-        raise UserError(
-            f"{view.source}: does not state standard errors, which a field needs; say them with "
-            "instrument.std, or instrument.averages if the file has coherence functions"
-        )
+        raise no_errors(view.source)
     angle = project((position - origin) @ rotation.T, laser.mirror_offset)
     dac = laser.dac_from_angle(angle, [f"view {view.name}, node {n}" for n in view.node])
     cosines = direction_cosines(angle, rotation)

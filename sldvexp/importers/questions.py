@@ -52,6 +52,8 @@ class SeenPoints:
         None as long as it is asked for.
     said : dict of int to str
         Where a file says that a point was not measured, by its place in `node`.
+    has_std : bool
+        Whether standard errors of its velocities are known.
     """
 
     name: str
@@ -60,6 +62,7 @@ class SeenPoints:
     missing: BoolArray
     frequency: Array | None = None
     said: dict[int, str] = field(default_factory=dict)
+    has_std: bool = False
 
     @property
     def measured(self) -> IntArray:
@@ -76,6 +79,8 @@ class ViewQuestions(Questions):
         Names of all views.
     joined : collection of str
         Names of the views that must have measured the same points.
+    for_field : bool
+        Whether standard errors are needed.
 
     Examples
     --------
@@ -86,9 +91,11 @@ class ViewQuestions(Questions):
      example instrument.views.left.unit=mm']
     """
 
-    def __init__(self, views: Iterable[str] = (), joined: Collection[str] = ()) -> None:
+    def __init__(
+        self, views: Iterable[str] = (), joined: Collection[str] = (), for_field: bool = False
+    ) -> None:
         super().__init__()
-        self._views, self._joined = list(views), joined
+        self._views, self._joined, self._for_field = list(views), joined, for_field
         self._view = ""
         self._seen: list[SeenPoints] = []
 
@@ -112,12 +119,12 @@ class ViewQuestions(Questions):
 
     def note(
         self, error: UserError, where: str | Path, setting: str = "", example: str = ""
-    ) -> None:
+    ) -> Question:
         """Note an error that a setting answers; `where` is the file that its text begins with."""
-        place, _, text = str(error).removeprefix(str(where)).partition(": ")
-        question = self._open.setdefault(text, Question(text, setting=setting, example=example))
-        question.places.append(f"{where}{place}")
+        question = super().note(error, where, setting)
+        question.example = example
         question.views.append(self._view)
+        return question
 
     def saw(self, points: SeenPoints) -> None:
         """Note which points a view has, for what is asked of all views together."""
@@ -129,6 +136,9 @@ class ViewQuestions(Questions):
 
     def done(self) -> None:
         """Raise one `UserError` if anything is open."""
+        for seen in self._seen if self._for_field else []:
+            if not seen.has_std:
+                self.note(no_errors(seen.source), seen.source)
         for error in (other_frequencies(self._seen), self._lacking()):
             if error is not None:
                 self.note(error, str(error).partition(": ")[0])
@@ -144,8 +154,8 @@ class ViewQuestions(Questions):
 
     def _lacking(self) -> UserError | None:
         """Ask about points that not all views have that are joined, unless it was asked."""
-        asked = any(question.setting == "incomplete" for question in self._open.values())
-        return None if asked else lacking([s for s in self._seen if s.name in self._joined])
+        joined = [seen for seen in self._seen if seen.name in self._joined]
+        return None if self.asked("incomplete") else lacking(joined)
 
     def _may_differ(self, question: Question) -> bool:
         """Tell whether all of several views need a setting that each may have for itself."""
@@ -164,6 +174,14 @@ class ViewQuestions(Questions):
         if question.example:
             text += _override(views[0], question.setting, question.example)
         return text + (f" (and likewise of {', '.join(views[1:])})" if views[1:] else "")
+
+
+def no_errors(source: str) -> UserError:
+    """Ask for the standard errors of a file's velocities."""
+    return UserError(
+        f"{source}: does not state standard errors, which a field needs; say them with "
+        "instrument.std, or instrument.averages if the file has coherence functions"
+    )
 
 
 def other_frequencies(views: Sequence[SeenPoints]) -> UserError | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -118,12 +118,13 @@ def _view(
     missing, said = _missing(settings, table, roles, row, values, questions)
     length, by = _length(settings, table, roles, questions)
     source, known = str(table.path), not settings.frequency and not np.isnan(frequency).any()
+    has_std = settings.std is not None
+    seen = SeenPoints(name, source, node, missing, frequency if known else None, said, has_std)
     if questions:
-        seen = SeenPoints(name, source, node, missing, frequency if known else None, said)
         questions.saw(seen)
         return None
     chosen = _chosen(settings, table, frequency)
-    questions.saw(SeenPoints(name, source, node, missing, frequency[chosen], said))
+    questions.saw(replace(seen, frequency=frequency[chosen]))
     if (frequency == 0).any() and rules.quantity is Quantity.acceleration:
         raise table.wrong("an acceleration at 0 Hz says nothing of velocity; leave 0 Hz out")
     measured = np.where(missing[:, None], 0.0, values[row])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
@@ -19,10 +19,11 @@ from sldvexp.importers.incomplete import then
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView
 from sldvexp.importers.questions import SeenPoints, ViewQuestions, close
-from sldvexp.importers.uff_choice import ANY, FunctionChoice, require_witnesses_agree
+from sldvexp.importers.uff_choice import ANY, MOTION, FunctionChoice, require_witnesses_agree
 from sldvexp.importers.uff_conventions import (
     OF_REFERENCE,
     FunctionKind,
+    ask_phase,
     ask_positive,
     decide_conventions,
     length_unit,
@@ -182,7 +183,10 @@ def _read(
     if settings.zeros is not Zeros.missing:
         zero = np.zeros(len(functions), bool)
     node = np.array([f.node for f in functions], np.int64)
-    questions.saw(SeenPoints(name, str(file.source.path), node, zero, frequency))
+    of_time = functions[0].kind == FunctionKind.time.value
+    has_std = settings.std is not None or bool(settings.averages) or of_time
+    path = str(file.source.path)
+    questions.saw(SeenPoints(name, path, node, zero, frequency, has_std=has_std))
     return None if found is None else replace(found, missing=zero)
 
 
@@ -220,7 +224,7 @@ def _choose(
         functions = settings.choice(view).functions(file)
     except UserError as error:
         questions.note(error, file.source.path)
-        ask_positive(settings, file, questions)
+        _ask_of_any(settings, file, questions)
         return None
     rules = decide_conventions(settings, file, functions, questions)
     _ask_more(settings, file, functions[0], questions)
@@ -235,6 +239,19 @@ def _choose(
         if not same_unit(length[0], one):
             overruled = f"data set 164 states a unit of length of {one:g} m"
     return _ViewSource(file, functions, rules, geometry, length, stated, overruled)
+
+
+def _ask_of_any(settings: UffImport, file: UniversalFile, questions: ViewQuestions) -> None:
+    """Ask for what is open of any functions of a file, as it is not known which are read."""
+    kinds = {kind.value for kind in FunctionKind}
+    of_kind = {f.kind: f for f in file.functions if f.kind in kinds and f.ordinate.kind in MOTION}
+    if len(of_kind) == 1:
+        with suppress(UserError):  # of this function alone, which may not be read
+            decide_conventions(settings, file, list(of_kind.values()), questions)
+        _ask_more(settings, file, next(iter(of_kind.values())), questions)
+    ask_positive(settings, file, questions)
+    if of_kind and FunctionKind.time.value not in of_kind:
+        ask_phase(settings, file, questions)
 
 
 def _ask_reference(sources: dict[str, _ViewSource], questions: ViewQuestions) -> None:

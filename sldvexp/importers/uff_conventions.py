@@ -114,16 +114,13 @@ def decide_conventions(
     UserError
         If functions differ, or are powers.
     """
-    path, kind = file.source.path, FunctionKind(functions[0].kind)
+    kind = FunctionKind(functions[0].kind)
     meaning = _one_meaning(settings, file, functions, questions)
     unit = _reference_unit(file, functions) if kind in OF_REFERENCE else None
     scaled = _scale(settings, file, functions[0], meaning, unit, questions)
     phase = Phase.exp_plus if kind is FunctionKind.time else settings.phase
     if phase is None:
-        what = "the sign of the phase (exp_plus or exp_minus)"
-        if kind is FunctionKind.cross:
-            what += "; a cross spectrum of the response and the conjugate reference is exp_plus"
-        questions.ask(path, "phase", "exp_plus", what)
+        ask_phase(settings, file, questions, kind)
     along_dof = settings.directions is Directions.dof
     ask_positive(settings, file, questions)
     if meaning is None or scaled is None or phase is None or questions:
@@ -141,6 +138,20 @@ def decide_conventions(
     factor = meaning.factor * scale * sign
     conjugate = phase is Phase.exp_minus
     return Conventions(meaning.quantity, factor, conjugate, told, meaning.odd, unit)
+
+
+def ask_phase(
+    settings: PointwiseImport,
+    file: UniversalFile,
+    questions: ViewQuestions,
+    kind: FunctionKind | None = None,
+) -> None:
+    """Ask for the sign of the phase, of functions of one kind or of any."""
+    if settings.phase is None and not (kind is None and questions.asked("phase")):
+        what = "the sign of the phase (exp_plus or exp_minus)"
+        if kind is FunctionKind.cross:
+            what += "; a cross spectrum of the response and the conjugate reference is exp_plus"
+        questions.ask(file.source.path, "phase", "exp_plus", what)
 
 
 def ask_positive(settings: PointwiseImport, file: UniversalFile, questions: ViewQuestions) -> None:

@@ -63,18 +63,25 @@ class Questions:
         """Whether something is open."""
         return bool(self._open)
 
-    def note(self, error: UserError, where: str | Path) -> None:
+    def note(self, error: UserError, where: str | Path, setting: str = "") -> Question:
         """Note an error that a setting answers; `where` is the file that its text begins with."""
         place, _, text = str(error).removeprefix(str(where)).partition(": ")
-        self._open.setdefault(text, Question(text)).places.append(f"{where}{place}")
+        question = self._open.setdefault(text, Question(text, setting=setting))
+        question.places.append(f"{where}{place}")
+        return question
+
+    def asked(self, setting: str) -> bool:
+        """Tell whether a setting is asked for."""
+        return any(question.setting == setting for question in self._open.values())
 
     @contextmanager
-    def noting(self, where: str | Path) -> Iterator[None]:
-        """Note a question that is raised within."""
+    def noting(self, where: str | Path, setting: str = "") -> Iterator[None]:
+        """Note a question that is raised within, unless its setting is asked for."""
         try:
             yield
         except OpenQuestionError as error:
-            self.note(error, where)
+            if not setting or not self.asked(setting):
+                self.note(error, where, setting)
 
     def texts(self) -> list[str]:
         """List the questions, each with the place that it is about."""

@@ -179,7 +179,7 @@ def test_views_have_references_of_their_own(uff, tmp_path):
     group = UffImport(views=views, **SAID | {"reference": "2 N"}).read()
     np.testing.assert_allclose(group["velocity"][:, 0], [FIRST] * 3, rtol=SIX_DIGITS)
     assert not take_findings({"line_of_sight": group})
-    with pytest.raises(ConfigError, match="views.c.reference"):
+    with pytest.raises(ConfigError, match=r"views\.c\.reference"):
         UffImport(views=with_own(views, "c", reference="-3 N"), **SAID)
 
 

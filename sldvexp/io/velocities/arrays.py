@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
+from sldvexp.io.questions import Questions
 from sldvexp.io.tables import AXES
 from sldvexp.io.velocities.attributes import (
     frequency_factor,
@@ -25,7 +26,7 @@ from sldvexp.io.velocities.attributes import (
     require_errors_alike,
     velocity_factor,
 )
-from sldvexp.io.velocities.headings import read_headings
+from sldvexp.io.velocities.headings import HeadingUnits, read_headings
 from sldvexp.io.velocities.matlab import read_arrays
 from sldvexp.io.velocities.table import (
     DIMENSIONS,
@@ -73,7 +74,9 @@ def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
     raw = _group(path, layout)
     data, theirs = _renamed(raw, layout, path)
     names = {str(k): layout.mapping.get(str(k), str(k)) for k in raw.variables}
-    units = read_headings(names, unit, layout, path)
+    units, questions = HeadingUnits(), Questions()
+    with questions.noting(path):
+        units = read_headings(names, unit, layout, path)
     for name in REQUIRED:
         if name not in data:
             others = [str(n) for n in data.data_vars if n not in KNOWN]
@@ -99,7 +102,22 @@ def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
         hertz = frequency_factor(data["frequency"], units.frequency, path)
         values["frequency"] = hertz * _numbers(values, "frequency", path)
     values |= _places(data, theirs, layout, path, units.length)
-    return replace(from_arrays(values, path, factor, layout), amplitude=units.amplitude)
+    return _asked(questions, values, path, factor, layout, units)
+
+
+def _asked(
+    questions: Questions,
+    values: Mapping[str, Any],
+    path: Path,
+    factor: float,
+    layout: FileLayout,
+    units: HeadingUnits,
+) -> LineOfSight:
+    """Check arrays, and ask all that is open."""
+    with questions.noting(path, "incomplete"):
+        found = from_arrays(values, path, factor, layout)
+    questions.done()
+    return replace(found, amplitude=units.amplitude)
 
 
 def _places(
@@ -150,7 +168,9 @@ def read_matlab(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
                 f"has {_contents(found)}, of which instrument.mapping may call one so"
             )
     names = {k: layout.mapping.get(k, k) for k in found}
-    units = read_headings(names, unit, layout, path)
+    units, questions = HeadingUnits(), Questions()
+    with questions.noting(path):
+        units = read_headings(names, unit, layout, path)
     if layout.order:
         values = _ordered(values, layout.order, path)
     if "frequency" in values:
@@ -165,7 +185,7 @@ def read_matlab(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
     for name in set(JOINED) & set(values):
         values[name] = np.atleast_2d(_numbers(values, name, path)) - 1
     factor = units.velocity or UNSTATED_VELOCITY.value
-    return replace(from_arrays(values, path, factor, layout), amplitude=units.amplitude)
+    return _asked(questions, values, path, factor, layout, units)
 
 
 def _names(values: Any) -> list[str]:

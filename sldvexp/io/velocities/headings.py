@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sldvexp.errors import UserError
+from sldvexp.io.questions import OpenQuestionError
 from sldvexp.io.tables import AXES
 from sldvexp.io.velocities.table import FileLayout
 from sldvexp.unit_labels import (
@@ -128,11 +129,33 @@ def _common(
             if isinstance(error, UnitNotUnderstoodError) and settings.get(quantity):
                 found[heading] = None  # the settings say it
                 continue
-            raise UserError(
-                f"{path}: the heading {heading!r}, {own}: {error}{_remedy(quantity)}"
-            ) from None
+            message = f"{path}: the heading {heading!r}, {own}: {error}{_remedy(quantity)}"
+            raise OpenQuestionError(message) from None
     _require_same(found, path)
     return next(iter(found.values()), None)
+
+
+def require_bracket_understood(
+    heading: str, unit: VelocityUnit | None, layout: FileLayout, path: Path
+) -> None:
+    """Ask for the unit in a heading whose bracket is not understood, of a column of any quantity.
+
+    Raises
+    ------
+    OpenQuestionError
+        If nothing else may say it.
+    """
+    bracket = BRACKETS.search(heading)
+    if not bracket or bracket["unit"] in NONE or (unit and layout.amplitude) or layout.length:
+        return
+    try:
+        read_unit(bracket["unit"])
+    except UnitNotUnderstoodError as error:
+        ways = [_remedy("velocity")[2:], _remedy("displacement")[2:]]
+        raise OpenQuestionError(
+            f"{path}: the heading {heading!r}: {error}; of velocities {ways[0]}; of coordinates "
+            f"{ways[1]}"
+        ) from None
 
 
 def _remedy(quantity: str) -> str:
