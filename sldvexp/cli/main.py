@@ -292,10 +292,10 @@ class Command:
         def told(error: BaseException) -> str | None:
             return config.messages.sentence(error, origins)
 
-        for mixed in config.mixed_tables.mixed_tables(cfg, origins):
-            log.warning(mixed)
         computed = True
         try:
+            for mixed in config.mixed_tables.mixed_tables(cfg, origins):
+                log.warning(mixed)
             if job.mode is RunMode.MULTIRUN:
                 computed = sweep.job.perform(cfg, job.runtime.output_dir, lines["task"], told)
             else:

@@ -22,7 +22,7 @@ from sldvexp.io.questions import Questions
 from sldvexp.io.tables import AXES
 from sldvexp.io.velocities.attributes import (
     frequency_factor,
-    require_agreement,
+    length_factor,
     require_errors_alike,
     velocity_factor,
 )
@@ -41,7 +41,7 @@ from sldvexp.io.velocities.table import (
 )
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
-from sldvexp.units import LengthUnit, VelocityUnit, unit_named
+from sldvexp.units import VelocityUnit
 
 REQUIRED = ("direction_cosines", "velocity")
 #: Dimensions that each variable may have; the first is needed.
@@ -132,13 +132,12 @@ def _places(
     if "position" not in data and all(c in data and data[c].dims == ("point",) for c in AXES):
         data = data.assign(position=xr.concat([data[c] for c in AXES], "axis", coords="minimal"))
         data["position"].attrs = dict(data["x"].attrs)
+        units = [str(data[c].attrs.get("units", "")) or "no unit" for c in AXES]
+        if len(set(units)) > 1:
+            message = f"x, y and z are in {', '.join(units)}; they must be in the same unit"
+            raise UserError(f"{path}: {message}")
     if "position" in data:
-        text = data["position"].attrs.get("units")
-        unit = named or (layout.length or UNSTATED_LENGTH).value
-        if text:
-            stated = unit_named(LengthUnit, text, f"{path}, position")
-            require_agreement(stated.value, named, path)
-            unit = stated.value
+        unit = length_factor(data["position"], layout.length, named, path)
         there["position"] = unit * _in_order(data, "position", theirs, path)
     for name in ("triangle", "line"):
         if name in data and name not in data.dims:
@@ -159,15 +158,17 @@ def read_matlab(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
     found = read_arrays(path)
     layout.require(found, path)
     values: dict[str, Any] = _with_parts({layout.mapping.get(k, k): v for k, v in found.items()})
+    names = {k: layout.mapping.get(k, k) for k in found}
     if not any(name in values for name in REQUIRED):
-        values = _of_one_struct(values, path)
+        struct, fields = _one_struct(values, path)
+        values |= fields
+        names |= {f"{struct}.{field}": field for field in fields}
     for name in REQUIRED:
         if name not in values:
             raise UserError(
                 f"{path}: the array {name} is missing; needed are {', '.join(REQUIRED)}; the file "
                 f"has {_contents(found)}, of which instrument.mapping may call one so"
             )
-    names = {k: layout.mapping.get(k, k) for k in found}
     units, questions = HeadingUnits(), Questions()
     with questions.noting(path):
         units = read_headings(names, unit, layout, path)
@@ -196,8 +197,8 @@ def _names(values: Any) -> list[str]:
     return [str(np.squeeze(name)).strip() for name in found]
 
 
-def _of_one_struct(values: dict[str, NDArray], path: Path) -> dict[str, NDArray]:
-    """Take the fields of the one struct that has what is needed, if there is one."""
+def _one_struct(values: dict[str, NDArray], path: Path) -> tuple[str, dict[str, NDArray]]:
+    """Find the one struct that has what is needed, with its fields; empty if there is none."""
     structs = list(dict.fromkeys(name.rpartition(".")[0] for name in values if "." in name))
     fields = {
         struct: {
@@ -217,7 +218,7 @@ def _of_one_struct(values: dict[str, NDArray], path: Path) -> dict[str, NDArray]
             f"{path}: the structs {' and '.join(whole)} have all that is needed; say which with "
             f"instrument.mapping={{{next(iter(whole))}.velocity: velocity, ...}}"
         )
-    return values | next(iter(whole.values()), {})
+    return next(iter(whole.items()), ("", {}))
 
 
 def _contents(found: Mapping[str, NDArray]) -> str:

@@ -10,10 +10,10 @@ from pathlib import Path
 from sldvexp.dataset import FREQUENCY
 from sldvexp.errors import UserError
 from sldvexp.io.velocities.headings import SAME, of_quantity
-from sldvexp.io.velocities.table import UNSTATED_FREQUENCY, UNSTATED_VELOCITY
+from sldvexp.io.velocities.table import UNSTATED_FREQUENCY, UNSTATED_LENGTH, UNSTATED_VELOCITY
 from sldvexp.lazy import xarray as xr
 from sldvexp.unit_labels import read_unit
-from sldvexp.units import VelocityUnit, unit_named
+from sldvexp.units import LengthUnit, VelocityUnit, unit_named
 
 
 def velocity_factor(
@@ -37,6 +37,33 @@ def velocity_factor(
         return named or UNSTATED_VELOCITY.value
     require_agreement(stated.value, named, path)
     return stated.value
+
+
+def length_factor(
+    places: xr.DataArray, unit: LengthUnit | None, named: float | None, path: Path
+) -> float:
+    """Find one of the positions' unit in m: by their attribute, name, or the settings.
+
+    Raises
+    ------
+    UserError
+        If the attribute contradicts one of the others.
+    """
+    text = str(places.attrs.get("units", ""))
+    if not text:
+        return named or (unit or UNSTATED_LENGTH).value
+    stated = unit_named(LengthUnit, text, f"{path}, position")
+    require_length(stated, unit, f"{path}: the file states positions in {text}")
+    require_agreement(stated.value, named, path)
+    return stated.value
+
+
+def require_length(stated: LengthUnit, unit: LengthUnit | None, said: str) -> None:
+    """Complain unless the unit of lengths that is set, if one is, is the file's; `said` says it."""
+    if unit not in (None, stated):
+        raise UserError(
+            f"{said}, the configuration instrument.length_unit={unit.name}; they must agree"
+        )
 
 
 def frequency_factor(frequency: xr.DataArray, named: float | None, path: Path) -> float:

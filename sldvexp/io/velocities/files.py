@@ -19,6 +19,7 @@ from sldvexp.files import require_file
 from sldvexp.io.questions import Questions
 from sldvexp.io.tables import AXES, COORDINATES, MISSING, TextTable, read_table
 from sldvexp.io.velocities.arrays import read_matlab, read_netcdf
+from sldvexp.io.velocities.attributes import require_length
 from sldvexp.io.velocities.headings import (
     HeadingUnits,
     read_headings,
@@ -168,6 +169,8 @@ def _position(
             "of their own need a column point"
         )
     if stated:
+        said = f"{table.path}: the columns {', '.join(columns)} state {stated}"
+        require_length(LengthUnit[stated], layout.length, said)
         return found * LengthUnit[stated].value
     return found * (units.length or (layout.length or UNSTATED_LENGTH).value)
 
