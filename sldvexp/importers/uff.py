@@ -169,13 +169,14 @@ def _read(
     file, functions = source.file, source.functions
     frequency: Array | None = None
     if not questions and source.rules is not None:
-        found = _view(settings, name, view, source, source.rules)
+        found = _view(settings, name, view, source, source.rules, questions)
         zero, frequency = found.missing, found.frequency
     else:
         found = None
         zero = np.array([not file.values(function)[1].any() for function in functions])
         if not settings.frequency and functions[0].kind != FunctionKind.time.value:
-            frequency = file.values(functions[0])[0]
+            abscissa = file.values(functions[0])[0]
+            frequency = abscissa if abscissa.all() else None  # 0 Hz is left out of accelerations
     try:
         _check_zeros(settings, file, functions, zero)
     except UserError as error:
@@ -293,6 +294,7 @@ def _view(
     view: PointwiseView,
     source: _ViewSource,
     rules: Conventions,
+    questions: ViewQuestions,
 ) -> PointwiseData:
     """Turn one view's functions into velocities."""
     file, functions, _, geometry, (length, by) = source[:5]
@@ -307,7 +309,7 @@ def _view(
     else:
         frequency, lines = _lines(settings, file, functions[0], rules.quantity)
         values = _at_lines(file, functions, frequency, lines)
-        require_witnesses_agree(file, functions, rules, frequency, lines)
+        require_witnesses_agree(file, functions, rules, frequency, lines, questions)
         if functions[0].kind == FunctionKind.cross.value:
             made_by, containing = settings.estimator, settings.containing
             values = estimate_response(

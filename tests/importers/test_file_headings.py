@@ -354,3 +354,42 @@ def test_coordinates_in_several_units_are_refused(tmp_path):
     data.to_netcdf(path, engine="netcdf4")
     with pytest.raises(UserError, match="x, y and z are in mm, mm, m; they must be in the same"):
         File(path=path).read()
+
+
+@pytest.mark.parametrize(
+    ("units", "settings", "factor"),
+    [
+        ("mm/s rms", {}, 2**0.5 * 1e-3),
+        ("mm s-1", {"amplitude": Amplitude.rms}, 2**0.5 * 1e-3),
+        ("cm/s p-p", {}, 0.5e-2),
+        ("mm_per_s", {}, 1e-3),
+        ("EU", {"unit": VelocityUnit.mm_per_s, "amplitude": Amplitude.rms}, 2**0.5 * 1e-3),
+    ],
+)
+def test_attribute_states_the_measure_too_or_settings_answer(tmp_path, units, settings, factor):
+    path = array_with_units(tmp_path, "velocity", units)
+    group = File(path=str(path), **settings).read()
+    np.testing.assert_allclose(group["velocity"], 4 * factor, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("name", "units", "settings", "said"),
+    [
+        ("velocity", "EU", {"unit": VelocityUnit.m_per_s}, "both instrument.unit and instrument.a"),
+        ("velocity", "m/s²", {}, "is none of a velocity; correct its attribute"),
+        ("velocity", "mm/s rms", {"amplitude": Amplitude.peak}, "instrument.amplitude=peak; they"),
+        ("v_mm_s_rms", "mm/s pk", {}, "the name of an array and its attribute units contradict"),
+    ],
+)
+def test_attribute_that_is_not_understood_is_asked_about(tmp_path, name, units, settings, said):
+    path = array_with_units(tmp_path, name, units)
+    with pytest.raises(UserError, match=said):
+        File(path=str(path), mapping=mapping_of(name), **settings).read()
+
+
+def test_measure_of_standard_errors_that_is_not_that_of_velocities_is_refused(tmp_path):
+    settings = spectra(tmp_path, "frequency", "Hz", "m/s rms")
+    with pytest.raises(UserError, match=r"velocity_std is in m/s rms, velocity in m/s; they must"):
+        File(**settings).read()
+    group = File(**settings, amplitude=Amplitude.rms).read()
+    np.testing.assert_allclose(group["velocity_std"], 0.4 * 2**0.5, rtol=1e-14)

@@ -221,3 +221,40 @@ def test_answer_as_it_is_proposed_is_right_on_the_command_line(tmp_path, sldvexp
     done = sldvexp(*arguments, answer)
     assert done.status == 0, done.err
     np.testing.assert_allclose(done.tree["line_of_sight"]["velocity"][:, :, 0], [1e-3 * VALUES] * 3)
+
+
+def test_quantity_that_another_function_contradicts_is_answered_by_its_view(uff, tmp_path):
+    """The displacement of the same motion bears witness."""
+    omega = 2j * np.pi * (100.0 + 10 * np.arange(5))
+    lines = {"first": 100.0, "step": 10.0}
+    both = uff.function(1, FIRST, unit="m/s", **lines)
+    both += uff.function(1, FIRST / omega, unit="m", quantity=8, **lines)
+    contents = dict.fromkeys("ab", uff.units() + uff.nodes(POINTS) + both)
+    views = views_of(tmp_path, contents, "uff")
+    wrong = with_own(views, "b", quantity=conventions.Quantity.acceleration)
+    said = asked(UffImport, wrong, **SAID)
+    assert "do not fit instrument.views.b.quantity=acceleration" in said
+    assert said.endswith("they fit instrument.views.b.quantity=velocity")
+    group = UffImport(views=views, **SAID).read()
+    np.testing.assert_allclose(group["velocity"][:, 0], [FIRST] * 2, rtol=SIX_DIGITS)
+
+
+def test_frequency_of_zero_raises_no_question_of_frequencies(uff, tmp_path):
+    """Accelerations have no velocity at 0 Hz, which is left out of them alone."""
+    first = {"first": 0.0, "step": 10.0}
+    contents = {
+        "a": uff.units()
+        + uff.nodes(POINTS)
+        + uff.function(1, FIRST, quantity=12, unit="m/s^2", **first),
+        "b": uff.units()
+        + uff.nodes(POINTS)
+        + uff.function(1, FIRST, quantity=12, unit="EU", **first),
+    }
+    views = views_of(tmp_path, contents, "uff")
+    said = asked(UffImport, views, **SAID)
+    assert "questions" not in said
+    assert "say it with instrument.views.b.unit" in said
+    views = with_own(views, "b", unit=conventions.MotionUnit.m)
+    group = UffImport(views=views, **SAID).read()
+    expected = FIRST[1:] / (2j * np.pi * 10.0 * np.arange(1, 5))
+    np.testing.assert_allclose(group["velocity"][:, 0], [expected] * 2, rtol=SIX_DIGITS)

@@ -24,7 +24,7 @@ from sldvexp.io.velocities.attributes import (
     frequency_factor,
     length_factor,
     require_errors_alike,
-    velocity_factor,
+    velocity_units,
 )
 from sldvexp.io.velocities.headings import HeadingUnits, read_headings
 from sldvexp.io.velocities.matlab import read_arrays
@@ -85,8 +85,11 @@ def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
                 f"{path}: the variable {name} is missing; needed are {', '.join(REQUIRED)}"
                 f"{there if others else ''}"
             )
-    factor = velocity_factor(data["velocity"], unit, units.velocity, path)
-    require_errors_alike(data, factor, path)
+    factor = UNSTATED_VELOCITY.value
+    with questions.noting(path):
+        factor, amplitude = velocity_units(data["velocity"], unit, units, layout, path)
+        require_errors_alike(data, factor, amplitude, unit, layout, path)
+        units = replace(units, amplitude=amplitude)
     values: dict[str, Any] = {}
     for name, key in (
         ("direction_cosines", "direction_cosines"),
