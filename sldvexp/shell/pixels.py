@@ -25,7 +25,7 @@ from sldvexp.shell.chart import slide
 from sldvexp.shell.linear_form import LinearForm, summed
 from sldvexp.shell.love import ThinShell
 from sldvexp.shell.outline import Outline
-from sldvexp.typing import Array, BoolArray, IndexArray
+from sldvexp.typing import Array, IndexArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class ViewPixels:
     def of(cls, view: View, laser: TwoMirror, outline: Outline, face: float) -> ViewPixels:
         """Follow the beams of all pixels without a flag to the face, so high above the splines."""
         pixel = np.flatnonzero(np.asarray(view.flags) == 0)
-        coordinates, cosine, meets = _met(view, laser, outline, face, pixel)
+        coordinates, cosine, meets = outline.chart.met(*_beams(view, laser, pixel), face)
         kept = np.flatnonzero(meets)
         kept = kept[outline.holds(coordinates[kept])]
         return cls(view, pixel[kept], coordinates[kept], cosine[kept])
@@ -64,7 +64,8 @@ class ViewPixels:
     def seen_from(self, pose: Array, laser: TwoMirror, outline: Outline, face: float) -> ViewPixels:
         """Follow the same pixels' beams from a pose that is off by a rotation vector and origin."""
         view = self.view.moved(pose)
-        coordinates, cosine, _ = _met(view, laser, outline, face, self.pixel)
+        beams = _beams(view, laser, self.pixel)
+        coordinates, cosine, _ = outline.chart.met(*beams, face, self.coordinates)
         return ViewPixels(view, self.pixel, coordinates, cosine)
 
     def changes(self, laser: TwoMirror, outline: Outline, face: float) -> tuple[Array, Array]:
@@ -86,7 +87,7 @@ class ViewPixels:
         turned, moved = none.copy(), none
         turned[:, :, :3], moved[:, :, :3] = turn, lever + far[:, None, None] * turn
         moved[:, :, 3:POSE], moved[:, :, POSE] = np.eye(3), -frames[:, 2]
-        step = chart.along(self.coordinates, face, slide(frames, moved, way))
+        step = forms.along(face, slide(frames, moved, way))
         cosine = -np.einsum("pij,pje->pie", frames, turned)
         bent = np.einsum("pij,pje->pie", forms.curvature, step)
         about = np.einsum("pj,pje->pe", forms.turn, step)
@@ -116,10 +117,3 @@ def _beams(view: View, laser: TwoMirror, pixel: IndexArray) -> tuple[Array, Arra
     own = view.laser(laser)
     start, along = rays(own.angle_from_dac(view.dac[pixel]), own.mirror_offset)
     return view.origin + start @ view.rotation, along @ view.rotation
-
-
-def _met(
-    view: View, laser: TwoMirror, outline: Outline, face: float, pixel: IndexArray
-) -> tuple[Array, Array, BoolArray]:
-    """Follow beams of some pixels to the face."""
-    return outline.chart.met(*_beams(view, laser, pixel), face)
