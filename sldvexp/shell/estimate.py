@@ -7,7 +7,7 @@ the middle and of the back, and stresses.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,9 +29,9 @@ from sldvexp.shell.outline import Outline
 from sldvexp.shell.shell import Shell
 from sldvexp.shell.splines import TensorSplines
 from sldvexp.shell.stress import plane_stress, stress_std, von_mises
-from sldvexp.shell.surface_fit import PriorErrors, SurfaceFit, fit
+from sldvexp.shell.surface_fit import MEMBRANE, PriorErrors, SurfaceFit, fit
 from sldvexp.statistics import student_factor
-from sldvexp.typing import Array, ComplexArray
+from sldvexp.typing import Array, BoolArray, ComplexArray
 from sldvexp.volume import Coordinates, Prisms, Volume
 
 #: Splines reach so far beyond the outermost pixel, over the rectangle's sides.
@@ -91,6 +91,8 @@ class SurfaceField:
 
         variance = {"noise": by_component(own), "pose": by_component(others)}
         std = np.sqrt(variance["noise"] + variance["pose"])
+        # What may be as large as all motion is not known at all.
+        determined = (self.factor * std.max(axis=0) <= self.fit.size).any(axis=-1)
         sources, each = by_source(variance)
         coords = {
             "component": list(("t1", "t2", "n") if local else ("x", "y", "z")),
@@ -122,7 +124,7 @@ class SurfaceField:
             always={
                 "position": self.prisms.position,
                 "element": self.prisms.element.astype(np.int32),
-                "observable": np.ones((nodes, 3), bool),
+                "observable": determined,
                 "samples_seen": samples,
             },
         )
@@ -135,7 +137,7 @@ class SurfaceField:
             "coordinate_system": "local" if local else "world",
             "confidence_level": self.method.confidence,
             "not_included": "; ".join(t for t in not_included(variance) if t not in NEVER),
-            "notes": "\n".join(self.notes),
+            "notes": "\n".join([*self.notes, *_undetermined(determined, coords["component"])]),
         }
         return group
 
@@ -155,7 +157,8 @@ class SurfaceField:
         coords = {"strain_component": list(STRAINS), "part": ["real", "imaginary"]}
         always = {"position": self.prisms.surface, "triangle": self.prisms.triangles}
         group = self._group("strain", coords, always=always, **found)
-        group.attrs |= {"confidence_level": self.method.confidence}
+        notes = _vague(found["strain"], found["confidence"])
+        group.attrs |= {"confidence_level": self.method.confidence, "notes": "\n".join(notes)}
         return group
 
     def _with_bounds(
@@ -396,6 +399,34 @@ def _told(found: SurfaceFit) -> list[str]:
             f"over: {1e3 * found.measured.pixel_std[0]:.3g} mm/s"
         )
     unseen = [p.view.name for p in found.pixels if not len(p.pixel)]
+    if len(unseen) == len(found.pixels) - 1 and found.face:
+        told.append(
+            "one view sees the face: it cannot tell the middle's own motion along itself from "
+            f"bending; bounds have in them what is typical of it, {MEMBRANE:.0%} of the velocities"
+        )
     if unseen:
         told.append(f"the views {', '.join(unseen)} do not see the face, and have no say")
     return told
+
+
+def _undetermined(determined: BoolArray, components: Sequence[str]) -> Iterator[str]:
+    """Name components whose bounds are larger than all motion, by how many nodes they are so at."""
+    for name, column in zip(components, determined.T, strict=True):
+        if left := int((~column).sum()):
+            yield (
+                f"{name} is not determined at {left} of {len(column)} nodes: its bounds are larger "
+                "than all motion there is; too few pixels or views see them"
+            )
+
+
+def _vague(strain: ComplexArray, bound: Array) -> Iterator[str]:
+    """Name strains whose bounds are larger than the largest strain at every frequency."""
+    rms, wide = (np.sqrt(np.mean(np.abs(a) ** 2, axis=0)) for a in (strain, bound))
+    vague = (wide > rms.max(axis=0)).all(axis=-1)
+    if vague.any():
+        names = ", ".join(f"e_{s}" for s, v in zip(STRAINS, vague, strict=True) if v)
+        sizes = ", ".join(f"{1e6 * v:.2g}" for v in wide[vague].min(axis=-1))
+        yield (
+            f"the bounds of {names}, {sizes} microstrain, are larger than all strain: it takes more "
+            "views or pixels to tell it"
+        )

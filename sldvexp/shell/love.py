@@ -30,6 +30,7 @@ from functools import partial
 
 import numpy as np
 
+from sldvexp.lazy import scipy
 from sldvexp.shell.chart import Chart
 from sldvexp.shell.linear_form import LinearForm, differentiated, summed
 from sldvexp.shell.splines import TensorSplines
@@ -199,6 +200,11 @@ class ThinShell:
 
         terms = {term for form in forms for term in form.terms}
         return {(f, i, j): (along(f, 0, i), along(f, 1, j)) for f, i, j in terms}
+
+    def squares(self) -> Array:
+        """Integrate the squares of u0, v0 and w, as a form of the coefficients."""
+        own, bending = self.membrane.penalty(0), self.bending.penalty(0)
+        return np.asarray(scipy.linalg.block_diag(own, own, bending))
 
     def penalties(self, length: float | None) -> list[Array]:
         """Make the priors' precisions of w, and of u0 and v0 together, but for their weights.

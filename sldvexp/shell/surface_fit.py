@@ -30,6 +30,8 @@ from sldvexp.typing import Array, ComplexArray
 #: Logarithms of weights that are tried, for coefficients over the velocities' size: of w, and of
 #: the motion along the surface, whose large ones stand for "none".
 WEIGHTS = (np.arange(-11.0, 17.0, 1.5), np.arange(-9.0, 21.0, 1.5))
+#: Motion that nothing speaks against where no pixel is, over the velocities' size.
+LARGEST = 100.0
 #: Typical size of the middle's own motion along itself, over the velocities': thin structures bend.
 MEMBRANE = 0.05
 #: Pixels without which no field is found: more than a cubic polynomial in two variables has terms.
@@ -164,6 +166,12 @@ class SurfaceFit:
     at: Array
 
     @cached_property
+    def size(self) -> Array:
+        """Root mean square of the pixels' velocities, shape (frequency,), m/s."""
+        power = np.mean((self.columns.data * self.measured.pixel_std[:, None]) ** 2, axis=0)
+        return np.asarray(np.sqrt(self.columns.quadratic(np.diag(power)).sum(axis=0)))
+
+    @cached_property
     def residual(self) -> ComplexArray:
         """Velocities less those of the splines, shape (pixel, frequency), m/s."""
         return np.concatenate([left for _, _, left in self.residuals()])
@@ -292,6 +300,7 @@ class _Equations:
             normal += design.T @ design
             right += design.T @ data[some]
         size = np.sqrt(np.mean((data[:, 0] * self.measured.pixel_std) ** 2))
+        normal += self.shell.squares() / (LARGEST * size) ** 2
         posterior = WeightedFit.of(
             normal,
             right,
