@@ -1,4 +1,5 @@
 from . import estimate as estimate
+from . import streamed as streamed
 from .chart import Chart as Chart
 from .cylinder_chart import CylinderChart as CylinderChart
 from .estimate import SurfaceField as SurfaceField

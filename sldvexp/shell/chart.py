@@ -47,9 +47,13 @@ class LocalForms:
         """Compute ``delta + z kappa``, lengths at a height over those on the surface, (p, 2, 2)."""
         return np.asarray(np.eye(2) + height * self.curvature)
 
+    def shrink(self, height: float) -> Array:
+        """Compute lengths on the surface over those at a height, (point, 2, 2)."""
+        return np.asarray(np.linalg.inv(self.stretch(height)), float)
+
     def at(self, height: float) -> LocalForms:
         """Find those of the surface at a height, whose local axes are the same."""
-        shrink = np.linalg.inv(self.stretch(height))
+        shrink = self.shrink(height)
         turn = np.einsum("pij,pj->pi", shrink, self.turn)
         return LocalForms(shrink @ self.rate, shrink @ self.curvature, turn)
 

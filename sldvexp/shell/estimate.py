@@ -8,7 +8,7 @@ the middle and of the back, and stresses.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from sldvexp.field.estimate import NO_COVARIANCE
 from sldvexp.field.visibility.view import View, views_of
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
+from sldvexp.shell.linear_form import summed
 from sldvexp.shell.love import STRAINS, ThinShell
 from sldvexp.shell.material import Isotropic
 from sldvexp.shell.method import GivenSurface, PoseTreatment, SurfaceReconstruction
@@ -31,7 +32,7 @@ from sldvexp.shell.splines import TensorSplines
 from sldvexp.shell.stress import plane_stress, stress_std, von_mises
 from sldvexp.shell.surface_fit import MEMBRANE, PriorErrors, SurfaceFit, fit
 from sldvexp.statistics import student_factor
-from sldvexp.typing import Array, BoolArray, ComplexArray
+from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 from sldvexp.volume import Coordinates, Prisms, Volume
 
 #: Splines reach so far beyond the outermost pixel, over the rectangle's sides.
@@ -41,6 +42,8 @@ UNIT = 1 / 3
 #: Length over which the middle's motion along itself varies, over the longer side.
 LENGTH = 2 / 3
 
+#: Difference of coordinates, over their extent, that is none.
+SAME = 1e-9
 #: Step of the difference by which strains are differentiated by the height, m.
 STEP = 1e-6
 
@@ -76,20 +79,16 @@ class SurfaceField:
         """Half-width of an interval over the standard error."""
         return float(student_factor(self.method.confidence, np.inf))
 
+    def of_lines(self, lines: slice) -> SurfaceField:
+        """Keep some of the lines."""
+        assert self.frequency is not None
+        return replace(self, fit=self.fit.of_lines(lines), frequency=self.frequency[lines])
+
     def field(self) -> xr.Dataset:
         """Make the group ``field``."""
         local = self.volume.coordinates is Coordinates.local
-        rows = self._velocity_rows(local)
-        nodes = self.prisms.nodes
-        thicker = self._velocity_rows(local, by_height=True) if self._hangs_from_face else None
-        values, own, others = self.fit.evaluate(
-            np.concatenate(rows), None if thicker is None else np.concatenate(thicker) / 2
-        )
-
-        def by_component(array: NDArray[Any]) -> NDArray[Any]:
-            return np.moveaxis(array.reshape(*array.shape[:-2], 3, nodes, -1), -3, -2)
-
-        variance = {"noise": by_component(own), "pose": by_component(others)}
+        values, own, others = self._at_nodes(local)
+        variance = {"noise": own, "pose": others}
         std = np.sqrt(variance["noise"] + variance["pose"])
         # What may be as large as all motion is not known at all.
         determined = (self.factor * std.max(axis=0) <= self.fit.size).any(axis=-1)
@@ -109,7 +108,7 @@ class SurfaceField:
         group = self._group(
             "field",
             coords,
-            velocity=by_component(values),
+            velocity=values,
             velocity_std=std.max(axis=0),
             confidence=self.factor * std.max(axis=0),
             velocity_std_noise=np.sqrt(variance["noise"]).max(axis=0),
@@ -137,9 +136,9 @@ class SurfaceField:
             "coordinate_system": "local" if local else "world",
             "confidence_level": self.method.confidence,
             "not_included": "; ".join(t for t in not_included(variance) if t not in NEVER),
-            "notes": "\n".join([*self.notes, *_undetermined(determined, coords["component"])]),
+            "notes": "\n".join(self.notes),
         }
-        return group
+        return with_undetermined(group, determined)
 
     def strain(self) -> xr.Dataset:
         """Make the group ``strain``, at the nodes of the given surface."""
@@ -214,18 +213,54 @@ class SurfaceField:
         """True if nodes are laid around the face, so that the thickness decides their height."""
         return self.method.of_middle and self.method.given is GivenSurface.face
 
-    def _velocity_rows(self, local: bool, by_height: bool = False) -> list[Array]:
-        """Make the rows of every component at all nodes, or their derivatives by the height."""
+    def _at_nodes(self, local: bool) -> list[NDArray[Any]]:
+        """Compute the velocity and its variances at all nodes, as `SurfaceFit.evaluate` does.
+
+        The velocity is linear in the height and its variances are quadratic: where the layers have
+        the same coordinates, three of them give all.
+
+        Returns
+        -------
+        list of ndarray, shape (..., node, component, frequency)
+        """
+        layers, count = self.prisms.layers, self.prisms.surface_nodes
         place, height = self.fit.outline.chart.place(self.prisms.position)
+        by_layer, z = place.reshape(layers, count, 2), height.reshape(layers, count)
+        alike = np.abs(by_layer - by_layer[0]).max() < SAME * np.ptp(place)
+        some = [0, layers // 2, layers - 1] if alike and layers > 3 else list(range(layers))
+        nodes = np.arange(self.prisms.nodes).reshape(layers, count)[some].ravel()
+        rows = self._velocity_rows(place[nodes], height[nodes], nodes, local)
+        thicker = None
+        if self._hangs_from_face:
+            thicker = self._velocity_rows(place[nodes], None, nodes, local) / 2
+
+        def at_all(found: NDArray[Any]) -> NDArray[Any]:
+            own = np.moveaxis(found.reshape(*found.shape[:-2], 3, len(nodes), -1), -3, -2)
+            if len(some) == layers:
+                return own
+            own = own.reshape(*own.shape[:-3], len(some), count, *own.shape[-2:])
+            whole = np.einsum("lsn,...sncf->...lncf", _interpolating(z, z[some]), own)
+            return whole.reshape(*own.shape[:-4], -1, *own.shape[-2:])
+
+        return [at_all(found) for found in self.fit.evaluate(rows, thicker)]
+
+    def _velocity_rows(
+        self, place: Array, height: Array | None, nodes: IndexArray, local: bool
+    ) -> Array:
+        """Make the rows of every component at nodes, one component after the other.
+
+        Without a height they are the derivatives by the height.
+        """
         shell = self.fit.shell
-        own = shell.velocity_by_height(place) if by_height else shell.velocity(place, height)
+        own = shell.motion_by_height(place) if height is None else shell.motion(place, height)
         frames = self.fit.outline.chart.frames(place)
         if local:
-            axes = np.tile(self.prisms.frame, (len(self.prisms.depth), 1, 1))
+            axes = self.prisms.frame[nodes % self.prisms.surface_nodes]
             turn = np.einsum("nai,nbi->nab", axes, frames)
         else:
             turn = np.swapaxes(frames, 1, 2)
-        return [sum(turn[:, a, i, None] * own[i] for i in range(3)) for a in range(3)]
+        turned = [summed([own[i] * turn[:, a, i] for i in range(3)]) for a in range(3)]
+        return np.concatenate(shell.rows(place, turned))
 
     def _residual_squares(self) -> tuple[Array, Array]:
         """Add up squared residuals, (view, frequency), and compare them with the stated noise."""
@@ -257,6 +292,7 @@ def reconstruct_surface(
     volume: Volume,
     method: SurfaceReconstruction,
     material: Isotropic | None,
+    reduced: Mapping[str, xr.Dataset] | None = None,
 ) -> SurfaceField:
     """Estimate a smooth field on the volume's surface from the groups of a run.
 
@@ -264,20 +300,27 @@ def reconstruct_surface(
     ----------
     tree : mapping of str to xarray.Dataset
         With the groups ``pose`` and ``image/<view>``.
+    reduced : mapping of str to xarray.Dataset, optional
+        Images of few lines to look for pixels in, where those of the tree are Dask arrays, which
+        are read some pixels at a time.
 
     Raises
     ------
     UserError
         See `estimate_surface`.
     """
-    views = views_of(tree, laser)
+    views = views_of({**tree, **(reduced or {})}, laser)
     image = tree[f"image/{views[0].name}"]
     frequency = image["frequency"].values if "frequency" in image.coords else None
     known = PoseErrors.from_dataset(tree["pose"], [v.name for v in views])
     joint = None if known is None else known.whole
-    return estimate_surface(
-        views, laser, volume, method, material, frequency=frequency, covariance=joint
-    )
+    if reduced is None:
+        return estimate_surface(
+            views, laser, volume, method, material, frequency=frequency, covariance=joint
+        )
+    images = [tree[f"image/{v.name}"] for v in views]
+    data = [i["velocity"].data for i in images], [i["velocity_std"].data for i in images]
+    return _estimate(views, *data, laser, volume, method, material, frequency, joint)
 
 
 def estimate_surface(
@@ -340,6 +383,24 @@ def estimate_surface(
     [0.0, 0.0, 2.0]
     """
     given_frequency = None if frequency is None else np.asarray(frequency, float)
+    images, std = [v.velocity for v in views], [v.std for v in views]
+    return _estimate(
+        views, images, std, laser, volume, method, material, given_frequency, covariance
+    )
+
+
+def _estimate(
+    views: Sequence[View],
+    images: Sequence[Any],
+    std: Sequence[Any],
+    laser: TwoMirror,
+    volume: Volume,
+    method: SurfaceReconstruction,
+    material: Isotropic | None,
+    frequency: Array | None,
+    covariance: Array | None,
+) -> SurfaceField:
+    """Do what `estimate_surface` does, with images that need not be in memory."""
     face, given = _heights(method, material)
     prisms = volume.prisms()
     outline = Outline.of(volume, prisms, given, method.margin)
@@ -357,11 +418,27 @@ def estimate_surface(
         joint, method.height_tolerance, thickness, method.poses is PoseTreatment.adjust
     )
     shell = _splines(outline, method, longest)
-    images, std = [v.velocity for v in views], [v.std for v in views]
     found = fit(views, images, std, laser, outline, shell, face, length, errors)
-    return SurfaceField(
-        found, prisms, volume, method, material, given_frequency, [*notes, *_told(found)]
-    )
+    return SurfaceField(found, prisms, volume, method, material, frequency, [*notes, *_told(found)])
+
+
+def _interpolating(z: Array, known: Array) -> Array:
+    """Make the weights of three heights that give quadratic functions at others.
+
+    Parameters
+    ----------
+    z : ndarray, shape (layer, node)
+    known : ndarray, shape (3, node)
+
+    Returns
+    -------
+    ndarray, shape (layer, 3, node)
+    """
+    weights = np.ones((len(z), 3, z.shape[1]))
+    for i in range(3):
+        for j in {0, 1, 2} - {i}:
+            weights[:, i] *= (z - known[j]) / (known[i] - known[j])
+    return weights
 
 
 def _heights(method: SurfaceReconstruction, material: Isotropic | None) -> tuple[float, float]:
@@ -409,14 +486,26 @@ def _told(found: SurfaceFit) -> list[str]:
     return told
 
 
-def _undetermined(determined: BoolArray, components: Sequence[str]) -> Iterator[str]:
-    """Name components whose bounds are larger than all motion, by how many nodes they are so at."""
-    for name, column in zip(components, determined.T, strict=True):
+def with_undetermined(field: xr.Dataset, determined: BoolArray) -> xr.Dataset:
+    """Tell which components of a field are determined at which nodes, and note where not.
+
+    Parameters
+    ----------
+    field : xarray.Dataset
+        The group ``field``.
+    determined : ndarray of bool, shape (node, component)
+        Where bounds are smaller than all motion there is.
+    """
+    notes = [field.attrs["notes"]] if field.attrs["notes"] else []
+    for name, column in zip(field["component"].values, determined.T, strict=True):
         if left := int((~column).sum()):
-            yield (
+            notes.append(
                 f"{name} is not determined at {left} of {len(column)} nodes: its bounds are larger "
                 "than all motion there is; too few pixels or views see them"
             )
+    values = determined.astype(field["observable"].dtype)
+    field = field.assign(observable=field["observable"].copy(data=values))
+    return field.assign_attrs(notes="\n".join(notes))
 
 
 def _vague(strain: ComplexArray, bound: Array) -> Iterator[str]:
@@ -427,6 +516,6 @@ def _vague(strain: ComplexArray, bound: Array) -> Iterator[str]:
         names = ", ".join(f"e_{s}" for s, v in zip(STRAINS, vague, strict=True) if v)
         sizes = ", ".join(f"{1e6 * v:.2g}" for v in wide[vague].min(axis=-1))
         yield (
-            f"the bounds of {names}, {sizes} microstrain, are larger than all strain: it takes more "
-            "views or pixels to tell it"
+            f"the bounds of {names}, {sizes} microstrain, are larger than all strain: it takes "
+            "more views or pixels to tell it"
         )

@@ -130,7 +130,9 @@ def fitted_chart(prisms: Prisms) -> CylinderChart:
     return best[0]
 
 
-def _cylinder(nodes: Array, middle: Array, normal: Array, across: Array) -> tuple[CylinderChart, float]:
+def _cylinder(
+    nodes: Array, middle: Array, normal: Array, across: Array
+) -> tuple[CylinderChart, float]:
     """Fit a cylinder that bends along one direction first; the largest distance of a node."""
     axes = np.stack([across, np.cross(normal, across), normal])
     x, _, h = ((nodes - middle) @ axes.T).T

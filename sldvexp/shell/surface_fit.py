@@ -7,7 +7,7 @@ errors enter linearised (`sldvexp.shell.nuisances`), and the fit is repeated whe
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -182,6 +182,13 @@ class SurfaceFit:
         for k, some, block in blocks(self.pixels):
             fitted = self.columns.combined(block.predicted(self.shell, theta, self.face))
             yield k, some, self.measured.velocity(k, block) - fitted
+
+    def of_lines(self, lines: slice) -> SurfaceFit:
+        """Keep some of the lines."""
+        m = self.measured
+        images = [image[:, lines] for image in m.images]
+        measured = replace(m, images=images, scale=m.scale[lines])
+        return replace(self, measured=measured, columns=self.columns.of_part(lines))
 
     def evaluate(
         self, rows: Array, thicker: Array | None = None
