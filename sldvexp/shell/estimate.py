@@ -27,6 +27,7 @@ from sldvexp.shell.love import STRAINS, ThinShell
 from sldvexp.shell.material import Isotropic
 from sldvexp.shell.method import GivenSurface, PoseTreatment, SurfaceReconstruction
 from sldvexp.shell.outline import Outline
+from sldvexp.shell.refusals import require_no_crossing
 from sldvexp.shell.shell import Shell
 from sldvexp.shell.splines import TensorSplines
 from sldvexp.shell.stress import plane_stress, stress_std, von_mises
@@ -404,6 +405,7 @@ def _estimate(
     face, given = _heights(method, material)
     prisms = volume.prisms()
     outline = Outline.of(volume, prisms, given, method.margin)
+    require_no_crossing(outline)
     longest = float((outline.high - outline.low).max())
     length = None
     if isinstance(method, Shell):

@@ -25,6 +25,7 @@ from sldvexp.shell.love import ThinShell
 from sldvexp.shell.nuisances import Nuisances
 from sldvexp.shell.outline import Outline
 from sldvexp.shell.pixels import ViewPixels
+from sldvexp.shell.refusals import too_few_pixels
 from sldvexp.typing import Array, ComplexArray
 
 #: Logarithms of weights that are tried, for coefficients over the velocities' size: of w, and of
@@ -251,10 +252,7 @@ def fit(
     pixels = [ViewPixels.of(view, laser, outline, face) for view in views]
     count = sum(len(p.pixel) for p in pixels)
     if count < FEWEST:
-        raise UserError(
-            f"{count} pixels of all views together meet the surface from the side of its normals, "
-            f"where {FEWEST} are needed: does the volume lie where the structure is?"
-        )
+        raise too_few_pixels(count, FEWEST, views, outline, face)
     measured = Measured.of(images, std, pixels, shell, face)
     equations = _Equations(laser, outline, shell, face, length, errors, pixels, measured)
     found = equations.at(np.zeros(len(errors.factor)))
