@@ -108,6 +108,11 @@ class Gages(Check):
             places, _ = gage.points()
             if not outline.holds(places).all():
                 (a, b), (c, d) = outline.low, outline.high
+                if (np.ptp(places, axis=0) > outline.high - outline.low).any():
+                    raise UserError(
+                        f"check.gages: {name}, {1e3 * gage.length:g} x {1e3 * gage.width:g} mm, is "
+                        f"longer than the surface, {1e3 * (c - a):.4g} x {1e3 * (d - b):.4g} mm"
+                    )
                 raise UserError(
                     f"check.gages: {name} is not on the surface with its whole grid of "
                     f"{1e3 * gage.length:g} x {1e3 * gage.width:g} mm: place is within "

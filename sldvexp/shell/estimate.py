@@ -7,7 +7,7 @@ the middle and of the back, and stresses.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -30,12 +30,13 @@ from sldvexp.shell.material import Isotropic
 from sldvexp.shell.method import GivenSurface, PoseTreatment, SurfaceReconstruction
 from sldvexp.shell.outline import Outline
 from sldvexp.shell.principal import PRINCIPAL
+from sldvexp.shell.refusals import require_no_crossing
 from sldvexp.shell.shell import Shell
 from sldvexp.shell.splines import TensorSplines
-from sldvexp.shell.surface_fit import PriorErrors, SurfaceFit, fit
+from sldvexp.shell.surface_fit import MEMBRANE, PriorErrors, SurfaceFit, fit
 from sldvexp.shell.surface_strain import SurfaceStrain
 from sldvexp.statistics import student_factor
-from sldvexp.typing import Array, ComplexArray, IndexArray
+from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 from sldvexp.volume import Coordinates, Prisms, Volume
 
 #: Splines reach so far beyond the outermost pixel, over the rectangle's sides.
@@ -96,9 +97,10 @@ class SurfaceField:
     def field(self) -> xr.Dataset:
         """Make the group ``field``."""
         local = self.volume.coordinates is Coordinates.local
-        nodes = self.prisms.nodes
         values, variance = self._at_nodes(local)
         std = np.sqrt(np.sum(list(variance.values()), axis=0))
+        # What may be as large as all motion is not known at all.
+        determined = (self.factor * std.max(axis=0) <= self.fit.size).any(axis=-1)
         sources, each = by_source(variance)
         coords = {
             "component": list(("t1", "t2", "n") if local else ("x", "y", "z")),
@@ -130,7 +132,7 @@ class SurfaceField:
             always={
                 "position": self.prisms.position,
                 "element": self.prisms.element.astype(np.int32),
-                "observable": np.ones((nodes, 3), bool),
+                "observable": determined,
                 "samples_seen": samples,
             },
         )
@@ -145,7 +147,7 @@ class SurfaceField:
             "not_included": "; ".join(t for t in not_included(variance) if t not in NEVER),
             "notes": "\n".join(self.notes),
         }
-        return group
+        return with_undetermined(group, determined)
 
     def strain(self) -> xr.Dataset:
         """Make the group ``strain``, at the nodes of the given surface."""
@@ -171,7 +173,8 @@ class SurfaceField:
             "frame": chart.frames(place),
         }
         group = self._group("strain", coords, always=always, **found)
-        group.attrs |= {"confidence_level": self.method.confidence}
+        notes = _vague(found["strain"], found["confidence"])
+        group.attrs |= {"confidence_level": self.method.confidence, "notes": "\n".join(notes)}
         return group
 
     def strain_of(
@@ -398,6 +401,7 @@ def _estimate(
     face, given = _heights(method, material)
     prisms = volume.prisms()
     outline = Outline.of(volume, prisms, given)
+    require_no_crossing(outline)
     longest = float((outline.high - outline.low).max())
     length = None
     if isinstance(method, Shell):
@@ -475,6 +479,46 @@ def _told(found: SurfaceFit) -> list[str]:
             f"over: {1e3 * found.measured.pixel_std[0]:.3g} mm/s"
         )
     unseen = [p.view.name for p in found.pixels if not len(p.pixel)]
+    if len(unseen) == len(found.pixels) - 1 and found.face:
+        told.append(
+            "one view sees the face: it cannot tell the middle's own motion along itself from "
+            f"bending; bounds have in them what is typical of it, {MEMBRANE:.0%} of the velocities"
+        )
     if unseen:
         told.append(f"the views {', '.join(unseen)} do not see the face, and have no say")
     return told
+
+
+def with_undetermined(field: xr.Dataset, determined: BoolArray) -> xr.Dataset:
+    """Tell which components of a field are determined at which nodes, and note where not.
+
+    Parameters
+    ----------
+    field : xarray.Dataset
+        The group ``field``.
+    determined : ndarray of bool, shape (node, component)
+        Where bounds are smaller than all motion there is.
+    """
+    notes = [field.attrs["notes"]] if field.attrs["notes"] else []
+    for name, column in zip(field["component"].values, determined.T, strict=True):
+        if left := int((~column).sum()):
+            notes.append(
+                f"{name} is not determined at {left} of {len(column)} nodes: its bounds are larger "
+                "than all motion there is; too few pixels or views see them"
+            )
+    values = determined.astype(field["observable"].dtype)
+    field = field.assign(observable=field["observable"].copy(data=values))
+    return field.assign_attrs(notes="\n".join(notes))
+
+
+def _vague(strain: ComplexArray, bound: Array) -> Iterator[str]:
+    """Name strains whose bounds are larger than the largest strain at every frequency."""
+    rms, wide = (np.sqrt(np.mean(np.abs(a) ** 2, axis=0)) for a in (strain, bound))
+    vague = (wide > rms.max(axis=0)).all(axis=-1)
+    if vague.any():
+        names = ", ".join(f"e_{s}" for s, v in zip(STRAINS, vague, strict=True) if v)
+        sizes = ", ".join(f"{1e6 * v:.2g}" for v in wide[vague].min(axis=-1))
+        yield (
+            f"the bounds of {names}, {sizes} microstrain, are larger than all strain: it takes "
+            "more views or pixels to tell it"
+        )

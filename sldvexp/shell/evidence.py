@@ -92,7 +92,7 @@ class Level:
         Raises
         ------
         numpy.linalg.LinAlgError
-            If no prior makes up for what the data leave open.
+            If round-off hides what data and priors say, at all weights.
         """
         lower = _cholesky(precision[np.ix_(inner, inner)])
         coupling = _solve(lower, precision[np.ix_(inner, outer)])
@@ -182,7 +182,7 @@ class WeightedFit:
         Raises
         ------
         numpy.linalg.LinAlgError
-            If data and penalties together leave coefficients open.
+            If data and penalties together leave coefficients open, at all weights.
         """
         (first, second), (own, other) = penalties, grids
         of_second = second.any(axis=1)
@@ -193,13 +193,18 @@ class WeightedFit:
         levels, density = [], []
         for lam in own:
             precision = normal + np.exp(lam) * first
-            level = Level.of(precision, second, inner, outer, np.exp(other))
+            try:
+                level = Level.of(precision, second, inner, outer, np.exp(other))
+            except np.linalg.LinAlgError:
+                continue  # round-off of so strong a prior hides what the data say
             of_inner, of_outer = level.whitened(reduced)
             explained = (of_inner**2).sum(axis=0) + level.scale.T @ of_outer**2
             prior = rank * lam + log + other_rank * other + other_log
             twice = squares - explained + (level.determinant - prior)[:, None]
             levels.append(level)
             density.append(-twice / 2 + of_tau[:, None])
+        if not levels:
+            raise np.linalg.LinAlgError("the data and both priors leave coefficients open")
         share = np.exp(np.array(density) - np.max(density, axis=(0, 1)))
         share /= share.sum(axis=(0, 1))
         share[share < NEGLIGIBLE] = 0

@@ -190,8 +190,16 @@ def test_gages_that_cannot_be(settings, told):
         Gages({"g": Gage(**settings)})
 
 
-@pytest.mark.parametrize("gage", [{"place": [0.3, 0.0]}, {"place": [0.0, 0.0], "length": 0.4}])
-def test_a_gage_beside_the_surface_or_longer_is_named(examined, gage):
-    size = f"{1e3 * gage.get('length', 0.006):g} x 3"
-    with pytest.raises(UserError, match=f"far is not on the surface .* grid of {size}"):
+@pytest.mark.parametrize(
+    ("gage", "told"),
+    [
+        ({"place": [0.3, 0.0]}, "far is not on the surface with its whole grid of 6 x 3 mm"),
+        (
+            {"place": [0.0, 0.0], "length": 0.4},
+            "far, 400 x 3 mm, is longer than the surface, 300 x",
+        ),
+    ],
+)
+def test_a_gage_beside_the_surface_or_longer_is_named(examined, gage, told):
+    with pytest.raises(UserError, match=told):
         examined(places={"far": Gage(**gage)})
