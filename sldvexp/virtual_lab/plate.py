@@ -27,7 +27,7 @@ from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.attached import TERMS, LoadedModes, LoadedPlate, PointMass, Rib
 from sldvexp.virtual_lab.beam import Beams, SceneObject
 from sldvexp.virtual_lab.calibration_scene import CalibrationScene
-from sldvexp.virtual_lab.modes import KAPPA, Coupling, Direction, EdgeSupport, Mode, Rectangle
+from sldvexp.virtual_lab.modes import KAPPA, Coupling, Direction, EdgeSupport, Mode, RectangularPlate
 from sldvexp.virtual_lab.motion import DampedModes, Sheet
 from sldvexp.virtual_lab.surface import CylinderSurface, FlatSurface, PlateSurface
 
@@ -187,7 +187,7 @@ class Plate(AnyPlate):
         if self.shear and self.shear_share is not None:
             shear = self.shear_share / (1 - self.shear_share) / (math.pi**2 * (a**-2 + b**-2))
         curvature = 0.0 if self.radius is None else 1 / (unit * self.radius)
-        whole = Rectangle((a, b), self.edges, sheet, curvature, self.coupling, shear)
+        whole = RectangularPlate((a, b), self.edges, sheet, curvature, self.coupling, shear)
         bare = whole.modes(self.modes.values())
         if not (self.masses or self.ribs):
             return bare
