@@ -281,24 +281,11 @@ def _field(run: Run) -> None:
         visibility = velocity_field.estimate.volume_visibility(run.tree, e.laser, e.volume)
         return velocity_field.estimate.reconstruct(run.tree, visibility, e.volume, method, e.solver)
 
-    _reconstruct(run, "field", in_volume)
+    def on_surface(method: shell.SurfaceReconstruction) -> list[xr.Dataset]:
+        found = shell.estimate.reconstruct_surface(run.tree, e.laser, e.volume, method, e.material)
+        return [found.field()] if found.frequency is None else [found.field(), found.strain()]
 
-
-def _on_surface(run: Run, name: str, method: shell.SurfaceReconstruction) -> None:
-    """Add the field and the strain of splines on the volume's surface."""
-    e = run.experiment
-    if e.volume is None or e.laser is None:
-        raise UserError(
-            "needs a surface and images of it: choose a volume and a laser, or "
-            "reconstruction=absolute for single points"
-        )
-    if e.stream is not None:
-        raise UserError("splines on the surface take all frequencies at once: leave out stream")
-    found = shell.estimate.reconstruct_surface(run.tree, e.laser, e.volume, method, e.material)
-    run.tree[name] = found.field()
-    if found.frequency is not None:
-        compared = name.removeprefix("compare/")
-        run.tree["strain" if name == "field" else f"{COMPARED_STRAIN}{compared}"] = found.strain()
+    _reconstruct(run, "field", in_volume, on_surface)
 
 
 def _streamed_field(run: Run) -> None:
@@ -322,20 +309,49 @@ def _streamed_field(run: Run) -> None:
             args = (tree, small, visibility, e.volume, method, e.solver, work, next(folders))
             return velocity_field.streaming.stream_field(*args)
 
-        _reconstruct(run, "field", streamed)
+        def on_surface(method: shell.SurfaceReconstruction) -> tuple[xr.Dataset, ...]:
+            found = shell.estimate.reconstruct_surface(
+                tree, e.laser, e.volume, method, e.material, small.images
+            )
+            first = next(iter(images.values()))
+            lines = velocity_field.streaming.slices(first["velocity"], "frequency")
+            return shell.streamed.stream_surface(found, lines, next(folders))
+
+        _reconstruct(run, "field", streamed, on_surface)
 
 
-def _reconstruct(run: Run, group: str, work: Callable[[Reconstruction], xr.Dataset]) -> None:
-    """Add the groups of the chosen method and of those it is compared with."""
+def _reconstruct(
+    run: Run,
+    group: str,
+    work: Callable[[Reconstruction], xr.Dataset],
+    on_surface: Callable[[shell.SurfaceReconstruction], Sequence[xr.Dataset]] | None = None,
+) -> None:
+    """Add the groups of the chosen method and of those it is compared with.
+
+    Parameters
+    ----------
+    work : callable
+        From a method to its group.
+    on_surface : callable, optional
+        From splines on the volume's surface to their field and, if they have one, its strain.
+    """
     e = run.experiment
     methods = {group: e.reconstruction} if e.reconstruction else {}
     methods |= {f"compare/{name}": method for name, method in e.compare.items()}
     for name, method in methods.items():
         try:
-            if isinstance(method, shell.SurfaceReconstruction):
-                _on_surface(run, name, method)
-            else:
+            if not isinstance(method, shell.SurfaceReconstruction):
                 run.tree[name] = work(method)
+                continue
+            if on_surface is None or e.volume is None or e.laser is None:
+                raise UserError(
+                    "needs a surface and images of it: choose a volume and a laser, or "
+                    "reconstruction=absolute for single points"
+                )
+            run.tree[name], *strain = on_surface(method)
+            compared = name.removeprefix("compare/")
+            for found in strain:
+                run.tree["strain" if name == "field" else f"{COMPARED_STRAIN}{compared}"] = found
         except UserError as error:
             where = "reconstruction" if name == group else name.replace("/", ".")
             raise UserError(f"{where}: {error}") from None

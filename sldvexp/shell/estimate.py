@@ -8,7 +8,7 @@ the middle and of the back, and stresses.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,8 @@ from sldvexp.field.visibility.view import View, views_of
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.shell.around_holes import HoleFunctions
+from sldvexp.shell.calibration import CalibrationError, calibration_errors
+from sldvexp.shell.linear_form import summed
 from sldvexp.shell.love import STRAINS, ThinShell
 from sldvexp.shell.material import Isotropic
 from sldvexp.shell.method import GivenSurface, PoseTreatment, SurfaceReconstruction
@@ -32,7 +34,7 @@ from sldvexp.shell.splines import TensorSplines
 from sldvexp.shell.stress import plane_stress, stress_std, von_mises
 from sldvexp.shell.surface_fit import PriorErrors, SurfaceFit, fit
 from sldvexp.statistics import student_factor
-from sldvexp.typing import Array, ComplexArray
+from sldvexp.typing import Array, ComplexArray, IndexArray
 from sldvexp.volume import Coordinates, Prisms, Volume
 
 #: Splines reach so far beyond the outermost pixel, over the rectangle's sides.
@@ -42,6 +44,8 @@ UNIT = 1 / 3
 #: Length over which the middle's motion along itself varies, over the longer side.
 LENGTH = 2 / 3
 
+#: Difference of coordinates, over their extent, that is none.
+SAME = 1e-9
 #: Step of the difference by which strains are differentiated by the height, m.
 STEP = 1e-6
 
@@ -77,21 +81,17 @@ class SurfaceField:
         """Half-width of an interval over the standard error."""
         return float(student_factor(self.method.confidence, np.inf))
 
+    def of_lines(self, lines: slice) -> SurfaceField:
+        """Keep some of the lines."""
+        assert self.frequency is not None
+        return replace(self, fit=self.fit.of_lines(lines), frequency=self.frequency[lines])
+
     def field(self) -> xr.Dataset:
         """Make the group ``field``."""
         local = self.volume.coordinates is Coordinates.local
-        rows = self._velocity_rows(local)
         nodes = self.prisms.nodes
-        thicker = self._velocity_rows(local, by_height=True) if self._hangs_from_face else None
-        values, own, others = self.fit.evaluate(
-            np.concatenate(rows), None if thicker is None else np.concatenate(thicker) / 2
-        )
-
-        def by_component(array: NDArray[Any]) -> NDArray[Any]:
-            return np.moveaxis(array.reshape(*array.shape[:-2], 3, nodes, -1), -3, -2)
-
-        variance = {"noise": by_component(own), "pose": by_component(others)}
-        std = np.sqrt(variance["noise"] + variance["pose"])
+        values, variance = self._at_nodes(local)
+        std = np.sqrt(np.sum(list(variance.values()), axis=0))
         sources, each = by_source(variance)
         coords = {
             "component": list(("t1", "t2", "n") if local else ("x", "y", "z")),
@@ -108,7 +108,7 @@ class SurfaceField:
         group = self._group(
             "field",
             coords,
-            velocity=by_component(values),
+            velocity=values,
             velocity_std=std.max(axis=0),
             confidence=self.factor * std.max(axis=0),
             velocity_std_noise=np.sqrt(variance["noise"]).max(axis=0),
@@ -212,18 +212,56 @@ class SurfaceField:
         """True if nodes are laid around the face, so that the thickness decides their height."""
         return self.method.of_middle and self.method.given is GivenSurface.face
 
-    def _velocity_rows(self, local: bool, by_height: bool = False) -> list[Array]:
-        """Make the rows of every component at all nodes, or their derivatives by the height."""
+    def _at_nodes(self, local: bool) -> tuple[ComplexArray, dict[str, Array]]:
+        """Compute the velocity and its variances at all nodes, as `SurfaceFit.by_source` does.
+
+        The velocity is linear in the height and its variances are quadratic: where the layers have
+        the same coordinates, three of them give all.
+
+        Returns
+        -------
+        values : ndarray of complex, shape (node, component, frequency)
+        variance : dict of str to ndarray, shape (part, node, component, frequency)
+        """
+        layers, count = self.prisms.layers, self.prisms.surface_nodes
         place, height = self.fit.outline.chart.place(self.prisms.position)
+        by_layer, z = place.reshape(layers, count, 2), height.reshape(layers, count)
+        alike = np.abs(by_layer - by_layer[0]).max() < SAME * np.ptp(place)
+        some = [0, layers // 2, layers - 1] if alike and layers > 3 else list(range(layers))
+        nodes = np.arange(self.prisms.nodes).reshape(layers, count)[some].ravel()
+        rows = self._velocity_rows(place[nodes], height[nodes], nodes, local)
+        thicker = None
+        if self._hangs_from_face:
+            thicker = self._velocity_rows(place[nodes], None, nodes, local) / 2
+
+        def at_all(found: NDArray[Any]) -> NDArray[Any]:
+            own = np.moveaxis(found.reshape(*found.shape[:-2], 3, len(nodes), -1), -3, -2)
+            if len(some) == layers:
+                return own
+            own = own.reshape(*own.shape[:-3], len(some), count, *own.shape[-2:])
+            whole = np.einsum("lsn,...sncf->...lncf", _interpolating(z, z[some]), own)
+            return whole.reshape(*own.shape[:-4], -1, *own.shape[-2:])
+
+        values, variance = self.fit.by_source(rows, thicker)
+        return at_all(values), {name: at_all(found) for name, found in variance.items()}
+
+    def _velocity_rows(
+        self, place: Array, height: Array | None, nodes: IndexArray, local: bool
+    ) -> Array:
+        """Make the rows of every component at nodes, one component after the other.
+
+        Without a height they are the derivatives by the height.
+        """
         shell = self.fit.shell
-        own = shell.velocity_by_height(place) if by_height else shell.velocity(place, height)
+        own = shell.motion_by_height(place) if height is None else shell.motion(place, height)
         frames = self.fit.outline.chart.frames(place)
         if local:
-            axes = np.tile(self.prisms.frame, (len(self.prisms.depth), 1, 1))
+            axes = self.prisms.frame[nodes % self.prisms.surface_nodes]
             turn = np.einsum("nai,nbi->nab", axes, frames)
         else:
             turn = np.swapaxes(frames, 1, 2)
-        return [sum(turn[:, a, i, None] * own[i] for i in range(3)) for a in range(3)]
+        turned = [summed([own[i] * turn[:, a, i] for i in range(3)]) for a in range(3)]
+        return np.concatenate(shell.rows(place, turned))
 
     def _residual_squares(self) -> tuple[Array, Array]:
         """Add up squared residuals, (view, frequency), and compare them with the stated noise."""
@@ -255,6 +293,7 @@ def reconstruct_surface(
     volume: Volume,
     method: SurfaceReconstruction,
     material: Isotropic | None,
+    reduced: Mapping[str, xr.Dataset] | None = None,
 ) -> SurfaceField:
     """Estimate a smooth field on the volume's surface from the groups of a run.
 
@@ -262,20 +301,27 @@ def reconstruct_surface(
     ----------
     tree : mapping of str to xarray.Dataset
         With the groups ``pose`` and ``image/<view>``.
+    reduced : mapping of str to xarray.Dataset, optional
+        Images of few lines to look for pixels in, where those of the tree are Dask arrays, which
+        are read some pixels at a time.
 
     Raises
     ------
     UserError
         See `estimate_surface`.
     """
-    views = views_of(tree, laser)
+    views = views_of({**tree, **(reduced or {})}, laser)
     image = tree[f"image/{views[0].name}"]
     frequency = image["frequency"].values if "frequency" in image.coords else None
     known = PoseErrors.from_dataset(tree["pose"], [v.name for v in views])
-    joint = None if known is None else known.whole
-    return estimate_surface(
-        views, laser, volume, method, material, frequency=frequency, covariance=joint
-    )
+    if reduced is None:
+        images, std = [v.velocity for v in views], [v.std for v in views]
+    else:
+        own = [tree[f"image/{v.name}"] for v in views]
+        images, std = [i["velocity"].data for i in own], [i["velocity_std"].data for i in own]
+    joint = None if known is None else known.covariance
+    errors = calibration_errors(views, laser, known)
+    return _estimate(views, images, std, laser, volume, method, material, frequency, joint, errors)
 
 
 def estimate_surface(
@@ -338,6 +384,26 @@ def estimate_surface(
     [0.0, 0.0, 2.0]
     """
     given_frequency = None if frequency is None else np.asarray(frequency, float)
+    images, std = [v.velocity for v in views], [v.std for v in views]
+    errors = calibration_errors(views, laser, None)
+    return _estimate(
+        views, images, std, laser, volume, method, material, given_frequency, covariance, errors
+    )
+
+
+def _estimate(
+    views: Sequence[View],
+    images: Sequence[Any],
+    std: Sequence[Any],
+    laser: TwoMirror,
+    volume: Volume,
+    method: SurfaceReconstruction,
+    material: Isotropic | None,
+    frequency: Array | None,
+    covariance: Array | None,
+    calibration: list[CalibrationError],
+) -> SurfaceField:
+    """Do what `estimate_surface` does, with images that need not be in memory."""
     face, given = _heights(method, material)
     prisms = volume.prisms()
     outline = Outline.of(volume, prisms, given, method.margin)
@@ -352,14 +418,34 @@ def estimate_surface(
         joint = np.zeros((POSE * len(views),) * 2)
     thickness = 0.0 if material is None else material.tolerance.thickness
     errors = PriorErrors.of(
-        joint, method.height_tolerance, thickness, method.poses is PoseTreatment.adjust
+        joint,
+        calibration,
+        method.height_tolerance,
+        thickness,
+        method.poses is PoseTreatment.adjust,
     )
     shell = _splines(outline, method, longest)
-    images, std = [v.velocity for v in views], [v.std for v in views]
     found = fit(views, images, std, laser, outline, shell, face, length, errors)
-    return SurfaceField(
-        found, prisms, volume, method, material, given_frequency, [*notes, *_told(found)]
-    )
+    return SurfaceField(found, prisms, volume, method, material, frequency, [*notes, *_told(found)])
+
+
+def _interpolating(z: Array, known: Array) -> Array:
+    """Make the weights of three heights that give quadratic functions at others.
+
+    Parameters
+    ----------
+    z : ndarray, shape (layer, node)
+    known : ndarray, shape (3, node)
+
+    Returns
+    -------
+    ndarray, shape (layer, 3, node)
+    """
+    weights = np.ones((len(z), 3, z.shape[1]))
+    for i in range(3):
+        for j in {0, 1, 2} - {i}:
+            weights[:, i] *= (z - known[j]) / (known[i] - known[j])
+    return weights
 
 
 def _heights(method: SurfaceReconstruction, material: Isotropic | None) -> tuple[float, float]:

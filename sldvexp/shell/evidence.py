@@ -15,7 +15,7 @@ Penalties do not share coefficients. With those of the second in the block m and
 block b, a value of lam_1 gives ``H_bb = L L'``, ``C = L^-1 H_bm`` and the Schur complement
 ``S = N_mm - C'C`` (N = A'A), and one eigenproblem diagonalises S and P_2 together,
 
-    G S G' = 1 - c D,   G P_2 G' = D,   so   (S + exp(lam_2) P_2)^-1 = G' (1 + (exp(lam_2) - c) D)^-1 G
+    G S G' = 1 - c D,  G P_2 G' = D:  (S + exp(lam_2) P_2)^-1 = G' (1 + (exp(lam_2) - c) D)^-1 G
 
 for all lam_2 at once. With ``a = L^-1 f_b`` and ``g = G (f_m - C'a)`` of a functional f,
 

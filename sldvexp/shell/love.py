@@ -147,7 +147,7 @@ class ThinShell:
             ]
             turn = forms.turn[:, i]
             gradient.append([along[0] + v[1] * -turn, along[1] + v[0] * turn])
-        shrink = np.linalg.inv(forms.stretch(height))
+        shrink = forms.shrink(height)
         f = [
             [summed([gradient[k][j] * shrink[:, i, k] for k in range(2)]) for j in range(2)]
             for i in range(2)

@@ -208,6 +208,26 @@ def test_the_same_as_in_memory(
     assert sorted(p.name for p in streamed.folder.iterdir() if p.name.startswith(".b")) == []
 
 
+@pytest.mark.parametrize("each", [True, False])
+def test_surfaces_the_same_as_in_memory(
+    sldvexp: Callable[..., Any], tmp_path: Path, each: bool
+) -> None:
+    """Field and strain of a shell, to rounding; lines whose noise differs, and alike ones."""
+    path = tmp_path / "images.nc"
+    write_images(path, (24, 22), 20, each)
+    shell = ["reconstruction=shell", "material=aluminium", "material.thickness=0.003"]
+    called = arguments(path, (8, 7), 5, *shell)
+    whole = sldvexp(*called)
+    assert whole.status == 0, whole.err
+    streamed = sldvexp(*called, "stream=dask", "stream.frequencies=6", "stream.pixels=100")
+    assert streamed.status == 0, streamed.err
+    assert whole.tree["field"]["velocity_std_pose"].values.min() > 0
+    for name in ("field", "strain"):
+        found, blocks = (run.tree[name].to_dataset() for run in (whole, streamed))
+        assert_same(found, blocks, 1e-8)
+    assert sorted(p.name for p in streamed.folder.iterdir() if p.name.startswith(".b")) == []
+
+
 def test_mistakes_are_found_and_repaired_as_in_memory(
     sldvexp: Callable[..., Any], tmp_path: Path
 ) -> None:

@@ -6,7 +6,7 @@ all frequencies and are found once; right-hand sides, solutions and residuals ar
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -214,22 +214,40 @@ def stream_field(
     images = [tree[f"image/{name}"]["velocity"] for name in visibility.names]
     blocks = slices(images[0], "frequency")
     tasks = ((shared, some, *(image.data[:, some] for image in images)) for some in blocks)
-    squares, paths = [], []
-    still: list[xr.Dataset] = []
-    folder.mkdir()
-    for k, (group, square) in enumerate(work.map(Ready.block, tasks)):
-        paths.append(folder / f"{k:05d}.nc")
-        moving = [n for n, v in group.data_vars.items() if "frequency" in v.dims]
-        dataset.save_table(group[moving].drop_vars(_labels(group[moving])), paths[-1])
-        still = still or [group.drop_vars(moving)]
-        squares.append(square * group.sizes["frequency"])
-    whole = _joined(still[0], paths, moving)
+    squares: list[Array] = []
+
+    def groups() -> Iterator[xr.Dataset]:
+        for group, square in work.map(Ready.block, tasks):
+            squares.append(square * group.sizes["frequency"])
+            yield group
+
+    whole = joined_blocks(groups(), folder)
     whole.attrs |= pooled(whole["sse"].values, whole.attrs["samples"])
     mean = np.sum(squares, axis=0) / len(compressed.frequency)
     cubic = visibility.interpolation is Interpolation.cubic
     advised = advice(mean, tuple(map(str, whole["component"].values)), cubic)
     whole.attrs["notes"] = "\n".join([*ready.messages, *advised])
     return whole
+
+
+def joined_blocks(groups: Iterable[xr.Dataset], folder: Path) -> xr.Dataset:
+    """Write groups of some frequencies each to files, and join them there.
+
+    Parameters
+    ----------
+    groups : iterable of xarray.Dataset
+        One after the other along the frequency; everything else is that of the first.
+    folder : Path
+        Made for the files, which the group is made of as long as it is used.
+    """
+    folder.mkdir()
+    paths, moving, still = [], list[Any](), xr.Dataset()
+    for k, group in enumerate(groups):
+        moving = [n for n, v in group.data_vars.items() if "frequency" in v.dims]
+        paths.append(folder / f"{k:05d}.nc")
+        dataset.save_table(group[moving].drop_vars(_labels(group[moving])), paths[-1])
+        still = still if k else group.drop_vars(moving)
+    return _joined(still, paths, moving)
 
 
 def _labels(group: xr.Dataset) -> list[str]:
