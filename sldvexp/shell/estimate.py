@@ -406,7 +406,7 @@ def _estimate(
     """Do what `estimate_surface` does, with images that need not be in memory."""
     face, given = _heights(method, material)
     prisms = volume.prisms()
-    outline = Outline.of(volume, prisms, given, method.margin)
+    outline = Outline.of(volume, prisms, given)
     longest = float((outline.high - outline.low).max())
     length = None
     if isinstance(method, Shell):
