@@ -172,7 +172,7 @@ class Modes(DampedModes):
 
 
 @dataclass(frozen=True)
-class Rectangle:
+class RectangularPlate:
     """What decides the shapes and natural frequencies of a rectangular plate.
 
     Parameters

@@ -24,9 +24,10 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.targets import Circles, Target
 from sldvexp.typing import Array, ComplexArray
 from sldvexp.units import LengthUnit
+from sldvexp.virtual_lab.attached import TERMS, LoadedModes, LoadedPlate, PointMass, Rib
 from sldvexp.virtual_lab.beam import Beams, SceneObject
 from sldvexp.virtual_lab.calibration_scene import CalibrationScene
-from sldvexp.virtual_lab.modes import KAPPA, Coupling, EdgeSupport, Mode, Rectangle
+from sldvexp.virtual_lab.modes import KAPPA, Coupling, Direction, EdgeSupport, Mode, RectangularPlate
 from sldvexp.virtual_lab.motion import DampedModes, Sheet
 from sldvexp.virtual_lab.surface import CylinderSurface, FlatSurface, PlateSurface
 
@@ -143,6 +144,11 @@ class Plate(AnyPlate):
     modes : dict of str to Mode
     holes : dict of str to Hole
         Cut out of the whole plate, whose modes they do not change.
+    masses : dict of str to PointMass
+        On a flat, supported plate. A mode's half waves then tell its place in the order of natural
+        frequencies, that which it had without the masses and ribs.
+    ribs : dict of str to Rib
+        On the same.
     """
 
     size: list[float] = field(default_factory=lambda: [0.3, 0.25])
@@ -153,6 +159,8 @@ class Plate(AnyPlate):
     shear_share: float | None = None
     modes: dict[str, Mode] = field(default_factory=dict)
     holes: dict[str, Hole] = field(default_factory=dict)
+    masses: dict[str, PointMass] = field(default_factory=dict)
+    ribs: dict[str, Rib] = field(default_factory=dict)
 
     @property
     def mode_names(self) -> tuple[str, ...]:
@@ -179,8 +187,26 @@ class Plate(AnyPlate):
         if self.shear and self.shear_share is not None:
             shear = self.shear_share / (1 - self.shear_share) / (math.pi**2 * (a**-2 + b**-2))
         curvature = 0.0 if self.radius is None else 1 / (unit * self.radius)
-        whole = Rectangle((a, b), self.edges, sheet, curvature, self.coupling, shear)
-        return whole.modes(self.modes.values())
+        whole = RectangularPlate((a, b), self.edges, sheet, curvature, self.coupling, shear)
+        bare = whole.modes(self.modes.values())
+        if not (self.masses or self.ribs):
+            return bare
+        return LoadedModes.built(list(self.modes.values()), bare, self._loaded((a, b)))
+
+    def _loaded(self, size: tuple[float, float]) -> LoadedPlate:
+        """Describe what is attached, in SI units and coordinates from one corner."""
+        unit = self.unit.value
+        masses = []
+        for m in self.masses.values():
+            x, y = (unit * c + side / 2 for c, side in zip(m.center, size, strict=True))
+            masses.append((x, y, m.mass))
+        ribs = []
+        for rib in self.ribs.values():
+            across = unit * rib.offset + size[1 - rib.along.value] / 2
+            width, height, plate = (unit * x for x in (rib.width, rib.height, self.thickness))
+            bending = self.E * width * (height**3 - plate**3) / 12
+            ribs.append((rib.along.value, across, bending, self.rho * width * (height - plate)))
+        return LoadedPlate(size, self.sheet, tuple(masses), tuple(ribs))
 
     def check(self, checks: Checks, name: str) -> None:
         """See `AnyPlate`."""
@@ -200,6 +226,8 @@ class Plate(AnyPlate):
             self._check_radius(checks, f"{name}.radius", self.radius)
         self._check_coupling(checks, f"{name}.coupling")
         self._check_shear(checks, name)
+        if self.masses or self.ribs:
+            self._check_attached(checks, name)
         self._check_natural(checks, name)
 
     def _check_radius(self, checks: Checks, name: str, radius: float) -> None:
@@ -226,6 +254,24 @@ class Plate(AnyPlate):
         message = f"must be from 0 to below 1, as 0.02, not {self.shear_share}"
         checks.require(0 <= self.shear_share < 1, f"{name}.shear_share", message)
         checks.require(self.shear, f"{name}.shear_share", "needs shear: true")
+
+    def _check_attached(self, checks: Checks, name: str) -> None:
+        """Refuse masses and ribs on what the sum of sines does not describe."""
+        key = "masses" if self.masses else "ribs"
+        plain = self.radius is None and self.edges is EdgeSupport.supported and not self.shear
+        message = "need a flat plate on supported edges without shear"
+        checks.require(plain, f"{name}.{key}", message)
+        checks.require(self.thickness > 0, f"{name}.{key}", "need a plate with a thickness")
+        for mass_name, mass in self.masses.items():
+            mass.check(checks, f"{name}.masses.{mass_name}", self.size)
+        for rib_name, rib in self.ribs.items():
+            rib.check(checks, f"{name}.ribs.{rib_name}", self.size, self.thickness)
+        for mode_name, mode in self.modes.items():
+            where = f"{name}.modes.{mode_name}"
+            message = f"must have at most {TERMS // 4} half waves along each side beside {key}"
+            few = mode.direction is not Direction.normal or max(mode.x, mode.y) <= TERMS // 4
+            checks.require(few, where, message)
+            checks.require(not mode.membrane, f"{where}.membrane", f"does not go with {key}")
 
     def _check_natural(self, checks: Checks, name: str) -> None:
         """Refuse natural frequencies of what has no stiffness, or whose stiffness is not known."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sldvexp.shell import CylinderChart, TensorSplines, ThinShell, plane_stress, von_mises
-from sldvexp.virtual_lab.modes import Direction, EdgeSupport, Mode, Rectangle
+from sldvexp.virtual_lab.modes import Direction, EdgeSupport, Mode, RectangularPlate
 from sldvexp.virtual_lab.motion import Sheet
 
 LOW, HIGH = np.array([-0.15, -0.12]), np.array([0.15, 0.12])
@@ -45,7 +45,7 @@ def test_a_penalty_is_the_integral_of_the_squared_derivatives(order):
 def test_rows_are_the_motion_and_the_strain_of_a_thin_shell(curvature, height):
     """Modes in closed form, whose middle surface the splines are fitted to."""
     sheet = Sheet(70e9, 0.33, 2700.0, 0.003)
-    modes = Rectangle(tuple(HIGH - LOW), EdgeSupport.supported, sheet).modes(
+    modes = RectangularPlate(tuple(HIGH - LOW), EdgeSupport.supported, sheet).modes(
         [
             Mode(1, 2),
             Mode(1, 1, direction=Direction.x),

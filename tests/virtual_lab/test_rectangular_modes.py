@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import Checks
-from sldvexp.virtual_lab.modes import Coupling, Direction, EdgeSupport, Mode, Rectangle
+from sldvexp.virtual_lab.modes import Coupling, Direction, EdgeSupport, Mode, RectangularPlate
 from sldvexp.virtual_lab.motion import Sheet
 from sldvexp.virtual_lab.plate import Plate, VibratingPlate
 
@@ -20,7 +20,7 @@ PLACES = np.random.default_rng(1).uniform(0, SIZE, (50, 2))
 
 def only(mode, **settings):
     """One mode, its derivatives at PLACES, and the square of its angular frequency."""
-    made = Rectangle(SIZE, EdgeSupport.supported, SHEET, **settings).modes([mode])
+    made = RectangularPlate(SIZE, EdgeSupport.supported, SHEET, **settings).modes([mode])
     u, v, w = (lambda i, j, f=f, **at: f(i, j)[:, 0] for f in made.derivatives(PLACES))
     return made, (u, v, w), (2 * np.pi * made.frequency[0]) ** 2
 
