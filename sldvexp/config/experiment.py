@@ -220,6 +220,7 @@ class Experiment:
         {
             "bitangents": "sldvexp.check.bitangents",
             "cross_ratio": "sldvexp.check.cross_ratio",
+            "equilibrium": "sldvexp.check.equilibrium",
             "equivalent_methods": "sldvexp.check.equivalent_methods",
             "field_pattern": "sldvexp.check.field_pattern",
             "gages": "sldvexp.check.gages",
