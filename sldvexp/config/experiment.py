@@ -234,6 +234,7 @@ class Experiment:
             "pose_equivalence": "sldvexp.check.pose_equivalence",
             "pose_methods": "sldvexp.check.pose_methods",
             "pose_repeats": "sldvexp.check.pose_repeats",
+            "power_flow": "sldvexp.check.power_flow",
             "printed": "sldvexp.check.printed",
             "repeatability": "sldvexp.check.repeatability",
             "strain_truth": "sldvexp.check.strain_truth",

@@ -421,6 +421,19 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "std_ratio": _V("view parameter", "1", "std of simulated repeats over the reported one"),
         "coverage": _V("view parameter", "1", "fraction of intervals that hold the truth"),
     },
+    "examined/power_flow": {
+        "place_s": _V("patch", "m", "middle of the patch, along the surface's first direction"),
+        "place_t": _V("patch", "m", "middle of the patch, along its second direction"),
+        "intensity": _V("patch direction frequency", "W/m", "power through a line of unit length"),
+        "intensity_std": _V("patch direction frequency", "W/m", "its standard error"),
+        "leaves": _V("patch frequency", "W", "power that leaves the patch's window"),
+        "leaves_std": _V("patch frequency", "W", "its standard error"),
+        "dissipated": _V("patch frequency", "W", "power that damping takes in the window"),
+        "fed": _V("force frequency", "W", "power that the force puts in"),
+        "fed_std": _V("force frequency", "W", "its standard error"),
+        "found": _V("force frequency", "W", "power that leaves or is lost around the force"),
+        "found_std": _V("force frequency", "W", "its standard error"),
+    },
     "examined/repeatability": {
         "dac_std": _V(
             "point mirror", "1", f"standard deviation of repeated image points, {DAC}", DAC

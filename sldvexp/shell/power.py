@@ -1,15 +1,17 @@
-"""Flow of power in a plate: structural intensity, its bound, and what leaves an area.
+"""Flow of power in a plate: structural intensity, its bound, and what leaves a window.
 
 The power that a bending wave carries through a line of unit length, averaged over a period, is with
 the displacement xi and the velocity V = i omega xi (Noiseux 1970, Pavic 1976)
 
     I_s = D/2 Re( (1 + i eta) ((lap xi),s V* - (xi,ss + nu xi,tt) V,s* - (1 - nu) xi,st V,t*) )
 
-and with s and t exchanged along t, with the material's loss factor eta. What leaves an area,
+and with s and t exchanged along t, with the material's loss factor eta. Of a window with the weight
+phi, 1 in its middle and 0 on its rim, as in `sldvexp.shell.forces`, there leaves
 
-    P = integral of I . n along its rim,
+    P = - integral of I . grad phi,
 
-is what forces inside put in, less what damping takes,
+a mean of what flows out through rims of all sizes. That is what forces inside put in, times phi,
+less what damping takes there,
 
     eta omega D/2 (|xi,ss|^2 + |xi,tt|^2 + 2 nu Re(xi,ss xi,tt*) + 2 (1 - nu) |xi,st|^2)
 
@@ -24,12 +26,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from sldvexp.shell.estimate import SurfaceField
 from sldvexp.typing import Array
 
-#: Gauss points along each side of an area's rim, and along each side of its inside.
-POINTS = 16
+#: Gauss points along each side of a window.
+POINTS = 24
+#: Part of a window's half side within which its weight is 1, and how it falls beyond.
+FLAT, FALL = 0.4, 140 * Polynomial([0, 1]) ** 3 * Polynomial([1, -1]) ** 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +74,7 @@ def intensity(found: SurfaceField, places: Array, line: int, loss_factor: float)
 def leaving(
     found: SurfaceField, places: Array, sides: Array, line: int, loss_factor: float
 ) -> PowerFlow:
-    """Compute the power that leaves rectangles, shape (place,), W.
+    """Compute the power that leaves windows, shape (place,), W.
 
     Parameters
     ----------
@@ -77,17 +82,11 @@ def leaving(
         Their middles.
     sides : ndarray, shape (2,), m
     """
-    node, weight = np.polynomial.legendre.leggauss(POINTS)
-    one = np.ones_like(node)
-    rim, normal, length = [], [], []
-    for axis in (0, 1):
-        for side in (-1, 1):
-            at = np.stack([node, side * one] if axis else [side * one, node], axis=1)
-            rim.append(at * sides / 2)
-            normal.append(np.tile(side * np.eye(2)[axis], (POINTS, 1)))
-            length.append(weight * sides[1 - axis] / 2)
-    around, out, share = np.concatenate(rim), np.concatenate(normal), np.concatenate(length)
-    rows = [_through(found, place + around, out, line, loss_factor) for place in places]
+    at, share = _inside(sides)
+    s, t = (2 * at / sides).T
+    (in_s, by_s), (in_t, by_t) = _window(s), _window(t)
+    falls = -np.stack([by_s * in_t, in_s * by_t], axis=1) * 2 / sides
+    rows = [_through(found, place + at, falls, line, loss_factor) for place in places]
     power, by_real, by_imaginary = (np.stack([share @ r[i] for r in rows]) for i in range(3))
     return _bounded(found, (power, by_real, by_imaginary), line)
 
@@ -95,13 +94,12 @@ def leaving(
 def dissipated(
     found: SurfaceField, places: Array, sides: Array, line: int, loss_factor: float
 ) -> Array:
-    """Compute the power that damping takes in rectangles, shape (place,), W."""
+    """Compute the power that damping takes in windows, shape (place,), W."""
     sheet = found.material
     assert sheet is not None
     omega = _omega(found, line)
-    node, weight = np.polynomial.legendre.leggauss(POINTS)
-    around = np.stack(np.meshgrid(node, node, indexing="ij"), axis=-1).reshape(-1, 2) * sides / 2
-    share = np.outer(weight, weight).ravel() * sides.prod() / 4
+    around, share = _inside(sides)
+    share = share * _window(2 * around / sides)[0].prod(axis=1)
     w, theta = found.fit.shell.bending, _of_w(found, line)
     taken = []
     for place in places:
@@ -110,6 +108,20 @@ def dissipated(
         energy = np.abs(ss) ** 2 + np.abs(tt) ** 2 + 2 * sheet.nu * (ss * tt.conj()).real
         taken.append(share @ (energy + 2 * (1 - sheet.nu) * np.abs(st) ** 2))
     return loss_factor * sheet.bending_stiffness / (2 * omega) * np.array(taken)
+
+
+def _window(x: Array) -> tuple[Array, Array]:
+    """Evaluate a weight from -1 to 1 and its derivative: 1 up to `FLAT`, 0 with 3 slopes at 1."""
+    fall = np.clip((np.abs(x) - FLAT) / (1 - FLAT), 0.0, 1.0)
+    value, slope = 1 - FALL.integ()(fall), -FALL(fall)
+    return value, slope * np.sign(x) / (1 - FLAT)
+
+
+def _inside(sides: Array) -> tuple[Array, Array]:
+    """Lay Gauss points over a rectangle around 0; their areas."""
+    node, weight = np.polynomial.legendre.leggauss(POINTS)
+    at = np.stack(np.meshgrid(node, node, indexing="ij"), axis=-1).reshape(-1, 2) * sides / 2
+    return at, np.outer(weight, weight).ravel() * sides.prod() / 4
 
 
 def fed(found: SurfaceField, places: Array, force: Array, line: int) -> PowerFlow:
