@@ -222,6 +222,7 @@ class Experiment:
         {
             "bitangents": "sldvexp.check.bitangents",
             "cross_ratio": "sldvexp.check.cross_ratio",
+            "equilibrium": "sldvexp.check.equilibrium",
             "equivalent_methods": "sldvexp.check.equivalent_methods",
             "field_pattern": "sldvexp.check.field_pattern",
             "gages": "sldvexp.check.gages",
@@ -235,6 +236,7 @@ class Experiment:
             "pose_equivalence": "sldvexp.check.pose_equivalence",
             "pose_methods": "sldvexp.check.pose_methods",
             "pose_repeats": "sldvexp.check.pose_repeats",
+            "power_flow": "sldvexp.check.power_flow",
             "printed": "sldvexp.check.printed",
             "repeatability": "sldvexp.check.repeatability",
             "strain_truth": "sldvexp.check.strain_truth",

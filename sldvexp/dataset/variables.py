@@ -371,6 +371,19 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "up_down": _V("kind", "1", "cross-ratio of the up-down mirror's planes"),
         "left_right": _V("kind", "1", "cross-ratio of the left-right mirror's planes"),
     },
+    "examined/equilibrium": {
+        "place_s": _V("patch", "m", "middle of the patch, along the surface's first direction"),
+        "place_t": _V("patch", "m", "middle of the patch, along its second direction"),
+        "pressure": _V("patch frequency", "Pa", "mean pressure that the motion asks for"),
+        "pressure_std_by_part": _V("part patch frequency", "Pa", "its standard error, by part"),
+        "acted": _V("patch frequency", "1", "1 where forces act"),
+        "p_value": _V("patch frequency", "1", "probability of such a pressure without forces"),
+        "wave_ratio": _V("frequency", "1", "rho h / D over the material's, as waves show it"),
+        "wave_ratio_std": _V("frequency", "1", "its standard error, with the material's"),
+        "loss_factor": _V("frequency", "1", "loss factor of the patches without forces"),
+        "loss_factor_std": _V("frequency", "1", "its standard error"),
+        "p_whole": _V("frequency", "1", "probability of such residuals if nothing acts"),
+    },
     "examined/equivalent_methods": {
         "difference": _V("component [frequency]", "m/s", "the other method's velocity minus this"),
         "inside": _V("component [frequency]", "1", "1 where the other is within the intervals"),
@@ -454,6 +467,19 @@ VARIABLES: dict[str, dict[str, Variable]] = {
     "examined/pose_repeats": {
         "std_ratio": _V("view parameter", "1", "std of simulated repeats over the reported one"),
         "coverage": _V("view parameter", "1", "fraction of intervals that hold the truth"),
+    },
+    "examined/power_flow": {
+        "place_s": _V("patch", "m", "middle of the patch, along the surface's first direction"),
+        "place_t": _V("patch", "m", "middle of the patch, along its second direction"),
+        "intensity": _V("patch direction frequency", "W/m", "power through a line of unit length"),
+        "intensity_std": _V("patch direction frequency", "W/m", "its standard error"),
+        "leaves": _V("patch frequency", "W", "power that leaves the patch's window"),
+        "leaves_std": _V("patch frequency", "W", "its standard error"),
+        "dissipated": _V("patch frequency", "W", "power that damping takes in the window"),
+        "fed": _V("force frequency", "W", "power that the force puts in"),
+        "fed_std": _V("force frequency", "W", "its standard error"),
+        "found": _V("force frequency", "W", "power that leaves or is lost around the force"),
+        "found_std": _V("force frequency", "W", "its standard error"),
     },
     "examined/repeatability": {
         "dac_std": _V(

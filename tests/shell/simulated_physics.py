@@ -59,6 +59,21 @@ class SinePlate:
         return np.stack([along(1, 0) + of_middle[0], along(0, 1) + of_middle[1], w], axis=-1)
 
 
+#: Frequency of the first mode of a plate of aluminium, Hz.
+FIRST_MODE = np.sqrt(lab.SHEET.bending_stiffness / lab.SHEET.mass) * np.pi / 2 * sum(1 / SIZE**2)
+
+
+def forced(frequency, force, place, loss=0.02, waves=40, sheet=lab.SHEET):
+    """Amplitudes of a simply supported plate that a force acts on at a place from its middle."""
+    number = np.arange(1, waves + 1)
+    p, q = (np.pi * number / side for side in SIZE)
+    at_s, at_t = (np.sin(k * (x + b / 2)) for k, x, b in zip((p, q), place, SIZE, strict=True))
+    k4 = (p[:, None] ** 2 + q**2) ** 2
+    omega = 2 * np.pi * frequency
+    stiffness = sheet.bending_stiffness * (1 + 1j * loss) * k4 - sheet.mass * omega**2
+    return 1j * omega * 4 * force * np.outer(at_s, at_t) / SIZE.prod() / stiffness
+
+
 def mode(m, n, size=0.02):
     """Amplitudes of one mode, real."""
     terms = np.zeros((4, 4), complex)
@@ -66,7 +81,9 @@ def mode(m, n, size=0.02):
     return terms
 
 
-def estimated(truth, rng, frequency=(197.0,), offset=0.0, pose_std=None, **settings):
+def estimated(
+    truth, rng, frequency=(197.0,), offset=0.0, pose_std=None, sheet=lab.SHEET, **settings
+):
     """Shell field of noisy images, on a surface that is given too high by `offset`, m."""
     errors, covariance = None, None
     if pose_std is not None:
@@ -75,10 +92,14 @@ def estimated(truth, rng, frequency=(197.0,), offset=0.0, pose_std=None, **setti
     images = lab.views(truth, rng, frequency=frequency, errors=errors)
     volume = lab.volume()
     volume.center = [*volume.center[:2], offset]
+    return field_of(images, volume, frequency, sheet, covariance, **settings)
+
+
+def field_of(images, volume, frequency, sheet=lab.SHEET, covariance=None, **settings):
+    """Shell field of images, of fewer splines than it would be by default."""
     method = lab.method(**{"cells": 8, "membrane_cells": 4, **settings})
-    return estimate_surface(
-        images, lab.LASER, volume, method, lab.SHEET, frequency=frequency, covariance=covariance
-    )
+    known = {"frequency": frequency, "covariance": covariance}
+    return estimate_surface(images, lab.LASER, volume, method, sheet, **known)
 
 
 def renoised(found, truth, rng, noise=lab.NOISE):
