@@ -301,9 +301,18 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "confidence": _V(
             "place strain_component [frequency]", "1", "half-width of its interval, larger part"
         ),
-        "middle_strain": _V("place strain_component [frequency]", "1", "strain of the middle"),
+        "middle_strain": _V(
+            "place strain_component [frequency]", "1", "strain of the middle, that of the membrane"
+        ),
         "middle_strain_std": _V("place strain_component [frequency]", "1", "its standard error"),
         "middle_confidence": _V(
+            "place strain_component [frequency]", "1", "half-width of its interval, larger part"
+        ),
+        "bending_strain": _V(
+            "place strain_component [frequency]", "1", "strain of bending, (face - back) / 2"
+        ),
+        "bending_strain_std": _V("place strain_component [frequency]", "1", "its standard error"),
+        "bending_confidence": _V(
             "place strain_component [frequency]", "1", "half-width of its interval, larger part"
         ),
         "back_strain": _V("place strain_component [frequency]", "1", "strain of the back"),
@@ -311,14 +320,48 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "back_confidence": _V(
             "place strain_component [frequency]", "1", "half-width of its interval, larger part"
         ),
+        "principal_strain": _V(
+            "place principal [frequency]",
+            "1",
+            "largest extension of the face over a cycle and all directions, and the strain across",
+        ),
+        "principal_strain_std": _V(
+            "place principal [frequency]", "1", "its standard error at most"
+        ),
+        "principal_confidence": _V(
+            "place principal [frequency]", "1", "half-width of its interval at most"
+        ),
+        "principal_direction": _V(
+            "place [frequency]", "deg", "direction of the largest extension, from t1 towards t2"
+        ),
+        "principal_direction_std": _V(
+            "place [frequency]", "deg", "its standard error at most; 52 where it is unknown"
+        ),
+        "principal_phase": _V("place [frequency]", "rad", "moment of the largest extension"),
         "stress": _V("place strain_component [frequency]", "Pa", "plane stress of the face"),
         "stress_std": _V(
-            "place strain_component [frequency]", "Pa", "its standard error at most, larger part"
+            "place strain_component [frequency]", "Pa", "its standard error, of the larger part"
         ),
         "von_mises": _V(
             "place [frequency]", "Pa", "von Mises stress of the face, largest of a cycle"
         ),
+        "von_mises_std": _V("place [frequency]", "Pa", "its standard error at most"),
+        "von_mises_confidence": _V("place [frequency]", "Pa", "half-width of its interval at most"),
+        "membrane_force": _V(
+            "place strain_component [frequency]", "N/m", "membrane force N by the sheet's width"
+        ),
+        "membrane_force_std": _V(
+            "place strain_component [frequency]", "N/m", "its standard error, of the larger part"
+        ),
+        "bending_moment": _V(
+            "place strain_component [frequency]", "N", "bending moment M by the sheet's width"
+        ),
+        "bending_moment_std": _V(
+            "place strain_component [frequency]", "N", "its standard error, of the larger part"
+        ),
         "position": _V("place axis", "m", "position of the places on the given surface"),
+        "coordinate": _V("place surface_axis", "m", "the same along the surface, as of gages"),
+        "frame": _V("place local_axis axis", "1", "t1, t2 and the normal, unit vectors"),
         "triangle": _V("triangle corner", "1", "places of each triangle, from 0"),
     },
     "examined/bitangents": {
