@@ -17,7 +17,12 @@ from sldvexp.report.html.blocks import HtmlTable, More, Section, Shape, Text, ha
 from sldvexp.report.html.figures import drawable, figures
 from sldvexp.report.html.shape import shape_of, shape_of_points
 from sldvexp.report.numbers import number, with_bound
-from sldvexp.report.tables import MOST_FREQUENCIES, field_tables, pose_methods
+from sldvexp.report.tables import (
+    MOST_FREQUENCIES,
+    field_tables,
+    pose_methods,
+    strain_tables,
+)
 from sldvexp.report.terminal import estimates
 
 POSE = VARIABLES["pose"]
@@ -149,7 +154,8 @@ def velocity_section(run: RunData) -> Section | None:
     points = [list(row) for row in known if not row[0].startswith("pose ")]
     if not fields and not points:
         return None
-    own = {k: group for k, group in run.groups.items() if not k.startswith("examined/")}
+    others = ("examined/", "strain")
+    own = {k: group for k, group in run.groups.items() if not k.startswith(others)}
     blocks = having(
         _shape(run), [HtmlTable.from_table(table) for table in field_tables(RunData(own))]
     )
@@ -162,6 +168,19 @@ def velocity_section(run: RunData) -> Section | None:
         blocks.append(Text(f"Coverage: {'; '.join(coverage.splitlines())}.", "small"))
     title = "Velocity field" if fields else "Velocity"
     return Section(title, having(blocks, figures(run, "field")))
+
+
+def strain_section(run: RunData) -> Section | None:
+    """Show the strain of the surface, and where it and the stress are largest."""
+    tables = [HtmlTable.from_table(table) for table in strain_tables(run)]
+    if not tables:
+        return None
+    note = (
+        "s and t run along the surface as places of gages do, e_ss, e_tt and e_st are the strains "
+        "along t1, t2 and the tensor's shear. The largest extension is that of a cycle in any "
+        "direction. Hot spots are maxima that stand out by more than their bounds."
+    )
+    return Section("Strain", having(tables, Text(note, "small"), figures(run, "strain")))
 
 
 def _shape(run: RunData) -> list[Any]:
