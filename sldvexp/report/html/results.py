@@ -187,8 +187,11 @@ def _shape(run: RunData) -> list[Any]:
     """Make the shape that turns and moves, or why there is none."""
     fields = run.fields()
     if fields and "volume" in run.groups:
-        data = shape_of(next(iter(fields.values())), run.groups["volume"])
+        strain = run.groups["strain"] if run.has("strain", "frame") else None
+        data = shape_of(next(iter(fields.values())), run.groups["volume"], strain)
         note = "The layer next to the given surface is drawn."
+        if data and data["colourings"]:
+            note += " Colours of strains are those of the drawn surface, as if it were displaced."
     elif "surface" in drawable(run):
         data = shape_of_points(run.groups["point"], run.groups["line_of_sight"])
         joined = {"triangle", "line"} & set(run.groups["line_of_sight"].data_vars)
