@@ -348,13 +348,13 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "von_mises_std": _V("place [frequency]", "Pa", "its standard error at most"),
         "von_mises_confidence": _V("place [frequency]", "Pa", "half-width of its interval at most"),
         "membrane_force": _V(
-            "place strain_component [frequency]", "N/m", "membrane force N by the sheet's width"
+            "place strain_component [frequency]", "N/m", "membrane force N per width"
         ),
         "membrane_force_std": _V(
             "place strain_component [frequency]", "N/m", "its standard error, of the larger part"
         ),
         "bending_moment": _V(
-            "place strain_component [frequency]", "N", "bending moment M by the sheet's width"
+            "place strain_component [frequency]", "N", "bending moment M per width"
         ),
         "bending_moment_std": _V(
             "place strain_component [frequency]", "N", "its standard error, of the larger part"

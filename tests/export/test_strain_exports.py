@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import pyuff
+import scipy.io
 
 from sldvexp.config import registry
 from sldvexp.export.strains import principal_vector
@@ -118,3 +119,12 @@ def test_complex_tensors_have_six_numbers_a_line(strained, tmp_path):
         none = np.zeros_like(ss)
         expected = np.stack([ss, st, tt, none, none, none], axis=1)
         np.testing.assert_allclose(one.values, expected, rtol=2 * SIX_DIGITS, atol=1e-16)
+
+
+def test_a_struct_has_the_whole_group(strained, tmp_path):
+    strain = exported(strained, "mat", tmp_path)
+    found = scipy.io.loadmat(tmp_path / "results.mat", simplify_cells=True)["sldvexp"]["strain"]
+    for name in ("strain", "bending_strain", "von_mises", "position"):
+        np.testing.assert_array_equal(found[name], strain[name].values)
+    assert found["component"].tolist() == ["ss", "tt", "st"]
+    assert found["triangle"].min() == 1
