@@ -594,9 +594,6 @@ def _other(text: str, factors: list[_Factor]) -> tuple[str, float, bool]:
     factor = float(unit.to_base_units().magnitude)
     if {"degree", "radian"} & set(names):
         return ("angle" if len(names) == 1 else "another quantity"), factor, squared
-    same = [
-        quantity
-        for name, quantity in QUANTITIES.items()
-        if unit.dimensionality == pint_registry().Quantity(1.0, name).dimensionality
-    ]
+    like = {n: pint_registry().Quantity(1.0, n).dimensionality for n in QUANTITIES}
+    same = [QUANTITIES[n] for n, powers in like.items() if powers == unit.dimensionality]
     return (same[0] if same else "another quantity"), factor, squared

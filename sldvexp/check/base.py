@@ -3,7 +3,7 @@
 A check examines what a run found and adds numbers of its own, as the group ``examined/<name>``.
 Another one takes two edits: a module with a dataclass that `register` puts into the group
 ``check``, and the module's line in `sldvexp.config.experiment`. Its variables are lines in
-`sldvexp.dataset.VARIABLES`, under ``examined/<plugin>``.
+`sldvexp.dataset.examined`, under ``examined/<plugin>``.
 
 The contract, which one test holds every check of the registry to:
 

@@ -33,7 +33,8 @@ from sldvexp.dataset.store import (
     save,
     save_table,
 )
-from sldvexp.dataset.variables import AXES, CONVENTIONS, DAC, FREQUENCY, VARIABLES, Variable
+from sldvexp.dataset.variable import DAC, FREQUENCY, Variable
+from sldvexp.dataset.variables import AXES, CONVENTIONS, VARIABLES
 
 __all__ = [
     "AXES",

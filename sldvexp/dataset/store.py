@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sldvexp.config.paths import RUN_FILE
-from sldvexp.dataset.variables import AXES, CONVENTIONS, FREQUENCY, VARIABLES, Variable
+from sldvexp.dataset.variable import FREQUENCY, Variable
+from sldvexp.dataset.variables import AXES, CONVENTIONS, VARIABLES
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
 from sldvexp.lazy import netCDF4

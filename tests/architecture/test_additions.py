@@ -208,7 +208,7 @@ ADDITIONS = {
             ),
         },
         "sldvexp.run('experiment=point', 'report=none', 'material=rubber');"
-        "main('list', 'material'); main('material=rubber', 'material.poisson=0.7')",
+        "main('list', 'material'); main('~experiment', 'material=rubber', 'material.poisson=0.7')",
         "material=rubber.*must lie between -1 and 0.5",
     ),
     "a pose method": Addition(
