@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from sldvexp import dataset
 from sldvexp.field import View
 from sldvexp.geometry import rotation_from_euler
 from sldvexp.laser import project, rays
+from sldvexp.pose import pose_to_dataset
 from sldvexp.shell import HeightChart, Shell, Spline, SurfaceField, estimate_surface
 from sldvexp.volume import MeshFile
 from tests.shell import simulated_shell as lab
@@ -150,3 +152,57 @@ def test_the_field_at_all_nodes_is_in_the_world(cap):
     error = np.linalg.norm(group["velocity"].values[..., 0] - true, axis=0)
     assert np.all(error < 0.15 * np.linalg.norm(true, axis=0))
     assert error[2] < 0.01 * np.linalg.norm(true[:, 2])
+
+
+def test_a_cap_from_files_through_the_command(sldvexp, cap, tmp_path):
+    """Images and poses from a file, the surface from a mesh; a fold of it is told in a sentence."""
+    seen, path = views(np.random.default_rng(5), pixels=(13, 13)), tmp_path / "images.nc"
+    names = [v.name for v in seen]
+    poses = pose_to_dataset(
+        names,
+        [v.rotation for v in seen],
+        np.array([v.origin for v in seen]),
+        np.broadcast_to(np.diag([2e-5] * 3 + [5e-5] * 3) ** 2, (len(seen), 6, 6)),
+        np.full(len(seen), 100.0),
+        0.95,
+    )
+    images = {
+        f"image/{v.name}": dataset.group(
+            "image",
+            {"frequency": [lab.FREQUENCY]},
+            dac=v.dac,
+            velocity=v.velocity,
+            velocity_std=np.broadcast_to(v.std[:, None], v.velocity.shape),
+            flags=v.flags.astype(np.int8),
+        )
+        for v in seen
+    }
+    dataset.save({"pose": poses, **images}, {}, path)
+    called = [
+        "~experiment",
+        "instrument=images",
+        f"instrument.path={path}",
+        "pose=given",
+        f"pose.path={path}",
+        f"laser.mirror_offset={lab.LASER.mirror_offset}",
+        "volume=mesh",
+        "volume.layers=2",
+        "volume.thickness=0.01",
+        "reconstruction=shell",
+        "material=aluminium",
+        "material.thickness=0.003",
+        "report=none",
+    ]
+    run = sldvexp(*called, f"volume.path={cap.path}")
+    assert run.status == 0, run.err
+    strain_found = run.tree["strain"]["strain"].values[..., 0]
+    direct = estimated(seen, cap).strain()["strain"].values[..., 0]
+    assert np.linalg.norm(strain_found - direct) < 0.05 * np.linalg.norm(direct)
+    corners = mesh(lambda x, y: 0.5 * np.abs(x), shape=(9, 9), center=lab.CENTER)
+    edged = tmp_path / "edge.obj"
+    lines = ["v {:.9f} {:.9f} {:.9f}".format(*p) for p in corners.surface]
+    lines += ["f {} {} {}".format(*(c + 1)) for c in corners.triangles]
+    edged.write_text("\n".join(lines) + "\n")
+    told = sldvexp(*called, f"volume.path={edged}")
+    assert told.status == 1
+    assert "reconstruction: reconstruction=shell and spline need a smooth surface" in told.err
