@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from sldvexp.dataset import RunData
+from sldvexp.errors import UserError, nearest
 from sldvexp.lazy import xarray as xr
 
 
@@ -52,6 +53,22 @@ class Examination(RunData):
 
     rng: np.random.Generator = field(kw_only=True)
     experiment: Any = field(default=None, kw_only=True)
+
+    def field_of(self, name: str) -> xr.Dataset:
+        """Take the field of the run's reconstruction, ``field``, or of one it is compared with.
+
+        Raises
+        ------
+        UserError
+            If the run has no volume, or no such field.
+        """
+        fields = {"field": self.groups["field"]} if self.has("field", "velocity") else {}
+        fields |= self.below("compare", "velocity")
+        if "field" not in fields or "volume" not in self.groups:
+            raise UserError("there is no field: choose a volume and a reconstruction")
+        if name not in fields:
+            raise UserError(f"there is no field {name}; {nearest(name, fields)}")
+        return fields[name]
 
 
 class Check(ABC):

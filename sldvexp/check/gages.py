@@ -116,7 +116,7 @@ class Gages(Check):
                 raise UserError(
                     f"check.gages: {name} is not on the surface with its whole grid of "
                     f"{1e3 * gage.length:g} x {1e3 * gage.width:g} mm: place is within "
-                    f"[{a:.4g} .. {c:.4g}, {b:.4g} .. {d:.4g}] m, or reconstruction.margin larger"
+                    f"[{a:.4g} .. {c:.4g}, {b:.4g} .. {d:.4g}] m, or volume.margin larger"
                 )
 
     def _predicted(self, found: SurfaceField) -> tuple[ComplexArray, Array]:

@@ -9,7 +9,6 @@ import numpy as np
 from sldvexp import dataset
 from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
-from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 
 
@@ -20,14 +19,20 @@ class Love(Check):
 
     The normal velocity of a thin shell is the same through its thickness (Love). In a volume that
     is thicker than the shell the views look at different places of it away from the real surface,
-    which changes the tangential components much and the normal one little.
+    which changes the tangential components much and the normal one little. A field of splines on
+    the surface changes as Love's kinematics say, which is no test of them.
+
+    Parameters
+    ----------
+    of : str
+        Which field: ``field``, or the name of one in ``compare``.
     """
+
+    of: str = "field"
 
     def examine(self, run: Examination) -> xr.Dataset:
         """Find ``variation`` of each component through the layers, and its bound."""
-        if not {"field", "volume"} <= set(run.groups):
-            raise UserError("check=love needs a field: choose a volume and a reconstruction")
-        field, volume = run.groups["field"], run.groups["volume"]
+        field, volume = run.field_of(self.of), run.groups["volume"]
         layers = volume.sizes["layer"]
 
         def by_layer(name: str) -> np.ndarray:

@@ -15,7 +15,7 @@ from sldvexp import dataset
 from sldvexp.check.agreement import agreement, best_depth, jackknife
 from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
-from sldvexp.errors import Checks, UserError
+from sldvexp.errors import Checks
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import ComplexArray
 
@@ -36,9 +36,13 @@ class SurfaceDepth(Check):
     parts : int
         Into how many parts the surface is cut; how the depth changes when each is left out is its
         standard error, whatever the cause.
+    of : str
+        Which field: ``field``, or the name of one in ``compare``. One of splines on the surface has
+        its middle where it was laid, which is no finding.
     """
 
     parts: int = 16
+    of: str = "field"
 
     def __post_init__(self) -> None:
         checks = Checks()
@@ -53,11 +57,10 @@ class SurfaceDepth(Check):
         UserError
             If there is no field.
         """
-        if not {"field", "volume"} <= set(run.groups):
-            raise UserError("check=surface_depth needs a field: choose volume and reconstruction")
-        depth, std, inside = least_motion(run.groups["field"], run.groups["volume"], self.parts)
+        field = run.field_of(self.of)
+        depth, std, inside = least_motion(field, run.groups["volume"], self.parts)
         notes = [] if inside else ["the surface lies outside of the volume; move volume.offset"]
-        found = agreement(run, self.parts) if len(run.groups["field"]["view"]) > 3 else None
+        found = agreement(run, self.parts) if len(field["view"]) > 3 else None
         agreed, agreed_std = best_depth(found) if found else (None, None)
         group = dataset.group(
             "examined/surface_depth",

@@ -27,18 +27,26 @@ class Truth(Check):
     The field is taken where each column of nodes crosses the true surface, linearly between the
     layers, as the element does; so are the bounds of its real and imaginary part, which are then no
     smaller than the exact ones.
+
+    Parameters
+    ----------
+    of : str
+        Which field: ``field``, or the name of one in ``compare``.
     """
+
+    of: str = "field"
 
     def examine(self, run: Examination) -> xr.Dataset:
         """Find errors and coverage of each component at each frequency, and in all of them."""
         tree = run.groups
-        if not {"field", "truth", "volume"} <= set(tree):
+        if "truth" not in tree:
             raise UserError(
                 "check=truth needs a field and the virtual lab's truth: choose a volume, a "
                 "reconstruction and scene=plate"
             )
+        field = run.field_of(self.of)
         columns = Columns.from_volume(tree["volume"], tree["truth"]["height"].values)
-        field, truth = tree["field"], columns.at_surface(tree["truth"]["velocity"].values)
+        truth = columns.at_surface(tree["truth"]["velocity"].values)
         found = columns.at_surface(field["velocity"].values)
         if "n" in field["component"].values:
             truth = np.einsum("nca,naf->ncf", tree["volume"]["frame"].values[columns.inside], truth)
@@ -50,7 +58,7 @@ class Truth(Check):
             coords,
             **errors_and_coverage(found - truth, truth, bound),
         )
-        group.attrs["columns"] = len(columns.inside)
+        group.attrs |= {"columns": len(columns.inside), "field": self.of}
         return group
 
 

@@ -61,6 +61,7 @@ def build(config: DictConfig) -> Experiment:
         str(name): _object(node, f"expect.{name}", problems) for name, node in config.expect.items()
     }
     problems += _expected_of_nothing(expect, values)
+    problems += _checks_of_nothing(values["check"], values["compare"])
     if config.seed < 0:
         problems.append(Problem("seed", f"must be zero or a positive integer, not {config.seed}"))
     if problems:
@@ -88,6 +89,18 @@ def _expected_of_nothing(
                     f"~expect.{name} leaves it out"
                 )
                 yield Problem(f"expect.{name}", message)
+
+
+def _checks_of_nothing(checks: dict[str, Any], compare: dict[str, Any]) -> Iterator[Problem]:
+    """Find checks of a field that no entry of `compare` makes."""
+    for name, check in checks.items():
+        of = getattr(check, "of", "field")  # not all are of one field
+        if of != "field" and of not in compare:
+            message = (
+                f"is {of}, but compare has no entry {of}; {nearest(of, ['field', *compare])}; "
+                f"~check.{name} leaves it out"
+            )
+            yield Problem(f"check.{name}.of", message)
 
 
 def plugin_names(config: DictConfig) -> dict[str, str]:

@@ -291,7 +291,9 @@ def truth_table(truth: xr.Dataset, frequencies: Sequence[float]) -> Table:
     names = ("relative_error", "rms_error", "rms_bound", "covered")
     known = VARIABLES["examined/strain_truth" if strain else "examined/truth"]
     axis, factor = ("strain_component", 1e6) if strain else ("component", 1e3)
-    what = "Strain of the true surface, microstrain" if strain else "On the true surface"
+    of = truth.attrs.get("field", "field")
+    on = "On the true surface" if of == "field" else f"{of.capitalize()} on the true surface"
+    what = "Strain of the true surface, microstrain" if strain else on
     columns = (axis.replace("_", " "), FREQUENCY.units, *(known[name].titled() for name in names))
     table = Table(*columns, title=f"{what}{_some([truth])}", title_justify="left")
     for component in truth[axis].values:

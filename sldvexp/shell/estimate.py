@@ -404,7 +404,7 @@ def _estimate(
     """Do what `estimate_surface` does, with images that need not be in memory."""
     face, given = _heights(method, material)
     prisms = volume.prisms()
-    outline = Outline.of(volume, prisms, given, method.margin)
+    outline = Outline.of(volume, prisms, given)
     require_no_crossing(outline)
     longest = float((outline.high - outline.low).max())
     length = None

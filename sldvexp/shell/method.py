@@ -52,8 +52,6 @@ class SurfaceReconstruction:
     ----------
     given : GivenSurface
         Surface of the structure that the volume is laid around.
-    margin : float, m
-        How far the structure goes on beyond the volume's surface; pixels there count too.
     cells : int
         Cells of w's splines along the longer side.
     membrane_cells : int
@@ -69,7 +67,6 @@ class SurfaceReconstruction:
     """
 
     given: GivenSurface = GivenSurface.middle
-    margin: float = 0.0
     cells: int = 12
     membrane_cells: int = 6
     poses: PoseTreatment = PoseTreatment.adjust
@@ -85,7 +82,6 @@ class SurfaceReconstruction:
         checks.require(self.cells >= 2, "cells", f"must be 2 or more, not {self.cells}")
         message = f"must be 1 or more, not {self.membrane_cells}"
         checks.require(self.membrane_cells >= 1, "membrane_cells", message)
-        checks.non_negative("margin", self.margin)
         checks.non_negative("height_tolerance", self.height_tolerance)
         checks.require(
             0 < self.confidence < 1,

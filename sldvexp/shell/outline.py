@@ -53,15 +53,13 @@ class Outline:
     margin: float
 
     @classmethod
-    def of(cls, volume: Volume, prisms: Prisms, given: float, margin: float) -> Outline:
+    def of(cls, volume: Volume, prisms: Prisms, given: float) -> Outline:
         """Lay coordinates over a volume's surface.
 
         Parameters
         ----------
         given : float, m
             Height of the volume's surface above the one that the splines are those of.
-        margin : float, m
-            How far the structure goes on beyond it.
 
         Raises
         ------
@@ -72,6 +70,7 @@ class Outline:
         chart = chart_of_grid(volume) if isinstance(volume, Grid) else fitted_chart(prisms)
         lowered = chart.lowered(given)
         coordinates, _ = lowered.place(nodes)
+        margin = volume.unit.value * volume.margin
         low, high = coordinates.min(axis=0) - margin, coordinates.max(axis=0) + margin
         return cls(lowered, given, coordinates, prisms.triangles, low, high, margin)
 

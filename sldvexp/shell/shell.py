@@ -29,7 +29,7 @@ class Shell(SurfaceReconstruction):
     Examples
     --------
     >>> from sldvexp.shell import Shell
-    >>> Shell(margin=0.01).poses.name
+    >>> Shell().poses.name
     'adjust'
     """
 

@@ -25,7 +25,7 @@ class Spline(SurfaceReconstruction):
     Examples
     --------
     >>> from sldvexp.shell import Spline
-    >>> Spline(margin=0.01).poses.name
+    >>> Spline().poses.name
     'propagate'
     """
 

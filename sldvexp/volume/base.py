@@ -133,6 +133,9 @@ class Volume(ABC):
         Depth of the middle of them; 0 is the given surface.
     depth : list of float
         Instead of the three above: the depth of every layer, ascending.
+    margin : float
+        How far the structure goes on beyond the surface. Splines on the surface take pixels there
+        too, which makes them surer at its edges.
     tangent : list of 3 float
         In the surface's own axes: its projection on the surface is the first tangent t1.
     samples : SampleSettings
@@ -148,6 +151,7 @@ class Volume(ABC):
     thickness: float = 0.03
     offset: float = 0.0
     depth: list[float] = field(default_factory=list)
+    margin: float = 0.0
     tangent: list[float] = field(default_factory=lambda: [1.0, 0.0, 0.0])
     samples: SampleSettings = field(default_factory=SampleSettings)
     sight: VisibilitySettings = field(default_factory=VisibilitySettings)
@@ -163,6 +167,7 @@ class Volume(ABC):
         checks.require(self.layers >= 2, "layers", message)
         checks.positive("thickness", self.thickness)
         checks.finite("offset", self.offset)
+        checks.non_negative("margin", self.margin)
         self._check_depth(checks)
         self.samples.check(checks, "samples")
         self.sight.check(checks, "sight")

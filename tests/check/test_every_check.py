@@ -16,14 +16,13 @@ from sldvexp.dataset import VARIABLES, open_run
 from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose
 from sldvexp.plot.selection import plugin
-from sldvexp.shell import Gage, Shell
+from sldvexp.shell import Gage
 
 SMALL = [
     *("report=none", "pose=bitangent", "~scan.calibration.views.5", "~scan.structure.views.5"),
     *(f"scan.{part}.sampling.samples=256" for part in ("calibration", "structure")),
     *("scan.calibration.fine.lines=16", "scan.structure.pixels=[9,11]"),
-    *("volume.shape=[7,6]", "volume.layers=3", "compare={shell: {plugin: shell}}"),
-    *("material=aluminium", "material.thickness=0.003"),
+    *("volume.shape=[7,6]", "volume.layers=3"),
 ]
 #: Nothing of a run, only these settings.
 SETTINGS_ONLY = {"cross_ratio"}
@@ -62,7 +61,7 @@ def run(tmp_path_factory) -> dataset.RunData:
         command = [sys.executable, "-c", call, *words, f"hydra.run.dir={folder}/{name}"]
         subprocess.run(command, cwd=folder, capture_output=True, check=False)
     session = dataset.RunData.from_source(open_run(folder / "session"))
-    del session.groups["compare/shell"]  # whose strain is wanted, but no field among points
+    del session.groups["compare/samplewise"]  # no field among points
     points = open_run(folder / "point")
     for one in ("point", "line_of_sight", "compare/three"):
         session.groups[one] = points[one].to_dataset()
@@ -73,7 +72,7 @@ def run(tmp_path_factory) -> dataset.RunData:
 def examination(run):
     groups = {name: group.copy(deep=True) for name, group in run.groups.items()}
     needed = ("laser", "volume", "reconstruction", "solver", "material", "scene", "scan")
-    used = {g: plugin(run, g, "check") for g in needed} | {"compare": {"shell": Shell()}}
+    used = {g: plugin(run, g, "check") for g in needed} | {"compare": {}}
     return Examination(groups, rng=np.random.default_rng(0), experiment=SimpleNamespace(**used))
 
 

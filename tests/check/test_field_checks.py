@@ -137,7 +137,7 @@ def test_love_measures_the_change_through_the_layers():
     of_layers = 1e-3 * np.sqrt(1.25)
     np.testing.assert_allclose(found["variation"].squeeze(), [0, of_layers / size, 0], atol=1e-15)
     np.testing.assert_allclose(found["bound"], 5e-4 / size)
-    with pytest.raises(UserError, match="check=love needs a field"):
+    with pytest.raises(UserError, match="there is no field"):
         Love().examine(examined({}))
 
 
@@ -388,5 +388,5 @@ def test_the_real_surface_is_found_on_both_sides_of_the_given_one(given, offset)
     assert found["depth"].item() == pytest.approx(-given, abs=0.00005)
     assert found["agreement_depth"].item() == pytest.approx(-given, abs=0.003)
     assert found.attrs["notes"] == ""
-    with pytest.raises(UserError, match="check=surface_depth needs a field"):
+    with pytest.raises(UserError, match="there is no field"):
         SurfaceDepth().examine(examined({}))

@@ -530,6 +530,10 @@ EXPECTATIONS = [
         "'expect.x={at_most: {examined/tru/error: 1}}'",
         "expect.x: names examined/tru/error, but check has no entry tru; Valid: …; ~expect.x …",
     ),
+    Bad(
+        "'check.t={plugin: truth, of: other}'",
+        "command line: check.t.of is other, but compare has no entry other; Valid: …; ~check.t …",
+    ),
     on_experiment(
         "expect: {q: {at_most: {pose/see: 1}}}\n",
         ": expect.q: pose/see: pose has no variable see; did you mean sse? Valid: …",

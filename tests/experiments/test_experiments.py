@@ -65,4 +65,4 @@ def test_expectations_have_two_sides(name):
 def test_every_method_on_the_default_session(sldvexp):
     done = sldvexp("check", "methods")
     assert done.status == 0, done.out + done.err
-    assert "6 of 6 as expected" in done.out
+    assert "8 of 8 as expected" in done.out

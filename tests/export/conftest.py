@@ -24,9 +24,8 @@ FIELD = [
     "scan.pixels=[9,9]",
     "scan.sampling={samples: 256, rate: 5120.0, frequency: [195.0, 440.0, 545.012345]}",
     "volume={size: [0.2, 0.15], shape: [4, 3], layers: 3, thickness: 0.01}",
-    "~check.truth",
-    "~expect.resonances",
-    "~expect.all_lines",
+    *("reconstruction=samplewise", "~compare.samplewise", "~check.truth", "~check.samplewise"),
+    *("~expect.truth", "~expect.resonances", "~expect.all_lines"),
 ]
 
 

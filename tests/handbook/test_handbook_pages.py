@@ -79,7 +79,7 @@ def test_code_runs_on_a_run_and_attributes_of_a_run_are_told(
             ran += 1
     assert ran >= 10
     out = capsys.readouterr().out
-    assert "truth: examined/truth/relative_error[component=z]" in out
+    assert "samplewise: examined/samplewise/relative_error[component=z]" in out
     assert re.search(r"^[-+.\dj]+ \+- [.\d]+ m/s$", out, re.MULTILINE)
     told = {group_of(title): text for title, text in sections("reading_a_result").items()}
     for node in done.tree.subtree:

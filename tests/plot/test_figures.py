@@ -332,12 +332,16 @@ def test_surface_is_the_moment_of_the_largest_velocity(figures, tree):
     np.testing.assert_allclose(scale.get_ylim(), surface.get_clim())
 
 
+FIELDS = ("field", "compare/samplewise")
+
+
 def test_residuals_are_those_by_view(figures, tree):
     (axes,) = figures["residuals"].axes
     heights = [bar.get_height() for bar in axes.patches]
-    _, unit = prefixed(tree["field/residual_std_by_view"].values, "m/s")
+    shown = [tree[f"{of}/residual_std_by_view"].values[:, 0] for of in FIELDS]
+    _, unit = prefixed(np.concatenate(shown), "m/s")
     assert axes.get_ylabel() == f"r.m.s. residual, {unit}"
-    ratio = heights / tree["field/residual_std_by_view"].values[:, 0]
+    ratio = heights / np.concatenate(shown)
     np.testing.assert_allclose(ratio, prefixed(heights[0] / ratio[0], "m/s")[0])
     assert [t.get_text() for t in axes.get_xticklabels()] == ["1", "2", "3"]
 

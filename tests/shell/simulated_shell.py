@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from sldvexp.field import View
@@ -44,7 +42,12 @@ def plate(radius=None, stretch=0.2, thickness=0.003):
 
 def volume(radius=None, shape=(13, 11)):
     return Grid(
-        center=CENTER.tolist(), size=[0.26, 0.21], shape=list(shape), radius=radius, layers=2
+        center=CENTER.tolist(),
+        size=[0.26, 0.21],
+        shape=list(shape),
+        radius=radius,
+        layers=2,
+        margin=0.02,
     )
 
 
@@ -71,4 +74,4 @@ def views(truth, rng, pixels=(21, 25), noise=NOISE, frequency=(FREQUENCY,), erro
 
 
 def method(**settings):
-    return replace(Shell(margin=0.02), **settings)
+    return Shell(**settings)

@@ -69,7 +69,7 @@ def test_the_back_is_not_met():
 def test_local_axes_are_those_of_the_nodes_of_a_grid():
     grid = Grid(center=[0.4, 0.1, 0.2], euler=[0.2, 0.5, -0.1], radius=0.5, size=[0.26, 0.2])
     prisms = grid.prisms()
-    outline = Outline.of(grid, prisms, 0.0, 0.0)
+    outline = Outline.of(grid, prisms, 0.0)
     place, height = outline.chart.place(prisms.surface)
     assert height == pytest.approx(0.0, abs=1e-12)
     assert outline.chart.frames(place) == pytest.approx(prisms.frame, abs=1e-12)
@@ -80,7 +80,7 @@ def test_a_mesh_gets_the_chart_of_the_grid_that_it_is(radius):
     grid = Grid(center=[0.4, 0.1, 0.2], euler=[0.2, 0.5, -0.1], radius=radius, shape=[15, 11])
     prisms = grid.prisms()
     own, fitted = (
-        Outline.of(grid, prisms, 0.0, 0.0).chart,
+        Outline.of(grid, prisms, 0.0).chart,
         fitted_chart(prisms),
     )
     assert fitted.curvature == pytest.approx(own.curvature, rel=1e-6, abs=1e-9)
@@ -107,7 +107,7 @@ def test_a_hole_in_a_mesh_does_not_belong_to_the_structure():
     prisms = grid.prisms()
     middle = np.abs(prisms.position[: prisms.surface_nodes][prisms.triangles].mean(axis=1))
     kept = prisms.triangles[~(middle[:, :2] < 0.05).all(axis=1)]
-    outline = Outline.of(grid, prisms, 0.0, 0.0)
+    outline = Outline.of(grid, prisms, 0.0)
     holed = Outline(outline.chart, 0.0, outline.corners, kept, outline.low, outline.high, 0.0)
     places = np.array([[0.0, 0.0], [0.07, 0.07], [0.099, 0.0], [0.101, 0.0]])
     assert holed.holds(places).tolist() == [False, True, True, False]

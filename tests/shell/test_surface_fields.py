@@ -58,7 +58,7 @@ def test_a_shell_beats_free_splines():
     truth = lab.plate()
     views = lab.views(truth, np.random.default_rng(2))
     shell, _ = compared(estimated(views, lab.volume()), truth)
-    free, _ = compared(estimated(views, lab.volume(), Spline(margin=0.02)), truth)
+    free, _ = compared(estimated(views, lab.volume(), Spline()), truth)
     assert np.all(shell[:2] < free[:2])
     assert np.all(1.2 * shell[3:] < free[3:])
 
@@ -209,7 +209,7 @@ def test_a_shell_needs_a_thickness():
     views = lab.views(lab.plate(), np.random.default_rng(12))
     with pytest.raises(UserError, match=r"thickness: choose material=aluminium material.thickness"):
         estimated(views, lab.volume(), sheet=None)
-    assert estimated(views, lab.volume(), Spline(margin=0.02), sheet=None).fit.face == 0
+    assert estimated(views, lab.volume(), Spline(), sheet=None).fit.face == 0
 
 
 def test_a_structure_at_rest_is_told():
@@ -231,7 +231,6 @@ def test_a_volume_beside_the_structure_is_told():
     ("settings", "told"),
     [
         ({"cells": 1}, "cells: must be 2 or more"),
-        ({"margin": -0.1}, "margin"),
         ({"confidence": 1.0}, "confidence: must lie between 0 and 1"),
         ({"membrane_length": 0.0}, "membrane_length: must be a positive"),
     ],
