@@ -70,7 +70,7 @@ class Outline:
             If the surface folds over, or has edges.
         """
         nodes = prisms.surface
-        chart = chart_of_grid(volume) if isinstance(volume, Grid) else fitted_chart(prisms)
+        chart = chart_of_grid(volume) if isinstance(volume, Grid) else fitted_chart(prisms, margin)
         lowered = chart.lowered(given)
         coordinates, _ = lowered.place(nodes)
         low, high = coordinates.min(axis=0) - margin, coordinates.max(axis=0) + margin
@@ -103,8 +103,13 @@ def chart_of_grid(grid: Grid) -> CylinderChart:
     return CylinderChart(unit * np.array(grid.center, float), axes, curvature)
 
 
-def fitted_chart(prisms: Prisms) -> Chart:
+def fitted_chart(prisms: Prisms, margin: float = 0.0) -> Chart:
     """Fit a plane to the nodes of the given surface, or a cylinder, or else a height over a plane.
+
+    Parameters
+    ----------
+    margin : float, m
+        How far the structure goes on beyond the nodes.
 
     Raises
     ------
@@ -122,7 +127,7 @@ def fitted_chart(prisms: Prisms) -> Chart:
     best = min(
         (_cylinder(nodes, middle, normal, along[i]) for i in (0, 1)), key=lambda found: found[1]
     )
-    return best[0] if best[1] <= BULGE * extent else HeightChart.fitted(prisms)
+    return best[0] if best[1] <= BULGE * extent else HeightChart.fitted(prisms, margin)
 
 
 def _cylinder(
