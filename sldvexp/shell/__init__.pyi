@@ -1,11 +1,13 @@
 from . import estimate as estimate
 from . import streamed as streamed
 from .chart import Chart as Chart
+from .chart import LocalForms as LocalForms
 from .cylinder_chart import CylinderChart as CylinderChart
 from .estimate import SurfaceField as SurfaceField
 from .estimate import estimate_surface as estimate_surface
 from .evidence import WeightedFit as WeightedFit
 from .gage import Gage as Gage
+from .height_chart import HeightChart as HeightChart
 from .love import ThinShell as ThinShell
 from .material import Isotropic as Isotropic
 from .method import SurfaceReconstruction as SurfaceReconstruction

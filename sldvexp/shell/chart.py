@@ -51,6 +51,10 @@ class LocalForms:
         """Compute lengths on the surface over those at a height, (point, 2, 2)."""
         return np.asarray(np.linalg.inv(self.stretch(height)), float)
 
+    def along(self, height: float, step: Array) -> Array:
+        """Reduce steps at a height to lengths on the surface, along t1 and t2, (point, 2, ...)."""
+        return np.asarray(np.einsum("pij,pj...->pi...", self.shrink(height), step))
+
     def at(self, height: float) -> LocalForms:
         """Find those of the surface at a height, whose local axes are the same."""
         shrink = self.shrink(height)
@@ -97,9 +101,11 @@ class Chart(ABC):
 
     def lowered(self, height: float) -> Chart:
         """Make the chart of the surface that lies so far below this one, along the normals."""
-        return ParallelChart(self, -height)
+        return ParallelChart(self, -height) if height else self
 
-    def met(self, begin: Array, way: Array, height: float) -> tuple[Array, Array, BoolArray]:
+    def met(
+        self, begin: Array, way: Array, height: float, start: Array | None = None
+    ) -> tuple[Array, Array, BoolArray]:
         """Find where beams meet the surface at a height, from the side of its normals.
 
         Steps lead along the tangent plane at the height to where the beam passes through it.
@@ -109,6 +115,8 @@ class Chart(ABC):
         begin, way : ndarray, shape (beam, 3)
             Starts, m, and unit vectors of the beams, in the world.
         height : float, m
+        start : ndarray, shape (beam, 2), m, optional
+            Coordinates near those that are looked for.
 
         Returns
         -------
@@ -117,12 +125,14 @@ class Chart(ABC):
             Direction cosines towards the instrument, along t1, t2 and n.
         meets : ndarray of bool, shape (beam,)
         """
-        nearest = (self.center - begin) * way
-        coordinates, _ = self.place(begin + nearest.sum(axis=1)[:, None] * way)
+        if start is None:
+            nearest = np.einsum("bi,bi->b", self.center - begin, way)
+            start, _ = self.place(begin + nearest[:, None] * way)
+        coordinates = start
         for _ in range(STEPS):
-            frames, point = self.frames(coordinates), self.points(coordinates, height)
-            step = self.along(coordinates, height, slide(frames, begin - point, way))
-            change = np.einsum("pi,pia->pa", step, self.forms(coordinates).rate)
+            forms, point = self.forms(coordinates), self.points(coordinates, height)
+            step = forms.along(height, slide(self.frames(coordinates), begin - point, way))
+            change = np.einsum("pi,pia->pa", step, forms.rate)
             coordinates = coordinates + change
             if np.nan_to_num(np.abs(change)).max(initial=0.0) < SETTLED:
                 break
@@ -132,13 +142,6 @@ class Chart(ABC):
         far = np.einsum("bi,bi->b", point - begin, way)
         miss = np.linalg.norm(begin + far[:, None] * way - point, axis=1)
         return coordinates, cosine, (miss < MET) & (far > 0) & (cosine[:, 2] > 0)
-
-    def along(self, coordinates: Array, height: float, step: Array) -> Array:
-        """Reduce steps at a height to lengths on the surface, along t1 and t2, (point, 2, ...)."""
-        stretch = self.forms(coordinates).stretch(height)
-        return np.asarray(np.linalg.solve(stretch, step.reshape(*step.shape[:2], -1))).reshape(
-            step.shape
-        )
 
 
 def slide(frames: Array, move: Array, way: Array) -> Array:

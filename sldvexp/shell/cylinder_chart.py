@@ -90,10 +90,12 @@ class CylinderChart(Chart):
         center = self.center - height * self.axes[2]
         return CylinderChart(center, self.axes, self.curvature / (1 - self.curvature * height))
 
-    def met(self, begin: Array, way: Array, height: float) -> tuple[Array, Array, BoolArray]:
+    def met(
+        self, begin: Array, way: Array, height: float, start: Array | None = None
+    ) -> tuple[Array, Array, BoolArray]:
         """Find where beams first meet the surface, in closed form; see `Chart`."""
-        start, along = (begin - self.center) @ self.axes.T, way @ self.axes.T
-        (x, _, h), (dx, _, dh), k = start.T, along.T, self.curvature
+        own, along = (begin - self.center) @ self.axes.T, way @ self.axes.T
+        (x, _, h), (dx, _, dh), k = own.T, along.T, self.curvature
         # a far^2 + 2 b far + c = 0, all times the curvature, so that a plane is no exception
         a = k * (dx**2 + dh**2)
         b = k * (x * dx + h * dh) + dh

@@ -22,6 +22,7 @@ from sldvexp.field.estimate import NO_COVARIANCE
 from sldvexp.field.visibility.view import View, views_of
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
+from sldvexp.shell.calibration import CalibrationError, calibration_errors
 from sldvexp.shell.linear_form import summed
 from sldvexp.shell.love import STRAINS, ThinShell
 from sldvexp.shell.material import Isotropic
@@ -88,9 +89,8 @@ class SurfaceField:
     def field(self) -> xr.Dataset:
         """Make the group ``field``."""
         local = self.volume.coordinates is Coordinates.local
-        values, own, others = self._at_nodes(local)
-        variance = {"noise": own, "pose": others}
-        std = np.sqrt(variance["noise"] + variance["pose"])
+        values, variance = self._at_nodes(local)
+        std = np.sqrt(np.sum(list(variance.values()), axis=0))
         # What may be as large as all motion is not known at all.
         determined = (self.factor * std.max(axis=0) <= self.fit.size).any(axis=-1)
         sources, each = by_source(variance)
@@ -214,15 +214,16 @@ class SurfaceField:
         """True if nodes are laid around the face, so that the thickness decides their height."""
         return self.method.of_middle and self.method.given is GivenSurface.face
 
-    def _at_nodes(self, local: bool) -> list[NDArray[Any]]:
-        """Compute the velocity and its variances at all nodes, as `SurfaceFit.evaluate` does.
+    def _at_nodes(self, local: bool) -> tuple[ComplexArray, dict[str, Array]]:
+        """Compute the velocity and its variances at all nodes, as `SurfaceFit.by_source` does.
 
         The velocity is linear in the height and its variances are quadratic: where the layers have
         the same coordinates, three of them give all.
 
         Returns
         -------
-        list of ndarray, shape (..., node, component, frequency)
+        values : ndarray of complex, shape (node, component, frequency)
+        variance : dict of str to ndarray, shape (part, node, component, frequency)
         """
         layers, count = self.prisms.layers, self.prisms.surface_nodes
         place, height = self.fit.outline.chart.place(self.prisms.position)
@@ -243,7 +244,8 @@ class SurfaceField:
             whole = np.einsum("lsn,...sncf->...lncf", _interpolating(z, z[some]), own)
             return whole.reshape(*own.shape[:-4], -1, *own.shape[-2:])
 
-        return [at_all(found) for found in self.fit.evaluate(rows, thicker)]
+        values, variance = self.fit.by_source(rows, thicker)
+        return at_all(values), {name: at_all(found) for name, found in variance.items()}
 
     def _velocity_rows(
         self, place: Array, height: Array | None, nodes: IndexArray, local: bool
@@ -314,14 +316,14 @@ def reconstruct_surface(
     image = tree[f"image/{views[0].name}"]
     frequency = image["frequency"].values if "frequency" in image.coords else None
     known = PoseErrors.from_dataset(tree["pose"], [v.name for v in views])
-    joint = None if known is None else known.whole
     if reduced is None:
-        return estimate_surface(
-            views, laser, volume, method, material, frequency=frequency, covariance=joint
-        )
-    images = [tree[f"image/{v.name}"] for v in views]
-    data = [i["velocity"].data for i in images], [i["velocity_std"].data for i in images]
-    return _estimate(views, *data, laser, volume, method, material, frequency, joint)
+        images, std = [v.velocity for v in views], [v.std for v in views]
+    else:
+        own = [tree[f"image/{v.name}"] for v in views]
+        images, std = [i["velocity"].data for i in own], [i["velocity_std"].data for i in own]
+    joint = None if known is None else known.covariance
+    errors = calibration_errors(views, laser, known)
+    return _estimate(views, images, std, laser, volume, method, material, frequency, joint, errors)
 
 
 def estimate_surface(
@@ -385,8 +387,9 @@ def estimate_surface(
     """
     given_frequency = None if frequency is None else np.asarray(frequency, float)
     images, std = [v.velocity for v in views], [v.std for v in views]
+    errors = calibration_errors(views, laser, None)
     return _estimate(
-        views, images, std, laser, volume, method, material, given_frequency, covariance
+        views, images, std, laser, volume, method, material, given_frequency, covariance, errors
     )
 
 
@@ -400,6 +403,7 @@ def _estimate(
     material: Isotropic | None,
     frequency: Array | None,
     covariance: Array | None,
+    calibration: list[CalibrationError],
 ) -> SurfaceField:
     """Do what `estimate_surface` does, with images that need not be in memory."""
     face, given = _heights(method, material)
@@ -417,7 +421,11 @@ def _estimate(
         joint = np.zeros((POSE * len(views),) * 2)
     thickness = 0.0 if material is None else material.tolerance.thickness
     errors = PriorErrors.of(
-        joint, method.height_tolerance, thickness, method.poses is PoseTreatment.adjust
+        joint,
+        calibration,
+        method.height_tolerance,
+        thickness,
+        method.poses is PoseTreatment.adjust,
     )
     shell = _splines(outline, method, longest)
     found = fit(views, images, std, laser, outline, shell, face, length, errors)

@@ -1,4 +1,4 @@
-"""What is not known exactly beside the field: poses, height of the surface, thickness of the sheet.
+"""What is not known exactly beside the field: poses, calibration, height, thickness.
 
 Their errors d have the prior ``d = L x`` with ``x ~ N(0, 1)``. The data of all columns together,
 ``y_c = A theta_c + J_c d + e``, tell about them what the field leaves over,
@@ -33,6 +33,16 @@ class Nuisances:
 
     mean: Array
     factor: Array
+
+    def by_source(self, own: slice) -> tuple[Array, Array]:
+        """Split the factor: what goes with some of the errors, and the rest, which they have not.
+
+        A turn of its columns leaves the covariance alone, and can make some rows end in zeros.
+        """
+        rows = self.factor[own]
+        turn = np.linalg.qr(rows.T, mode="complete")[0]
+        turned = self.factor @ turn
+        return turned[:, : len(rows)], turned[:, len(rows) :]
 
     @classmethod
     def posterior(

@@ -1,8 +1,9 @@
 """Outline of the volume's surface in its coordinates: the chart that fits it, and what lies inside.
 
-Structures that are flat or bend along one direction have a chart (`sldvexp.shell.chart`); it is
-that of a grid, or fitted to the nodes of a mesh. The outline is that of the triangles, so that it
-may have any shape and holes; with a margin it is the rectangle around them.
+A surface that is flat or bends along one direction has a chart in closed form; it is that of a
+grid, or fitted to the nodes of a mesh. Of any other mesh it is the height over a plane. The outline
+is that of the triangles, so that it may have any shape and holes; with a margin it is the rectangle
+around them.
 """
 
 from __future__ import annotations
@@ -11,17 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sldvexp.errors import UserError
 from sldvexp.geometry import Bins, rotation_from_euler
 from sldvexp.lazy import scipy
 from sldvexp.shell.chart import Chart
 from sldvexp.shell.cylinder_chart import CylinderChart
+from sldvexp.shell.height_chart import HeightChart
 from sldvexp.typing import Array, BoolArray, IntArray
 from sldvexp.volume import Prisms, Volume
 from sldvexp.volume.grid import Grid
 
 #: Distance of a node from the fitted surface, over the surface's extent, that is still no bulge.
-BULGE = 2e-3
+BULGE = 2e-4
 #: How far, in barycentric coordinates, a place may miss a triangle and still lie in it.
 RIM = 1e-9
 
@@ -64,10 +65,10 @@ class Outline:
         Raises
         ------
         UserError
-            If the surface bends both ways.
+            If the surface folds over, or has edges.
         """
         nodes = prisms.surface
-        chart = chart_of_grid(volume) if isinstance(volume, Grid) else fitted_chart(prisms)
+        chart = chart_of_grid(volume) if isinstance(volume, Grid) else fitted_chart(prisms, margin)
         lowered = chart.lowered(given)
         coordinates, _ = lowered.place(nodes)
         margin = volume.unit.value * volume.margin
@@ -101,13 +102,18 @@ def chart_of_grid(grid: Grid) -> CylinderChart:
     return CylinderChart(unit * np.array(grid.center, float), axes, curvature)
 
 
-def fitted_chart(prisms: Prisms) -> CylinderChart:
-    """Fit a plane to the nodes of the given surface, or else a cylinder.
+def fitted_chart(prisms: Prisms, margin: float = 0.0) -> Chart:
+    """Fit a plane to the nodes of the given surface, or a cylinder, or else a height over a plane.
+
+    Parameters
+    ----------
+    margin : float, m
+        How far the structure goes on beyond the nodes.
 
     Raises
     ------
     UserError
-        If it is neither.
+        If it is none of them; see `HeightChart.fitted`.
     """
     nodes = prisms.surface
     middle = nodes.mean(axis=0)
@@ -120,13 +126,7 @@ def fitted_chart(prisms: Prisms) -> CylinderChart:
     best = min(
         (_cylinder(nodes, middle, normal, along[i]) for i in (0, 1)), key=lambda found: found[1]
     )
-    if best[1] > BULGE * extent:
-        raise UserError(
-            f"reconstruction=shell and spline need a surface that is flat or bends along one "
-            f"direction; the volume's is {1e3 * bulge:.3g} mm off a plane and {1e3 * best[1]:.3g} "
-            "mm off a cylinder: use reconstruction=samplewise there"
-        )
-    return best[0]
+    return best[0] if best[1] <= BULGE * extent else HeightChart.fitted(prisms, margin)
 
 
 def _cylinder(

@@ -14,6 +14,7 @@ J, kappa and g (see `sldvexp.shell.chart`), and D = -(t1, t2, n) w, the change o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +26,7 @@ from sldvexp.shell.chart import slide
 from sldvexp.shell.linear_form import LinearForm, summed
 from sldvexp.shell.love import ThinShell
 from sldvexp.shell.outline import Outline
-from sldvexp.typing import Array, BoolArray, IndexArray
+from sldvexp.typing import Array, IndexArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,7 @@ class ViewPixels:
     def of(cls, view: View, laser: TwoMirror, outline: Outline, face: float) -> ViewPixels:
         """Follow the beams of all pixels without a flag to the face, so high above the splines."""
         pixel = np.flatnonzero(np.asarray(view.flags) == 0)
-        coordinates, cosine, meets = _met(view, laser, outline, face, pixel)
+        coordinates, cosine, meets = outline.chart.met(*beams(view, laser, pixel), face)
         kept = np.flatnonzero(meets)
         kept = kept[outline.holds(coordinates[kept])]
         return cls(view, pixel[kept], coordinates[kept], cosine[kept])
@@ -64,29 +65,45 @@ class ViewPixels:
     def seen_from(self, pose: Array, laser: TwoMirror, outline: Outline, face: float) -> ViewPixels:
         """Follow the same pixels' beams from a pose that is off by a rotation vector and origin."""
         view = self.view.moved(pose)
-        coordinates, cosine, _ = _met(view, laser, outline, face, self.pixel)
+        moved = beams(view, laser, self.pixel)
+        coordinates, cosine, _ = outline.chart.met(*moved, face, self.coordinates)
         return ViewPixels(view, self.pixel, coordinates, cosine)
 
-    def changes(self, laser: TwoMirror, outline: Outline, face: float) -> tuple[Array, Array]:
-        """Differentiate place and cosines by the pose and by the face's height.
+    def changes(
+        self,
+        laser: TwoMirror,
+        outline: Outline,
+        face: float,
+        others: Sequence[tuple[Array, Array]] = (),
+    ) -> tuple[Array, Array]:
+        """Differentiate place and cosines by the pose, other errors, and the face's height.
+
+        Parameters
+        ----------
+        others : sequence of pair of ndarray, shape (pixel, 3) each
+            What they do to starts, m, and directions of the beams.
 
         Returns
         -------
-        place : ndarray, shape (pixel, 2, 7), m/rad and 1
-        cosine : ndarray, shape (pixel, 3, 7), 1/rad and 1/m
+        place : ndarray, shape (pixel, 2, 6 + others + 1), m/rad and 1
+        cosine : ndarray, shape (pixel, 3, 6 + others + 1), 1/rad and 1/m
         """
-        chart, view = outline.chart, self.view
-        begin, way = _beams(view, laser, self.pixel)
-        frames, forms = chart.frames(self.coordinates), chart.forms(self.coordinates)
-        far = np.einsum("pi,pi->p", chart.points(self.coordinates, face) - begin, way)
+        view = self.view
+        begin, way = beams(view, laser, self.pixel)
+        frames, forms = (
+            outline.chart.frames(self.coordinates),
+            outline.chart.forms(self.coordinates),
+        )
+        far = np.einsum("pi,pi->p", outline.chart.points(self.coordinates, face) - begin, way)
+        start, turned = (np.zeros((len(way), 3, POSE + len(others) + 1)) for _ in range(2))
         # R turned by a small e about an axis a of the laser: R' (x - e a x x) for all x
-        turn = -np.cross(view.rotation[:, None], way).transpose(1, 2, 0)
-        lever = -np.cross(view.rotation[:, None], begin - view.origin).transpose(1, 2, 0)
-        none = np.zeros((len(way), 3, POSE + 1))
-        turned, moved = none.copy(), none
-        turned[:, :, :3], moved[:, :, :3] = turn, lever + far[:, None, None] * turn
-        moved[:, :, 3:POSE], moved[:, :, POSE] = np.eye(3), -frames[:, 2]
-        step = chart.along(self.coordinates, face, slide(frames, moved, way))
+        turned[:, :, :3] = -np.cross(view.rotation[:, None], way).transpose(1, 2, 0)
+        start[:, :, :3] = -np.cross(view.rotation[:, None], begin - view.origin).transpose(1, 2, 0)
+        start[:, :, 3:POSE], start[:, :, -1] = np.eye(3), -frames[:, 2]
+        for k, (of_start, of_way) in enumerate(others, POSE):
+            start[:, :, k], turned[:, :, k] = of_start, of_way
+        moved = start + far[:, None, None] * turned
+        step = forms.along(face, slide(frames, moved, way))
         cosine = -np.einsum("pij,pje->pie", frames, turned)
         bent = np.einsum("pij,pje->pie", forms.curvature, step)
         about = np.einsum("pj,pje->pe", forms.turn, step)
@@ -111,15 +128,8 @@ class ViewPixels:
         return summed([own * toward for own, toward in zip(motion, self.cosine.T, strict=True)])
 
 
-def _beams(view: View, laser: TwoMirror, pixel: IndexArray) -> tuple[Array, Array]:
+def beams(view: View, laser: TwoMirror, pixel: IndexArray) -> tuple[Array, Array]:
     """Compute starts, m, and unit vectors of beams in the world, shape (pixel, 3) each."""
     own = view.laser(laser)
     start, along = rays(own.angle_from_dac(view.dac[pixel]), own.mirror_offset)
     return view.origin + start @ view.rotation, along @ view.rotation
-
-
-def _met(
-    view: View, laser: TwoMirror, outline: Outline, face: float, pixel: IndexArray
-) -> tuple[Array, Array, BoolArray]:
-    """Follow beams of some pixels to the face."""
-    return outline.chart.met(*_beams(view, laser, pixel), face)

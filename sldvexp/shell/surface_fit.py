@@ -18,6 +18,7 @@ from sldvexp.field import View
 from sldvexp.field.bounds.pose_uncertainty import POSE
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
+from sldvexp.shell.calibration import CalibrationError
 from sldvexp.shell.columns import SignalColumns
 from sldvexp.shell.evidence import WeightedFit
 from sldvexp.shell.linear_form import LinearForm
@@ -47,28 +48,46 @@ TOGETHER = 4096
 
 @dataclass(frozen=True, eq=False)
 class PriorErrors:
-    """What was known beforehand of poses, height and thickness.
+    """What was known beforehand of poses, calibration, height and thickness.
 
     Attributes
     ----------
-    factor : ndarray, shape (6 view + 2, any)
-        Of their covariance: poses, the given surface's height, the sheet's thickness.
+    factor : ndarray, shape (6 view + calibration + 2, any)
+        Of their covariance: poses, errors of the calibration in standard deviations, the given
+        surface's height, the sheet's thickness.
+    calibration : list of CalibrationError
     adjusted : bool
         Whether they are found anew together with the field.
     """
 
     factor: Array
+    calibration: list[CalibrationError]
     adjusted: bool
 
     @classmethod
-    def of(cls, poses: Array, height: float, thickness: float, adjusted: bool) -> PriorErrors:
+    def of(
+        cls,
+        poses: Array,
+        calibration: list[CalibrationError],
+        height: float,
+        thickness: float,
+        adjusted: bool,
+    ) -> PriorErrors:
         """Combine covariances of poses, (6 view, 6 view), and standard errors, m."""
         values, vectors = np.linalg.eigh(poses)
         known = values > 1e-14 * max(values.max(initial=0.0), 1e-300)
         factor = scipy.linalg.block_diag(
-            vectors[:, known] * np.sqrt(values[known]), [[height]], [[thickness]]
+            vectors[:, known] * np.sqrt(values[known]),
+            np.eye(len(calibration)),
+            [[height]],
+            [[thickness]],
         )
-        return cls(factor[:, np.any(factor != 0, axis=0)], adjusted)
+        return cls(factor[:, np.any(factor != 0, axis=0)], calibration, adjusted)
+
+    @property
+    def own(self) -> slice:
+        """Places of the calibration's errors."""
+        return slice(len(self.factor) - 2 - len(self.calibration), len(self.factor) - 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +172,8 @@ class SurfaceFit:
     nuisances : Nuisances
     at : ndarray, shape (error,)
         Errors that the equations are taken at.
+    calibration : slice
+        Errors that are the calibration's.
     """
 
     shell: ThinShell
@@ -165,6 +186,7 @@ class SurfaceFit:
     solved: list[Array]
     nuisances: Nuisances
     at: Array
+    calibration: slice
 
     @cached_property
     def size(self) -> Array:
@@ -208,7 +230,18 @@ class SurfaceFit:
         own : ndarray, shape (part, functional, frequency)
             Variances from noise and smoothing.
         others : ndarray, shape (part, functional, frequency)
-            Variances from poses, height and thickness.
+            Variances from poses, calibration, height and thickness.
+        """
+        values, by_source = self.by_source(rows, thicker)
+        own = by_source.pop("noise")
+        return values, own, np.asarray(sum(by_source.values()))
+
+    def by_source(
+        self, rows: Array, thicker: Array | None = None
+    ) -> tuple[ComplexArray, dict[str, Array]]:
+        """Do what `evaluate` does, with variances by their source as in the budget.
+
+        Those from height and thickness count as those from poses.
         """
         mean, variance = self.posterior.evaluate(rows)
         gain = -np.stack([rows @ s for s in self.solved], axis=-1)  # (functional, error, column)
@@ -216,9 +249,15 @@ class SurfaceFit:
             gain[:, -1] += thicker @ self.posterior.mean()
         mean = mean + np.einsum("fec,e->fc", gain, self.nuisances.mean - self.at)
         values, own = self.columns.lines(mean, variance)
-        spread = np.einsum("fec,em->fmc", gain, self.nuisances.factor)
-        others = self.columns.quadratic(np.einsum("fmc,fmd->fcd", spread, spread))
-        return values, own, others
+
+        def squares(factor: Array) -> Array:
+            spread = np.einsum("fec,em->fmc", gain, factor)
+            return self.columns.quadratic(np.einsum("fmc,fmd->fcd", spread, spread))
+
+        if self.calibration.start == self.calibration.stop:
+            return values, {"noise": own, "pose": squares(self.nuisances.factor)}
+        goes_along, rest = self.nuisances.by_source(self.calibration)
+        return values, {"noise": own, "pose": squares(rest), "calibration": squares(goes_along)}
 
 
 def fit(
@@ -257,7 +296,8 @@ def fit(
     equations = _Equations(laser, outline, shell, face, length, errors, pixels, measured)
     found = equations.at(np.zeros(len(errors.factor)))
     for _ in range(REPEATED if errors.adjusted else 0):
-        moved = found.nuisances.mean
+        moved = found.nuisances.mean.copy()
+        moved[errors.own] = 0.0  # small beside a pixel: linear
         if np.linalg.norm(np.linalg.lstsq(errors.factor, moved - found.at)[0]) < SETTLED:
             break
         found = equations.at(moved)
@@ -291,7 +331,8 @@ class _Equations:
 
     def at(self, at: Array) -> SurfaceFit:
         """Fit with poses, height and thickness that are off by so much."""
-        *poses, height, thickness = at
+        height, thickness = at[-2:]
+        poses = at[: self.errors.own.start]
         face = self.face + thickness / 2
         moved = [
             p.seen_from(pose, self.laser, self.outline, face + height)
@@ -326,6 +367,7 @@ class _Equations:
             solved,
             nuisances,
             at,
+            self.errors.own,
         )
 
     def _nuisances(
@@ -346,10 +388,10 @@ class _Equations:
         products = np.zeros((errors, columns))
         squares = np.zeros((columns, errors, errors))
         for k, some, block in blocks(moved):
-            own = [*range(POSE * k, POSE * (k + 1)), errors - 2, errors - 1]
+            own = [*range(POSE * k, POSE * (k + 1)), *range(self.errors.own.start, errors)]
             weight = 1 / self.measured.pixel_std[some, None]
             a = block.design(self.shell, face) * weight
-            j = self._changes(block, theta, face, height) * weight[:, None]
+            j = self._changes(k, block, theta, face, height) * weight[:, None]
             crossed[:, own] += (a.T @ j.reshape(len(a), -1)).reshape(-1, len(own), columns)
             products[own] += np.einsum("pec,pc->ec", j, self.columns.data[some])
             of_view = np.einsum("pec,pfc->cef", j, j, optimize=True)
@@ -360,9 +402,15 @@ class _Equations:
         told = [squares[c] - crossed[:, :, c].T @ solved[c] for c in range(columns)]
         return solved, Nuisances.posterior(self.errors.factor, at, products, told, solved, right)
 
-    def _changes(self, pixels: ViewPixels, theta: Array, face: float, height: float) -> Array:
-        """Differentiate a view's predictions, shape (pixel, 6 + height and thickness, column)."""
-        place, cosine = pixels.changes(self.laser, self.outline, face + height)
+    def _changes(
+        self, k: int, pixels: ViewPixels, theta: Array, face: float, height: float
+    ) -> Array:
+        """Differentiate predictions of a view by all that moves it, shape (pixel, error, column).
+
+        That is its pose, the calibration, and height and thickness.
+        """
+        others = [error.of_beams(k, pixels.pixel) for error in self.errors.calibration]
+        place, cosine = pixels.changes(self.laser, self.outline, face + height, others)
         where, shell = pixels.coordinates, self.shell
 
         def motion(*forms: LinearForm) -> Array:
@@ -375,7 +423,7 @@ class _Equations:
             along = np.einsum("pa,pac->pc", toward, slope)
             change += place[:, axis, :, None] * along[:, None]
         thicker = motion(*shell.motion_by_height(where))
-        by_thickness = (change[:, POSE] + np.einsum("pa,pac->pc", toward, thicker)) / 2
+        by_thickness = (change[:, -1] + np.einsum("pa,pac->pc", toward, thicker)) / 2
         return np.concatenate([change, by_thickness[:, None]], axis=1)
 
 

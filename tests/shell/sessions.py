@@ -109,7 +109,7 @@ def session(case: Case, seed: int) -> Session:
         views,
         lab.LASER,
         lab.volume(case.radius),
-        lab.method(margin=0.016),
+        lab.method(),
         sheet,
         frequency=[case.frequency],
         covariance=np.diag(std**2),

@@ -7,13 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_from_euler
 from sldvexp.shell import CylinderChart, Outline
 from sldvexp.shell.outline import fitted_chart
-from sldvexp.volume import TriangulatedSurface
 from sldvexp.volume.grid import Grid
-from sldvexp.volume.samples import extruded
 
 CURVATURES = (0.0, 2.0, -2.0)
 AXES = rotation_from_euler([0.3, 1.1, -0.7])
@@ -86,20 +83,6 @@ def test_a_mesh_gets_the_chart_of_the_grid_that_it_is(radius):
     assert fitted.curvature == pytest.approx(own.curvature, rel=1e-6, abs=1e-9)
     assert fitted.place(prisms.surface)[1] == pytest.approx(0.0, abs=1e-8)
     assert abs(fitted.axes[2] @ own.axes[2]) == pytest.approx(1.0, abs=1e-9)
-
-
-def test_a_surface_that_bends_both_ways_is_named():
-    x, y = np.meshgrid(np.linspace(-0.1, 0.1, 9), np.linspace(-0.1, 0.1, 9), indexing="ij")
-    flat = Grid(size=[0.2, 0.2], shape=[9, 9]).surface()
-    dome = np.column_stack([x.ravel(), y.ravel(), -(x**2 + y**2).ravel()])
-    normal = np.column_stack([2 * x.ravel(), 2 * y.ravel(), np.ones(81)])
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
-    from sldvexp.volume.surface import node_frames
-
-    frame = node_frames(TriangulatedSurface(dome, flat.triangles), normal, np.array([1.0, 0, 0]))
-    prisms = extruded(dome, flat.triangles, frame, np.array([-0.01, 0.01]))
-    with pytest.raises(UserError, match=r"flat or bends along one direction; .* mm off a cylinder"):
-        fitted_chart(prisms)
 
 
 def test_a_hole_in_a_mesh_does_not_belong_to_the_structure():

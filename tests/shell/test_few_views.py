@@ -11,7 +11,7 @@ from sldvexp.errors import UserError
 from sldvexp.shell import Spline, estimate_surface
 from tests.shell import simulated_shell as lab
 
-FREE = Spline(margin=0.02)
+FREE = Spline()
 
 
 def estimated(views, method=None, volume=None):

@@ -37,13 +37,13 @@ def calibration_changes(
             by_views = [solved(visibility.seen_by(views)) for views in (more, less)]
             changes.append((by_views[0] - by_views[1]) / 2)
     adjusted = any(view.intrinsics is not None for view in visibility.views)
-    for high, low, part in _stated(visibility.laser, adjusted):
+    for high, low, part in stated_lasers(visibility.laser, adjusted):
         by_laser = [solved(visibility.seen_with(laser)) for laser in (high, low)]
         changes.append((by_laser[0] - by_laser[1]) * part)
     return changes
 
 
-def _stated(laser: TwoMirror, adjusted: bool) -> Iterator[tuple[TwoMirror, TwoMirror, float]]:
+def stated_lasers(laser: TwoMirror, adjusted: bool) -> Iterator[tuple[TwoMirror, TwoMirror, float]]:
     """Give lasers on both sides of a stated one, and what part of their distance one deviation is.
 
     Parameters
