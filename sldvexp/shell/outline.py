@@ -68,7 +68,7 @@ class Outline:
             If the surface folds over, or has edges.
         """
         nodes = prisms.surface
-        chart = chart_of_grid(volume) if isinstance(volume, Grid) else fitted_chart(prisms, margin)
+        chart = chart_of_grid(volume) if isinstance(volume, Grid) else fitted_chart(prisms, volume.margin)
         lowered = chart.lowered(given)
         coordinates, _ = lowered.place(nodes)
         margin = volume.unit.value * volume.margin

@@ -35,8 +35,8 @@ GAGES = {
     "near_edge": Gage([-0.12, 0.0], 0.0),
     "at_edge": Gage([-0.134, 0.0], 0.0),
 }
-#: Those that lie more than 20 mm from the edges.
-INNER = slice(0, 7)
+#: Those that lie more than 40 mm from the edges.
+INNER = slice(0, 6)
 
 
 @dataclass(frozen=True)
