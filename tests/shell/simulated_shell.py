@@ -27,7 +27,7 @@ PLACES = (
 NOISE = 3e-5
 
 
-def plate(radius=None, stretch=0.2):
+def plate(radius=None, stretch=0.2, thickness=0.003):
     """The plate of the lab; stretch is the velocity of its modes along itself, m/s."""
     modes = {
         "bending": Mode(1, 1, 197.0, velocity=0.02),
@@ -35,7 +35,9 @@ def plate(radius=None, stretch=0.2):
         "x": Mode(1, 0, 9000.0, velocity=stretch, direction=Direction.x),
         "y": Mode(0, 1, 10800.0, velocity=stretch, direction=Direction.y),
     }
-    return VibratingPlate.built(Plate(center=CENTER.tolist(), radius=radius, modes=modes))
+    return VibratingPlate.built(
+        Plate(center=CENTER.tolist(), radius=radius, thickness=thickness, modes=modes)
+    )
 
 
 def volume(radius=None, shape=(13, 11)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 SMALL = [
@@ -16,18 +17,6 @@ SMALL = [
 ]
 HEADER = "gage,frequency,amplitude [{}],phase_deg,std [{}]\n"
 CHECK = "+check={{g: {{plugin: gages, path: {}, gages: {{a: {{place: {}}}}}}}}}"
-#: Two sheets, each of which lies over a part of the other.
-SHEETS = """v 0 0 0
-v 0.1 0 0
-v 0.1 0.1 0
-v 0 0.1 0
-v 0.01 0.01 0
-v 0.11 0.01 0
-v 0.11 0.11 0
-v 0.01 0.11 0
-f 1 2 3 4
-f 5 6 7 8
-"""
 
 
 @pytest.fixture(scope="module")
@@ -99,11 +88,14 @@ def test_what_a_surface_needs(told, words, sentence):
 
 
 def test_a_surface_that_crosses_itself(told, tmp_path):
-    (tmp_path / "sheets.obj").write_text(SHEETS)
-    answer = told(*SHELL, "volume.path=sheets.obj", volume="mesh")
-    assert answer.startswith(
-        "reconstruction: the volume's surface crosses itself: 4 of 4 triangles"
-    )
+    """A flat band once around and a sixth more."""
+    angles = np.radians(35 * np.arange(13))
+    nodes = [f"v {r * np.cos(a):.6f} {r * np.sin(a):.6f} 0" for a in angles for r in (0.05, 0.1)]
+    bands = [f"f {k} {k + 1} {k + 3} {k + 2}" for k in range(1, 24, 2)]
+    (tmp_path / "band.obj").write_text("\n".join([*nodes, *bands]))
+    answer = told(*SHELL, "volume.path=band.obj", volume="mesh")
+    assert answer.startswith("reconstruction: the volume's surface crosses itself: ")
+    assert "of 24 triangles lie over others, between" in answer
 
 
 @pytest.mark.parametrize(
