@@ -87,14 +87,13 @@ class Outline:
         """
         if self.margin > 0:
             return []
-        loops = [self.corners[loop] for loop in rims(self.triangles)]
-        middles, areas = zip(*(_middle_and_area(loop) for loop in loops), strict=True)
-        outer = int(np.argmax(areas))
-        held = self.holds(np.array(middles))
+        found = [_middle_and_area(self.corners[loop]) for loop in rims(self.triangles)]
+        inner = sorted(found, key=lambda hole: hole[1])[:-1]
+        beside = [~self.holds(middle[None])[0] for middle, _ in inner]
         return [
             (middle, float(np.sqrt(area / np.pi)))
-            for i, (middle, area) in enumerate(zip(middles, areas, strict=True))
-            if i != outer and not held[i]
+            for (middle, area), free in zip(inner, beside, strict=True)
+            if free
         ]
 
     def holds(self, coordinates: Array) -> BoolArray:
@@ -143,7 +142,9 @@ def _middle_and_area(loop: Array) -> tuple[Array, float]:
     """Compute the centroid and the area of a polygon, shape (corner, 2)."""
     (x, y), (u, v) = loop.T, np.roll(loop, -1, axis=0).T
     cross = x * v - u * y
-    area = cross.sum() / 2
+    area = float(cross.sum()) / 2
+    if area == 0:
+        return loop.mean(axis=0), 0.0
     return np.array([((x + u) * cross).sum(), ((y + v) * cross).sum()]) / (6 * area), abs(area)
 
 

@@ -27,7 +27,14 @@ from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.attached import TERMS, LoadedModes, LoadedPlate, PointMass, Rib
 from sldvexp.virtual_lab.beam import Beams, SceneObject
 from sldvexp.virtual_lab.calibration_scene import CalibrationScene
-from sldvexp.virtual_lab.modes import KAPPA, Coupling, Direction, EdgeSupport, Mode, RectangularPlate
+from sldvexp.virtual_lab.modes import (
+    KAPPA,
+    Coupling,
+    Direction,
+    EdgeSupport,
+    Mode,
+    RectangularPlate,
+)
 from sldvexp.virtual_lab.motion import DampedModes, Sheet
 from sldvexp.virtual_lab.surface import CylinderSurface, FlatSurface, PlateSurface
 
