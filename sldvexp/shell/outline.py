@@ -159,6 +159,8 @@ def chart_of_grid(grid: Grid | OutlinedSurface) -> CylinderChart:
 def fitted_chart(prisms: Prisms) -> Chart:
     """Fit a plane to the nodes of the given surface, or a cylinder, or else a height over a plane.
 
+    On a plane s runs along the volume's first tangent.
+
     Raises
     ------
     UserError
@@ -171,7 +173,11 @@ def fitted_chart(prisms: Prisms) -> Chart:
     extent = float(np.linalg.norm(np.ptp((nodes - middle) @ along.T, axis=0)))
     bulge = np.abs((nodes - middle) @ normal).max()
     if bulge <= BULGE * extent:
-        return CylinderChart(middle, np.stack([along[0], np.cross(normal, along[0]), normal]))
+        # Strains along the same directions as the volume's own components of velocity.
+        first = prisms.frame[:, 0].mean(axis=0)
+        first = first - (first @ normal) * normal
+        first /= np.linalg.norm(first)
+        return CylinderChart(middle, np.stack([first, np.cross(normal, first), normal]))
     best = min(
         (_cylinder(nodes, middle, normal, along[i]) for i in (0, 1)), key=lambda found: found[1]
     )
