@@ -272,7 +272,7 @@ def read_unit(text: str) -> UnitLabel:
         raise _asked(text, "has a character that was lost on the way")
     if LOGARITHMIC.search(text):
         raise _asked(text, "is logarithmic; export linear values")
-    bare, amplitude = _without_amplitude(text, _one_spelling(text))
+    bare, amplitude = without_amplitude(text)
     if not bare.strip("-"):
         raise _asked(text, "names no unit")
     capitals = not any(c.islower() for c in bare)
@@ -304,10 +304,21 @@ def _multiplied(text: str) -> str:
     return re.sub(r"(?<=[^\W_])\.(?=[^\W\d_])", "*", text)
 
 
-def _without_amplitude(text: str, bare: str) -> tuple[str, Amplitude | None]:
-    """Take the words for the amplitude out of a label."""
+def without_amplitude(text: str) -> tuple[str, Amplitude | None]:
+    """Take the words for the amplitude out of a label, and write its signs in one way.
+
+    Raises
+    ------
+    UnitNotUnderstoodError
+        If there are several such words.
+
+    Examples
+    --------
+    >>> without_amplitude("µm/m rms")
+    ('μm/m', <Amplitude.rms: 1.4142135623730951>)
+    """
     found = []
-    bare = GLUED.sub(r"\1 ", bare)
+    bare = GLUED.sub(r"\1 ", _one_spelling(text))
     for amplitude, words in AMPLITUDES:
         pattern = re.compile(rf"{BESIDE}(?<![^\W_])\(?(?:{words})\)?(?![^\W_]){BESIDE}", re.I)
         bare, count = pattern.subn(_keep_brackets, bare)

@@ -37,6 +37,16 @@ class VelocityUnit(Enum):
     inch_per_s = 0.0254
 
 
+class StrainUnit(Enum):
+    """Units in which a file may state strains; the value is one of them as a pure number."""
+
+    strain = 1.0
+    percent = 1e-2
+    millistrain = 1e-3
+    microstrain = 1e-6
+    nanostrain = 1e-9
+
+
 #: Quantity of each kind of unit, as `sldvexp.unit_labels` names it.
 QUANTITIES = {LengthUnit: "displacement", AngleUnit: "angle", VelocityUnit: "velocity"}
 

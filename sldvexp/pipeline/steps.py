@@ -378,6 +378,8 @@ def _checks(run: Run) -> None:
         run.inputs += check.inputs()
         seen = Examination(run.tree, rng=run.rng, experiment=run.experiment)
         run.tree[f"examined/{name}"] = check.examine(seen)
+    if findings := take_findings(run.tree):
+        run.tree[f"{VERDICT}/checks"] = findings_to_dataset(findings)
 
 
 def _expectations(run: Run) -> None:
@@ -551,7 +553,13 @@ STEPS: tuple[Step, ...] = (
         makes=("truth",),
         needs=("field", "strain", COMPARED_STRAIN),
     ),
-    Step("checks", lambda e: bool(e.check), _checks, makes=("examined/",), needs=EVERYTHING),
+    Step(
+        "checks",
+        lambda e: bool(e.check),
+        _checks,
+        makes=("examined/", f"{VERDICT}/checks"),
+        needs=EVERYTHING,
+    ),
     Step("expectations", lambda e: bool(e.expect), _expectations, ("check",), needs=EVERYTHING),
 )
 

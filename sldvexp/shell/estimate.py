@@ -7,7 +7,7 @@ the middle and of the back, and stresses.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -29,12 +29,14 @@ from sldvexp.shell.love import STRAINS, ThinShell
 from sldvexp.shell.material import Isotropic
 from sldvexp.shell.method import GivenSurface, PoseTreatment, SurfaceReconstruction
 from sldvexp.shell.outline import Outline
+from sldvexp.shell.principal import PRINCIPAL
+from sldvexp.shell.refusals import require_no_crossing
 from sldvexp.shell.shell import Shell
 from sldvexp.shell.splines import TensorSplines
-from sldvexp.shell.stress import plane_stress, stress_std, von_mises
-from sldvexp.shell.surface_fit import PriorErrors, SurfaceFit, fit
+from sldvexp.shell.surface_fit import MEMBRANE, PriorErrors, SurfaceFit, fit
+from sldvexp.shell.surface_strain import SurfaceStrain
 from sldvexp.statistics import student_factor
-from sldvexp.typing import Array, ComplexArray, IndexArray
+from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 from sldvexp.volume import Coordinates, Prisms, Volume
 
 #: Splines reach so far beyond the outermost pixel, over the rectangle's sides.
@@ -46,6 +48,12 @@ LENGTH = 2 / 3
 
 #: Difference of coordinates, over their extent, that is none.
 SAME = 1e-9
+#: Results on the surface that have intervals of their own.
+WITH_BOUND = (
+    *("strain", "middle_strain", "back_strain", "bending_strain", "principal_strain"),
+    "von_mises",
+)
+
 #: Step of the difference by which strains are differentiated by the height, m.
 STEP = 1e-6
 
@@ -89,9 +97,10 @@ class SurfaceField:
     def field(self) -> xr.Dataset:
         """Make the group ``field``."""
         local = self.volume.coordinates is Coordinates.local
-        nodes = self.prisms.nodes
         values, variance = self._at_nodes(local)
         std = np.sqrt(np.sum(list(variance.values()), axis=0))
+        # What may be as large as all motion is not known at all.
+        determined = (self.factor * std.max(axis=0) <= self.fit.size).any(axis=-1)
         sources, each = by_source(variance)
         coords = {
             "component": list(("t1", "t2", "n") if local else ("x", "y", "z")),
@@ -123,7 +132,7 @@ class SurfaceField:
             always={
                 "position": self.prisms.position,
                 "element": self.prisms.element.astype(np.int32),
-                "observable": np.ones((nodes, 3), bool),
+                "observable": determined,
                 "samples_seen": samples,
             },
         )
@@ -138,34 +147,35 @@ class SurfaceField:
             "not_included": "; ".join(t for t in not_included(variance) if t not in NEVER),
             "notes": "\n".join(self.notes),
         }
-        return group
+        return with_undetermined(group, determined)
 
     def strain(self) -> xr.Dataset:
         """Make the group ``strain``, at the nodes of the given surface."""
-        place, face = self.fit.outline.corners, self.fit.face
-        strain, variance = self._strain_at(place, face)
-        found = self._with_bounds("", strain, variance)
-        found["strain_std_by_part"] = np.sqrt(variance)
-        if self.method.of_middle:
-            for name, height in (("middle_", 0.0), ("back_", -face)):
-                found |= self._with_bounds(name, *self._strain_at(place, height))
-        if self.material is not None:
-            stress = plane_stress(strain, self.material.E, self.material.nu)
-            std = stress_std(strain, found["strain_std"], self.material)
-            found |= {"stress": stress, "stress_std": std, "von_mises": von_mises(stress)}
-        coords = {"strain_component": list(STRAINS), "part": ["real", "imaginary"]}
-        always = {"position": self.prisms.surface, "triangle": self.prisms.triangles}
+        assert self.frequency is not None
+        place, chart = self.fit.outline.corners, self.fit.outline.chart
+        results = SurfaceStrain(self.fit, self.frequency, self.material, self.method.of_middle)
+        found = results.arrays(place)
+        bounded = [n for n in found if n.endswith("_std") and n.removesuffix("_std") in WITH_BOUND]
+        for name in bounded:
+            # strain_std, middle_strain_std: confidence, middle_confidence
+            bound = f"{name.removesuffix('_std')}_confidence".replace("strain_", "")
+            found[bound] = self.factor * found[name]
+        coords = {
+            "strain_component": list(STRAINS),
+            "principal": list(PRINCIPAL),
+            "part": ["real", "imaginary"],
+            "local_axis": ["t1", "t2", "n"],
+        }
+        always = {
+            "position": self.prisms.surface,
+            "triangle": self.prisms.triangles,
+            "coordinate": place,
+            "frame": chart.frames(place),
+        }
         group = self._group("strain", coords, always=always, **found)
-        group.attrs |= {"confidence_level": self.method.confidence}
+        notes = _vague(found["strain"], found["confidence"])
+        group.attrs |= {"confidence_level": self.method.confidence, "notes": "\n".join(notes)}
         return group
-
-    def _with_bounds(
-        self, name: str, strain: ComplexArray, variance: Array
-    ) -> dict[str, NDArray[Any]]:
-        """Name strains and their bounds, of the larger part."""
-        std = np.sqrt(variance.max(axis=0))
-        bounds = {f"{name}strain_std": std, f"{name}confidence": self.factor * std}
-        return {f"{name}strain": strain, **bounds}
 
     def strain_of(
         self, rows: Array, row_at: Sequence[Callable[[ThinShell, float], Array]]
@@ -190,22 +200,6 @@ class SurfaceField:
         values, own, others = self.fit.evaluate(rows, (higher - rows) / STEP / 2)
         # (a + ib) / (i omega) = b / omega - i a / omega: the parts change places.
         return values / (1j * omega), (own + others)[::-1] / omega**2
-
-    def _strain_at(self, place: Array, height: float) -> tuple[ComplexArray, Array]:
-        """Compute strains and their variances by part: those of the velocity over i omega."""
-        assert self.frequency is not None
-        rows, higher = (
-            np.concatenate(self.fit.shell.strain(place, z)) for z in (height, height + STEP)
-        )
-        # The face lies half a thickness above the middle.
-        share = 0.0 if self.fit.face == 0 else height / self.fit.face / 2
-        values, own, others = self.fit.evaluate(rows, share * (higher - rows) / STEP)
-        omega = 2 * np.pi * self.frequency
-        shape = (len(STRAINS), len(place), len(omega))
-        strain = (values / (1j * omega)).reshape(shape)
-        # (a + ib) / (i omega) = b / omega - i a / omega: the parts change places.
-        variance = ((own + others)[::-1] / omega**2).reshape(2, *shape)
-        return np.moveaxis(strain, 0, 1), np.moveaxis(variance, 1, 2)
 
     @property
     def _hangs_from_face(self) -> bool:
@@ -407,6 +401,7 @@ def _estimate(
     face, given = _heights(method, material)
     prisms = volume.prisms()
     outline = Outline.of(volume, prisms, given)
+    require_no_crossing(outline)
     longest = float((outline.high - outline.low).max())
     length = None
     if isinstance(method, Shell):
@@ -484,6 +479,46 @@ def _told(found: SurfaceFit) -> list[str]:
             f"over: {1e3 * found.measured.pixel_std[0]:.3g} mm/s"
         )
     unseen = [p.view.name for p in found.pixels if not len(p.pixel)]
+    if len(unseen) == len(found.pixels) - 1 and found.face:
+        told.append(
+            "one view sees the face: it cannot tell the middle's own motion along itself from "
+            f"bending; bounds have in them what is typical of it, {MEMBRANE:.0%} of the velocities"
+        )
     if unseen:
         told.append(f"the views {', '.join(unseen)} do not see the face, and have no say")
     return told
+
+
+def with_undetermined(field: xr.Dataset, determined: BoolArray) -> xr.Dataset:
+    """Tell which components of a field are determined at which nodes, and note where not.
+
+    Parameters
+    ----------
+    field : xarray.Dataset
+        The group ``field``.
+    determined : ndarray of bool, shape (node, component)
+        Where bounds are smaller than all motion there is.
+    """
+    notes = [field.attrs["notes"]] if field.attrs["notes"] else []
+    for name, column in zip(field["component"].values, determined.T, strict=True):
+        if left := int((~column).sum()):
+            notes.append(
+                f"{name} is not determined at {left} of {len(column)} nodes: its bounds are larger "
+                "than all motion there is; too few pixels or views see them"
+            )
+    values = determined.astype(field["observable"].dtype)
+    field = field.assign(observable=field["observable"].copy(data=values))
+    return field.assign_attrs(notes="\n".join(notes))
+
+
+def _vague(strain: ComplexArray, bound: Array) -> Iterator[str]:
+    """Name strains whose bounds are larger than the largest strain at every frequency."""
+    rms, wide = (np.sqrt(np.mean(np.abs(a) ** 2, axis=0)) for a in (strain, bound))
+    vague = (wide > rms.max(axis=0)).all(axis=-1)
+    if vague.any():
+        names = ", ".join(f"e_{s}" for s, v in zip(STRAINS, vague, strict=True) if v)
+        sizes = ", ".join(f"{1e6 * v:.2g}" for v in wide[vague].min(axis=-1))
+        yield (
+            f"the bounds of {names}, {sizes} microstrain, are larger than all strain: it takes "
+            "more views or pixels to tell it"
+        )

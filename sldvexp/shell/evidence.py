@@ -7,9 +7,12 @@ coefficients' precision, ``H = A'A + sum_j exp(lam_j) P_j``, the restricted like
 
 (Patterson and Thompson 1971; Wahba 1985). One optimum of it would hide how little data may say of a
 weight. So a grid of weights is averaged over, each counting by its likelihood and a prior that is
-flat in lam_1 and flat in the standard deviation exp(-lam_2/2) of the other, whose "none at all" is
-then a limit of the model. Means and variances are those of the mixture: bounds carry the doubt
-about the weights, and "no membrane" needs no option of its own.
+flat in lam_1 and, in the standard deviation tau = exp(-lam_2/2) of the other, half-Cauchy
+``1 / (1 + (tau / s)^2)`` with a typical size s (Gelman 2006). It is flat where tau is small, so
+that "none at all" is a limit of the model, and gives way where data tell of much; where they tell
+nothing, as one view does of the motion along a surface, it keeps the mean from a share of all that
+might be. Means and variances are those of the mixture: bounds carry the doubt about the weights,
+and "no membrane" needs no option of its own.
 
 Penalties do not share coefficients. With those of the second in the block m and all others in the
 block b, a value of lam_1 gives ``H_bb = L L'``, ``C = L^-1 H_bm`` and the Schur complement
@@ -60,7 +63,7 @@ class Level:
     scale : ndarray, shape (outer, weight)
         ``1 / (1 + (exp(lam_2) - c) D)``.
     determinant : ndarray, shape (weight,)
-        ``log|H|``.
+        ``log|H|``, infinite where round-off hides the prior.
     """
 
     inner: IndexArray
@@ -84,18 +87,26 @@ class Level:
         penalty : ndarray, shape (coefficient, coefficient)
             P_2.
         weights : ndarray, shape (weight,)
-            ``exp(lam_2)``.
+            ``exp(lam_2)``, in their order.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If round-off hides what data and priors say, at all weights.
         """
         lower = _cholesky(precision[np.ix_(inner, inner)])
         coupling = _solve(lower, precision[np.ix_(inner, outer)])
-        own, least = penalty[np.ix_(outer, outer)], weights.min()
+        own = penalty[np.ix_(outer, outer)]
         schur = precision[np.ix_(outer, outer)] - coupling.T @ coupling
-        root = _cholesky(schur + least * own)
+        root, first = _first_root(schur, own, weights)
+        least = weights[first]
         inverse = _solve(root, np.eye(len(outer)))
         values, vectors = np.linalg.eigh(inverse @ own @ inverse.T)
-        whole = 1 + (weights - least) * np.maximum(values, 0.0)[:, None]
+        whole = 1 + np.maximum(weights - least, 0.0) * np.maximum(values, 0.0)[:, None]
         diagonal = np.r_[np.diag(lower), np.diag(root)]
         determinant = 2 * np.log(diagonal).sum() + np.log(whole).sum(axis=0)
+        # At the first root that there is, round-off may be as large as the prior.
+        determinant[: first + 1 if first else 0] = np.inf
         whitener = vectors.T @ inverse
         return cls(inner, outer, lower, coupling, whitener, 1 / whole, determinant)
 
@@ -149,6 +160,7 @@ class WeightedFit:
         squares: Array,
         penalties: Sequence[Array],
         grids: Sequence[Array],
+        typical: float = np.inf,
     ) -> WeightedFit:
         """Fit, for every combination of weights of a grid.
 
@@ -163,22 +175,36 @@ class WeightedFit:
         penalties : sequence of 2 ndarray, shape (coefficient, coefficient)
             Of different coefficients.
         grids : sequence of 2 ndarray
-            Values of lam of each penalty.
+            Values of lam of each penalty, in their order.
+        typical : float
+            s; the prior is flat in tau without it.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If data and penalties together leave coefficients open, at all weights.
         """
         (first, second), (own, other) = penalties, grids
         of_second = second.any(axis=1)
         inner, outer = np.flatnonzero(~of_second), np.flatnonzero(of_second)
         (rank, log), (other_rank, other_log) = (_rank_and_log_determinant(p) for p in penalties)
+        # A step of lam_2 is one of tau / 2 in tau.
+        of_tau = -other / 2 - np.log1p(np.exp(-other) / typical**2)
         levels, density = [], []
         for lam in own:
             precision = normal + np.exp(lam) * first
-            level = Level.of(precision, second, inner, outer, np.exp(other))
+            try:
+                level = Level.of(precision, second, inner, outer, np.exp(other))
+            except np.linalg.LinAlgError:
+                continue  # round-off of so strong a prior hides what the data say
             of_inner, of_outer = level.whitened(reduced)
             explained = (of_inner**2).sum(axis=0) + level.scale.T @ of_outer**2
             prior = rank * lam + log + other_rank * other + other_log
             twice = squares - explained + (level.determinant - prior)[:, None]
             levels.append(level)
-            density.append(-twice / 2 - other[:, None] / 2)
+            density.append(-twice / 2 + of_tau[:, None])
+        if not levels:
+            raise np.linalg.LinAlgError("the data and both priors leave coefficients open")
         share = np.exp(np.array(density) - np.max(density, axis=(0, 1)))
         share /= share.sum(axis=(0, 1))
         share[share < NEGLIGIBLE] = 0
@@ -247,6 +273,16 @@ class WeightedFit:
                     variance = least + (scale @ others**2)[:, None]
                     spread += share * (variance + (here - mean) ** 2)
         return mean, spread
+
+
+def _first_root(schur: Array, penalty: Array, weights: Array) -> tuple[Array, int]:
+    """Factorise ``S + exp(lam_2) P_2`` for the smallest weight at which there is a root."""
+    for k, weight in enumerate(weights[:-1]):
+        try:
+            return _cholesky(schur + weight * penalty), k
+        except np.linalg.LinAlgError:
+            continue
+    return _cholesky(schur + weights[-1] * penalty), len(weights) - 1
 
 
 def _cholesky(matrix: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Strain gages: what one would show at a place of the surface, as one row of the splines.
+"""Strain gages: strain that one would show at a place of the surface, as one row of the splines.
 
 A gage shows the strain along it, averaged over its grid: with the direction d and Gauss points p of
 its length and width, ``g = sum_p w_p d' e(p) d``, a linear functional of the coefficients, whose
@@ -23,7 +23,7 @@ POINTS = 5
 
 @dataclass
 class Gage:
-    """A strain gage on the measured face, and what it showed.
+    """A strain gage on the measured face.
 
     Parameters
     ----------
@@ -34,21 +34,12 @@ class Gage:
         From the first direction towards the second.
     length, width : float, m
         Of its grid.
-    amplitude : list of float, optional
-        Measured strain, peak, at every frequency of the run.
-    phase : list of float, deg, optional
-        Its phase to the reference channel.
-    std : list of float, optional
-        Its standard uncertainty, of real and imaginary part each.
     """
 
     place: list[float] = field(default_factory=list)
     direction: float = 0.0
     length: float = 0.006
     width: float = 0.003
-    amplitude: list[float] = field(default_factory=list)
-    phase: list[float] = field(default_factory=list)
-    std: list[float] = field(default_factory=list)
 
     def check(self, checks: Checks, name: str) -> None:
         """Note under `name` what no gage can be."""
@@ -57,12 +48,6 @@ class Gage:
         checks.finite(f"{name}.place", *self.place)
         checks.positive(f"{name}.length", self.length)
         checks.positive(f"{name}.width", self.width)
-        for key in ("phase", "std"):
-            count, given = len(self.amplitude), len(getattr(self, key))
-            message = f"must have as many numbers as amplitude, {count}, not {given}"
-            checks.require(given == count, f"{name}.{key}", message)
-        for value in self.std:
-            checks.non_negative(f"{name}.std", value)
 
     @property
     def along(self) -> Array:

@@ -30,6 +30,7 @@ from functools import partial
 
 import numpy as np
 
+from sldvexp.lazy import scipy
 from sldvexp.shell.around_holes import NONE, HoleFunctions
 from sldvexp.shell.chart import Chart
 from sldvexp.shell.linear_form import LinearForm, differentiated, summed
@@ -225,6 +226,12 @@ class ThinShell:
     def known_precision(self) -> Array:
         """Make the priors' precision that needs no weight, over that of w's own size."""
         return np.diag(np.r_[np.zeros(self._splines), self.around_holes.precision])
+
+    def squares(self) -> Array:
+        """Integrate the squares of u0, v0 and w, as a form of the coefficients."""
+        own, bending = self.membrane.penalty(0), self.bending.penalty(0)
+        around = np.zeros((self.around_holes.count,) * 2)
+        return np.asarray(scipy.linalg.block_diag(own, own, bending, around))
 
     def penalties(self, length: float | None) -> list[Array]:
         """Make the priors' precisions of w, and of u0 and v0 together, but for their weights.

@@ -6,13 +6,15 @@ carry signal. Lines are put together from these, block by block, into files.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+
+import numpy as np
 
 from sldvexp.field.result import pooled
 from sldvexp.field.streaming import joined_blocks
 from sldvexp.lazy import xarray as xr
-from sldvexp.shell.estimate import SurfaceField
+from sldvexp.shell.estimate import SurfaceField, with_undetermined
 
 
 def stream_surface(
@@ -35,7 +37,22 @@ def stream_surface(
     """
     blocks = list(lines)
     folder.mkdir()
-    field = joined_blocks((found.of_lines(some).field() for some in blocks), folder / "field")
+    determined, vague = [], []
+
+    def fields() -> Iterator[xr.Dataset]:
+        for some in blocks:
+            one = found.of_lines(some).field()
+            determined.append(one["observable"].values == 1)
+            yield one
+
+    def strains() -> Iterator[xr.Dataset]:
+        for some in blocks:
+            one = found.of_lines(some).strain()
+            vague.append(one.attrs["notes"])
+            yield one
+
+    field = joined_blocks(fields(), folder / "field").assign_attrs(notes="\n".join(found.notes))
+    field = with_undetermined(field, np.any(determined, axis=0))
     field.attrs |= pooled(field["sse"].values, field.attrs["samples"])
-    strain = joined_blocks((found.of_lines(some).strain() for some in blocks), folder / "strain")
-    return field, strain
+    strain = joined_blocks(strains(), folder / "strain")
+    return field, strain.assign_attrs(notes=vague[0] if all(vague) else "")

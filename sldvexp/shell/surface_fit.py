@@ -26,11 +26,16 @@ from sldvexp.shell.love import ThinShell
 from sldvexp.shell.nuisances import Nuisances
 from sldvexp.shell.outline import Outline
 from sldvexp.shell.pixels import ViewPixels
+from sldvexp.shell.refusals import too_few_pixels
 from sldvexp.typing import Array, ComplexArray
 
 #: Logarithms of weights that are tried, for coefficients over the velocities' size: of w, and of
 #: the motion along the surface, whose large ones stand for "none".
 WEIGHTS = (np.arange(-11.0, 17.0, 1.5), np.arange(-9.0, 21.0, 1.5))
+#: Motion that nothing speaks against where no pixel is, over the velocities' size.
+LARGEST = 100.0
+#: Typical size of the middle's own motion along itself, over the velocities': thin structures bend.
+MEMBRANE = 0.05
 #: Pixels without which no field is found: more than a cubic polynomial in two variables has terms.
 FEWEST = 30
 #: Change of the errors, in standard deviations, below which nothing is repeated, and repetitions.
@@ -167,6 +172,9 @@ class SurfaceFit:
     nuisances : Nuisances
     at : ndarray, shape (error,)
         Errors that the equations are taken at.
+    errors : PriorErrors
+        What was known of them before the fit.
+    laser : TwoMirror
     calibration : slice
         Errors that are the calibration's.
     """
@@ -181,7 +189,15 @@ class SurfaceFit:
     solved: list[Array]
     nuisances: Nuisances
     at: Array
+    errors: PriorErrors
+    laser: TwoMirror
     calibration: slice
+
+    @cached_property
+    def size(self) -> Array:
+        """Root mean square of the pixels' velocities, shape (frequency,), m/s."""
+        power = np.mean((self.columns.data * self.measured.pixel_std[:, None]) ** 2, axis=0)
+        return np.asarray(np.sqrt(self.columns.quadratic(np.diag(power)).sum(axis=0)))
 
     @cached_property
     def residual(self) -> ComplexArray:
@@ -280,10 +296,7 @@ def fit(
     pixels = [ViewPixels.of(view, laser, outline, face) for view in views]
     count = sum(len(p.pixel) for p in pixels)
     if count < FEWEST:
-        raise UserError(
-            f"{count} pixels of all views together meet the surface from the side of its normals, "
-            f"where {FEWEST} are needed: does the volume lie where the structure is?"
-        )
+        raise too_few_pixels(count, FEWEST, views, outline, face)
     measured = Measured.of(images, std, pixels, shell, face)
     equations = _Equations(laser, outline, shell, face, length, errors, pixels, measured)
     found = equations.at(np.zeros(len(errors.factor)))
@@ -332,7 +345,7 @@ class _Equations:
         ]
         weight, data = 1 / self.measured.pixel_std, self.columns.data
         size = np.sqrt(np.mean((data[:, 0] * self.measured.pixel_std) ** 2))
-        normal = self.shell.known_precision() / size**2
+        normal = (self.shell.known_precision() + self.shell.squares() / LARGEST**2) / size**2
         right = np.zeros((self.shell.coefficients, data.shape[1]))
         for _, some, block in blocks(moved):
             design = block.design(self.shell, face) * weight[some, None]
@@ -344,6 +357,7 @@ class _Equations:
             (data**2).sum(axis=0),
             self.shell.penalties(self.length),
             [grid - 2 * np.log(size) for grid in WEIGHTS],
+            np.inf if self.length is None else MEMBRANE * size,
         )
         solved, nuisances = self._nuisances(at, posterior, moved, face, height)
         return SurfaceFit(
@@ -357,6 +371,8 @@ class _Equations:
             solved,
             nuisances,
             at,
+            self.errors,
+            self.laser,
             self.errors.own,
         )
 

@@ -35,7 +35,10 @@ SETTINGS = {
         "left_right_points": [[y, x, z] for x, y, z in LINE],
     },
     "equivalent_methods": {"other": "compare/three"},
-    "gages": {"gages": {"g": Gage(place=[0.02, -0.03], amplitude=[2e-6], phase=[90], std=[1e-8])}},
+    "gages": {
+        "gages": {"small": Gage(place=[0.02, -0.03])},
+        "path": "conf://data/gages_example.csv",
+    },
     "pose_equivalence": {"views": OTHER},
     "pose_methods": {"methods": {"bitangent": "pose"}},
     "pose_repeats": {"repeats": 10},

@@ -6,14 +6,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import scipy.stats
 
 from sldvexp.check import Examination
 from sldvexp.check.gages import Gages
+from sldvexp.dataset import Severity, take_findings
 from sldvexp.errors import UserError
 from sldvexp.shell import Gage, estimate_surface
 from sldvexp.shell.gage import along
 from tests.shell import simulated_shell as lab
 
+HEADER = "gage,frequency_Hz,amplitude_microstrain,phase_deg,std_microstrain"
 PLACES = ([0.0, 0.0, 0.0], [0.0, 0.0, 90.0], [0.05, -0.04, 30.0], [-0.07, 0.06, 135.0])
 
 
@@ -72,23 +75,107 @@ def test_a_longer_gage_averages(found):
     assert ratio[0] / ratio[1] == pytest.approx(np.sinc(0.19 / 0.3 / 2), rel=0.01)
 
 
-def examined(monkeypatch, found, **measured):
-    monkeypatch.setattr("sldvexp.check.gages.reconstruct_surface", lambda *_: found)
-    experiment = SimpleNamespace(
-        laser=None, volume=None, material=None, reconstruction=lab.method(), compare={}
-    )
-    run = Examination({}, rng=np.random.default_rng(0), experiment=experiment)
-    return Gages(gages(**measured)).examine(run)
+SETTINGS = {"laser": None, "volume": None, "material": None, "compare": {}}
 
 
-def test_a_gage_that_agrees_and_one_that_does_not(monkeypatch, found):
-    plain = examined(monkeypatch, found)
-    strain = complex(plain["strain"].values[0, 0])
-    right = {"amplitude": [abs(strain)], "phase": [np.degrees(np.angle(strain))], "std": [1e-8]}
-    group = examined(monkeypatch, found, **right)
-    assert group["agrees"].values[0, 0]
+@pytest.fixture
+def examined(monkeypatch, found, tmp_path):
+    """Examine gages, with the lines of a file of measured strains."""
+
+    def examine(*lines, header=HEADER, places=None):
+        monkeypatch.setattr("sldvexp.check.gages.reconstruct_surface", lambda *_: found)
+        experiment = SimpleNamespace(**SETTINGS, reconstruction=lab.method())
+        run = Examination({}, rng=np.random.default_rng(0), experiment=experiment)
+        path = tmp_path / "gages.csv"
+        path.write_text("\n".join([header, *lines]))
+        return Gages(places or gages(), str(path) if lines else None).examine(run)
+
+    return examine
+
+
+def line(name, strain, std=0.01, frequency=lab.FREQUENCY):
+    """Line of a file: strain in microstrain."""
+    strain = 1e6 * complex(strain)
+    return f"{name},{frequency:.10g},{abs(strain):.9g},{np.degrees(np.angle(strain)):.9g},{std}"
+
+
+def test_a_gage_that_agrees_and_one_that_does_not(examined):
+    strain = examined()["strain"].values[:, 0]
+    group = examined(line("g0", strain[0]), line("g1", strain[0]))
+    assert group["agrees"].values[:2, 0].tolist() == [True, False]
     assert abs(group["difference"].values[0, 0]) < 1e-12
-    assert not group["agrees"].values[1, 0]  # 90 degrees away it strains otherwise
+    assert group["p_value"].values[0, 0] == 1
+    # 90 degrees away it strains otherwise
+    (told,) = findings(group)
+    assert told.subject == "gage g1"
+    assert told.p_value < 1e-6
+    assert told.size == pytest.approx(1e6 * abs(strain[1] - strain[0]))
+    assert "gage g1 showed" in told.text
+    assert told.severity is Severity.doubtful
+
+
+def findings(group):
+    return take_findings({"examined/gages": group})
+
+
+def test_both_uncertainties_bound_the_difference(examined):
+    """A gage off by three of its standard errors is no finding; the field's are in there too."""
+    plain = examined()
+    own = plain["confidence_by_part"].values[:, 0, 0]
+    strain = plain["strain"].values[0, 0]
+    group = examined(line("g0", strain + 0.9e-6, std=0.3))
+    bound = group["difference_confidence"].values[:, 0, 0]
+    assert bound == pytest.approx(np.hypot(own, 1.959964 * 0.3e-6), rel=1e-6)
+    assert not group["agrees"].values[0, 0]
+    z = 0.9e-6 / bound[0] * 1.959964
+    assert group["p_value"].values[0, 0] == pytest.approx(4 * scipy.stats.norm.sf(z), rel=1e-5)
+    assert findings(group) == []
+
+
+def test_a_right_gage_is_seldom_called_wrong(examined):
+    """Of strains that scatter as they say, at most one in 20 does not agree."""
+    plain, rng, wrong = examined(), np.random.default_rng(3), 0
+    variance = (plain["confidence_by_part"].values[:, :, 0] / 1.959964) ** 2 + 0.05e-6**2
+    for _ in range(100):
+        parts = rng.normal(size=variance.shape) * np.sqrt(variance)
+        strain = plain["strain"].values[:, 0] + parts[0] + 1j * parts[1]
+        group = examined(*(line(f"g{i}", s, 0.05) for i, s in enumerate(strain)))
+        wrong += (group["agrees"].values == 0).sum()
+        assert findings(group) == []
+    assert 5 <= wrong <= 35  # 20 of 400, 3.5 standard deviations
+
+
+def test_all_of_a_file_that_is_not_used_is_told(examined):
+    strain = examined()["strain"].values[:, 0]
+    group = examined(
+        line("g0", strain[0], frequency=lab.FREQUENCY * (1 + 5e-5)),
+        line("g0", strain[0], frequency=300.0),
+        line("other", 1e-6),
+        header=HEADER.replace("std_microstrain", "remark"),
+    )
+    notes = group.attrs["notes"].splitlines()
+    assert [note.partition(": ")[2] for note in notes] == [
+        "the columns remark have no meaning here",
+        "has no std; the gages are taken for exact",
+        "strains of gages that check.gages does not have are left out: other",
+        "1 of 2 strains is at a frequency that the run does not have, as 300 Hz",
+        *["no strain was measured at 1 of 1 frequencies"] * 3,
+    ]
+    assert np.isfinite(group["measured"].values[:, 0]).tolist() == [True, False, False, False]
+    assert not group["agrees"].values[1:].any()
+    assert np.isnan(group["p_value"].values[1:]).all()
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        (["h0,197,1,0,0"], "gages.csv: gage h0 is none of check.gages; did you mean g0?"),
+        (["g0,198,1,0,0"], "has no strain at a frequency of the run: it has 198 Hz, the run 197"),
+    ],
+)
+def test_a_file_of_other_gages_or_lines_is_refused(examined, lines, told):
+    with pytest.raises(UserError, match=told):
+        examined(*lines)
 
 
 @pytest.mark.parametrize(
@@ -96,7 +183,6 @@ def test_a_gage_that_agrees_and_one_that_does_not(monkeypatch, found):
     [
         ({"place": [0.0]}, r"gages.g.place: must be 2 numbers in m"),
         ({"place": [0.0, 0.0], "length": 0.0}, "gages.g.length: must be a positive"),
-        ({"place": [0.0, 0.0], "amplitude": [1e-6]}, "gages.g.phase: must have as many numbers"),
     ],
 )
 def test_gages_that_cannot_be(settings, told):
@@ -104,14 +190,16 @@ def test_gages_that_cannot_be(settings, told):
         Gages({"g": Gage(**settings)})
 
 
-def test_a_gage_beside_the_surface_is_named(monkeypatch, found):
-    monkeypatch.setattr("sldvexp.check.gages.reconstruct_surface", lambda *_: found)
-    experiment = SimpleNamespace(
-        laser=None, volume=None, material=None, reconstruction=lab.method(), compare={}
-    )
-    run = Examination({}, rng=np.random.default_rng(0), experiment=experiment)
-    with pytest.raises(UserError, match=r"far is not on the surface with its whole grid of 6 x 3"):
-        Gages({"far": Gage(place=[0.3, 0.0])}).examine(run)
-    wrong = Gage(place=[0.0, 0.0], amplitude=[1e-6, 2e-6], phase=[0, 0], std=[0, 0])
-    with pytest.raises(UserError, match=r"two.amplitude must have 1 numbers, one for each freq"):
-        Gages({"two": wrong}).examine(run)
+@pytest.mark.parametrize(
+    ("gage", "told"),
+    [
+        ({"place": [0.3, 0.0]}, "far is not on the surface with its whole grid of 6 x 3 mm"),
+        (
+            {"place": [0.0, 0.0], "length": 0.4},
+            "far, 400 x 3 mm, is longer than the surface, 300 x",
+        ),
+    ],
+)
+def test_a_gage_beside_the_surface_or_longer_is_named(examined, gage, told):
+    with pytest.raises(UserError, match=told):
+        examined(places={"far": Gage(**gage)})
