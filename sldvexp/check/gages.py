@@ -137,7 +137,7 @@ class Gages(Check):
         for gage in self.gages.values():
             places, weight = gage.points()
             points = chart.points(places, found.fit.face)
-            strains = [tuple(plate.strain(points, f).T) for f in hertz]
+            strains = [tuple(plate.strain(points, f, chart.frames(places)).T) for f in hertz]
             true.append([weight @ along(strain, gage.along) for strain in strains])
         return {"true_strain": images[0].sampling.amplitude * np.array(true)}
 

@@ -362,13 +362,15 @@ def _truth(run: Run) -> None:
     e = run.experiment
     field = run.tree["field"]
     images = [part for part in e.scan.parts(e.scan.view_names()[0]) if part.kind == "image"]
-    strains = (n for n in run.tree if n == "strain" or n.startswith(COMPARED_STRAIN))
+    names = (n for n in run.tree if n == "strain" or n.startswith(COMPARED_STRAIN))
+    strain = next((run.tree[name] for name in names), None)
     run.tree["truth"] = virtual_lab.plate.truth_to_dataset(
         e.scene,
         field["position"].values,
         field["frequency"].values,
         images[0].sampling.amplitude,
-        next((run.tree[name]["position"].values for name in strains), None),
+        None if strain is None else strain["position"].values,
+        None if strain is None else strain["frame"].values,
     )
 
 

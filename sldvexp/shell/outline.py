@@ -88,14 +88,13 @@ class Outline:
         """
         if self.margin > 0:
             return []
-        loops = [self.corners[loop] for loop in rims(self.triangles)]
-        middles, areas = zip(*(_middle_and_area(loop) for loop in loops), strict=True)
-        outer = int(np.argmax(areas))
-        held = self.holds(np.array(middles))
+        found = [_middle_and_area(self.corners[loop]) for loop in rims(self.triangles)]
+        inner = sorted(found, key=lambda hole: hole[1])[:-1]
+        beside = [~self.holds(middle[None])[0] for middle, _ in inner]
         return [
             (middle, float(np.sqrt(area / np.pi)))
-            for i, (middle, area) in enumerate(zip(middles, areas, strict=True))
-            if i != outer and not held[i]
+            for (middle, area), free in zip(inner, beside, strict=True)
+            if free
         ]
 
     def holds(self, coordinates: Array) -> BoolArray:
@@ -144,7 +143,9 @@ def _middle_and_area(loop: Array) -> tuple[Array, float]:
     """Compute the centroid and the area of a polygon, shape (corner, 2)."""
     (x, y), (u, v) = loop.T, np.roll(loop, -1, axis=0).T
     cross = x * v - u * y
-    area = cross.sum() / 2
+    area = float(cross.sum()) / 2
+    if area == 0:
+        return loop.mean(axis=0), 0.0
     return np.array([((x + u) * cross).sum(), ((y + v) * cross).sum()]) / (6 * area), abs(area)
 
 
@@ -158,6 +159,8 @@ def chart_of_grid(grid: Grid | OutlinedSurface) -> CylinderChart:
 
 def fitted_chart(prisms: Prisms, margin: float = 0.0) -> Chart:
     """Fit a plane to the nodes of the given surface, or a cylinder, or else a height over a plane.
+
+    On a plane s runs along the volume's first tangent.
 
     Parameters
     ----------
@@ -176,7 +179,11 @@ def fitted_chart(prisms: Prisms, margin: float = 0.0) -> Chart:
     extent = float(np.linalg.norm(np.ptp((nodes - middle) @ along.T, axis=0)))
     bulge = np.abs((nodes - middle) @ normal).max()
     if bulge <= BULGE * extent:
-        return CylinderChart(middle, np.stack([along[0], np.cross(normal, along[0]), normal]))
+        # Strains along the same directions as the volume's own components of velocity.
+        first = prisms.frame[:, 0].mean(axis=0)
+        first = first - (first @ normal) * normal
+        first /= np.linalg.norm(first)
+        return CylinderChart(middle, np.stack([first, np.cross(normal, first), normal]))
     best = min(
         (_cylinder(nodes, middle, normal, along[i]) for i in (0, 1)), key=lambda found: found[1]
     )

@@ -359,23 +359,32 @@ class VibratingPlate(SceneObject):
         local = np.einsum("pmi,m->pi", self._motion(place), self._response(frequency))
         return np.einsum("pij,pi->pj", self.surface.frame(place) @ self.rotation, local)
 
-    def strain(self, points: ArrayLike, frequency: float) -> ComplexArray:
+    def strain(
+        self, points: ArrayLike, frequency: float, axes: Array | None = None
+    ) -> ComplexArray:
         """Compute true strain of the measured surface at the places nearest to points of the world.
 
         Parameters
         ----------
         points : array_like, shape (point, 3), m
         frequency : float, Hz
+        axes : ndarray, shape (point, 3, 3), optional
+            Unit rows, two tangents first; without them those of the method `axes`.
 
         Returns
         -------
         ndarray of complex, shape (point, 3), per V of excitation
-            e_11, e_22 and e_12 (tensor component) along the first two rows of `axes`; NaN beside
-            the plate.
+            e_11, e_22 and e_12 (tensor component) along the two tangents; NaN beside the plate.
         """
         shape = self.modes.strain(self._place(points), self.surface.height, self.surface.curvature)
         displacement = self._response(frequency) / (2j * np.pi * frequency)
-        return np.einsum("pmi,m->pi", shape, displacement)
+        own = np.einsum("pmi,m->pi", shape, displacement)
+        if axes is None:
+            return own
+        tensor = own[:, [0, 2, 2, 1]].reshape(-1, 2, 2)
+        turn = np.einsum("pai,pbi->pab", axes[:, :2], self.axes(points)[:, :2])
+        (ss, st), (_, tt) = np.moveaxis(turn @ tensor @ np.swapaxes(turn, 1, 2), 0, -1)
+        return np.stack([ss, tt, st], axis=-1)
 
     def height(self, points: ArrayLike) -> Array:
         """Compute height of points above the measured surface, shape (point,), m.
@@ -465,6 +474,7 @@ def truth_to_dataset(
     frequency: ArrayLike,
     amplitude: float,
     places: Array | None = None,
+    frames: Array | None = None,
 ) -> xr.Dataset:
     """Make the group ``truth``: true velocity of the plate near points, and its strain.
 
@@ -477,6 +487,8 @@ def truth_to_dataset(
         Of the excitation at each frequency.
     places : ndarray, shape (place, 3), m, optional
         Where the strain is wanted.
+    frames : ndarray, shape (place, 3, 3), optional
+        Unit rows there, two tangents first, along which it is wanted.
 
     Returns
     -------
@@ -489,7 +501,7 @@ def truth_to_dataset(
     velocity = np.stack([amplitude * plate.velocity(points, f) for f in hertz], axis=-1)
     strain = None
     if places is not None:
-        strain = np.stack([amplitude * plate.strain(places, f) for f in hertz], axis=-1)
+        strain = np.stack([amplitude * plate.strain(places, f, frames) for f in hertz], axis=-1)
     coords = {"node": np.arange(len(points)), "frequency": hertz}
     if places is not None:
         coords["strain_component"] = np.array(["ss", "tt", "st"])

@@ -11,6 +11,7 @@ FOLDER = Path(__file__).parents[2] / "conf" / "experiment"
 EXPERIMENTS = sorted(str(p.relative_to(FOLDER).with_suffix("")) for p in FOLDER.rglob("*.yaml"))
 #: Take more than 4 s.
 SLOW = {
+    "coupled_panel",
     "curved_panel",
     "dissertation/plate_1",
     "dissertation/plate_2",
@@ -20,6 +21,7 @@ SLOW = {
     "dissertation/table_5_7_2",
     "plate",
     "plate_frf",
+    "plate_hole",
 }
 BOUNDS = ("at_least", "at_most")
 MARKED = [pytest.param(n, marks=pytest.mark.long if n in SLOW else ()) for n in EXPERIMENTS]

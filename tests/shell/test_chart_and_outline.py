@@ -10,6 +10,7 @@ from hypothesis import given
 from sldvexp.geometry import rotation_from_euler
 from sldvexp.shell import CylinderChart, Outline
 from sldvexp.shell.outline import fitted_chart
+from sldvexp.volume import Contour, OutlinedSurface
 from sldvexp.volume.grid import Grid
 
 CURVATURES = (0.0, 2.0, -2.0)
@@ -95,3 +96,18 @@ def test_a_hole_in_a_mesh_does_not_belong_to_the_structure():
     places = np.array([[0.0, 0.0], [0.07, 0.07], [0.099, 0.0], [0.101, 0.0]])
     assert holed.holds(places).tolist() == [False, True, True, False]
     assert outline.holds(places).tolist() == [True, True, True, False]
+
+
+def test_a_plane_s_first_coordinate_runs_along_the_volume_s_tangent():
+    rng = np.random.default_rng(3)
+    flat = OutlinedSurface(
+        outline=Contour([[0.0, 0.0], [0.3, 0.0], [0.3, 0.1], [0.0, 0.1]]),
+        euler=[0.3, 0.2, -0.1],
+        tangent=[1.0, 1.0, 0.0],
+    )
+    chart = fitted_chart(flat.prisms())
+    wanted = np.array([1.0, 1.0, 0.0]) / np.sqrt(2) @ rotation_from_euler(flat.euler)
+    assert chart.axes[0] == pytest.approx(wanted, abs=1e-9)
+    assert chart.axes[2] == pytest.approx(rotation_from_euler(flat.euler)[2], abs=1e-9)
+    place = rng.uniform(-0.1, 0.1, (5, 2))
+    assert chart.place(chart.points(place, 0.0))[0] == pytest.approx(place)

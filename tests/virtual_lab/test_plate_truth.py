@@ -70,6 +70,19 @@ def test_strain_is_the_gradient_of_the_displacement(places, radius, edges):
     assert (np.abs(found).max(axis=0) > 1e-2 * np.abs(found).max()).all()
 
 
+def test_strain_along_other_axes_is_the_same_tensor(places):
+    ours = plate(0.3)
+    points = ours.position(places)
+    axes, (ss, tt, st) = ours.axes(points), ours.strain(points, 450.0).T
+    c, s = np.cos(0.4), np.sin(0.4)
+    turned = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ axes
+    found = ours.strain(points, 450.0, turned).T
+    assert found[0] == pytest.approx(c * c * ss + s * s * tt + 2 * c * s * st)
+    assert found[1] == pytest.approx(s * s * ss + c * c * tt - 2 * c * s * st)
+    assert found[2] == pytest.approx(c * s * (tt - ss) + (c * c - s * s) * st)
+    assert pytest.approx(np.array([ss, tt, st])) == ours.strain(points, 450.0, axes).T
+
+
 @pytest.mark.parametrize("radius", RADII)
 def test_normals_stay_straight_and_normal(places, radius):
     """Love and Kirchhoff: no shear between surfaces at two heights, no change of thickness."""
