@@ -181,7 +181,7 @@ def window_rows(
     node, weight = np.polynomial.legendre.leggauss(points)
     at = np.stack(np.meshgrid(node, node, indexing="ij"), axis=-1).reshape(-1, 2)
     share = np.outer(weight, weight).ravel() / (WEIGHT.integ()(1) - WEIGHT.integ()(-1)) ** 2
-    w = share[:, None] * fit.shell.bending(place + at * sides / 2)
+    w = share[:, None] * fit.shell.w(place + at * sides / 2)
     shapes = [WEIGHT * Legendre.basis(n).convert(kind=Polynomial) for n in range(orders)]
 
     def along(i: int) -> list[Array]:
@@ -197,7 +197,7 @@ def window_rows(
             of += 2 * s2 * t2 * np.outer(second[a], second[b])
             bent.append(of.ravel() @ w)
             still.append(np.outer(value[a], value[b]).ravel() @ w)
-    none = np.zeros((orders**2, 2 * fit.shell.membrane.count))
+    none = np.zeros((orders**2, fit.shell.of_w.start))
     return np.hstack([none, bent]), np.hstack([none, still])
 
 

@@ -23,10 +23,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sldvexp.field.bounds.pose_uncertainty import POSE
 from sldvexp.lazy import scipy
+from sldvexp.shell.linear_form import LinearForm
 from sldvexp.shell.love import ThinShell
 from sldvexp.shell.outline import Outline
-from sldvexp.shell.pixels import ViewPixels
 from sldvexp.shell.surface_fit import WEIGHTS, SurfaceFit
 from sldvexp.typing import Array, ComplexArray, IntArray
 
@@ -155,7 +156,7 @@ def bending_lines(
     poses = fit.errors.factor[:-2]
     poses = poses[:, np.any(poses != 0, axis=0)]
     sums = [(_LeverSums(), _LeverSums()) for _ in lines]
-    normal = np.zeros((fit.shell.bending.count,) * 2)
+    normal = np.zeros((fit.shell.coefficients - fit.shell.of_w.start,) * 2)
     begin = 0
     for k, pixels in enumerate(fit.pixels):
         here = slice(begin, begin := begin + len(pixels.pixel))
@@ -163,7 +164,7 @@ def bending_lines(
             continue
         own = _add_view(fit, poses, lines, patches, theta, turn, k, here, sums)
         normal += own
-    of_w = _bending(fit.shell)
+    of_w = fit.shell.of_w
     penalty = fit.shell.penalties(None)[0][of_w, of_w]
     grids = [WEIGHTS[0] - 2 * np.log(size) for size in _sizes(fit, lines, theta)]
     work = _Elimination.of(normal, penalty, float(np.exp(np.min(grids))))
@@ -207,7 +208,7 @@ def turned(fit: SurfaceFit, lines: IntArray) -> tuple[ComplexArray, ComplexArray
         Factors that did so.
     """
     theta = fit.columns.combined(fit.posterior.mean())[:, lines]
-    w = fit.shell.bending(fit.outline.corners) @ theta[_bending(fit.shell)]
+    w = fit.shell.w(fit.outline.corners) @ theta[fit.shell.of_w]
     turn = np.exp(-0.5j * np.angle(np.sum(w**2, axis=0)))
     return theta * turn, turn
 
@@ -215,7 +216,7 @@ def turned(fit: SurfaceFit, lines: IntArray) -> tuple[ComplexArray, ComplexArray
 def strongest(fit: SurfaceFit, count: int) -> IntArray:
     """Find the lines of most motion along the normal, peaks of it first; ascending."""
     theta = fit.columns.combined(fit.posterior.mean())
-    w = fit.shell.bending(fit.outline.corners) @ theta[_bending(fit.shell)]
+    w = fit.shell.w(fit.outline.corners) @ theta[fit.shell.of_w]
     size = np.sqrt(np.mean(np.abs(w) ** 2, axis=0))
     beside = np.pad(size, 1, constant_values=-1.0)
     at_peak = (size >= beside[:-2]) & (size >= beside[2:])
@@ -227,8 +228,8 @@ def wave_number(fit: SurfaceFit, lines: IntArray) -> Array:
 
     ``k^2 = - sum grad w . grad lap w / sum |grad w|^2`` over the surface's nodes.
     """
-    theta = turned(fit, lines)[0].real[_bending(fit.shell)]
-    places, w = fit.outline.corners, fit.shell.bending
+    theta = turned(fit, lines)[0].real[fit.shell.of_w]
+    places, w = fit.outline.corners, fit.shell.w
     slope = [w(places, 1, 0) @ theta, w(places, 0, 1) @ theta]
     bent = [
         (w(places, 3, 0) + w(places, 1, 2)) @ theta,
@@ -302,13 +303,8 @@ class _Elimination:
 
 def _sizes(fit: SurfaceFit, lines: IntArray, theta: ComplexArray) -> Array:
     """Compute the r.m.s. of w in every line, in the unit of its whitened columns."""
-    w = fit.shell.bending(fit.outline.corners) @ theta[_bending(fit.shell)]
+    w = fit.shell.w(fit.outline.corners) @ theta[fit.shell.of_w]
     return np.asarray(np.sqrt(np.mean(np.abs(w) ** 2, axis=0)) / fit.measured.scale[lines])
-
-
-def _bending(shell: ThinShell) -> slice:
-    """Slice of the coefficients of w."""
-    return slice(2 * shell.membrane.count, None)
 
 
 def _add_view(
@@ -325,11 +321,13 @@ def _add_view(
     """Add one view's pixels to the sums of every line's parts; the part of A'A that is theirs."""
     pixels, shell, measured = fit.pixels[view], fit.shell, fit.measured
     weight = 1 / measured.pixel_std[here][:, None]
-    of_w = _bending(shell)
+    of_w = shell.of_w
     design = pixels.design(shell, fit.face)[:, of_w] * weight
     tangential = pixels.cosine[:, :2]
-    slopes = [shell.bending(pixels.coordinates, *d) @ theta[of_w] for d in ((1, 0), (0, 1))]
-    arm = -np.einsum("pa,apl->pl", tangential, slopes) * weight
+    bending = theta.copy()
+    bending[: of_w.start] = 0
+    turns = _values(shell, bending, pixels.coordinates, shell.motion_by_height(pixels.coordinates))
+    arm = np.einsum("pa,pal->pl", pixels.cosine, turns) * weight
     patch = patch_of(fit.outline, pixels.coordinates, patches)
     in_patch = patch[:, None] == np.arange(patches[0] * patches[1])
     waves = low_order(fit, pixels.coordinates)
@@ -357,16 +355,18 @@ def _by_errors(
     if not poses.size and not fit.at.any():
         count, lines = len(pixels.pixel), theta.shape[1]
         return np.zeros((count, lines), complex), np.zeros((count, 0, lines), complex)
-    own = np.arange(6 * view, 6 * view + 6)
-    changes = prediction_changes(fit, pixels, theta)
+    errors = len(fit.at)
+    calibration = np.arange(errors)[fit.errors.own]
+    own = np.r_[POSE * view : POSE * (view + 1), calibration]
+    changes = prediction_changes(fit, view, theta)
     return (
-        np.einsum("pel,e->pl", changes, fit.at[[*own, -2, -1]]),
-        np.einsum("pel,eq->pql", changes[:, :6], poses[own]),
+        np.einsum("pel,e->pl", changes, fit.at[np.r_[own, errors - 2, errors - 1]]),
+        np.einsum("pel,eq->pql", changes[:, :-2], poses[own]),
     )
 
 
-def prediction_changes(fit: SurfaceFit, pixels: ViewPixels, theta: ComplexArray) -> ComplexArray:
-    """Differentiate a view's predictions by its pose, the face's height and the thickness.
+def prediction_changes(fit: SurfaceFit, view: int, theta: ComplexArray) -> ComplexArray:
+    """Differentiate a view's predictions by its pose, the calibration, height and thickness.
 
     Parameters
     ----------
@@ -374,19 +374,25 @@ def prediction_changes(fit: SurfaceFit, pixels: ViewPixels, theta: ComplexArray)
 
     Returns
     -------
-    ndarray of complex, shape (pixel, 8, line)
+    ndarray of complex, shape (pixel, 6 + calibration + 2, line)
     """
-    height = fit.at[-2]
-    place, cosine = pixels.changes(fit.laser, fit.outline, fit.face + height)
-
-    def motion(rows: tuple[Array, Array, Array]) -> ComplexArray:
-        return np.stack([of @ theta for of in rows], axis=1)
-
+    pixels, shell, face = fit.pixels[view], fit.shell, fit.face
+    others = [error.of_beams(view, pixels.pixel) for error in fit.errors.calibration]
+    place, cosine = pixels.changes(fit.laser, fit.outline, face + fit.at[-2], others)
     where, toward = pixels.coordinates, pixels.cosine
-    change = np.einsum("pae,pal->pel", cosine, motion(fit.shell.velocity(where, fit.face)))
-    for by, d in ((place[:, 0], (1, 0)), (place[:, 1], (0, 1))):
-        slope = motion(fit.shell.velocity(where, fit.face, *d))
-        change += by[:, :, None] * np.einsum("pa,pal->pl", toward, slope)[:, None]
-    thicker = np.einsum("pa,pal->pl", toward, motion(fit.shell.velocity_by_height(where)))
-    by_thickness = (change[:, 6] + thicker) / 2
+    moves = _values(shell, theta, where, shell.motion(where, face))
+    change = np.einsum("pae,pal->pel", cosine, moves)
+    for axis in range(2):
+        slope = _values(shell, theta, where, shell.motion(where, face, 1 - axis, axis))
+        change += place[:, axis, :, None] * np.einsum("pa,pal->pl", toward, slope)[:, None]
+    thicker = _values(shell, theta, where, shell.motion_by_height(where))
+    by_thickness = (change[:, -1] + np.einsum("pa,pal->pl", toward, thicker)) / 2
     return np.concatenate([change, by_thickness[:, None]], axis=1)
+
+
+def _values(
+    shell: ThinShell, theta: ComplexArray, places: Array, forms: list[LinearForm]
+) -> ComplexArray:
+    """Compute forms of fields with complex coefficients, shape (place, form, line)."""
+    values = shell.values(np.hstack([theta.real, theta.imag]), places, forms)
+    return np.asarray(values[..., : theta.shape[1]] + 1j * values[..., theta.shape[1] :])

@@ -70,6 +70,16 @@ class ThinShell:
         return self._splines + self.around_holes.count
 
     @property
+    def of_w(self) -> slice:
+        """Coefficients of w."""
+        return slice(2 * self.membrane.count, None)
+
+    def w(self, coordinates: Array, i: int = 0, j: int = 0) -> Array:
+        """Make rows of a derivative of w by s and t, of the coefficients of w alone."""
+        (rows,) = self.rows(coordinates, [LinearForm.of(2, len(coordinates), i, j)])
+        return rows[:, self.of_w]
+
+    @property
     def _splines(self) -> int:
         """Number of the splines' coefficients."""
         return 2 * self.membrane.count + self.bending.count

@@ -100,7 +100,7 @@ def dissipated(
     omega = _omega(found, line)
     around, share = _inside(sides)
     share = share * _window(2 * around / sides)[0].prod(axis=1)
-    w, theta = found.fit.shell.bending, _of_w(found, line)
+    w, theta = found.fit.shell.w, _of_w(found, line)
     taken = []
     for place in places:
         at = place + around
@@ -149,7 +149,7 @@ def _omega(found: SurfaceField, line: int) -> float:
 def _of_w(found: SurfaceField, line: int) -> Array:
     """Coefficients of w at one frequency, complex, m/s."""
     theta = found.fit.columns.combined(found.fit.posterior.mean())[:, line]
-    return np.asarray(theta[2 * found.fit.shell.membrane.count :])
+    return np.asarray(theta[found.fit.shell.of_w])
 
 
 def _through(
@@ -162,7 +162,7 @@ def _through(
     power : ndarray, shape (place,)
     by_real, by_imaginary : ndarray, shape (place, coefficient of w)
     """
-    sheet, w = found.material, found.fit.shell.bending
+    sheet, w = found.material, found.fit.shell.w
     assert sheet is not None
     theta = _of_w(found, line)
     (n_s, n_t), nu = normals.T[..., None], sheet.nu
@@ -176,7 +176,7 @@ def _through(
     )
     factor = sheet.bending_stiffness / (2 * _omega(found, line))
     power = np.zeros(len(places))
-    by_real, by_imaginary = np.zeros((2, len(places), w.count))
+    by_real, by_imaginary = np.zeros((2, len(places), len(theta)))
     for x, v in pairs:
         xa, xb = (x @ theta).real[:, None], (x @ theta).imag[:, None]
         va, vb = (v @ theta).real[:, None], (v @ theta).imag[:, None]
@@ -189,7 +189,7 @@ def _through(
 def _bounded(found: SurfaceField, rows: tuple[Array, Array, Array], line: int) -> PowerFlow:
     """Bound power by its gradients."""
     power, *gradients = rows
-    none = np.zeros((len(power), 2 * found.fit.shell.membrane.count))
+    none = np.zeros((len(power), found.fit.shell.of_w.start))
     variance = np.zeros(len(power))
     for part, gradient in enumerate(gradients):
         size = max(float(np.abs(gradient).max(initial=0.0)), 1e-300)

@@ -56,7 +56,7 @@ def layers(rng, offset=0.0, noise=1e-4, of=None):
 def mapped(rng, offset=0.0):
     groups, grid = layers(rng, offset)
     run = Examination(groups, rng=rng)
-    return by_layers(run, "field", Outline.of(grid, grid.prisms(), 0.0, 0.0), PATCHES)
+    return by_layers(run, "field", Outline.of(grid, grid.prisms(), 0.0), PATCHES)
 
 
 def test_as_many_maps_are_rejected_as_stated(found):
@@ -124,7 +124,7 @@ def test_the_check_maps_both_ways(monkeypatch, found):
 
 def test_a_volume_too_coarse_for_the_patches_is_told():
     groups, grid = layers(np.random.default_rng(7), of=volume((4, 3)))
-    outline = Outline.of(grid, grid.prisms(), 0.0, 0.0)
+    outline = Outline.of(grid, grid.prisms(), 0.0)
     run = Examination(groups, rng=np.random.default_rng(0))
     with pytest.raises(UserError, match=r"too few nodes for 4 x 4 patches"):
         by_layers(run, "field", outline, PATCHES)

@@ -104,16 +104,15 @@ def field_of(images, volume, frequency, sheet=lab.SHEET, covariance=None, **sett
 
 def renoised(found, truth, rng, noise=lab.NOISE):
     """The same field with new noise on its pixels, and the motion along them that was found."""
-    fit = found.fit
-    hertz = found.frequency
-    true = []
+    fit, images = found.fit, []
     for pixels in fit.pixels:
         points = fit.outline.chart.points(pixels.coordinates, fit.face)
         frames = fit.outline.chart.frames(pixels.coordinates)
         toward = np.einsum("pa,pai->pi", pixels.cosine, frames)
-        one = [np.einsum("pi,pi->p", truth.velocity(points, f), toward) for f in hertz]
-        true.append(np.stack(one, axis=1))
-    clean = np.concatenate(true)
-    shaken = noise * (rng.normal(size=clean.shape) + 1j * rng.normal(size=clean.shape))
-    measured = replace(fit.measured, velocity=clean + shaken)
-    return replace(found, fit=replace(fit, measured=measured))
+        one = [np.einsum("pi,pi->p", truth.velocity(points, f), toward) for f in found.frequency]
+        clean = np.stack(one, axis=1)
+        shaken = noise * (rng.normal(size=clean.shape) + 1j * rng.normal(size=clean.shape))
+        image = np.zeros((len(pixels.view.dac), clean.shape[1]), complex)
+        image[pixels.pixel] = clean + shaken
+        images.append(image)
+    return replace(found, fit=replace(fit, measured=replace(fit.measured, images=images)))
