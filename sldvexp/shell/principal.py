@@ -34,7 +34,7 @@ from sldvexp.typing import Array, ComplexArray
 #: Principal strains in their order.
 PRINCIPAL = ("first", "second")
 #: Directions of the grid, of 2 theta over a turn, and Newton's steps from the best of them.
-GRID, STEPS = 24, 6
+GRID, STEPS = 12, 6
 #: Standard error, deg, of a direction of which nothing is known.
 ANY_DIRECTION = 90 / np.sqrt(3)
 #: Standard errors by which the largest extension must beat those of quite other directions.
@@ -160,7 +160,7 @@ def _best_direction(strain: ComplexArray) -> Array:
 
 def _elsewhere(strain: ComplexArray, psi: Array) -> Array:
     """Find the largest amplitude more than 45 degrees away from a direction."""
-    away = psi + np.pi * np.linspace(0.5, 1.5, GRID // 2 + 1)[:, None, None]
+    away = psi + np.pi * np.linspace(0.5, 1.5, GRID + 1)[:, None, None]
     return np.asarray(np.abs(_along(strain, away)).max(axis=0))
 
 

@@ -20,11 +20,14 @@ from sldvexp.session.circles import edges_of
 
 SHOWN = (
     *("scan_lines", "edges", "conics", "conic_residuals", "bitangents", "pose_residuals"),
-    *("phase_correction", "images", "volume", "field", "surface", "nodal", "residuals"),
+    *("phase_correction", "images", "volume", "field", "surface", "nodal"),
+    *("strain", "hot_spots", "residuals"),
 )
 
 #: What an axis may be called: a quantity with its unit, or what is counted.
-UNIT = re.compile(r"((, (mm|m|deg|rad|Hz|[nµmk]?m/s)| DAC steps|per step)( |\(|$))|^[nµm]?m/s$")
+UNIT = re.compile(
+    r"((, (mm|m|deg|rad|Hz|[nµmk]?m/s)| DAC steps|per step)( |\(|$))|^[nµm]?(m/s|strain)$|^[kM]?Pa$"
+)
 COUNTED = {"view", "circle", "point", "component", "node", "reconstruction", "seed"}
 
 
