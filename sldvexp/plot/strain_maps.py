@@ -22,7 +22,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
 from sldvexp.plot.layer import AXES
 from sldvexp.plot.maps import PHASES, map_of, phase_map
-from sldvexp.plot.selection import at_frequency, require
+from sldvexp.plot.selection import at_frequency, one_of, require
 from sldvexp.typing import Array, IndexArray
 
 STRAIN = VARIABLES["strain"]
@@ -171,13 +171,29 @@ def hottest_places(strain: xr.Dataset) -> list[int]:
     return peaks(values, strain["triangle"].values, bound, MOST_SPOTS)
 
 
+def strains_of(run: RunData) -> dict[str, xr.Dataset]:
+    """Find the strains of a run by the names of their fields, first that of the field itself.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> found = group("strain", {}, frame=[np.eye(3)])
+    >>> list(strains_of(RunData({"compare_strain/spline": found, "strain": found})))
+    ['field', 'spline']
+    """
+    own = {"field": run.groups["strain"]} if run.has("strain", "frame") else {}
+    return own | run.below("compare_strain", "frame")
+
+
 def unavailable_because(run: RunData) -> str:
     """Explain why no strain can be shown; empty if one can."""
-    return "" if run.has("strain", "frame") else NO_STRAIN
+    return "" if strains_of(run) else NO_STRAIN
 
 
 @style.styled
-def strain(source: Source | RunData, frequency: float | None = None) -> Figure:
+def strain(
+    source: Source | RunData, frequency: float | None = None, name: str | None = None
+) -> Figure:
     """Draw size, phase and bound of every component of the strain of the face.
 
     Where a strain is smaller than its bound its phase means nothing and is hatched.
@@ -186,6 +202,8 @@ def strain(source: Source | RunData, frequency: float | None = None) -> Figure:
     ----------
     frequency : float, Hz, optional
         Without it the one of the largest strain.
+    name : str, optional
+        Of the field that it is of, ``field`` or one of those it is compared with.
 
     Examples
     --------
@@ -198,7 +216,7 @@ def strain(source: Source | RunData, frequency: float | None = None) -> Figure:
     >>> strain({"strain": found.assign_attrs(confidence_level=0.95)}).axes[0].get_title()
     'e_ss: size'
     """
-    shown, hertz = _chosen(RunData.from_source(source), "strain", frequency)
+    shown, hertz = _chosen(RunData.from_source(source), "strain", frequency, name)
     title = style.joined("Strain of the face", hertz)
     size = (3, 3, 11.0, shown.ratio)
     made, axes = style.sheet(*size, title, style.SCALE_BESIDE, sharex=True, sharey=True)
@@ -216,13 +234,17 @@ def strain(source: Source | RunData, frequency: float | None = None) -> Figure:
 
 
 @style.styled
-def hot_spots(source: Source | RunData, frequency: float | None = None) -> Figure:
+def hot_spots(
+    source: Source | RunData, frequency: float | None = None, name: str | None = None
+) -> Figure:
     """Draw the largest extension with its direction, and von Mises stress with its hot spots.
 
     Parameters
     ----------
     frequency : float, Hz, optional
         Without it the one of the largest strain.
+    name : str, optional
+        Of the field that it is of, ``field`` or one of those it is compared with.
 
     Examples
     --------
@@ -237,7 +259,7 @@ def hot_spots(source: Source | RunData, frequency: float | None = None) -> Figur
     >>> hot_spots({"strain": found.assign_attrs(confidence_level=0.95)}).axes[0].get_title()
     'largest extension'
     """
-    shown, hertz = _chosen(RunData.from_source(source), "hot_spots", frequency)
+    shown, hertz = _chosen(RunData.from_source(source), "hot_spots", frequency, name)
     rows = 1 + ("von_mises" in shown.group)
     title = style.joined("Largest extension and stress of a cycle, face", hertz)
     size = (rows, 2, 8.5, shown.ratio)
@@ -254,10 +276,14 @@ def hot_spots(source: Source | RunData, frequency: float | None = None) -> Figur
     return made
 
 
-def _chosen(run: RunData, figure: str, frequency: float | None) -> tuple[StrainMap, str]:
+def _chosen(
+    run: RunData, figure: str, frequency: float | None, name: str | None
+) -> tuple[StrainMap, str]:
     """Take the strain at a frequency, and say which."""
     require(figure, unavailable_because(run))
-    group, hertz = at_frequency(run.groups["strain"], figure, frequency, "strain")
+    known = strains_of(run)
+    chosen = one_of(name, known, figure, "strain")
+    group, hertz = at_frequency(known[chosen], figure, frequency, "strain")
     return StrainMap.of(group), hertz
 
 

@@ -15,7 +15,7 @@ from rich.table import Table
 from sldvexp.dataset import FREQUENCY, VARIABLES, RunData, is_void
 from sldvexp.field.bounds.budget import SOURCES
 from sldvexp.lazy import xarray as xr
-from sldvexp.plot import hottest_places
+from sldvexp.plot import hottest_places, strains_of
 from sldvexp.report.numbers import number, with_bound
 
 POSE = VARIABLES["pose"]
@@ -229,19 +229,18 @@ def _share(variance: float, total: float) -> str:
 
 
 def strain_tables(run: RunData) -> Iterator[Table]:
-    """Make a table of the strain's components and one of the hot spots, if there is a strain."""
-    if not run.has("strain", "frame"):
-        return
-    strain = run.groups["strain"]
-    yield strain_table(strain, strongest(strain, "strain"))
-    yield hot_spot_table(strain, strongest(strain, "strain"))
+    """Make tables of the strain's components and of the hot spots, of every strain there is."""
+    for name, strain in strains_of(run).items():
+        of = "" if name == "field" else f" by {name}"
+        yield strain_table(strain, strongest(strain, "strain"), of)
+        yield hot_spot_table(strain, strongest(strain, "strain"), of)
 
 
-def strain_table(strain: xr.Dataset, frequencies: Sequence[float]) -> Table:
+def strain_table(strain: xr.Dataset, frequencies: Sequence[float], of: str = "") -> Table:
     """Show strains of the face with their bounds at some frequencies, and those of their parts."""
     parts = {n: f"r.m.s. of {of}" for n, of in PARTS.items() if n in strain}
     names = ("strain", FREQUENCY.units, "largest", "r.m.s.", "bound", *parts.values())
-    title = f"Strain of the face, microstrain{_some([strain])}"
+    title = f"Strain of the face{of}, microstrain{_some([strain])}"
     table = Table(*names, title=title, title_justify="left")
     for component in strain["strain_component"].values:
         for hertz in frequencies:
@@ -255,7 +254,7 @@ def strain_table(strain: xr.Dataset, frequencies: Sequence[float]) -> Table:
     return table
 
 
-def hot_spot_table(strain: xr.Dataset, frequencies: Sequence[float]) -> Table:
+def hot_spot_table(strain: xr.Dataset, frequencies: Sequence[float], of: str = "") -> Table:
     """Show where the stress, or else the extension, is largest, with bounds; numbered as on maps.
 
     Examples
@@ -271,7 +270,7 @@ def hot_spot_table(strain: xr.Dataset, frequencies: Sequence[float]) -> Table:
     stress = "von_mises" in strain
     names = ("no.", FREQUENCY.units, "x, y, z, mm", "s, t, mm", *["von Mises, MPa"] * stress)
     columns = (*names, "largest extension, microstrain", "its direction from t1, deg")
-    title = f"Hot spots of the face{_some([strain])}"
+    title = f"Hot spots of the face{of}{_some([strain])}"
     table = Table(*columns, title=title, title_justify="left")
     for hertz in frequencies:
         one = _at(strain, hertz)

@@ -84,6 +84,14 @@ def test_without_a_material_hot_spots_are_those_of_the_extension():
     assert [t.get_text() for t in figure.axes[0].texts] == ["1"]
 
 
+def test_strains_of_compared_methods_can_be_named():
+    of = {"strain": group(), "compare_strain/spline": group(hertz=(300.0,))}
+    assert "300 Hz" in hot_spots(of, name="spline").get_suptitle()
+    assert "197 Hz" in hot_spots(of).get_suptitle()
+    with pytest.raises(UserError, match="there is no strain free"):
+        strain(of, name="free")
+
+
 def test_both_stand_in_the_catalogue():
     assert {"strain", "hot_spots"} <= set(figures_of({"strain": group()}))
     with pytest.raises(UserError, match="reconstruction=shell or spline"):

@@ -30,6 +30,15 @@ def test_hot_spots_are_listed_by_frequency_with_place_value_and_bound(small_volu
     assert column(spots, "its direction from t1, deg")[0].split(" ± ")[0].startswith("13.")
 
 
+def test_strains_of_compared_methods_have_tables_of_their_own(small_volume):
+    strain = made_strain(small_volume())
+    run = RunData({"compare_strain/spline": strain})
+    assert [str(t.title).partition(",")[0] for t in strain_tables(run)] == [
+        "Strain of the face by spline",
+        "Hot spots of the face by spline",
+    ]
+
+
 def test_without_a_material_no_stress_is_listed(small_volume):
     _, spots = strain_tables(RunData({"strain": made_strain(small_volume(), stress=False)}))
     assert "von Mises, MPa" not in [c.header for c in spots.columns]
@@ -43,10 +52,12 @@ def test_a_run_without_strain_has_no_such_tables(small_volume, small_field):
 
 def test_a_page_has_a_section_on_strain(run_file, small_volume, monkeypatch):
     monkeypatch.setattr(figures, "_address", lambda _: "data:,")
-    path = run_file(strain=made_strain(small_volume()))
+    strain = made_strain(small_volume())
+    path = run_file(strain=strain, **{"compare_strain/spline": strain})
     page = run_page.write(path, path.with_name("report.html")).read_text()
     assert '<a href="#strain">Strain</a>' in page
-    assert page.count("<h3>Hot spots of the face</h3>") == 1
+    for of in ("", " by spline"):
+        assert page.count(f"<h3>Hot spots of the face{of}</h3>") == 1
     for caption in figures.PARTS["strain"].values():
         assert caption in page
     assert "Colours of strains are those of the drawn surface" in page

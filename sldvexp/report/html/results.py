@@ -154,7 +154,7 @@ def velocity_section(run: RunData) -> Section | None:
     points = [list(row) for row in known if not row[0].startswith("pose ")]
     if not fields and not points:
         return None
-    others = ("examined/", "strain")
+    others = ("examined/", "strain", "compare_strain/")
     own = {k: group for k, group in run.groups.items() if not k.startswith(others)}
     blocks = having(
         _shape(run), [HtmlTable.from_table(table) for table in field_tables(RunData(own))]
