@@ -72,7 +72,7 @@ def at_frequency(
     hertz, unit = group["frequency"].values, FREQUENCY.units
     if frequency is None:
         others = [d for d in group[of].dims if d != "frequency"]
-        index = int(np.argmax((abs(group[of]) ** 2).mean(others).values))
+        index = int(np.argmax(np.nan_to_num((abs(group[of]) ** 2).mean(others).values)))
     elif not hertz.min() <= frequency <= hertz.max():
         raise UserError(
             f"plot: {figure}: the frequencies go from {hertz.min():g} to {hertz.max():g} {unit}; "

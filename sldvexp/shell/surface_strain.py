@@ -157,11 +157,12 @@ class SurfaceStrain:
         # Without a middle the face is the splines' own surface, whatever the thickness is.
         thicker = (make(half + STEP) - rows).reshape(flat.shape) / STEP / 2 if half else None
         values, own, others = self.fit.evaluate(flat, thicker)
-        omega = 2 * np.pi * self.frequency
-        shape = (*rows.shape[:2], len(omega))
-        strain = (values / (1j * omega)).reshape(shape)
+        # A velocity that stands still tells of no displacement.
+        per_omega = 1 / np.where(self.frequency > 0, 2 * np.pi * self.frequency, np.nan)
+        shape = (*rows.shape[:2], len(per_omega))
+        strain = (-1j * values * per_omega).reshape(shape)
         # (a + ib) / (i omega) = b / omega - i a / omega: the parts change places.
-        variance = ((own + others)[::-1] / omega**2).reshape(2, *shape)
+        variance = ((own + others)[::-1] * per_omega**2).reshape(2, *shape)
         return np.moveaxis(strain, 0, 1), np.moveaxis(variance, 1, 2)
 
     def _with_covariance(self, make: Callable[[float], Array]) -> tuple[ComplexArray, Array]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sldvexp.plot import hot_spots, hottest_places
 from sldvexp.shell import (
     Isotropic,
     Spline,
@@ -151,15 +152,13 @@ def test_tolerances_of_the_material_widen_stresses():
     assert von_mises_std(strain, covariance, known) == pytest.approx(expected, rel=0.02)
 
 
-def estimated(seed, sheet=SHEET, method=None, radius=None, noise=lab.NOISE):
-    views = lab.views(lab.plate(radius), np.random.default_rng(seed), noise=noise)
+def estimated(
+    seed, sheet=SHEET, method=None, radius=None, noise=lab.NOISE, frequency=(lab.FREQUENCY,)
+):
+    seen = np.where(frequency, frequency, lab.FREQUENCY)
+    views = lab.views(lab.plate(radius), np.random.default_rng(seed), noise=noise, frequency=seen)
     return estimate_surface(
-        views,
-        lab.LASER,
-        lab.volume(radius),
-        method or lab.method(),
-        sheet,
-        frequency=[lab.FREQUENCY],
+        views, lab.LASER, lab.volume(radius), method or lab.method(), sheet, frequency=frequency
     )
 
 
@@ -249,3 +248,13 @@ def test_directions_of_a_panel_lie_in_its_surface():
         np.broadcast_to(np.eye(3), frame.shape), abs=1e-12
     )
     assert frame[:, 2] @ frame[:, 2].mean(axis=0) == pytest.approx(1, abs=0.05)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_velocity_at_no_frequency_has_no_strain_and_the_others_keep_theirs():
+    group = estimated(4, frequency=[0.0, lab.FREQUENCY]).strain()
+    for name in ("strain", "principal_strain", "von_mises", "bending_moment_std"):
+        assert np.isnan(group[name].values[..., 0]).all()
+        assert np.isfinite(group[name].values[..., 1]).all()
+    assert "197 Hz" in hot_spots({"strain": group}).get_suptitle()
+    assert hottest_places(group.isel(frequency=0)) == []
