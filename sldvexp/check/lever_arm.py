@@ -236,6 +236,12 @@ def told(arms: LeverArms, level: float) -> Finding:
     by_shear = shear > float(student_factor(1 - level, np.inf)) * shear_std
     found, covariance = arms.trend
     off, std = (found[0], np.sqrt(covariance[0, 0])) if by_shear else arms.height
+    if arms.height[1] > arms.stated:
+        text = (
+            "the images do not tell the lever arm of the slopes: it is known to "
+            f"{2e3 * arms.height[1]:.2g} mm, more than the thickness; views from other sides would"
+        )
+        return Finding("lever_arm", "surface", text, Severity.note)
     arm = (
         f"the lever arm of the slopes is {1e3 * (arms.stated + off):.4g} +- {2e3 * std:.2g} mm "
         f"{'at long waves ' * by_shear}where half the thickness is {1e3 * arms.stated:.4g} mm"

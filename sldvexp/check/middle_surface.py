@@ -34,6 +34,8 @@ from sldvexp.typing import Array, IntArray
 
 #: Blocks along each side of a patch, of which one is left out at a time.
 BLOCKS = 3
+
+
 #: Information over the largest, below which a patch tells nothing.
 NOTHING = 1e-12
 
@@ -142,9 +144,16 @@ def by_lever_arm(found: SurfaceField, patches: tuple[int, int], lines: int) -> M
     both = bending_lines(fit, strongest(fit, lines), patches)
     joint = joint_arms([b[0].arm_system() for b in both], count, common=True)
     told = np.diag(joint.information)
-    unknown = np.flatnonzero(told <= NOTHING * told.max())
-    known = np.setdiff1d(np.arange(count), unknown)
-    change, covariance = joint.without(unknown).estimate()
+    seen = np.flatnonzero(told > NOTHING * told.max())
+    change, covariance = joint.without(np.setdiff1d(np.arange(count), seen)).estimate()
+    # Known no better than half the thickness, the arm is no small change of what w was found with.
+    sure = np.diag(covariance) < (sheet.thickness / 2) ** 2
+    known, change, covariance = seen[sure], change[sure], covariance[np.ix_(sure, sure)]
+    if not len(known):
+        raise UserError(
+            "check=middle_surface: the images do not tell where the middle surface lies; views "
+            "from other sides would"
+        )
     height, std = np.full((2, count), np.nan)
     # The middle lies a lever arm below the face.
     height[known], std[known] = -change, np.sqrt(np.diag(covariance))

@@ -10,8 +10,9 @@ from scipy.stats import binom
 
 from sldvexp.check import Examination
 from sldvexp.check.lever_arm import LeverArm, LeverArms, told
+from sldvexp.check.middle_surface import by_lever_arm
 from sldvexp.dataset import Severity, take_findings
-from sldvexp.errors import ConfigError
+from sldvexp.errors import ConfigError, UserError
 from sldvexp.shell.lever import SmallSystem, strongest
 from tests.shell import simulated_physics as physics
 from tests.shell import simulated_shell as lab
@@ -127,6 +128,16 @@ def test_poses_are_in_the_bounds_and_common_to_all_lines():
     assert np.sqrt(common[0, 1]) == pytest.approx(0.06e-3, abs=0.01e-3)
     assert np.abs(arms.change).max() < 4 * 0.065e-3
     assert not rejected(arms, 0.001)
+
+
+def test_one_view_does_not_tell():
+    (view, *_) = lab.views(plate(), np.random.default_rng(12))
+    found = physics.field_of([view], lab.volume(), (197.0,))
+    finding = told(arms_of(found), 0.01)
+    assert finding.severity is Severity.note
+    assert finding.text.startswith("the images do not tell the lever arm of the slopes")
+    with pytest.raises(UserError, match="do not tell where the middle surface lies"):
+        by_lever_arm(found, (2, 2), 1)
 
 
 def test_the_check_leaves_numbers_and_a_finding(monkeypatch, four_lines):
