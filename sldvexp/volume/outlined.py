@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -43,7 +44,7 @@ class Contour:
         Of a circle, instead of corners.
     """
 
-    corners: list[list[float]] = field(default_factory=list)
+    corners: list[Any] = field(default_factory=list)
     center: list[float] = field(default_factory=lambda: [0.0, 0.0])
     radius: float | None = None
 
@@ -57,7 +58,11 @@ class Contour:
         message = f"needs 3 corners or more, or the radius of a circle, not {len(self.corners)}"
         checks.require(len(self.corners) >= 3, name, message)
         for i, corner in enumerate(self.corners):
-            vector(checks, f"{name}.corners[{i}]", corner, 2)
+            pair = isinstance(corner, list) and all(isinstance(x, int | float) for x in corner)
+            message = f"must be two numbers, as in [0.1, 0.05], not {corner}"
+            checks.require(pair and len(corner) == 2, f"{name}.corners[{i}]", message)
+            if pair:
+                checks.finite(f"{name}.corners[{i}]", *corner)
 
     def nodes(self, spacing: float) -> Array:
         """Place nodes along it, no farther apart than so, shape (node, 2), in its unit.

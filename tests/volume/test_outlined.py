@@ -91,7 +91,9 @@ SQUARE = Contour([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]])
         ({"spacing": 1e-5}, "or there are more than 50000 nodes"),
         ({"spacing": 0.0}, "spacing: must be a positive number, not 0.0"),
         ({"radius": 0.01}, "radius: must be finite and beyond +-0.031831 m"),
-        ({"outline": Contour([[0.0, 0.0], [0.1], [0.1, 0.1]])}, "corners[1]: must be 2 numbers"),
+        ({"outline": Contour([[0.0, 0.0], [0.1], [0.1, 0.1]])}, "corners[1]: must be two numbers"),
+        ({"outline": Contour([[0, 0], "a", [0.1, 0.1]])}, "corners[1]: must be two numbers"),
+        ({"outline": Contour([[0, 0], [1, np.nan], [0.1, 0.1]])}, "corners[1]: must be finite"),
     ],
 )
 def test_no_such_outline(settings, told):
