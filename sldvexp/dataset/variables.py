@@ -30,6 +30,10 @@ CONVENTIONS = {
     "euler_convention": "x-convention (z-x'-z'')",
 }
 
+#: Dimensions of a field's velocities and of a surface's strains.
+_FIELD = "node component [frequency]"
+_STRAIN = "place strain_component [frequency]"
+
 #: Variables of the stages of a run, and of what checks and expectations leave, by group.
 VARIABLES: dict[str, dict[str, Variable]] = {
     "target": {
@@ -177,35 +181,21 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "strain": _V("place strain_component [frequency]", "1", "true strain of the surface"),
     },
     "field": {
-        "velocity": _V("node component [frequency]", "m/s", "velocity"),
-        "velocity_std": _V(
-            "node component [frequency]", "m/s", "its standard error, of the larger part"
-        ),
-        "confidence": _V(
-            "node component [frequency]", "m/s", "half-width of its interval, of the larger part"
-        ),
-        "velocity_std_noise": _V(
-            "node component [frequency]", "m/s", "standard error from the pixels' noise"
-        ),
-        "velocity_std_pose": _V(
-            "node component [frequency]", "m/s", "standard error from the poses, of the larger part"
-        ),
-        "velocity_std_by_part": _V(
-            "part node component [frequency]", "m/s", "standard error of each part"
-        ),
-        "confidence_by_part": _V(
-            "part node component [frequency]", "m/s", "half-width of each part's interval"
-        ),
+        "velocity": _V(_FIELD, "m/s", "velocity"),
+        "velocity_std": _V(_FIELD, "m/s", "its standard error, of the larger part"),
+        "confidence": _V(_FIELD, "m/s", "half-width of its interval, of the larger part"),
+        "velocity_std_noise": _V(_FIELD, "m/s", "standard error from the pixels' noise"),
+        "velocity_std_pose": _V(_FIELD, "m/s", "standard error from the poses, of the larger part"),
+        "velocity_std_by_part": _V(f"part {_FIELD}", "m/s", "standard error of each part"),
+        "confidence_by_part": _V(f"part {_FIELD}", "m/s", "half-width of each part's interval"),
         "variance": _V(
-            "source node component [frequency]",
+            f"source {_FIELD}",
             "m2/s2",
             "variance from each source, of the larger part; they add up to that of velocity_std",
         ),
-        "element_error": _V(
-            "node component [frequency]", "m/s", "estimated error that the elements' size adds"
-        ),
+        "element_error": _V(_FIELD, "m/s", "estimated error that the elements' size adds"),
         "interpolation_error": _V(
-            "node component [frequency]",
+            _FIELD,
             "m/s",
             "estimated error that interpolation between pixels adds",
         ),
@@ -234,35 +224,19 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "samples_lost": _V("view reason", "1", "samples that it does not see, by the reason"),
     },
     "strain": {
-        "strain": _V("place strain_component [frequency]", "1", "strain of the face"),
-        "strain_std": _V(
-            "place strain_component [frequency]", "1", "its standard error, of the larger part"
-        ),
-        "strain_std_by_part": _V(
-            "part place strain_component [frequency]", "1", "standard error of each part"
-        ),
-        "confidence": _V(
-            "place strain_component [frequency]", "1", "half-width of its interval, larger part"
-        ),
-        "middle_strain": _V(
-            "place strain_component [frequency]", "1", "strain of the middle, that of the membrane"
-        ),
-        "middle_strain_std": _V("place strain_component [frequency]", "1", "its standard error"),
-        "middle_confidence": _V(
-            "place strain_component [frequency]", "1", "half-width of its interval, larger part"
-        ),
-        "bending_strain": _V(
-            "place strain_component [frequency]", "1", "strain of bending, (face - back) / 2"
-        ),
-        "bending_strain_std": _V("place strain_component [frequency]", "1", "its standard error"),
-        "bending_confidence": _V(
-            "place strain_component [frequency]", "1", "half-width of its interval, larger part"
-        ),
-        "back_strain": _V("place strain_component [frequency]", "1", "strain of the back"),
-        "back_strain_std": _V("place strain_component [frequency]", "1", "its standard error"),
-        "back_confidence": _V(
-            "place strain_component [frequency]", "1", "half-width of its interval, larger part"
-        ),
+        "strain": _V(_STRAIN, "1", "strain of the face"),
+        "strain_std": _V(_STRAIN, "1", "its standard error, of the larger part"),
+        "strain_std_by_part": _V(f"part {_STRAIN}", "1", "standard error of each part"),
+        "confidence": _V(_STRAIN, "1", "half-width of its interval, larger part"),
+        "middle_strain": _V(_STRAIN, "1", "strain of the middle, that of the membrane"),
+        "middle_strain_std": _V(_STRAIN, "1", "its standard error"),
+        "middle_confidence": _V(_STRAIN, "1", "half-width of its interval, larger part"),
+        "bending_strain": _V(_STRAIN, "1", "strain of bending, (face - back) / 2"),
+        "bending_strain_std": _V(_STRAIN, "1", "its standard error"),
+        "bending_confidence": _V(_STRAIN, "1", "half-width of its interval, larger part"),
+        "back_strain": _V(_STRAIN, "1", "strain of the back"),
+        "back_strain_std": _V(_STRAIN, "1", "its standard error"),
+        "back_confidence": _V(_STRAIN, "1", "half-width of its interval, larger part"),
         "principal_strain": _V(
             "place principal [frequency]",
             "1",
@@ -281,27 +255,17 @@ VARIABLES: dict[str, dict[str, Variable]] = {
             "place [frequency]", "deg", "its standard error at most; 52 where it is unknown"
         ),
         "principal_phase": _V("place [frequency]", "rad", "moment of the largest extension"),
-        "stress": _V("place strain_component [frequency]", "Pa", "plane stress of the face"),
-        "stress_std": _V(
-            "place strain_component [frequency]", "Pa", "its standard error, of the larger part"
-        ),
+        "stress": _V(_STRAIN, "Pa", "plane stress of the face"),
+        "stress_std": _V(_STRAIN, "Pa", "its standard error, of the larger part"),
         "von_mises": _V(
             "place [frequency]", "Pa", "von Mises stress of the face, largest of a cycle"
         ),
         "von_mises_std": _V("place [frequency]", "Pa", "its standard error at most"),
         "von_mises_confidence": _V("place [frequency]", "Pa", "half-width of its interval at most"),
-        "membrane_force": _V(
-            "place strain_component [frequency]", "N/m", "membrane force N per width"
-        ),
-        "membrane_force_std": _V(
-            "place strain_component [frequency]", "N/m", "its standard error, of the larger part"
-        ),
-        "bending_moment": _V(
-            "place strain_component [frequency]", "N", "bending moment M per width"
-        ),
-        "bending_moment_std": _V(
-            "place strain_component [frequency]", "N", "its standard error, of the larger part"
-        ),
+        "membrane_force": _V(_STRAIN, "N/m", "membrane force N per width"),
+        "membrane_force_std": _V(_STRAIN, "N/m", "its standard error, of the larger part"),
+        "bending_moment": _V(_STRAIN, "N", "bending moment M per width"),
+        "bending_moment_std": _V(_STRAIN, "N", "its standard error, of the larger part"),
         "position": _V("place axis", "m", "position of the places on the given surface"),
         "coordinate": _V("place surface_axis", "m", "the same along the surface, as of gages"),
         "frame": _V("place local_axis axis", "1", "t1, t2 and the normal, unit vectors"),
