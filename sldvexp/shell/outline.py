@@ -73,8 +73,11 @@ class Outline:
         """
         nodes = prisms.surface
         margin = volume.unit.value * volume.margin
-        known = isinstance(volume, KNOWN)
-        chart = chart_of_grid(volume) if known else fitted_chart(prisms, margin)
+        chart: Chart
+        if isinstance(volume, KNOWN):
+            chart = chart_of_grid(volume)
+        else:
+            chart = fitted_chart(prisms, margin)
         lowered = chart.lowered(given)
         coordinates, _ = lowered.place(nodes)
         low, high = coordinates.min(axis=0) - margin, coordinates.max(axis=0) + margin
