@@ -73,12 +73,10 @@ class Outline:
         """
         nodes = prisms.surface
         margin = volume.unit.value * volume.margin
-        chart: Chart
         if isinstance(volume, KNOWN):
-            chart = chart_of_grid(volume)
+            lowered: Chart = chart_of_grid(volume).lowered(given)
         else:
-            chart = fitted_chart(prisms, margin)
-        lowered = chart.lowered(given)
+            lowered = fitted_chart(prisms, margin).lowered(given)
         coordinates, _ = lowered.place(nodes)
         low, high = coordinates.min(axis=0) - margin, coordinates.max(axis=0) + margin
         return cls(lowered, given, coordinates, prisms.triangles, low, high, margin)
