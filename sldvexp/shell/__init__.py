@@ -1,8 +1,9 @@
 """Smooth fields on the surface of a structure: motion along it, and strain, from the same images.
 
 `estimate_surface` makes splines of the images of a run, for `reconstruction=shell` and ``spline``.
-`Chart` and `Outline` lay coordinates over the surface, `ThinShell` holds the kinematics of Love,
-`WeightedFit` averages over how smooth the field is.
+A `Chart` (`CylinderChart`, `HeightChart`) lays coordinates over the surface, `Outline` says how far
+it goes, `ThinShell` holds the kinematics of Love, `WeightedFit` averages over how smooth the field
+is.
 
 A new method of this kind is a file with one dataclass that extends `SurfaceReconstruction` and is
 registered under ``reconstruction``.

@@ -40,6 +40,8 @@ class Nuisances:
         A turn of its columns leaves the covariance alone, and can make some rows end in zeros.
         """
         rows = self.factor[own]
+        if not len(rows):
+            return self.factor[:, :0], self.factor
         turn = np.linalg.qr(rows.T, mode="complete")[0]
         turned = self.factor @ turn
         return turned[:, : len(rows)], turned[:, len(rows) :]

@@ -128,8 +128,25 @@ class ViewPixels:
         return summed([own * toward for own, toward in zip(motion, self.cosine.T, strict=True)])
 
 
-def beams(view: View, laser: TwoMirror, pixel: IndexArray) -> tuple[Array, Array]:
-    """Compute starts, m, and unit vectors of beams in the world, shape (pixel, 3) each."""
+def beams(
+    view: View, laser: TwoMirror, pixel: IndexArray, off: Array | float = 0.0
+) -> tuple[Array, Array]:
+    """Compute starts, m, and unit vectors of beams in the world, shape (pixel, 3) each.
+
+    Parameters
+    ----------
+    off : float or ndarray, shape (2,)
+        DAC steps by which mirrors stand beside where they are sent, (up_down, left_right).
+    """
     own = view.laser(laser)
-    start, along = rays(own.angle_from_dac(view.dac[pixel]), own.mirror_offset)
+    start, along = rays(own.angle_from_dac(view.dac[pixel] + off), own.mirror_offset)
     return view.origin + start @ view.rotation, along @ view.rotation
+
+
+def beams_by_step(view: View, laser: TwoMirror, pixel: IndexArray) -> list[tuple[Array, Array]]:
+    """Differentiate starts, m, and directions of beams by each mirror's DAC step."""
+    found = []
+    for half in np.eye(2) / 2:
+        (begin, way), (start, along) = (beams(view, laser, pixel, o) for o in (half, -half))
+        found.append((begin - start, way - along))
+    return found

@@ -15,6 +15,7 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.field import View
+from sldvexp.field.bounds.pointing import pointing_std
 from sldvexp.field.bounds.pose_uncertainty import POSE
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
@@ -25,7 +26,7 @@ from sldvexp.shell.linear_form import LinearForm
 from sldvexp.shell.love import ThinShell
 from sldvexp.shell.nuisances import Nuisances
 from sldvexp.shell.outline import Outline
-from sldvexp.shell.pixels import ViewPixels
+from sldvexp.shell.pixels import ViewPixels, beams_by_step
 from sldvexp.shell.refusals import too_few_pixels
 from sldvexp.typing import Array, ComplexArray
 
@@ -42,6 +43,8 @@ FEWEST = 30
 SETTLED, REPEATED = 0.05, 4
 #: Standard error of a pixel, over the largest velocity, below which it is taken as unknown.
 EXACT = 1e-9
+#: Fields of pointing errors with random signs; a standard error from them is right to 9 %.
+FIELDS = 64
 #: Pixels whose equations are in memory together.
 TOGETHER = 4096
 
@@ -177,6 +180,9 @@ class SurfaceFit:
     laser : TwoMirror
     calibration : slice
         Errors that are the calibration's.
+    pointed : list of ndarray, shape (coefficient, field)
+        Of every reduced column: what pointing errors with random signs at all pixels make of the
+        coefficients, over the root of the number of such fields; empty if none are known of.
     """
 
     shell: ThinShell
@@ -192,6 +198,7 @@ class SurfaceFit:
     errors: PriorErrors
     laser: TwoMirror
     calibration: slice
+    pointed: list[Array]
 
     @cached_property
     def size(self) -> Array:
@@ -235,7 +242,7 @@ class SurfaceFit:
         own : ndarray, shape (part, functional, frequency)
             Variances from noise and smoothing.
         others : ndarray, shape (part, functional, frequency)
-            Variances from poses, calibration, height and thickness.
+            Variances from poses, pointing, calibration, height and thickness.
         """
         values, by_source = self.by_source(rows, thicker)
         own = by_source.pop("noise")
@@ -255,14 +262,16 @@ class SurfaceFit:
         mean = mean + np.einsum("fec,e->fc", gain, self.nuisances.mean - self.at)
         values, own = self.columns.lines(mean, variance)
 
-        def squares(factor: Array) -> Array:
-            spread = np.einsum("fec,em->fmc", gain, factor)
+        def squares(spread: Array) -> Array:
             return self.columns.quadratic(np.einsum("fmc,fmd->fcd", spread, spread))
 
-        if self.calibration.start == self.calibration.stop:
-            return values, {"noise": own, "pose": squares(self.nuisances.factor)}
         goes_along, rest = self.nuisances.by_source(self.calibration)
-        return values, {"noise": own, "pose": squares(rest), "calibration": squares(goes_along)}
+        found = {"noise": own, "pose": squares(np.einsum("fec,em->fmc", gain, rest))}
+        if self.pointed:
+            found["pointing"] = squares(np.stack([rows @ p for p in self.pointed], axis=-1))
+        if goes_along.shape[1]:
+            found["calibration"] = squares(np.einsum("fec,em->fmc", gain, goes_along))
+        return values, found
 
 
 def fit(
@@ -306,7 +315,7 @@ def fit(
         if np.linalg.norm(np.linalg.lstsq(errors.factor, moved - found.at)[0]) < SETTLED:
             break
         found = equations.at(moved)
-    return found
+    return replace(found, pointed=equations.pointed(found))
 
 
 @dataclass(frozen=True, eq=False)
@@ -374,6 +383,7 @@ class _Equations:
             self.errors,
             self.laser,
             self.errors.own,
+            [],
         )
 
     def _nuisances(
@@ -397,7 +407,8 @@ class _Equations:
             own = [*range(POSE * k, POSE * (k + 1)), *range(self.errors.own.start, errors)]
             weight = 1 / self.measured.pixel_std[some, None]
             a = block.design(self.shell, face) * weight
-            j = self._changes(k, block, theta, face, height) * weight[:, None]
+            others = [error.of_beams(k, block.pixel) for error in self.errors.calibration]
+            j = self._changes(block, theta, face, height, others) * weight[:, None]
             crossed[:, own] += (a.T @ j.reshape(len(a), -1)).reshape(-1, len(own), columns)
             products[own] += np.einsum("pec,pc->ec", j, self.columns.data[some])
             of_view = np.einsum("pec,pfc->cef", j, j, optimize=True)
@@ -408,14 +419,36 @@ class _Equations:
         told = [squares[c] - crossed[:, :, c].T @ solved[c] for c in range(columns)]
         return solved, Nuisances.posterior(self.errors.factor, at, products, told, solved, right)
 
+    def pointed(self, found: SurfaceFit) -> list[Array]:
+        """Make coefficients of fields of pointing errors, as `SurfaceFit.pointed` has them."""
+        steps = [pointing_std(self.laser.pointing_std, p.view) for p in found.pixels]
+        if not any(steps):
+            return []
+        theta, rng = found.posterior.mean(), np.random.default_rng(0)
+        crossed = np.zeros((self.shell.coefficients, FIELDS, theta.shape[1]))
+        for k, some, block in blocks(found.pixels):
+            weight = 1 / self.measured.pixel_std[some, None]
+            own = beams_by_step(block.view, self.laser, block.pixel)
+            slope = self._changes(block, theta, found.face, found.at[-2], own)[:, POSE:-2]
+            signs = rng.choice([-steps[k], steps[k]], (len(weight), FIELDS, 2))
+            errors = signs @ (slope * weight[:, None])
+            a = block.design(self.shell, found.face) * weight
+            crossed += (a.T @ errors.reshape(len(a), -1)).reshape(crossed.shape)
+        solved = [found.posterior.solve(crossed[:, :, c], c) for c in range(theta.shape[1])]
+        return [each / np.sqrt(FIELDS) for each in solved]
+
     def _changes(
-        self, k: int, pixels: ViewPixels, theta: Array, face: float, height: float
+        self,
+        pixels: ViewPixels,
+        theta: Array,
+        face: float,
+        height: float,
+        others: Sequence[tuple[Array, Array]],
     ) -> Array:
         """Differentiate predictions of a view by all that moves it, shape (pixel, error, column).
 
-        That is its pose, the calibration, and height and thickness.
+        That is its pose, others that move its beams, and height and thickness.
         """
-        others = [error.of_beams(k, pixels.pixel) for error in self.errors.calibration]
         place, cosine = pixels.changes(self.laser, self.outline, face + height, others)
         where, shell = pixels.coordinates, self.shell
 

@@ -154,6 +154,7 @@ def test_the_field_at_all_nodes_is_in_the_world(cap):
     assert error[2] < 0.01 * np.linalg.norm(true[:, 2])
 
 
+@pytest.mark.long
 def test_a_cap_from_files_through_the_command(sldvexp, cap, tmp_path):
     """Images and poses from a file, the surface from a mesh; a fold of it is told in a sentence."""
     seen, path = views(np.random.default_rng(5), pixels=(13, 13)), tmp_path / "images.nc"

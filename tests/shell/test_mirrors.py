@@ -101,3 +101,29 @@ def test_intrinsics_adjusted_with_the_poses_have_them_go_along():
     begin, way = error.of_beams(0, np.arange(9))
     assert begin == pytest.approx(np.broadcast_to([0, 0, 1e-4], begin.shape), abs=1e-12)
     assert 1e-5 < np.abs(way).max() < 1e-3
+
+
+def test_bounds_hold_what_pointing_does():
+    """Pixels whose mirrors stand beside where they are sent: against fields of such errors.
+
+    Less than the noise, so that the fields are as smooth.
+    """
+    step, truth = 0.2, lab.plate()
+    own = replace(lab.LASER, pointing_std=step)
+    views = lab.views(truth, np.random.default_rng(4))
+    found = estimated(views, own)
+    rows = np.concatenate(_rows(found))
+    variance = found.fit.by_source(rows)[1]["pointing"][..., 0]
+    rng, changes = np.random.default_rng(5), []
+    still = found.fit.evaluate(rows)[0][:, 0]
+    for _ in range(16):
+        shaken = [replace(v, dac=v.dac + step * rng.normal(size=v.dac.shape)) for v in views]
+        changes.append(estimated(shaken, lab.LASER).fit.evaluate(rows)[0][:, 0] - still)
+    spread = (
+        np.mean(np.square(np.real(changes)), axis=0),
+        np.mean(np.square(np.imag(changes)), axis=0),
+    )
+    for part in range(2):
+        # 16 fields against 64, over all nodes
+        assert variance[part].mean() == pytest.approx(spread[part].mean(), rel=0.3)
+    assert "pointing" not in found.field().attrs["not_included"]
