@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sldvexp.dataset import DAC, FREQUENCY, VARIABLES, Variable
-from sldvexp.dataset.variables import FACTORS
+from sldvexp.dataset.variable import FACTORS
 
 ROOT = Path(__file__).parents[2] / "sldvexp"
 READERS = [f for room in ("plot", "report", "check") for f in (ROOT / room).rglob("*.py")]
