@@ -155,7 +155,7 @@ def bending_lines(
     theta, turn = turned(fit, lines)
     poses = fit.errors.factor[:-2]
     poses = poses[:, np.any(poses != 0, axis=0)]
-    sums = [(_LeverSums(), _LeverSums()) for _ in lines]
+    sums = [(_LineProducts(), _LineProducts()) for _ in lines]
     normal = np.zeros((fit.shell.coefficients - fit.shell.of_w.start,) * 2)
     begin = 0
     for k, pixels in enumerate(fit.pixels):
@@ -256,7 +256,7 @@ def patch_of(outline: Outline, coordinates: Array, patches: tuple[int, int]) -> 
     return np.asarray(i * patches[1] + j)
 
 
-class _LeverSums:
+class _LineProducts:
     """Products of the rows of one part of a line, over all views."""
 
     def __init__(self) -> None:
@@ -292,7 +292,7 @@ class _Elimination:
         rank = int((own > SINGULAR * own.max()).sum())
         return cls(vectors.T @ inverse, np.maximum(values, 0.0), least, rank)
 
-    def eliminated(self, sums: _LeverSums, grid: Array) -> SmallSystem:
+    def eliminated(self, sums: _LineProducts, grid: Array) -> SmallSystem:
         """Eliminate w with the weight of a grid that has the largest restricted likelihood."""
         crossed, products = self.whitener @ sums.crossed, np.asarray(sums.products)
         scale = 1 / (1 + (np.exp(grid) - self.least)[:, None] * self.roughness)
@@ -316,7 +316,7 @@ def _add_view(
     turn: ComplexArray,
     view: int,
     here: slice,
-    sums: list[tuple[_LeverSums, _LeverSums]],
+    sums: list[tuple[_LineProducts, _LineProducts]],
 ) -> Array:
     """Add one view's pixels to the sums of every line's parts; the part of A'A that is theirs."""
     pixels, shell, measured = fit.pixels[view], fit.shell, fit.measured
