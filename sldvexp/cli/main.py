@@ -292,10 +292,9 @@ class Command:
         def told(error: BaseException) -> str | None:
             return config.messages.sentence(error, origins)
 
-        for mixed in config.mixed_tables.mixed_tables(cfg, origins):
-            log.warning(mixed)
         computed = True
         try:
+            self._warn_of_mixed_tables(cfg, origins)
             if job.mode is RunMode.MULTIRUN:
                 computed = sweep.job.perform(cfg, job.runtime.output_dir, lines["task"], told)
             else:
@@ -324,6 +323,17 @@ class Command:
                 self.sweep.tell(job.runtime.output_dir, computed)
             elif job.mode is RunMode.MULTIRUN:  # this is another process than the sweep's
                 sweep.sweep.leave_sign(Path(job.runtime.output_dir), computed)
+
+    def _warn_of_mixed_tables(self, cfg: DictConfig, origins: config.Origins) -> None:
+        """Say which tables have entries of an example; if that fails, the job goes on."""
+        try:
+            for mixed in config.mixed_tables.mixed_tables(cfg, origins):
+                log.warning(mixed)
+        except Exception as error:
+            if self.full_error:
+                raise
+            told = config.messages.of_composition(error, origins)
+            log.warning(f"it is not known which entries of tables come from an example: {told}")
 
     def _options(self) -> Namespace:
         """Parse the options, all of which are Hydra's.

@@ -11,6 +11,7 @@ from sldvexp import dataset
 from sldvexp.config import registry
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError
+from sldvexp.files import require_file
 from sldvexp.report.html.page import Html
 from sldvexp.sweep import ranking
 from sldvexp.sweep.summary import SWEEP_FILE
@@ -34,6 +35,8 @@ def run(words: list[str], config_dir: str | None) -> int:
     found = [given / SWEEP_FILE, given / RUN_FILE] if given.is_dir() else [given]
     path = next((file for file in found if file.is_file()), None)
     if path is None:
+        for file in filter(Path.exists, found):
+            require_file(file)  # it says what is there instead
         wanted = (
             f"neither {RUN_FILE} nor {SWEEP_FILE} is there" if given.is_dir() else "no such file"
         )

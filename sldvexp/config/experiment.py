@@ -143,6 +143,7 @@ class Experiment:
     scene: Any = one_of(
         "scene",
         {
+            "annular_plate": "sldvexp.virtual_lab.annular_plate",
             "calibration": "sldvexp.virtual_lab.calibration_scene",
             "plate": "sldvexp.virtual_lab.plate",
         },
@@ -187,6 +188,7 @@ class Experiment:
         {
             "grid": "sldvexp.volume.grid",
             "mesh": "sldvexp.volume.mesh",
+            "outline": "sldvexp.volume.outlined",
             "points": "sldvexp.volume.points",
         },
     )
@@ -220,17 +222,21 @@ class Experiment:
         {
             "bitangents": "sldvexp.check.bitangents",
             "cross_ratio": "sldvexp.check.cross_ratio",
+            "equilibrium": "sldvexp.check.equilibrium",
             "equivalent_methods": "sldvexp.check.equivalent_methods",
             "field_pattern": "sldvexp.check.field_pattern",
             "gages": "sldvexp.check.gages",
             "kreis": "sldvexp.check.kreis",
             "left_out": "sldvexp.check.left_out",
+            "lever_arm": "sldvexp.check.lever_arm",
             "love": "sldvexp.check.love",
+            "middle_surface": "sldvexp.check.middle_surface",
             "needed_components": "sldvexp.check.needed_components",
             "phase_image": "sldvexp.check.phase_image",
             "pose_equivalence": "sldvexp.check.pose_equivalence",
             "pose_methods": "sldvexp.check.pose_methods",
             "pose_repeats": "sldvexp.check.pose_repeats",
+            "power_flow": "sldvexp.check.power_flow",
             "printed": "sldvexp.check.printed",
             "repeatability": "sldvexp.check.repeatability",
             "strain_truth": "sldvexp.check.strain_truth",

@@ -47,6 +47,9 @@ class Severity(enum.IntEnum):
     void = 2
 
 
+#: Numbers of a finding, each NaN if there is none.
+NUMBERS = ("statistic", "p_value", "size")
+
 #: The run's verdict by its worst finding.
 VERDICTS = {Severity.note: "trusted", Severity.doubtful: "doubtful", Severity.void: "void"}
 
@@ -123,10 +126,7 @@ def findings_to_dataset(findings: Sequence[Finding]) -> xr.Dataset:
         name: np.array([str(getattr(f, name)) for f in ordered], dtype=str)
         for name in ("kind", "subject", "text", "remedy")
     }
-    numbers = {
-        name: np.array([getattr(f, name) for f in ordered], float)
-        for name in ("statistic", "p_value", "size")
-    }
+    numbers = {name: np.array([getattr(f, name) for f in ordered], float) for name in NUMBERS}
     severity = np.array([f.severity.name for f in ordered], dtype=str)
     found = group(
         VERDICT, {"finding": np.arange(len(ordered))}, **texts, severity=severity, **numbers
@@ -186,7 +186,7 @@ def with_findings(made: xr.Dataset, findings: Sequence[Finding]) -> xr.Dataset:
     texts = [
         {name: getattr(f, name) for name in ("kind", "subject", "text", "remedy")}
         | {"severity": f.severity.name}
-        | {n: getattr(f, n) for n in ("p_value", "size") if np.isfinite(getattr(f, n))}
+        | {name: v for name in NUMBERS if np.isfinite(v := getattr(f, name))}
         for f in findings
     ]
     return made.assign_attrs({FINDINGS: json.dumps(texts)})

@@ -301,9 +301,18 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "confidence": _V(
             "place strain_component [frequency]", "1", "half-width of its interval, larger part"
         ),
-        "middle_strain": _V("place strain_component [frequency]", "1", "strain of the middle"),
+        "middle_strain": _V(
+            "place strain_component [frequency]", "1", "strain of the middle, that of the membrane"
+        ),
         "middle_strain_std": _V("place strain_component [frequency]", "1", "its standard error"),
         "middle_confidence": _V(
+            "place strain_component [frequency]", "1", "half-width of its interval, larger part"
+        ),
+        "bending_strain": _V(
+            "place strain_component [frequency]", "1", "strain of bending, (face - back) / 2"
+        ),
+        "bending_strain_std": _V("place strain_component [frequency]", "1", "its standard error"),
+        "bending_confidence": _V(
             "place strain_component [frequency]", "1", "half-width of its interval, larger part"
         ),
         "back_strain": _V("place strain_component [frequency]", "1", "strain of the back"),
@@ -311,14 +320,48 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "back_confidence": _V(
             "place strain_component [frequency]", "1", "half-width of its interval, larger part"
         ),
+        "principal_strain": _V(
+            "place principal [frequency]",
+            "1",
+            "largest extension of the face over a cycle and all directions, and the strain across",
+        ),
+        "principal_strain_std": _V(
+            "place principal [frequency]", "1", "its standard error at most"
+        ),
+        "principal_confidence": _V(
+            "place principal [frequency]", "1", "half-width of its interval at most"
+        ),
+        "principal_direction": _V(
+            "place [frequency]", "deg", "direction of the largest extension, from t1 towards t2"
+        ),
+        "principal_direction_std": _V(
+            "place [frequency]", "deg", "its standard error at most; 52 where it is unknown"
+        ),
+        "principal_phase": _V("place [frequency]", "rad", "moment of the largest extension"),
         "stress": _V("place strain_component [frequency]", "Pa", "plane stress of the face"),
         "stress_std": _V(
-            "place strain_component [frequency]", "Pa", "its standard error at most, larger part"
+            "place strain_component [frequency]", "Pa", "its standard error, of the larger part"
         ),
         "von_mises": _V(
             "place [frequency]", "Pa", "von Mises stress of the face, largest of a cycle"
         ),
+        "von_mises_std": _V("place [frequency]", "Pa", "its standard error at most"),
+        "von_mises_confidence": _V("place [frequency]", "Pa", "half-width of its interval at most"),
+        "membrane_force": _V(
+            "place strain_component [frequency]", "N/m", "membrane force N per width"
+        ),
+        "membrane_force_std": _V(
+            "place strain_component [frequency]", "N/m", "its standard error, of the larger part"
+        ),
+        "bending_moment": _V(
+            "place strain_component [frequency]", "N", "bending moment M per width"
+        ),
+        "bending_moment_std": _V(
+            "place strain_component [frequency]", "N", "its standard error, of the larger part"
+        ),
         "position": _V("place axis", "m", "position of the places on the given surface"),
+        "coordinate": _V("place surface_axis", "m", "the same along the surface, as of gages"),
+        "frame": _V("place local_axis axis", "1", "t1, t2 and the normal, unit vectors"),
         "triangle": _V("triangle corner", "1", "places of each triangle, from 0"),
     },
     "examined/bitangents": {
@@ -327,6 +370,19 @@ VARIABLES: dict[str, dict[str, Variable]] = {
     "examined/cross_ratio": {
         "up_down": _V("kind", "1", "cross-ratio of the up-down mirror's planes"),
         "left_right": _V("kind", "1", "cross-ratio of the left-right mirror's planes"),
+    },
+    "examined/equilibrium": {
+        "place_s": _V("patch", "m", "middle of the patch, along the surface's first direction"),
+        "place_t": _V("patch", "m", "middle of the patch, along its second direction"),
+        "pressure": _V("patch frequency", "Pa", "mean pressure that the motion asks for"),
+        "pressure_std_by_part": _V("part patch frequency", "Pa", "its standard error, by part"),
+        "acted": _V("patch frequency", "1", "1 where forces act"),
+        "p_value": _V("patch frequency", "1", "probability of such a pressure without forces"),
+        "wave_ratio": _V("frequency", "1", "rho h / D over the material's, as waves show it"),
+        "wave_ratio_std": _V("frequency", "1", "its standard error, with the material's"),
+        "loss_factor": _V("frequency", "1", "loss factor of the patches without forces"),
+        "loss_factor_std": _V("frequency", "1", "its standard error"),
+        "p_whole": _V("frequency", "1", "probability of such residuals if nothing acts"),
     },
     "examined/equivalent_methods": {
         "difference": _V("component [frequency]", "m/s", "the other method's velocity minus this"),
@@ -364,6 +420,14 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "judged": _V("method", "1", "1 where there are as many rows as unknowns"),
         "meets_by_rcond": _V("method", "1", "1 where the reciprocal number is above the limit"),
         "meets_by_hadamard": _V("method", "1", "1 where the Hadamard number is above the limit"),
+    },
+    "examined/middle_surface": {
+        "place_s": _V("patch", "m", "middle of the patch, along the surface's first direction"),
+        "place_t": _V("patch", "m", "middle of the patch, along its second direction"),
+        "by_layers": _V("patch", "m", "height of least kinetic energy over the middle as given"),
+        "by_layers_std": _V("patch", "m", "its standard error"),
+        "by_lever_arm": _V("patch", "m", "height of the middle by the lever arm of the slopes"),
+        "by_lever_arm_std": _V("patch", "m", "its standard error"),
     },
     "examined/needed_components": {
         "f_statistic": _V("[frequency]", "1", "F of the components against none"),
@@ -404,6 +468,19 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "std_ratio": _V("view parameter", "1", "std of simulated repeats over the reported one"),
         "coverage": _V("view parameter", "1", "fraction of intervals that hold the truth"),
     },
+    "examined/power_flow": {
+        "place_s": _V("patch", "m", "middle of the patch, along the surface's first direction"),
+        "place_t": _V("patch", "m", "middle of the patch, along its second direction"),
+        "intensity": _V("patch direction frequency", "W/m", "power through a line of unit length"),
+        "intensity_std": _V("patch direction frequency", "W/m", "its standard error"),
+        "leaves": _V("patch frequency", "W", "power that leaves the patch's window"),
+        "leaves_std": _V("patch frequency", "W", "its standard error"),
+        "dissipated": _V("patch frequency", "W", "power that damping takes in the window"),
+        "fed": _V("force frequency", "W", "power that the force puts in"),
+        "fed_std": _V("force frequency", "W", "its standard error"),
+        "found": _V("force frequency", "W", "power that leaves or is lost around the force"),
+        "found_std": _V("force frequency", "W", "its standard error"),
+    },
     "examined/repeatability": {
         "dac_std": _V(
             "point mirror", "1", f"standard deviation of repeated image points, {DAC}", DAC
@@ -424,6 +501,31 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "expected": _V("view", "m/s", "that of a view that is right, from noise and poses"),
         "p_value": _V("view", "1", "probability of such a view if it is right, by three tests"),
         "named": _V("view", "1", "1 where the verdict names the view, or one of two, as wrong"),
+    },
+    "examined/lever_arm": {
+        "lever_arm": _V("frequency", "m", "lever arm of the slopes, under bending alone"),
+        "lever_arm_std": _V("frequency", "m", "its standard error"),
+        "confidence": _V("frequency", "m", "half-width of its interval"),
+        "stated": _V("", "m", "half the thickness, which it should be"),
+        "stated_std": _V("", "m", "standard uncertainty of it and of the height given"),
+        "wave_number": _V("frequency", "rad/m", "wave number of the bending"),
+        "beside_membrane": _V(
+            "frequency", "m", "lever arm with low motions of the middle let free"
+        ),
+        "beside_membrane_std": _V("frequency", "m", "its standard error"),
+        "chi_square": _V(
+            "bending_part frequency", "1", "of low motions of the middle against none"
+        ),
+        "p_value": _V("bending_part frequency", "1", "probability of such a one without any"),
+        "offset": _V("", "m", "lever arm minus the stated one, at long waves"),
+        "offset_std": _V("", "m", "its standard error"),
+        "shear": _V("", "1", "part of the slope that shear takes at the shortest waves"),
+        "shear_std": _V("", "1", "its standard error"),
+        "p_love": _V("", "1", "probability of such motion of the middle in phase, without any"),
+        "p_arm": _V("", "1", "probability of such lever arms if they are as stated"),
+        "p_membrane": _V(
+            "", "1", "probability of such motion of the middle, whatever the lever arm"
+        ),
     },
     "examined/love": {
         "variation": _V("component [frequency]", "1", "r.m.s. change through the layers over size"),
@@ -458,6 +560,12 @@ VARIABLES: dict[str, dict[str, Variable]] = {
             "strain_component", "1", "relative error of all frequencies together"
         ),
         "covered_in_all": _V("strain_component", "1", "share covered of all frequencies"),
+        "peak": _V("[frequency]", "1", "strain where the truth's is highest, along its direction"),
+        "peak_confidence": _V("[frequency]", "1", "half-width of its interval, of both parts"),
+        "true_peak": _V("[frequency]", "1", "highest principal strain of the truth"),
+        "peak_covered": _V("[frequency]", "1", "1 where the interval of the peak holds the truth"),
+        "concentration": _V("[frequency]", "1", "peak over the r.m.s. of the principal strain"),
+        "true_concentration": _V("[frequency]", "1", "concentration of the truth"),
     },
     "examined/truth": {
         "relative_error": _V(

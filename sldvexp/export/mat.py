@@ -11,6 +11,7 @@ import numpy as np
 from sldvexp.config.registry import register
 from sldvexp.dataset.run_data import RunData
 from sldvexp.export.base import Export
+from sldvexp.export.strains import strain_of
 from sldvexp.export.velocities import (
     bounds_of,
     describe,
@@ -31,6 +32,7 @@ class Mat(Export):
     ``velocity(node, component, frequency)`` is complex and in m/s, as is what bounds it;
     ``position(node, 1:3)`` and ``triangle(triangle, 1:3)``, nodes from 1, are there where places
     are known, ``element(element, 1:6)`` for a field.
+    ``strain``, of a surface, has all variables of that group, by place, component and frequency.
     ``about`` has the conventions. What is not determined is NaN and has a zero in ``observable``.
     """
 
@@ -59,5 +61,10 @@ class Mat(Export):
                 "depth": mesh.depth,
                 "frame": mesh.frame,
             }
+        if (strain := strain_of(run)) is not None:
+            own = {str(name): values.values for name, values in strain.data_vars.items()}
+            own["triangle"] = strain["triangle"].values + 1
+            own["component"] = strain["strain_component"].values.astype(object)
+            struct["strain"] = own
         with whole_or_nothing(path) as beside:
             scipy.io.savemat(beside, {"sldvexp": struct}, do_compression=True, oned_as="column")

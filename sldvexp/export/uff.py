@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -13,6 +14,7 @@ from sldvexp.config.registry import register
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import UserError
 from sldvexp.export.base import Export
+from sldvexp.export.strains import beside, strain_of, symmetric_tensor
 from sldvexp.export.velocities import (
     PrismMesh,
     bounds_of,
@@ -61,6 +63,14 @@ class ShapeNames(Enum):
     mode = "mode"
 
 
+#: What shapes of strain are, in their order.
+STRAINS = {
+    "strain": "Strain of the face",
+    "strain_std": "Standard error of real and imaginary part of the strain each",
+    "confidence": "Half-width of the interval of real and imaginary part of the strain each",
+}
+
+
 @register("export", "uff")
 @dataclass
 class UffExport(Export):
@@ -72,7 +82,10 @@ class UffExport(Export):
     components the directions 1, 2, 3 are t1, t2, n, and every node refers to a coordinate system
     (2420) that tells what these are in the world, so that bounds stay what they are. Nodes count
     from 1. What is not determined is left out: a direction's spectrum, a node of the shapes. A run
-    of points has geometry if their positions are known.
+    of points has geometry if their positions are known. Strains of the face have a file of their
+    own, ``<name>_strain.uff``: the surface's nodes and triangles, and at every frequency a shape
+    (55) of symmetric tensors along the axes of each node, complex, with its standard error and
+    confidence after it; xx, xy and yy are those of the surface, the others zero.
 
     Parameters
     ----------
@@ -101,11 +114,10 @@ class UffExport(Export):
                 "export=uff: the run's velocities have no frequency, and a universal file needs "
                 "one; give it with the velocities, as in a column frequency"
             )
-        with (
-            whole_or_nothing(path) as beside,
-            beside.open("w", encoding="ascii") as plain,
-            SealedWriter(plain) as file,
-        ):
+        if (strain := strain_of(run)) is not None:
+            with _sealed(beside(path)) as file:
+                file.writelines(self._strains(run, strain))
+        with _sealed(path) as file:
             file.write(units())
             if is_field(run) or run.has("line_of_sight", "position"):
                 file.writelines(self._geometry(mesh_of(run, "uff"), is_local(found)))
@@ -134,6 +146,26 @@ class UffExport(Export):
                 if len(joined):
                     yield uf.trace_lines(joined, "surface")
 
+    def _strains(self, run: RunData, strain: xr.Dataset) -> Iterator[str]:
+        """Write the surface, and tensors with their bounds at each frequency."""
+        yield units()
+        position, frame = strain["position"].values, strain["frame"].values
+        triangles = strain["triangle"].values
+        # As those of a field that is one layer: every node has axes of its own.
+        one = PrismMesh(position, np.empty((0, 6), int), triangles, np.zeros(1), frame)
+        yield from self._geometry(one, True)
+        about = describe(run)
+        level = f"confidence level {strain.attrs['confidence_level']}"
+        for i, f in enumerate(strain["frequency"].values.tolist()):
+            at = strain.isel(frequency=i)
+            where = f"symmetric tensor along t1, t2 at {f!s} Hz"
+            for name, what in STRAINS.items():
+                text = _text(about, what, where, "")
+                if name != "strain":
+                    text = [*text[:4], level]
+                values = symmetric_tensor(at[name].values)
+                yield uf.shape(text, values, f, i + 1, uf.RESPONSE, uf.STRAIN)
+
     def _shapes(self, run: RunData, found: xr.Dataset, frequency: Array) -> Iterator[str]:
         """Write a shape and its bounds at each frequency."""
         kind = uf.COMPLEX_MODE if self.shapes is ShapeNames.mode else uf.RESPONSE
@@ -150,6 +182,17 @@ class UffExport(Export):
                 yield uf.shape(text, bound[..., i], f, i + 1, uf.RESPONSE)
 
 
+@contextmanager
+def _sealed(path: Path) -> Iterator[SealedWriter]:
+    """Open a file that is whole or not there, with the checksum of its lines first."""
+    with (
+        whole_or_nothing(path) as whole,
+        whole.open("w", encoding="ascii") as plain,
+        SealedWriter(plain) as file,
+    ):
+        yield file
+
+
 def _functions(run: RunData, found: xr.Dataset, frequency: Array) -> Iterator[str]:
     """Write a spectrum of each node and direction, of the frequencies where it is determined."""
     about = describe(run)
@@ -164,11 +207,11 @@ def _functions(run: RunData, found: xr.Dataset, frequency: Array) -> Iterator[st
         yield uf.function(text, number, node + 1, i + 1, frequency[at], values)
 
 
-def _text(about: dict[str, str], what: str, where: str) -> list[str]:
+def _text(about: dict[str, str], what: str, where: str, unit: str = ", m/s") -> list[str]:
     """Write the five lines that identify a data set."""
     convention = f"{about['amplitude_convention']} amplitude, {about['time_convention']}"
     return [
-        f"{what}, m/s",
+        f"{what}{unit}",
         f"{convention}, phase against the {about['phase_reference']}",
         about.get("end_time", ""),
         where,

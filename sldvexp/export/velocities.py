@@ -20,8 +20,8 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, ComplexArray, IntArray
 
 WORLD = ("x", "y", "z")
-#: Groups of a run that velocities and their places come from.
-GROUPS = ("field", "volume", "point", "line_of_sight")
+#: Groups of a run that velocities, their places, and what follows from them come from.
+GROUPS = ("field", "volume", "point", "line_of_sight", "strain")
 #: Attributes of a run that an export repeats.
 TOLD = (*CONVENTIONS, "title", "config_sha256", "end_time")
 DIMENSIONS = ("place", "component", "frequency")
@@ -201,6 +201,12 @@ class PrismMesh:
         return len(self.position) // len(self.depth)
 
     @property
+    def surface_layer(self) -> IntArray:
+        """Nodes of the layer that is nearest to the given surface."""
+        first = self.surface_nodes * int(np.abs(self.depth).argmin())
+        return first + np.arange(self.surface_nodes)
+
+    @property
     def surface_triangles(self) -> IntArray:
-        """The triangles of the layer that is nearest to the given surface."""
-        return self.triangles + self.surface_nodes * int(np.abs(self.depth).argmin())
+        """The triangles of that layer."""
+        return self.triangles + int(self.surface_layer[0])

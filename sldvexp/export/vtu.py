@@ -12,6 +12,7 @@ from sldvexp.config.registry import register
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import Checks, UserError
 from sldvexp.export.base import Export
+from sldvexp.export.strains import at_frequency, beside, strain_of
 from sldvexp.export.velocities import (
     PrismMesh,
     bounds_of,
@@ -38,7 +39,10 @@ class Vtu(Export):
     and ``observable`` of the components as they were found; ``real`` and ``imag`` are local ones.
     ``<name>_phase.pvd`` plays a period of one frequency: ``velocity`` and ``displacement`` (m) at
     each instant, the latter for "Warp By Vector". The files that they collect lie in a folder,
-    ``<name>``. What is not determined is NaN.
+    ``<name>``. What is not determined is NaN. ``<name>_strain.pvd`` steps through the frequencies
+    with everything known of strain, stress and force resultants at the nodes of the surface; their
+    components are along t1 and t2, ``principal_vector`` is the largest extension in the world, and
+    ``displacement_real`` and ``_imag`` (m) are those of the surface.
 
     Parameters
     ----------
@@ -94,6 +98,10 @@ class Vtu(Export):
                 arrays, time = _instant(world[..., index], hertz, k / self.phases)
                 played[time] = put(f"phase_{k + 1:05d}.vtu", arrays, time)
             _put(path.with_name(f"{path.stem}_phase.pvd"), pvd(played, comment))
+        if (strain := strain_of(run)) is not None:
+            moving = np.allclose(mesh.position[mesh.surface_layer], strain["position"].values)
+            seen = world[mesh.surface_layer] if moving else None
+            _put(beside(path), pvd(_strains(strain, folder, comment, seen), comment))
         _put(path, pvd(files, comment))
 
     def _animated(self, velocity: ComplexArray, frequency: Array | None) -> int:
@@ -106,6 +114,31 @@ class Vtu(Export):
             told = "it knows no frequency" if nearest is None else f"the nearest is {nearest}"
             raise UserError(f"export=vtu: the run has nothing at {self.animated} Hz; {told}")
         return known.index(self.animated)
+
+
+def _strains(
+    strain: xr.Dataset, folder: Path, comment: str, velocity: ComplexArray | None
+) -> dict[float, Path]:
+    """Write the strain at every frequency into the folder, and displacements if they are known."""
+    position, triangles = strain["position"].values, strain["triangle"].values
+    components: dict[str, list[str]] = {}
+    for dimension in ("strain_component", "principal"):
+        labels = [str(label) for label in strain[dimension].values]
+        for name in (str(n) for n in strain if dimension in strain[n].dims):
+            components |= {f"{name}{end}": labels for end in ("", "_real", "_imag")}
+    files = {}
+    for i, hertz in enumerate(strain["frequency"].values.tolist()):
+        arrays = dict(at_frequency(strain, i))
+        if velocity is not None and hertz > 0:
+            displacement = velocity[..., i] / (2j * np.pi * hertz)
+            arrays |= {
+                "displacement_real": displacement.real,
+                "displacement_imag": displacement.imag,
+            }
+        path = folder / f"strain_{i + 1:05d}.vtu"
+        _put(path, vtu(position, [triangles], arrays, components, hertz, comment))
+        files[hertz] = path.relative_to(folder.parent)
+    return files
 
 
 def _spectral(
@@ -142,5 +175,5 @@ def _instant(
 
 def _put(path: Path, text: str) -> None:
     """Write a file whole or not at all; all of them are synced when they are in their places."""
-    with whole_or_nothing(path, lasting=False) as beside:
-        beside.write_text(text)
+    with whole_or_nothing(path, lasting=False) as whole:
+        whole.write_text(text)

@@ -10,13 +10,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.dataset import Severity
-from sldvexp.errors import UserError
 from sldvexp.importers.reference import ReferenceUnit
 from sldvexp.typing import Array, ComplexArray
 from sldvexp.unit_labels import Amplitude as Amplitude
@@ -82,60 +80,6 @@ class Zeros(Enum):
     refuse = "refuse"
     missing = "missing"
     measured = "measured"
-
-
-def unstated(where: str | Path, setting: str, example: str, what: str) -> UserError:
-    """Word the error of something that neither a file nor the settings tell."""
-    return UserError(
-        f"{where}: does not state {what}; say it with instrument.{setting}, for example "
-        f"instrument.{setting}={example}"
-    )
-
-
-class Questions:
-    """Questions that files leave open: collected, and asked in one go.
-
-    Examples
-    --------
-    >>> questions = Questions()
-    >>> questions.ask("a.uff", "positive", "towards", "where a positive velocity points to")
-    >>> questions.ask("b.uff", "positive", "towards", "where a positive velocity points to")
-    >>> bool(questions), len(questions.texts())
-    (True, 1)
-    """
-
-    def __init__(self) -> None:
-        self._places: dict[str, list[str]] = {}
-        self._first: dict[str, UserError] = {}
-
-    def __bool__(self) -> bool:
-        """Whether something is open."""
-        return bool(self._first)
-
-    def ask(self, where: str | Path, setting: str, example: str, what: str) -> None:
-        """Note something that a file does not state, once for all files that do not."""
-        self.note(unstated(where, setting, example, what), where)
-
-    def note(self, error: UserError, where: str | Path) -> None:
-        """Note an error that a setting answers; `where` is the file that its text begins with."""
-        place, _, text = str(error).removeprefix(str(where)).partition(": ")
-        self._places.setdefault(text, []).append(f"{where}{place}")
-        self._first.setdefault(text, error)
-
-    def texts(self) -> list[str]:
-        """List the questions, each with the place that it is about and how many others."""
-        return [
-            f"{places[0]}{f' and {more} more' if (more := len(set(places)) - 1) else ''}: {text}"
-            for text, places in self._places.items()
-        ]
-
-    def done(self) -> None:
-        """Raise one `UserError` if anything is open."""
-        if len(self._first) == 1:
-            raise next(iter(self._first.values()))
-        if self._first:
-            listed = "; ".join(f"({i}) {text}" for i, text in enumerate(self.texts(), 1))
-            raise UserError(f"{len(self._first)} questions are open: {listed}")
 
 
 @dataclass(frozen=True)

@@ -54,3 +54,9 @@ def incomplete_by(value: bool | str) -> Incomplete:
     (<Incomplete.drop: 'drop'>, <Incomplete.mark: 'mark'>)
     """
     return VALUES[str(value).lower()]
+
+
+def then(value: bool | str) -> str:
+    """Say what an answer needs besides that makes points ones that were not measured."""
+    refused = incomplete_by(value) is Incomplete.refuse
+    return " with instrument.incomplete=drop or mark" if refused else ""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
+from sldvexp.dataset import Finding
 from sldvexp.errors import Checks, UserError
 from sldvexp.files import unusable
 from sldvexp.importers.base import PointImporter
@@ -18,14 +20,16 @@ from sldvexp.importers.conventions import (
     Quantity,
     Zeros,
 )
-from sldvexp.importers.incomplete import check_incomplete, incomplete_by
+from sldvexp.importers.incomplete import Incomplete, check_incomplete, incomplete_by
 from sldvexp.importers.pointwise_data import (
     PointwiseData,
     PointwiseView,
+    joined_views,
     to_images,
     to_line_of_sight,
 )
-from sldvexp.importers.reference import reference_of
+from sldvexp.importers.questions import OF_VIEW, ViewQuestions, key_of_view
+from sldvexp.importers.reference import ReferenceUnit, ask_unit, reference_of, unknown_units
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.units import LengthUnit
@@ -40,7 +44,8 @@ class PointwiseImport(PointImporter):
     Parameters
     ----------
     views : dict of str to PointwiseView
-        Each with its file; with directions=view also with an origin or a direction.
+        Each with its file; with directions=view also with an origin or a direction. Its own
+        quantity, unit, length_unit, amplitude and reference win over those of all views.
     directions : Directions
         Where the lines of sight come from: the files' dof, each view, or the run's pose.
     positive : Positive, optional
@@ -97,11 +102,11 @@ class PointwiseImport(PointImporter):
             checks.non_negative(f"frequency[{i}]", frequency)
         if self.std is not None:
             checks.positive("std", self.std)
-        if self.reference is not None:
+        for key, reference in self._references().items():
             try:
-                reference_of(self.reference)
+                reference_of(reference)
             except UserError as error:
-                checks.require(False, "reference", str(error))
+                checks.require(False, key.removeprefix("instrument."), str(error))
         check_incomplete(checks, self.incomplete)
         self.check(checks)
         checks.done()
@@ -110,14 +115,56 @@ class PointwiseImport(PointImporter):
         """Note what is wrong with the strategy's own settings."""
 
     @abstractmethod
-    def measured(self) -> Iterator[PointwiseData]:
+    def measured(self, questions: ViewQuestions) -> Iterator[PointwiseData]:
         """Read the views, one after the other.
+
+        Parameters
+        ----------
+        questions : ViewQuestions
+            To which all is added that files leave open, and the points of each view; it is asked
+            with its `done` before the first view is given.
 
         Raises
         ------
         UserError
             If a file is missing or broken, or says too little or contradicts itself.
         """
+
+    def of_view(self, name: str) -> Self:
+        """Give the settings of one view alone: its own win over those of all."""
+        view = self.views[name]
+        own: dict[str, Any] = {k: value for k in OF_VIEW if (value := getattr(view, k)) is not None}
+        return replace(self, views={name: view}, **own)
+
+    def key(self, setting: str, view: str = "") -> str:
+        """Name a setting that a view is read with; of the first view if none is named."""
+        view = view or next(iter(self.views))
+        own = getattr(self.views[view], setting) is not None
+        return key_of_view(view, setting) if own else f"instrument.{setting}"
+
+    def _references(self) -> dict[str, float | str]:
+        """List the amplitudes of references that are set, by the setting."""
+        found: dict[str, float | str | None] = {"instrument.reference": self.reference}
+        found |= {key_of_view(n, "reference"): view.reference for n, view in self.views.items()}
+        return {key: value for key, value in found.items() if value is not None}
+
+    def check_references(
+        self, units: Mapping[str, ReferenceUnit], questions: ViewQuestions
+    ) -> list[Finding]:
+        """Ask in which unit bare amplitudes of references are, and find units nobody knows.
+
+        Parameters
+        ----------
+        units : mapping of str to ReferenceUnit
+            Of each view whose functions have a reference.
+        """
+        found = []
+        for key, reference in self._references().items():
+            of_key = {n: u for n, u in units.items() if self.key("reference", n) == key}
+            if open_ := ask_unit(key, reference, of_key):
+                questions.note(open_, "instrument.reference")
+            found += unknown_units(key, reference, of_key)
+        return found
 
     def _check_view(self, checks: Checks, key: str, view: PointwiseView) -> None:
         for name in ("origin", "direction"):
@@ -146,8 +193,10 @@ class PointwiseImport(PointImporter):
         self, tree: Mapping[str, xr.Dataset] | None = None, laser: TwoMirror | None = None
     ) -> xr.Dataset:
         """Read the group ``line_of_sight``, with the points' positions if the files have them."""
-        views = list(self.measured())
         incomplete = incomplete_by(self.incomplete)
+        joined = joined_views(self.views, self.directions, tree or {})
+        refused = joined if incomplete is Incomplete.refuse else []
+        views = list(self.measured(ViewQuestions(self.views, refused)))
         return to_line_of_sight(views, self.views, self.directions, incomplete, tree or {}, laser)
 
     def images_of_points(
@@ -167,4 +216,5 @@ class PointwiseImport(PointImporter):
         UserError
             As `read`, or if there is no pose or standard error.
         """
-        return to_images(list(self.measured()), tree, laser)
+        questions = ViewQuestions(self.views, for_field=True)
+        return to_images(list(self.measured(questions)), tree, laser)

@@ -20,8 +20,9 @@ from omegaconf import MISSING
 from sldvexp import dataset
 from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import UserError, nearest
-from sldvexp.importers.conventions import Directions, Positive
-from sldvexp.importers.incomplete import REMEDY, Incomplete
+from sldvexp.importers.conventions import Amplitude, Directions, MotionUnit, Positive, Quantity
+from sldvexp.importers.incomplete import Incomplete
+from sldvexp.importers.questions import SeenPoints, key_of_view, lacking, lost_points, no_errors
 from sldvexp.importers.reference import ReferenceUnit
 from sldvexp.io.uff import UniversalGeometry
 from sldvexp.io.uff.functions import DIRECTIONS
@@ -29,6 +30,7 @@ from sldvexp.io.velocities import LineOfSight
 from sldvexp.laser import TwoMirror, direction_cosines, project
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray, IntArray
+from sldvexp.units import LengthUnit
 
 #: Cosine between a response direction and that of positive velocities, below which they differ.
 OPPOSITE = -0.5
@@ -50,12 +52,23 @@ class PointwiseView:
         Where the instrument stood, in the world of the points.
     direction : list of 3 float
         From the surface to an instrument that is far away, or moved along; any length.
+    quantity : Quantity, optional
+        As that of all views, which it wins over; so do the four below.
+    unit : MotionUnit, optional
+    length_unit : LengthUnit, optional
+    amplitude : Amplitude, optional
+    reference : str, optional
     """
 
     path: str = MISSING
     dof: str = ""
     origin: list[float] = field(default_factory=list)
     direction: list[float] = field(default_factory=list)
+    quantity: Quantity | None = None
+    unit: MotionUnit | None = None
+    length_unit: LengthUnit | None = None
+    amplitude: Amplitude | None = None
+    reference: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,18 +125,17 @@ class PointwiseData:
         """Nodes that were measured."""
         return self.node[~self.missing]
 
-
-def close(one: Array, two: Array) -> bool:
-    """Tell whether two lists of frequencies are the same."""
-    return one.shape == two.shape and bool(np.allclose(one, two, rtol=1e-9, atol=0.0))
-
-
-def same_frequencies(view: PointwiseData, first: PointwiseData | None) -> None:
-    """Complain unless a view has the frequencies of the first one."""
-    if first is not None and not close(view.frequency, first.frequency):
-        raise UserError(
-            f"{view.source}: view {view.name} has other frequencies than view {first.name}; choose "
-            "those that all views have with instrument.frequency"
+    @property
+    def seen(self) -> SeenPoints:
+        """Its points, and which of them it has measured."""
+        return SeenPoints(
+            self.name,
+            self.source,
+            self.node,
+            self.missing,
+            self.frequency,
+            self.said,
+            self.std is not None,
         )
 
 
@@ -155,10 +167,8 @@ def to_line_of_sight(
     UserError
         If the views have no point in common, or not all of them and these are to be refused.
     """
-    if directions is not Directions.dof:
-        lost = dataset.views_without_pose(tree)
-        told = {name: own.origin or own.direction for name, own in settings.items()}
-        views = [view for view in views if view.name not in lost or told[view.name]]
+    joined = joined_views(settings, directions, tree)
+    views = [view for view in views if view.name in joined]
     node, findings = _common(views, incomplete)
     position = _positions(views, node)
     here = [np.isin(node, view.measured) for view in views]
@@ -193,6 +203,18 @@ def to_line_of_sight(
         made = made.merge(_shape(geometry, node, position), combine_attrs="override")
     findings += [finding for view in views for finding in view.findings]
     return dataset.with_findings(made.assign_attrs(_record(views)), findings)
+
+
+def joined_views(
+    settings: Mapping[str, PointwiseView],
+    directions: Directions,
+    tree: Mapping[str, xr.Dataset],
+) -> list[str]:
+    """Name the views whose lines of sight are known, so that they are joined."""
+    if directions is Directions.dof:
+        return list(settings)
+    lost = dataset.views_without_pose(tree)
+    return [n for n, own in settings.items() if n not in lost or own.origin or own.direction]
 
 
 def _turned_away(view: PointwiseData, at: IndexArray, cosines: Array) -> list[dataset.Finding]:
@@ -269,36 +291,31 @@ def _positions(views: list[PointwiseData], node: IntArray) -> Array | None:
 
 
 def _way_on(views: list[PointwiseData]) -> str:
-    """Name a file whose positions all views may have, as one setting fits not all units."""
+    """Name a setting of one view where one of all fits not all units, and another way."""
     known = [view.places for view in views if view.places]
     if not known or len(known) == len(views):
         return ""
+    other = next(view.name for view in views if not view.places)
     return (
-        f"; if units of coordinates are the reason, read those of all views from {known[0]}, which "
-        f"states their unit: instrument.geometry={known[0]} without instrument.length_unit"
+        "; if units of coordinates are the reason, say that of one view alone with "
+        f"{key_of_view(other, 'length_unit')}, or read coordinates of all views from {known[0]}, "
+        f"which states their unit: instrument.geometry={known[0]} without instrument.length_unit"
     )
 
 
 def _common(views: list[PointwiseData], incomplete: Incomplete) -> tuple[IntArray, list[Finding]]:
     """Find the nodes that all views have measured, or all nodes if they are to be marked."""
-    everywhere = views[0].measured
-    for view in views[1:]:
-        everywhere = np.intersect1d(everywhere, view.measured)
+    seen = [view.seen for view in views]
     whole = np.unique(np.concatenate([view.node for view in views]))
-    lost = np.setdiff1d(whole, everywhere)
+    lost = lost_points(seen)
+    everywhere = np.setdiff1d(whole, lost)
     if not len(everywhere):
         raise UserError("instrument.views: the views have no node in common that was measured")
     if not len(lost):
         return everywhere, []
-    by = next(view for view in views if lost[0] not in view.measured)
-    place = int(np.searchsorted(by.node, lost[0]))
-    where = f", {by.said[place]}" if lost[0] in by.node and place in by.said else ""
-    if incomplete is Incomplete.refuse:
-        others = f" ({len(lost)} nodes are measured by some views only)" if len(lost) > 1 else ""
-        raise UserError(
-            f"{by.source}{where}: the view {by.name} has not measured node {lost[0]}, as others "
-            f"have{others}; {REMEDY}"
-        )
+    refused = lacking(seen)
+    if incomplete is Incomplete.refuse and refused is not None:
+        raise refused
     counts = ", ".join(
         f"view {view.name} {len(np.setdiff1d(whole, view.measured))}" for view in views
     )
@@ -429,10 +446,7 @@ def _image(
             "name a file that has with instrument.geometry"
         )
     if view.std is None:
-        raise UserError(
-            f"{view.source}: does not state standard errors, which a field needs; say them with "
-            "instrument.std, or instrument.averages if the file has coherence functions"
-        )
+        raise no_errors(view.source)
     angle = project((position - origin) @ rotation.T, laser.mirror_offset)
     dac = laser.dac_from_angle(angle, [f"view {view.name}, node {n}" for n in view.node])
     cosines = direction_cosines(angle, rotation)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from sldvexp.dataset import Finding
 from sldvexp.errors import UserError
+from sldvexp.importers.questions import key_of_view
 from sldvexp.unit_labels import SpectralForm, UnitNotUnderstoodError, read_unit, same_unit
 
 #: Number and unit of a setting, as ``2 N``.
@@ -68,8 +69,9 @@ class Reference(NamedTuple):
             return self.amount
         if self.unit.quantity != unit.quantity:
             raise UserError(
-                f"has a reference in {unit.text}, a {unit.quantity}, but instrument.reference is "
-                f"in {self.unit.text}, a {self.unit.quantity}; give it in units of the file's"
+                f"has a reference in {unit.text}, a {unit.quantity}, but the one that is set is "
+                f"in {self.unit.text}, a {self.unit.quantity}; give it in units of the file's with "
+                "instrument.reference"
             )
         return self.amount * self.unit.factor / unit.factor
 
@@ -105,35 +107,47 @@ def reference_of(setting: float | str) -> Reference:
     return Reference(amount, unit)
 
 
-def ask_unit(setting: float | str | None, units: Mapping[str, ReferenceUnit]) -> UserError | None:
+def ask_unit(
+    key: str, setting: float | str, units: Mapping[str, ReferenceUnit]
+) -> UserError | None:
     """Ask in which unit a bare number is if views have several; None if there is no question.
 
     Parameters
     ----------
-    setting : float or str, optional
+    key : str
+        Name of the setting.
+    setting : float or str
         As `reference_of` reads it.
     units : mapping of str to ReferenceUnit
-        Of each view whose functions have a reference.
+        Of each view whose functions are multiplied with it.
     """
-    if setting is None or reference_of(setting).unit is not None:
+    if reference_of(setting).unit is not None:
         return None
-    known = [unit for unit in units.values() if unit.quantity]
-    if all(unit.is_same(known[0]) for unit in known):
+    known = {view: unit for view, unit in units.items() if unit.quantity}
+    first = next(iter(known.values()), ReferenceUnit())
+    others = {view: unit for view, unit in known.items() if not unit.is_same(first)}
+    if not others:
         return None
+    remedy = f"for example {key}='{setting} {first.text}'"
+    for view, unit in others.items():
+        if unit.quantity != first.quantity:
+            own = f"{key_of_view(view, 'reference')}='{setting} {unit.text}'"
+            remedy = f"of a view of another quantity for itself, for example {own}"
     return UserError(
-        f"instrument.reference: {setting} is a number without a unit, but references of the views "
-        f"are in {_listed(units)}; say in which unit it is, for example "
-        f"instrument.reference='{setting} {known[0].text}'"
+        f"{key}: {setting} is a number without a unit, but references of the views are in "
+        f"{_listed(units)}; say in which unit it is, {remedy}"
     )
 
 
-def unknown_units(setting: float | str | None, units: Mapping[str, ReferenceUnit]) -> list[Finding]:
+def unknown_units(
+    key: str, setting: float | str, units: Mapping[str, ReferenceUnit]
+) -> list[Finding]:
     """Find views whose reference may be in another unit than the amplitude, or that of the others.
 
     A bare number is in the unit of the files, whichever that is, if they have one.
     """
     unknown = {view: unit for view, unit in units.items() if not unit.quantity}
-    if setting is None or not unknown:
+    if not unknown:
         return []
     reference, first = reference_of(setting), next(iter(unknown.values()))
     one = all(unit.is_same(first) for unit in units.values())
@@ -144,8 +158,8 @@ def unknown_units(setting: float | str | None, units: Mapping[str, ReferenceUnit
             "reference",
             f"view {', '.join(unknown)}",
             f"units of the references are {_listed(units)}; where that is not known, the number of "
-            f"instrument.reference={setting} was taken to be in it",
-            remedy=f"instrument.reference={reference.amount:g}" if one else "",
+            f"{key}={setting} was taken to be in it",
+            remedy=f"{key}={reference.amount:g}" if one else "",
         )
     ]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -13,22 +13,12 @@ from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import Checks, UserError
-from sldvexp.importers.conventions import (
-    Conventions,
-    Directions,
-    Quantity,
-    Questions,
-    Zeros,
-)
-from sldvexp.importers.incomplete import REMEDY, Incomplete, incomplete_by
+from sldvexp.importers.conventions import Conventions, Directions, Quantity, Zeros
+from sldvexp.importers.incomplete import REMEDY, Incomplete, incomplete_by, then
 from sldvexp.importers.pointwise import PointwiseImport
-from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, same_frequencies
-from sldvexp.importers.reference import (
-    ask_unit,
-    reference_of,
-    unit_of_reference,
-    unknown_units,
-)
+from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView
+from sldvexp.importers.questions import SeenPoints, ViewQuestions
+from sldvexp.importers.reference import reference_of, unit_of_reference
 from sldvexp.importers.scan_frequency import stated_in
 from sldvexp.importers.scan_rows import read_table
 from sldvexp.importers.scan_table import (
@@ -36,6 +26,7 @@ from sldvexp.importers.scan_table import (
     ScanTable,
     by_rows,
     fields,
+    is_frequency,
     is_length,
     meaning,
 )
@@ -93,23 +84,19 @@ class ScanExport(PointwiseImport):
         for name, view in self.views.items():
             checks.require(not view.dof, f"views.{name}.dof", "is for universal files only")
 
-    def measured(self) -> Iterator[PointwiseData]:
+    def measured(self, questions: ViewQuestions) -> Iterator[PointwiseData]:
         """Read the views' tables, one after the other; what they leave open is asked together."""
-        questions = Questions()
-        views = [_view(self, name, view, questions) for name, view in self.views.items()]
+        views = [_view(self.of_view(n), n, v, questions.of(n)) for n, v in self.views.items()]
         units = {v.name: v.reference for v in views if v is not None and v.reference is not None}
-        if open_ := ask_unit(self.reference, units):
-            questions.note(open_, "instrument.reference")
+        odd = self.check_references(units, questions)
         questions.done()
-        odd = unknown_units(self.reference, units)
         for found in filter(None, views):
             found.findings.extend(odd if found is views[0] else [])
-            same_frequencies(found, views[0])
             yield found
 
 
 def _view(
-    settings: ScanExport, name: str, view: PointwiseView, questions: Questions
+    settings: ScanExport, name: str, view: PointwiseView, questions: ViewQuestions
 ) -> PointwiseData | None:
     """Read one view's table and turn its values into velocities; None if a question is open."""
     read = read_table(locate(view.path))
@@ -118,29 +105,34 @@ def _view(
         roles = table.roles(columns)
     except ColumnsNotUnderstoodError as error:
         questions.note(error, read.path)
-        _ask_senses(settings, read, questions)
-        if not any(read.units):
-            _ask_units(settings, read, questions)
+        _ask_the_rest(settings, read, questions)
         return None
-    for needed in ("x", "y", "z"):
-        if needed not in roles:
-            raise table.wrong(f"instrument.columns does not name {needed}")
+    if lost := [needed for needed in ("x", "y", "z") if needed not in roles]:
+        message = f"instrument.columns does not name {' and '.join(lost)}"
+        questions.note(table.wrong(message), table.path)
+        _ask_the_rest(settings, table, questions)
+        return None
     node, frequency, row = _grid(settings, table, roles, questions)
     rules = _conventions(settings, table, roles, questions)
     values = _values(table, roles)
     missing, said = _missing(settings, table, roles, row, values, questions)
     length, by = _length(settings, table, roles, questions)
+    source, known = str(table.path), not settings.frequency and not np.isnan(frequency).any()
+    has_std = settings.std is not None
+    seen = SeenPoints(name, source, node, missing, frequency if known else None, said, has_std)
     if questions:
+        questions.saw(seen)
         return None
+    chosen = _chosen(settings, table, frequency)
+    questions.saw(replace(seen, frequency=frequency[chosen]))
     if (frequency == 0).any() and rules.quantity is Quantity.acceleration:
         raise table.wrong("an acceleration at 0 Hz says nothing of velocity; leave 0 Hz out")
-    chosen = _chosen(settings, table, frequency)
     measured = np.where(missing[:, None], 0.0, values[row])
     velocity = rules.velocity(measured, frequency)[:, chosen]
     none = np.empty((0, 3), np.int64)
     return PointwiseData(
         name,
-        str(table.path),
+        source,
         node,
         np.zeros(len(node), np.int64),
         frequency[chosen],
@@ -235,8 +227,8 @@ def _overruled(
         Finding(
             "unit",
             f"view {name}",
-            f"{table.path}: instrument.{setting}={getattr(settings, setting).name} wins, although "
-            f"the file says {label}",
+            f"{table.path}: {settings.key(setting)}={getattr(settings, setting).name} wins, "
+            f"although the file says {label}",
         )
         for (setting, label), so in differs.items()
         if so
@@ -269,7 +261,7 @@ def _known(table: ScanTable, role: str, column: int) -> Array:
 
 
 def _grid(
-    settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: Questions
+    settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: ViewQuestions
 ) -> tuple[IntArray, Array, IndexArray]:
     """Find points, frequencies, and the row of each of their pairs, -1 if there is none."""
     rows = len(table.values)
@@ -295,7 +287,8 @@ def _grid(
         row[place] = i
     if (row < 0).any() and incomplete_by(settings.incomplete) is Incomplete.refuse:
         p, f = np.argwhere(row < 0)[0]
-        raise table.wrong(f"there is no row for point {node[p]} at {frequency[f]:g} Hz; {REMEDY}")
+        message = f"there is no row for point {node[p]} at {frequency[f]:g} Hz; {REMEDY}"
+        questions.note(table.wrong(message), table.path, "incomplete")
     return node, frequency, row
 
 
@@ -311,8 +304,8 @@ def _whole(table: ScanTable, column: int) -> IntArray:
     return values.astype(np.int64)
 
 
-def _one_frequency(settings: ScanExport, table: ScanTable, questions: Questions) -> float:
-    """Find the frequency of a table without a column of it; one that is asked for is 1 Hz."""
+def _one_frequency(settings: ScanExport, table: ScanTable, questions: ViewQuestions) -> float:
+    """Find the frequency of a table without a column of it; NaN of one that is asked for."""
     lines = table.before.splitlines()
     # Cells too: the comma before `100 Hz` is a delimiter here and a decimal mark there.
     cells = ["\t".join(fields(line, table.delimiter)) for line in lines]
@@ -323,7 +316,7 @@ def _one_frequency(settings: ScanExport, table: ScanTable, questions: Questions)
         numbers = ", ".join(f"{f:g}" for f in stated.all)
         several = f"states {numbers} Hz" if numbers else "states none"
         questions.ask(table.path, "frequency", "[197]", f"one frequency of its values ({several})")
-        return 1.0
+        return np.nan
     return stated.one
 
 
@@ -366,7 +359,7 @@ def _missing(
     roles: dict[str, int],
     row: IndexArray,
     values: NDArray,
-    questions: Questions,
+    questions: ViewQuestions,
 ) -> tuple[BoolArray, dict[int, str]]:
     """Mark points without numbers or rows, or of a bad status, or that are zero throughout.
 
@@ -383,7 +376,8 @@ def _missing(
     if settings.zeros is Zeros.refuse and zero.any():
         line = table.line[row[zero][0, 0]]
         what = f"whether points whose values are all zero, as in line {line}, were measured"
-        questions.ask(table.path, "zeros", "missing", what)
+        also = f" (measured, or missing{then(settings.incomplete)})"
+        questions.ask(table.path, "zeros", "missing", what, also)
     if settings.zeros is Zeros.missing:
         missing = missing | zero
     said = {
@@ -392,18 +386,25 @@ def _missing(
         for r in row[p]
         if r >= 0 and (of_row[r] or not values[r])
     }
-    if absent.any() and incomplete_by(settings.incomplete) is Incomplete.refuse:
-        lines = [table.line[i] for i in np.flatnonzero(absent)]
-        what = (
-            f"the values of {len(lines)} of {len(values)} rows (the first is line {lines[0]}), "
-            "whose points may be left out, or kept and marked"
-        )
-        questions.ask(table.path, "incomplete", "drop", what)
+    _ask_incomplete(settings, table, absent, questions)
     return missing, said
 
 
+def _ask_incomplete(
+    settings: ScanExport, table: ScanTable, absent: BoolArray, questions: ViewQuestions
+) -> None:
+    """Ask what becomes of rows without values, `absent` of shape (row,)."""
+    if absent.any() and incomplete_by(settings.incomplete) is Incomplete.refuse:
+        lines = [table.line[i] for i in np.flatnonzero(absent)]
+        what = (
+            f"the values of {len(lines)} of {len(absent)} rows (the first is line {lines[0]}), "
+            "whose points may be left out, or kept and marked"
+        )
+        questions.ask(table.path, "incomplete", "drop", what)
+
+
 def _good(
-    settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: Questions
+    settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: ViewQuestions
 ) -> BoolArray:
     """Tell which rows are to be trusted by their status, shape (row,)."""
     if "status" not in roles:
@@ -416,13 +417,14 @@ def _good(
         listed = ", ".join(sorted(seen)[:MOST_STATUS])
         place = table.place[column]
         what = f"which are good of the values {listed}, of which column {place} may be a status"
-        questions.ask(table.path, "good_status", f"[{seen[0]}]", what)
+        also = f" (others are missing{then(settings.incomplete)})" if len(seen) > 1 else ""
+        questions.ask(table.path, "good_status", f"[{seen[0]}]", what, also)
         return np.ones(len(status), bool)
     return np.isin(status, [str(good) for good in settings.good_status] or seen)
 
 
 def _length(
-    settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: Questions
+    settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: ViewQuestions
 ) -> tuple[float, str]:
     """Find one unit of the coordinates in m, and who says so."""
     if settings.length_unit is not None:
@@ -436,7 +438,7 @@ def _length(
 
 
 def _conventions(
-    settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: Questions
+    settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: ViewQuestions
 ) -> Conventions:
     """Decide how values become velocities: by the settings, or the unit of their column."""
     text = _label(table, roles)
@@ -465,21 +467,34 @@ def _conventions(
     return Conventions(quantity, factor, conjugate, told, reference=per)
 
 
-def _ask_units(settings: ScanExport, table: ScanTable, questions: Questions) -> None:
-    """Ask for what labels would tell, of a table that has none."""
-    for setting, example, what in (
-        ("length_unit", "mm", COORDINATES),
-        ("quantity", "velocity", VALUES),
-        ("unit", "m", f"{VALUES} (m of m/s)"),
-        ("amplitude", "peak", AMPLITUDES),
-    ):
-        if getattr(settings, setting) is None:
-            questions.ask(table.path, setting, example, what)
-    if "Hz" not in table.before:
+def _ask_the_rest(settings: ScanExport, table: ScanTable, questions: ViewQuestions) -> None:
+    """Ask for what is open besides the columns, of which some are not known."""
+    _ask_senses(settings, table, questions)
+    lengths = [i for i, unit in enumerate(table.units) if is_length(unit)]
+    if settings.length_unit is None and len(lengths) < len("xyz"):
+        questions.ask(table.path, "length_unit", "mm", COORDINATES)
+    motions = {
+        unit: label
+        for i, unit in enumerate(table.units)
+        if i not in lengths[:3] and (label := meaning(unit)) is not None and label.is_motion
+    }
+    for label in motions.values() or [None]:
+        _scale(settings, table, label, questions)
+    if not motions:
+        for setting, example, what in (
+            ("quantity", "velocity", VALUES),
+            ("unit", "m", f"{VALUES} (m of m/s)"),
+        ):
+            if getattr(settings, setting) is None:
+                questions.ask(table.path, setting, example, what)
+    if "Hz" not in table.before and not any(map(is_frequency, table.units)):
         _one_frequency(settings, table, questions)
+    numbers = [i for i in range(len(table.units)) if i not in table.words]
+    absent = np.asarray(np.isnan(table.values[:, numbers]).any(axis=1))
+    _ask_incomplete(settings, table, absent, questions)
 
 
-def _ask_senses(settings: ScanExport, table: ScanTable, questions: Questions) -> None:
+def _ask_senses(settings: ScanExport, table: ScanTable, questions: ViewQuestions) -> None:
     """Ask for the senses that no table tells."""
     if settings.positive is None:
         what = "where a positive velocity points to"
@@ -514,7 +529,7 @@ def _motion(table: ScanTable, text: str) -> UnitLabel | None:
 
 
 def _scale(
-    settings: ScanExport, table: ScanTable, label: UnitLabel | None, questions: Questions
+    settings: ScanExport, table: ScanTable, label: UnitLabel | None, questions: ViewQuestions
 ) -> tuple[float, dict[str, str]]:
     """Find the factor to peak amplitudes, or to those of the reference, and what says so."""
     if label is not None and label.reference:
@@ -527,7 +542,8 @@ def _scale(
         try:
             amount = reference_of(settings.reference).per(unit_of_reference(label.reference))
         except UserError as error:
-            raise table.wrong(str(error)) from error
+            questions.note(table.wrong(str(error)), table.path, "reference")
+            return 1.0, {}
         return amount, {"reference": f"{amount:g} {label.reference}"}
     amplitude = settings.amplitude or (label.amplitude if label else None)
     if amplitude is None:

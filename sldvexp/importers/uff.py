@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
@@ -14,14 +14,16 @@ from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.dataset import Finding
 from sldvexp.errors import Checks, UserError
-from sldvexp.importers.conventions import Conventions, Directions, Quantity, Questions, Zeros
+from sldvexp.importers.conventions import Conventions, Directions, Quantity, Zeros
+from sldvexp.importers.incomplete import then
 from sldvexp.importers.pointwise import PointwiseImport
-from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView, close, same_frequencies
-from sldvexp.importers.reference import ask_unit, unknown_units
-from sldvexp.importers.uff_choice import ANY, FunctionChoice, require_witnesses_agree
+from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView
+from sldvexp.importers.questions import SeenPoints, ViewQuestions, close
+from sldvexp.importers.uff_choice import ANY, MOTION, FunctionChoice, require_witnesses_agree
 from sldvexp.importers.uff_conventions import (
     OF_REFERENCE,
     FunctionKind,
+    ask_phase,
     ask_positive,
     decide_conventions,
     length_unit,
@@ -126,32 +128,67 @@ class UffImport(PointwiseImport):
         """Name the universal files."""
         return [*([self.geometry] if self.geometry else []), *super().inputs()]
 
-    def measured(self) -> Iterator[PointwiseData]:
+    def measured(self, questions: ViewQuestions) -> Iterator[PointwiseData]:
         """Read the views' files, one after the other, once no question is open."""
-        first: PointwiseData | None = None
         with ExitStack() as files:
             opened: dict[str, UniversalFile] = {}
             for path in self.inputs():
                 if path not in opened:
                     opened[path] = files.enter_context(universal_file(locate(path)))
-            questions = Questions()
             chosen = {
-                name: _choose(self, view, opened, questions) for name, view in self.views.items()
+                name: _choose(self.of_view(name), view, opened, questions.of(name))
+                for name, view in self.views.items()
             }
             sources = {name: source for name, source in chosen.items() if source is not None}
             if not self.reference_dof:
                 _ask_reference(sources, questions)
-            units = {n: s.rules.reference for n, s in sources.items() if s.rules.reference}
-            if open_ := ask_unit(self.reference, units):
-                questions.note(open_, "instrument.reference")
+            units = {
+                name: rules.reference
+                for name, source in sources.items()
+                if (rules := source.rules) is not None and rules.reference is not None
+            }
+            odd = self.check_references(units, questions)
+            found = [
+                _read(self.of_view(name), name, self.views[name], source, questions.of(name))
+                for name, source in sources.items()
+            ]
             questions.done()
-            odd = unknown_units(self.reference, units)
-            for name, source in sources.items():
-                found = _view(self, name, self.views[name], source)
-                found.findings.extend(odd if first is None else [])
-                same_frequencies(found, first)
-                first = first or found
-                yield found
+        for view in filter(None, found):
+            view.findings.extend(odd if view is found[0] else [])
+            yield view
+
+
+def _read(
+    settings: UffImport,
+    name: str,
+    view: PointwiseView,
+    source: _ViewSource,
+    questions: ViewQuestions,
+) -> PointwiseData | None:
+    """Read one view; None if a question is open, and then no more than what others may be."""
+    file, functions = source.file, source.functions
+    frequency: Array | None = None
+    if not questions and source.rules is not None:
+        found = _view(settings, name, view, source, source.rules, questions)
+        zero, frequency = found.missing, found.frequency
+    else:
+        found = None
+        zero = np.array([not file.values(function)[1].any() for function in functions])
+        if not settings.frequency and functions[0].kind != FunctionKind.time.value:
+            abscissa = file.values(functions[0])[0]
+            frequency = abscissa if abscissa.all() else None  # 0 Hz is left out of accelerations
+    try:
+        _check_zeros(settings, file, functions, zero)
+    except UserError as error:
+        questions.note(error, file.source.path)
+    if settings.zeros is not Zeros.missing:
+        zero = np.zeros(len(functions), bool)
+    node = np.array([f.node for f in functions], np.int64)
+    of_time = functions[0].kind == FunctionKind.time.value
+    has_std = settings.std is not None or bool(settings.averages) or of_time
+    path = str(file.source.path)
+    questions.saw(SeenPoints(name, path, node, zero, frequency, has_std=has_std))
+    return None if found is None else replace(found, missing=zero)
 
 
 class _ViewSource(NamedTuple):
@@ -159,7 +196,7 @@ class _ViewSource(NamedTuple):
 
     file: UniversalFile
     functions: list[Function]
-    rules: Conventions
+    rules: Conventions | None
     geometry: UniversalGeometry | None
     length: tuple[float, str]
     places: str
@@ -170,7 +207,7 @@ def _choose(
     settings: UffImport,
     view: PointwiseView,
     opened: dict[str, UniversalFile],
-    questions: Questions,
+    questions: ViewQuestions,
 ) -> _ViewSource | None:
     """Choose one view's functions and their conventions; None if a question is open."""
     file = opened[view.path]
@@ -188,32 +225,37 @@ def _choose(
         functions = settings.choice(view).functions(file)
     except UserError as error:
         questions.note(error, file.source.path)
-        ask_positive(settings, file, questions)
+        _ask_of_any(settings, file, questions)
         return None
     rules = decide_conventions(settings, file, functions, questions)
     _ask_more(settings, file, functions[0], questions)
-    if questions and settings.zeros is Zeros.refuse:  # as nothing is read, look at all values now
-        try:
-            zero = np.array([not file.values(function)[1].any() for function in functions])
-            _check_zeros(settings, file, functions, zero)
-        except UserError as error:
-            questions.note(error, file.source.path)
+    geometry = places.geometry
     try:
-        geometry = _turned(settings, file, functions[0], places.geometry)
+        geometry = _turned(settings, file, functions[0], geometry)
     except UserError as error:
         questions.note(error, file.source.path)
-        return None
     stated, overruled = "", ""
     if places.geometry is not None and places.units is not None:
         stated, one = str(places.source.path), places.units.length
         if not same_unit(length[0], one):
             overruled = f"data set 164 states a unit of length of {one:g} m"
-    if rules is None:
-        return None
     return _ViewSource(file, functions, rules, geometry, length, stated, overruled)
 
 
-def _ask_reference(sources: dict[str, _ViewSource], questions: Questions) -> None:
+def _ask_of_any(settings: UffImport, file: UniversalFile, questions: ViewQuestions) -> None:
+    """Ask for what is open of any functions of a file, as it is not known which are read."""
+    kinds = {kind.value for kind in FunctionKind}
+    of_kind = {f.kind: f for f in file.functions if f.kind in kinds and f.ordinate.kind in MOTION}
+    if len(of_kind) == 1:
+        with suppress(UserError):  # of this function alone, which may not be read
+            decide_conventions(settings, file, list(of_kind.values()), questions)
+        _ask_more(settings, file, next(iter(of_kind.values())), questions)
+    ask_positive(settings, file, questions)
+    if of_kind and FunctionKind.time.value not in of_kind:
+        ask_phase(settings, file, questions)
+
+
+def _ask_reference(sources: dict[str, _ViewSource], questions: ViewQuestions) -> None:
     """Ask whether views of several references had one excitation, as these may not be the same."""
     views: dict[str, list[str]] = {}
     for name, source in sources.items():
@@ -231,7 +273,7 @@ def _ask_reference(sources: dict[str, _ViewSource], questions: Questions) -> Non
 
 
 def _ask_more(
-    settings: UffImport, file: UniversalFile, function: Function, questions: Questions
+    settings: UffImport, file: UniversalFile, function: Function, questions: ViewQuestions
 ) -> None:
     """Ask for what time records and cross spectra need besides their units."""
     path = file.source.path
@@ -247,10 +289,15 @@ def _ask_more(
 
 
 def _view(
-    settings: UffImport, name: str, view: PointwiseView, source: _ViewSource
+    settings: UffImport,
+    name: str,
+    view: PointwiseView,
+    source: _ViewSource,
+    rules: Conventions,
+    questions: ViewQuestions,
 ) -> PointwiseData:
     """Turn one view's functions into velocities."""
-    file, functions, rules, geometry, (length, by) = source[:5]
+    file, functions, _, geometry, (length, by) = source[:5]
     told = rules.told | settings.choice(view).left_out(file, functions)
     if functions[0].kind == FunctionKind.time.value:
         reference = find_reference(settings.time_reference, file)
@@ -262,7 +309,7 @@ def _view(
     else:
         frequency, lines = _lines(settings, file, functions[0], rules.quantity)
         values = _at_lines(file, functions, frequency, lines)
-        require_witnesses_agree(file, functions, rules, frequency, lines)
+        require_witnesses_agree(file, functions, rules, frequency, lines, questions)
         if functions[0].kind == FunctionKind.cross.value:
             made_by, containing = settings.estimator, settings.containing
             values = estimate_response(
@@ -272,9 +319,6 @@ def _view(
         velocity = rules.velocity(values, frequency)
         std = _std(settings, view, file, functions, velocity, frequency, lines)
     missing = np.asarray(~values.any(axis=1))
-    _check_zeros(settings, file, functions, missing)
-    if settings.zeros is Zeros.measured:
-        missing[:] = False
     axes = {"nodal_axes": settings.nodal_axes.name} if settings.nodal_axes else {}
     return PointwiseData(
         name,
@@ -288,20 +332,23 @@ def _view(
         geometry,
         length,
         told | axes | ({"length_unit": f"{length:g} m, {by}"} if by else {}),
-        _findings(name, source),
+        _findings(settings, name, source, rules),
         places=source.places,
     )
 
 
-def _findings(name: str, source: _ViewSource) -> list[Finding]:
+def _findings(
+    settings: UffImport, name: str, source: _ViewSource, rules: Conventions
+) -> list[Finding]:
     """List what is odd about a view's file but no reason to refuse it."""
     file, functions, subject = source.file, source.functions, f"view {name}"
     found = [
         Finding("unit", subject, f"{file.source.path}: {text}", severity)
-        for text, severity in source.rules.odd
+        for text, severity in rules.odd
     ]
     if source.overruled:
-        text = f"{source.places}: instrument.length_unit wins, although {source.overruled}"
+        key = settings.key("length_unit")
+        text = f"{source.places}: {key} wins, although {source.overruled}"
         found.append(Finding("unit", subject, text))
     real = [f for f in functions if not f.complex]
     if real and functions[0].kind != FunctionKind.time.value:
@@ -367,7 +414,7 @@ def _check_zeros(
         raise file.wrong(
             function,
             f"all values of {function.dof} are zero, as programs write where nothing was measured; "
-            "say instrument.zeros=missing, or measured if they are",
+            f"say instrument.zeros=missing{then(settings.incomplete)}, or measured if they are",
         )
 
 

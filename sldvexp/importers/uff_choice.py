@@ -15,6 +15,7 @@ import numpy as np
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.importers.conventions import Conventions, Phase, Quantity
+from sldvexp.importers.questions import ViewQuestions
 from sldvexp.importers.uff_conventions import (
     BY_NUMBER,
     OF_REFERENCE,
@@ -235,13 +236,11 @@ def require_witnesses_agree(
     rules: Conventions,
     frequency: Array,
     lines: IndexArray,
+    questions: ViewQuestions,
 ) -> None:
     """Compare functions with others of the same motion but of another quantity.
 
-    Raises
-    ------
-    UserError
-        If these do not fit the settings, but would with another quantity or phase.
+    If these do not fit the settings, but would with another quantity or phase, it is asked about.
     """
     pairs = _witnesses(file, functions)
     moving = frequency > 0
@@ -267,11 +266,11 @@ def require_witnesses_agree(
         if wrong:
             ours = " and ".join(f"instrument.{name}={a.name}" for name, a, _ in wrong)
             theirs = " and ".join(f"instrument.{name}={b.name}" for name, _, b in wrong)
-            raise file.wrong(
-                function,
+            message = (
                 f"and data set {other.entry.number}, the {seen.name} of the same motion, do not "
-                f"fit {ours}; they fit {theirs}",
+                f"fit {ours}; they fit {theirs}"
             )
+            questions.note(file.wrong(function, message), file.source.path, wrong[0][0])
         return
 
 

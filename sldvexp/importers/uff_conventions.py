@@ -18,9 +18,9 @@ from sldvexp.importers.conventions import (
     Directions,
     Phase,
     Quantity,
-    Questions,
 )
 from sldvexp.importers.pointwise import PointwiseImport
+from sldvexp.importers.questions import ViewQuestions
 from sldvexp.importers.reference import ReferenceUnit, reference_of, unit_of_reference
 from sldvexp.io.uff import Function, UniversalFile
 from sldvexp.io.uff.functions import (
@@ -95,13 +95,13 @@ def decide_conventions(
     settings: PointwiseImport,
     file: UniversalFile,
     functions: list[Function],
-    questions: Questions,
+    questions: ViewQuestions,
 ) -> Conventions | None:
     """Decide how values of the chosen functions of a file become velocities.
 
     Parameters
     ----------
-    questions : Questions
+    questions : ViewQuestions
         To which is added what is not said anywhere, or in two ways.
 
     Returns
@@ -114,16 +114,13 @@ def decide_conventions(
     UserError
         If functions differ, or are powers.
     """
-    path, kind = file.source.path, FunctionKind(functions[0].kind)
+    kind = FunctionKind(functions[0].kind)
     meaning = _one_meaning(settings, file, functions, questions)
     unit = _reference_unit(file, functions) if kind in OF_REFERENCE else None
     scaled = _scale(settings, file, functions[0], meaning, unit, questions)
     phase = Phase.exp_plus if kind is FunctionKind.time else settings.phase
     if phase is None:
-        what = "the sign of the phase (exp_plus or exp_minus)"
-        if kind is FunctionKind.cross:
-            what += "; a cross spectrum of the response and the conjugate reference is exp_plus"
-        questions.ask(path, "phase", "exp_plus", what)
+        ask_phase(settings, file, questions, kind)
     along_dof = settings.directions is Directions.dof
     ask_positive(settings, file, questions)
     if meaning is None or scaled is None or phase is None or questions:
@@ -143,7 +140,21 @@ def decide_conventions(
     return Conventions(meaning.quantity, factor, conjugate, told, meaning.odd, unit)
 
 
-def ask_positive(settings: PointwiseImport, file: UniversalFile, questions: Questions) -> None:
+def ask_phase(
+    settings: PointwiseImport,
+    file: UniversalFile,
+    questions: ViewQuestions,
+    kind: FunctionKind | None = None,
+) -> None:
+    """Ask for the sign of the phase, of functions of one kind or of any."""
+    if settings.phase is None and not (kind is None and questions.asked("phase")):
+        what = "the sign of the phase (exp_plus or exp_minus)"
+        if kind is FunctionKind.cross:
+            what += "; a cross spectrum of the response and the conjugate reference is exp_plus"
+        questions.ask(file.source.path, "phase", "exp_plus", what)
+
+
+def ask_positive(settings: PointwiseImport, file: UniversalFile, questions: ViewQuestions) -> None:
     """Ask where a positive velocity points to, unless a dof tells it."""
     if settings.directions is not Directions.dof and settings.positive is None:
         what = "where a positive velocity points to"
@@ -151,7 +162,10 @@ def ask_positive(settings: PointwiseImport, file: UniversalFile, questions: Ques
 
 
 def _one_meaning(
-    settings: PointwiseImport, file: UniversalFile, functions: list[Function], questions: Questions
+    settings: PointwiseImport,
+    file: UniversalFile,
+    functions: list[Function],
+    questions: ViewQuestions,
 ) -> Meaning | None:
     """Find the meaning that all functions have in common."""
     each = {f.ordinate: f for f in reversed(functions)}  # the first function of each
@@ -174,7 +188,7 @@ def _scale(
     function: Function,
     meaning: Meaning | None,
     unit: ReferenceUnit | None,
-    questions: Questions,
+    questions: ViewQuestions,
 ) -> tuple[float, dict[str, str]] | None:
     """Find the factor to peak amplitudes: the reference, or the scale of spectra."""
     kind = FunctionKind(function.kind)
@@ -193,7 +207,8 @@ def _scale(
     try:
         amount = reference_of(settings.reference).per(unit)
     except UserError as error:
-        raise file.wrong(function, str(error)) from error
+        questions.note(file.wrong(function, str(error)), file.source.path, "reference")
+        return None
     return amount, {"reference": f"{amount:g} {unit.text}".strip()}
 
 
@@ -245,7 +260,7 @@ def _is_force(name: str, factor: float) -> bool:
 
 
 def length_unit(
-    settings: PointwiseImport, file: UniversalFile, questions: Questions
+    settings: PointwiseImport, file: UniversalFile, questions: ViewQuestions
 ) -> tuple[float, str]:
     """Find one unit of the file's coordinates in m, and who says so."""
     if settings.length_unit is not None:
@@ -253,12 +268,13 @@ def length_unit(
     if file.units is not None:
         return file.units.length, "by data set 164"
     what = "the unit of its coordinates in a data set 164"
-    questions.ask(file.source.path, "length_unit", "mm", what)
+    also = ", or give the geometry of a file that does with instrument.geometry"
+    questions.ask(file.source.path, "length_unit", "mm", what, also)
     return 1.0, ""
 
 
 def _meaning(
-    settings: PointwiseImport, file: UniversalFile, f: Function, questions: Questions
+    settings: PointwiseImport, file: UniversalFile, f: Function, questions: ViewQuestions
 ) -> Meaning | None:
     """Find quantity and unit of values: by the settings, the function's own words, data set 164."""
     where = f"{file.source.path}, data set {f.entry.number}"
@@ -328,7 +344,7 @@ def _by_label(
     f: Function,
     label: UnitLabel,
     quantity: Quantity,
-    questions: Questions,
+    questions: ViewQuestions,
 ) -> Meaning | None:
     """Find the unit by a label that is understood, unless others contradict it."""
     where = f"{file.source.path}, data set {f.entry.number}"
@@ -339,7 +355,7 @@ def _by_label(
                 f"states the quantity {quantity.name}, but its unit {label.text} is one of "
                 f"{label.quantity}; say which with instrument.quantity"
             )
-            questions.note(file.wrong(f, message), file.source.path)
+            questions.note(file.wrong(f, message), file.source.path, "quantity")
             return None
         if label.factor != label.length:  # of times other than seconds, or of g
             what = f"the unit of length of its {quantity.name}; the label {label.text} has another"
@@ -355,7 +371,7 @@ def _by_label(
                 f"has values in {label.text}, but data set 164 states a unit of length of "
                 f"{stated:g} m; units are mixed, say which with instrument.unit"
             )
-            questions.note(file.wrong(f, message), file.source.path)
+            questions.note(file.wrong(f, message), file.source.path, "unit")
             return None
         if differ:  # programs write a data set 164 of SI whatever the labels are
             said = f"values are in {label.text} as their label says, although data set 164 states m"
@@ -389,7 +405,8 @@ def _not_heeded(
     answer = "unit" if label is None else ""
     return tuple(
         (
-            f"instrument.{name}={getattr(settings, name).name} wins, although the file says {said}",
+            f"{settings.key(name)}={getattr(settings, name).name} wins, although the file says "
+            f"{said}",
             Severity.note if name == answer else Severity.doubtful,
         )
         for name, differs in contradictions.items()
@@ -402,7 +419,7 @@ def _amplitude(
     file: UniversalFile,
     function: Function,
     meaning: Meaning | None,
-    questions: Questions,
+    questions: ViewQuestions,
 ) -> tuple[Amplitude, str] | None:
     """Find the scale of amplitudes of a spectrum, or of nodal values, of which 1858 is silent."""
     path = file.source.path
@@ -416,7 +433,7 @@ def _amplitude(
             f"{by_label.name}, but data set {stated[1].number} (1858) the scale {stated[0]} (1 "
             "half-peak, 2 peak, 3 rms); say which with instrument.amplitude"
         )
-        questions.note(UserError(message), path)
+        questions.note(UserError(message), path, "amplitude")
         return None
     if by_label is not None:
         return by_label, f"by the label {function.ordinate.unit}"
@@ -434,6 +451,6 @@ def _amplitude(
             "states half-peak amplitudes, by which programs mean the peak or half of it; say "
             "which with instrument.amplitude=peak or half",
         )
-        questions.note(error, path)
+        questions.note(error, path, "amplitude")
         return None
     return SCALES[scale], f"by data set {entry.number} (1858)"

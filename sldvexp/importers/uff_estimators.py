@@ -17,7 +17,7 @@ from enum import Enum
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.importers.pointwise_data import close
+from sldvexp.importers.questions import close
 from sldvexp.importers.uff_conventions import FunctionKind
 from sldvexp.io.uff import Function, UniversalFile
 from sldvexp.io.uff.functions import DIRECTIONS

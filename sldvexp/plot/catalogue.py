@@ -25,6 +25,7 @@ from sldvexp.plot import (
     nodal_values,
     point_spectra,
     shape,
+    strain_maps,
     sweep_comparison,
     velocity_images,
     view_residuals,
@@ -64,6 +65,8 @@ FIGURES: dict[str, FigureEntry] = {
     "field": FigureEntry(field_maps.field, field_unavailable_because),
     "surface": FigureEntry(shape.surface, shape.unavailable_because),
     "nodal": FigureEntry(nodal_values.nodal, field_unavailable_because),
+    "strain": FigureEntry(strain_maps.strain, strain_maps.unavailable_because),
+    "hot_spots": FigureEntry(strain_maps.hot_spots, strain_maps.unavailable_because),
     "spectrum": FigureEntry(point_spectra.spectrum, point_spectra.spectrum_unavailable_because),
     "residuals": FigureEntry(view_residuals.residuals, view_residuals.unavailable_because),
     "sweep": FigureEntry(sweep_comparison.sweep, sweep_comparison.unavailable_because),
@@ -104,8 +107,8 @@ def figures_of(
     }
 
 
-#: Figures of the velocities and their bounds.
-OF_VELOCITIES = ("point", "field", "surface", "nodal", "spectrum")
+#: Figures of the velocities, and of what follows from them, with their bounds.
+OF_VELOCITIES = ("point", "field", "surface", "nodal", "strain", "hot_spots", "spectrum")
 VOID = "void: the bounds cannot be believed"
 
 

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.tri import Triangulation
 
 from sldvexp.dataset import RunData, Source
 from sldvexp.plot import style
-from sldvexp.plot.layer import VolumeLayer, field_unavailable_because, layer_of
+from sldvexp.plot.layer import field_unavailable_because, layer_of
+from sldvexp.plot.maps import PHASES, map_of, phase_map
 from sldvexp.plot.selection import require
 
 
@@ -58,66 +55,16 @@ def field(
     shared = {"sharex": True, "sharey": True}
     made, axes = style.sheet(rows, 3, 10.5, ratio, title, style.SCALE_BESIDE, **shared)
     for row, component in zip(axes, layer.components, strict=True):
-        _size(row[0], layer, component)
-        phases = _phase(row[1], layer, component)
-        _bound(row[2], layer, component)
+        velocity, mesh = layer.values("velocity", component), layer.mesh()
+        bound, seen = layer.bound(component), layer.values("observable", component) != 0
+        map_of(row[0], mesh, np.abs(velocity), style.SPEED, 0.0, seen)
+        phases = phase_map(row[1], mesh, velocity, bound)
+        map_of(row[2], mesh, bound, style.SPEED, known=seen)
+        row[0].set_title(f"{component}: size")
+        row[1].set_title(f"{component}: {PHASES}")
+        row[2].set_title(f"{component}: {layer.bound_name}")
     style.in_turns(style.scale_beside(axes[:, 1], phases, style.PHASE))
     for one in axes.ravel():
         layer.label(one)
         one.label_outer()
     return made
-
-
-def _size(axes: Axes, layer: VolumeLayer, component: str) -> None:
-    """Draw magnitudes; linear inside of an element, as the field is."""
-    size = np.abs(layer.values("velocity", component))
-    factor, unit = style.prefixed(size, style.SPEED)
-    _map(axes, layer, factor * size, unit, 0.0, component)
-    axes.set_title(f"{component}: size")
-
-
-def _bound(axes: Axes, layer: VolumeLayer, component: str) -> None:
-    """Draw half-widths of the intervals."""
-    bound = layer.bound(component)
-    factor, unit = style.prefixed(bound, style.SPEED)
-    _map(axes, layer, factor * bound, unit, None, component)
-    axes.set_title(f"{component}: {layer.bound_name}")
-
-
-def _map(
-    axes: Axes, layer: VolumeLayer, values: np.ndarray, unit: str, low: float | None, component: str
-) -> None:
-    style.hatched(axes)
-    mesh, known = layer.mesh(), np.isfinite(values) & (layer.values("observable", component) != 0)
-    if not known.any():
-        axes.triplot(mesh, color="none")
-        style.not_determined(axes)
-        return
-    mesh.set_mask(~known[mesh.triangles].all(axis=1))
-    shown_values = np.where(known, values, values[known].mean())
-    mapped = axes.tripcolor(
-        mesh, shown_values, shading="gouraud", cmap=style.SIZE_MAP, vmin=low, rasterized=True
-    )
-    style.scale_beside(axes, mapped, unit)
-
-
-def _phase(axes: Axes, layer: VolumeLayer, component: str) -> Any:
-    """Draw phases of triangles, where they are larger than their bound."""
-    style.hatched(axes)
-    mesh, velocity = layer.mesh(), layer.values("velocity", component)
-    mean = velocity[mesh.triangles].mean(axis=1)
-    bound = np.nan_to_num(layer.bound(component))[mesh.triangles].mean(axis=1)
-    known = np.abs(mean) > bound  # a NaN is not above anything
-    axes.triplot(mesh, linestyle="none")  # as wide as the others, whatever is known
-    if not known.any():
-        known[0], mean[0] = True, np.nan
-    mapped = axes.tripcolor(
-        Triangulation(mesh.x, mesh.y, mesh.triangles[known]),
-        facecolors=np.ma.masked_invalid(np.angle(mean[known])),
-        cmap=style.PHASE_MAP,
-        vmin=-np.pi,
-        vmax=np.pi,
-        rasterized=True,
-    )
-    axes.set_title(f"{component}: phase (hatched: below its bound)")
-    return mapped

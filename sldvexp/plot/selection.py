@@ -41,18 +41,19 @@ def one_of(name: str | None, valid: Iterable[str], figure: str, kind: str) -> st
 
 
 def at_frequency(
-    group: xr.Dataset, figure: str, frequency: float | None = None
+    group: xr.Dataset, figure: str, frequency: float | None = None, of: str = "velocity"
 ) -> tuple[xr.Dataset, str]:
     """Choose one frequency of a group.
 
     Parameters
     ----------
     group : Dataset
-        With ``velocity``.
     figure : str
         For messages.
     frequency : float, Hz, optional
-        The nearest that there is; without it the one of largest r.m.s. velocity.
+        The nearest that there is; without it the one of the largest r.m.s. value.
+    of : str
+        Variable whose value that is.
 
     Returns
     -------
@@ -70,8 +71,8 @@ def at_frequency(
         return group, ""
     hertz, unit = group["frequency"].values, FREQUENCY.units
     if frequency is None:
-        others = [d for d in group["velocity"].dims if d != "frequency"]
-        index = int(np.argmax((abs(group["velocity"]) ** 2).mean(others).values))
+        others = [d for d in group[of].dims if d != "frequency"]
+        index = int(np.argmax((abs(group[of]) ** 2).mean(others).values))
     elif not hertz.min() <= frequency <= hertz.max():
         raise UserError(
             f"plot: {figure}: the frequencies go from {hertz.min():g} to {hertz.max():g} {unit}; "

@@ -15,12 +15,17 @@ from rich.table import Table
 from sldvexp.dataset import FREQUENCY, VARIABLES, RunData, is_void
 from sldvexp.field.bounds.budget import SOURCES
 from sldvexp.lazy import xarray as xr
-from sldvexp.report.numbers import number
+from sldvexp.plot import hottest_places
+from sldvexp.report.numbers import number, with_bound
 
 POSE = VARIABLES["pose"]
 VELOCITY = VARIABLES["field"]["velocity"]
 #: Frequencies that a line tells of, those of the largest amplitudes.
 MOST_FREQUENCIES = 4
+#: Parts of the strain of the face.
+PARTS = {"middle_strain": "the membrane", "bending_strain": "bending"}
+#: Interval of a direction, deg to both sides, that tells nothing.
+UNKNOWN = 45.0
 
 
 def pose_text(pose: xr.Dataset) -> str:
@@ -136,8 +141,7 @@ def field_tables(run: RunData) -> Iterator[Table]:
     first = next(iter(fields.values()))
     if "variance" in first:
         yield budget_table(first)
-    if "strain" in run.groups:
-        yield strain_table(run.groups["strain"], strongest(first))
+    yield from strain_tables(run)
     for gages in run.below("examined", "confidence_by_part").values():
         yield gage_table(gages, strongest(first))
     for truth in run.below("examined", "rms_bound").values():
@@ -224,30 +228,74 @@ def _share(variance: float, total: float) -> str:
     return f"{variance / total:.0%}" if total > 0 else ""
 
 
+def strain_tables(run: RunData) -> Iterator[Table]:
+    """Make a table of the strain's components and one of the hot spots, if there is a strain."""
+    if not run.has("strain", "frame"):
+        return
+    strain = run.groups["strain"]
+    yield strain_table(strain, strongest(strain, "strain"))
+    yield hot_spot_table(strain, strongest(strain, "strain"))
+
+
 def strain_table(strain: xr.Dataset, frequencies: Sequence[float]) -> Table:
-    """Show strains of the face with their bounds at some frequencies, and the largest stress."""
-    names = (
-        "strain",
-        FREQUENCY.units,
-        "largest",
-        "r.m.s.",
-        "bound",
-        "largest von Mises stress, MPa",
-    )
+    """Show strains of the face with their bounds at some frequencies, and those of their parts."""
+    parts = {n: f"r.m.s. of {of}" for n, of in PARTS.items() if n in strain}
+    names = ("strain", FREQUENCY.units, "largest", "r.m.s.", "bound", *parts.values())
     title = f"Strain of the face, microstrain{_some([strain])}"
     table = Table(*names, title=title, title_justify="left")
     for component in strain["strain_component"].values:
         for hertz in frequencies:
-            one = _at(strain, hertz)
-            part = one.sel(strain_component=component)
-            size = 1e6 * np.abs(part["strain"].values)
+            one = _at(strain.sel(strain_component=component), hertz)
+            size = np.abs(one["strain"].values)
             cells = [f"e_{component}", "" if np.isnan(hertz) else f"{hertz:g}"]
-            cells += [number(float(v), 3) for v in (np.nanmax(size), _rms(size))]
-            cells.append(number(_rms(1e6 * part["confidence"].values), 3))
-            stress = one.get("von_mises")
-            cells.append("" if stress is None else number(1e-6 * float(stress.max()), 3))
+            shown = (np.nanmax(size), _rms(size), _rms(one["confidence"].values))
+            cells += [number(1e6 * float(v), 3) for v in shown]
+            cells += [number(1e6 * _rms(np.abs(one[name].values)), 3) for name in parts]
             table.add_row(*map(escape, cells))
     return table
+
+
+def hot_spot_table(strain: xr.Dataset, frequencies: Sequence[float]) -> Table:
+    """Show where the stress, or else the extension, is largest, with bounds; numbered as on maps.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> found = group("strain", {}, principal_strain=[[4e-6, 0], [1e-6, 0]],
+    ...               principal_confidence=[[1e-7, 1e-7]] * 2, principal_direction=[30.0, 30.0],
+    ...               principal_direction_std=[1.0, 1.0], position=[[0, 0, 0], [0.1, 0, 0]],
+    ...               coordinate=[[0, 0], [0.1, 0]], triangle=[[0, 1, 1]])
+    >>> [list(column.cells)[0] for column in hot_spot_table(found, [np.nan]).columns[2:]]
+    ['0, 0, 0', '0, 0', '4.00 ± 0.10', '30.0 ± 2.0']
+    """
+    stress = "von_mises" in strain
+    names = ("no.", FREQUENCY.units, "x, y, z, mm", "s, t, mm", *["von Mises, MPa"] * stress)
+    columns = (*names, "largest extension, microstrain", "its direction from t1, deg")
+    title = f"Hot spots of the face{_some([strain])}"
+    table = Table(*columns, title=title, title_justify="left")
+    for hertz in frequencies:
+        one = _at(strain, hertz)
+        for spot, place in enumerate(hottest_places(one), start=1):
+            here = one.isel(place=place)
+            cells = [str(spot), "" if np.isnan(hertz) else f"{hertz:g}"]
+            places = (here[name].values + 0.0 for name in ("position", "coordinate"))
+            cells += [", ".join(number(1e3 * x, 4) for x in place) for place in places]
+            if stress:
+                pair = (float(here[n]) for n in ("von_mises", "von_mises_confidence"))
+                cells.append(with_bound(*(1e-6 * v for v in pair)))
+            pair = (float(here[n][0]) for n in ("principal_strain", "principal_confidence"))
+            cells.append(with_bound(*(1e6 * v for v in pair)))
+            cells.append(_direction(here))
+            table.add_row(*map(escape, cells))
+    return table
+
+
+def _direction(place: xr.Dataset) -> str:
+    """Write a direction with twice its standard error, if it is known at all."""
+    std = float(place["principal_direction_std"])
+    if 2 * std >= UNKNOWN:
+        return "any"
+    return with_bound(float(place["principal_direction"]), 2 * std)
 
 
 def gage_table(gages: xr.Dataset, frequencies: Sequence[float]) -> Table:
@@ -307,13 +355,13 @@ def truth_table(truth: xr.Dataset, frequencies: Sequence[float]) -> Table:
     return table
 
 
-def strongest(field: xr.Dataset) -> list[float]:
-    """Find the frequencies of the largest velocities in their order, or NaN if there are none."""
-    if "frequency" not in field.coords:
+def strongest(group: xr.Dataset, of: str = "velocity") -> list[float]:
+    """Find the frequencies of the largest values in their order, or NaN if there are none."""
+    if "frequency" not in group.coords:
         return [np.nan]
-    hertz = np.atleast_1d(field["frequency"].values)
-    others = [d for d in field["velocity"].dims if d != "frequency"]
-    size = np.atleast_1d((abs(field["velocity"]) ** 2).sum(others).values)
+    hertz = np.atleast_1d(group["frequency"].values)
+    others = [d for d in group[of].dims if d != "frequency"]
+    size = np.atleast_1d((abs(group[of]) ** 2).sum(others).values)
     return [float(hertz[i]) for i in np.sort(np.argsort(-size, kind="stable")[:MOST_FREQUENCIES])]
 
 

@@ -12,9 +12,12 @@ from .love import ThinShell as ThinShell
 from .material import Isotropic as Isotropic
 from .method import SurfaceReconstruction as SurfaceReconstruction
 from .outline import Outline as Outline
+from .principal import principal as principal
+from .principal import principal_std as principal_std
 from .shell import Shell as Shell
 from .spline import Spline as Spline
 from .splines import TensorSplines as TensorSplines
 from .stress import plane_stress as plane_stress
 from .stress import stress_std as stress_std
 from .stress import von_mises as von_mises
+from .stress import von_mises_std as von_mises_std

@@ -22,17 +22,19 @@ from sldvexp.field.estimate import NO_COVARIANCE
 from sldvexp.field.visibility.view import View, views_of
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
+from sldvexp.shell.around_holes import HoleFunctions
 from sldvexp.shell.calibration import CalibrationError, calibration_errors
 from sldvexp.shell.linear_form import summed
 from sldvexp.shell.love import STRAINS, ThinShell
 from sldvexp.shell.material import Isotropic
 from sldvexp.shell.method import GivenSurface, PoseTreatment, SurfaceReconstruction
 from sldvexp.shell.outline import Outline
+from sldvexp.shell.principal import PRINCIPAL
 from sldvexp.shell.refusals import require_no_crossing
 from sldvexp.shell.shell import Shell
 from sldvexp.shell.splines import TensorSplines
-from sldvexp.shell.stress import plane_stress, stress_std, von_mises
 from sldvexp.shell.surface_fit import MEMBRANE, PriorErrors, SurfaceFit, fit
+from sldvexp.shell.surface_strain import SurfaceStrain
 from sldvexp.statistics import student_factor
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 from sldvexp.volume import Coordinates, Prisms, Volume
@@ -46,6 +48,12 @@ LENGTH = 2 / 3
 
 #: Difference of coordinates, over their extent, that is none.
 SAME = 1e-9
+#: Results on the surface that have intervals of their own.
+WITH_BOUND = (
+    *("strain", "middle_strain", "back_strain", "bending_strain", "principal_strain"),
+    "von_mises",
+)
+
 #: Step of the difference by which strains are differentiated by the height, m.
 STEP = 1e-6
 
@@ -143,31 +151,31 @@ class SurfaceField:
 
     def strain(self) -> xr.Dataset:
         """Make the group ``strain``, at the nodes of the given surface."""
-        place, face = self.fit.outline.corners, self.fit.face
-        strain, variance = self._strain_at(place, face)
-        found = self._with_bounds("", strain, variance)
-        found["strain_std_by_part"] = np.sqrt(variance)
-        if self.method.of_middle:
-            for name, height in (("middle_", 0.0), ("back_", -face)):
-                found |= self._with_bounds(name, *self._strain_at(place, height))
-        if self.material is not None:
-            stress = plane_stress(strain, self.material.E, self.material.nu)
-            std = stress_std(strain, found["strain_std"], self.material)
-            found |= {"stress": stress, "stress_std": std, "von_mises": von_mises(stress)}
-        coords = {"strain_component": list(STRAINS), "part": ["real", "imaginary"]}
-        always = {"position": self.prisms.surface, "triangle": self.prisms.triangles}
+        assert self.frequency is not None
+        place, chart = self.fit.outline.corners, self.fit.outline.chart
+        results = SurfaceStrain(self.fit, self.frequency, self.material, self.method.of_middle)
+        found = results.arrays(place)
+        bounded = [n for n in found if n.endswith("_std") and n.removesuffix("_std") in WITH_BOUND]
+        for name in bounded:
+            # strain_std, middle_strain_std: confidence, middle_confidence
+            bound = f"{name.removesuffix('_std')}_confidence".replace("strain_", "")
+            found[bound] = self.factor * found[name]
+        coords = {
+            "strain_component": list(STRAINS),
+            "principal": list(PRINCIPAL),
+            "part": ["real", "imaginary"],
+            "local_axis": ["t1", "t2", "n"],
+        }
+        always = {
+            "position": self.prisms.surface,
+            "triangle": self.prisms.triangles,
+            "coordinate": place,
+            "frame": chart.frames(place),
+        }
         group = self._group("strain", coords, always=always, **found)
         notes = _vague(found["strain"], found["confidence"])
         group.attrs |= {"confidence_level": self.method.confidence, "notes": "\n".join(notes)}
         return group
-
-    def _with_bounds(
-        self, name: str, strain: ComplexArray, variance: Array
-    ) -> dict[str, NDArray[Any]]:
-        """Name strains and their bounds, of the larger part."""
-        std = np.sqrt(variance.max(axis=0))
-        bounds = {f"{name}strain_std": std, f"{name}confidence": self.factor * std}
-        return {f"{name}strain": strain, **bounds}
 
     def strain_of(
         self, rows: Array, row_at: Sequence[Callable[[ThinShell, float], Array]]
@@ -192,22 +200,6 @@ class SurfaceField:
         values, own, others = self.fit.evaluate(rows, (higher - rows) / STEP / 2)
         # (a + ib) / (i omega) = b / omega - i a / omega: the parts change places.
         return values / (1j * omega), (own + others)[::-1] / omega**2
-
-    def _strain_at(self, place: Array, height: float) -> tuple[ComplexArray, Array]:
-        """Compute strains and their variances by part: those of the velocity over i omega."""
-        assert self.frequency is not None
-        rows, higher = (
-            np.concatenate(self.fit.shell.strain(place, z)) for z in (height, height + STEP)
-        )
-        # The face lies half a thickness above the middle.
-        share = 0.0 if self.fit.face == 0 else height / self.fit.face / 2
-        values, own, others = self.fit.evaluate(rows, share * (higher - rows) / STEP)
-        omega = 2 * np.pi * self.frequency
-        shape = (len(STRAINS), len(place), len(omega))
-        strain = (values / (1j * omega)).reshape(shape)
-        # (a + ib) / (i omega) = b / omega - i a / omega: the parts change places.
-        variance = ((own + others)[::-1] / omega**2).reshape(2, *shape)
-        return np.moveaxis(strain, 0, 1), np.moveaxis(variance, 1, 2)
 
     @property
     def _hangs_from_face(self) -> bool:
@@ -474,6 +466,7 @@ def _splines(outline: Outline, method: SurfaceReconstruction, longest: float) ->
         TensorSplines.over(low, high, method.cells, 5, unit),
         TensorSplines.over(low, high, method.membrane_cells, 3, unit),
         outline.chart,
+        HoleFunctions.of(outline.holes, longest / method.cells),
     )
 
 

@@ -31,6 +31,7 @@ from functools import partial
 import numpy as np
 
 from sldvexp.lazy import scipy
+from sldvexp.shell.around_holes import NONE, HoleFunctions
 from sldvexp.shell.chart import Chart
 from sldvexp.shell.linear_form import LinearForm, differentiated, summed
 from sldvexp.shell.splines import TensorSplines
@@ -54,15 +55,23 @@ class ThinShell:
         Of u0 and of v0.
     chart : Chart
         Of the middle surface.
+    around_holes : HoleFunctions
+        What w has beside its splines.
     """
 
     bending: TensorSplines
     membrane: TensorSplines
     chart: Chart
+    around_holes: HoleFunctions = NONE
 
     @property
     def coefficients(self) -> int:
-        """Number of coefficients: those of u0, of v0, then of w."""
+        """Number of coefficients: those of u0, of v0, then of w and around the holes."""
+        return self._splines + self.around_holes.count
+
+    @property
+    def _splines(self) -> int:
+        """Number of the splines' coefficients."""
         return 2 * self.membrane.count + self.bending.count
 
     def velocity(
@@ -149,7 +158,8 @@ class ThinShell:
     def rows(self, coordinates: Array, forms: Sequence[LinearForm]) -> list[Array]:
         """Make the rows of forms, shape (point, coefficient) each."""
         n, bases = self.membrane.count, self._bases(coordinates, forms)
-        places = (slice(0, n), slice(n, 2 * n), slice(2 * n, None))
+        places = (slice(0, n), slice(n, 2 * n), slice(2 * n, self._splines))
+        singular = self._singular(coordinates, forms)
         found = []
         for form in forms:
             row = np.zeros((len(coordinates), self.coefficients))
@@ -157,6 +167,8 @@ class ThinShell:
                 of_s, of_t = bases[field, i, j]
                 both = (factor[:, None] * of_s)[:, :, None] * of_t[:, None, :]
                 row[:, places[field]] += both.reshape(len(coordinates), -1)
+                if field == 2:
+                    row[:, self._splines :] += factor[:, None] * singular[i, j]
             found.append(row)
         return found
 
@@ -172,7 +184,8 @@ class ThinShell:
         ndarray, shape (point, form, column)
         """
         bases = self._bases(coordinates, forms)
-        parts = np.split(theta, [self.membrane.count, 2 * self.membrane.count])
+        n, singular = self.membrane.count, self._singular(coordinates, forms)
+        *parts, around = np.split(theta, [n, 2 * n, self._splines])
         found = np.zeros((len(coordinates), len(forms), theta.shape[1]))
         known: dict[tuple[int, int, int], Array] = {}
         for k, form in enumerate(forms):
@@ -182,8 +195,17 @@ class ThinShell:
                     own = parts[field].reshape(of_s.shape[1], -1)
                     by_t = (of_s @ own).reshape(len(coordinates), of_t.shape[1], -1)
                     known[field, i, j] = np.matmul(of_t[:, None, :], by_t)[:, 0]
+                    if field == 2:
+                        known[field, i, j] += singular[i, j] @ around
                 found[:, k] += factor[:, None] * known[field, i, j]
         return found
+
+    def _singular(
+        self, coordinates: Array, forms: Sequence[LinearForm]
+    ) -> dict[tuple[int, int], Array]:
+        """Evaluate the functions around holes that the forms have."""
+        orders = {(i, j) for form in forms for field, i, j in form.terms if field == 2}
+        return {(i, j): self.around_holes(coordinates, i, j) for i, j in orders}
 
     def _bases(
         self, coordinates: Array, forms: Sequence[LinearForm]
@@ -201,10 +223,15 @@ class ThinShell:
         terms = {term for form in forms for term in form.terms}
         return {(f, i, j): (along(f, 0, i), along(f, 1, j)) for f, i, j in terms}
 
+    def known_precision(self) -> Array:
+        """Make the priors' precision that needs no weight, over that of w's own size."""
+        return np.diag(np.r_[np.zeros(self._splines), self.around_holes.precision])
+
     def squares(self) -> Array:
         """Integrate the squares of u0, v0 and w, as a form of the coefficients."""
         own, bending = self.membrane.penalty(0), self.bending.penalty(0)
-        return np.asarray(scipy.linalg.block_diag(own, own, bending))
+        around = np.zeros((self.around_holes.count,) * 2)
+        return np.asarray(scipy.linalg.block_diag(own, own, bending, around))
 
     def penalties(self, length: float | None) -> list[Array]:
         """Make the priors' precisions of w, and of u0 and v0 together, but for their weights.
@@ -221,7 +248,7 @@ class ThinShell:
         of_w = np.zeros((self.coefficients, self.coefficients))
         of_uv = np.zeros_like(of_w)
         n, own = self.membrane.count, self.membrane
-        of_w[2 * n :, 2 * n :] = self.bending.penalty(4)
+        of_w[2 * n : self._splines, 2 * n : self._splines] = self.bending.penalty(4)
         if length is None:
             each = own.penalty(3)
         else:

@@ -9,6 +9,7 @@ around them.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -20,7 +21,10 @@ from sldvexp.shell.height_chart import HeightChart
 from sldvexp.typing import Array, BoolArray, IntArray
 from sldvexp.volume import Prisms, Volume
 from sldvexp.volume.grid import Grid
+from sldvexp.volume.outlined import OutlinedSurface
 
+#: Volumes that know their plane or cylinder.
+KNOWN = (Grid, OutlinedSurface)
 #: Distance of a node from the fitted surface, over the surface's extent, that is still no bulge.
 BULGE = 2e-4
 #: How far, in barycentric coordinates, a place may miss a triangle and still lie in it.
@@ -68,12 +72,30 @@ class Outline:
             If the surface folds over, or has edges.
         """
         nodes = prisms.surface
-        chart = chart_of_grid(volume) if isinstance(volume, Grid) else fitted_chart(prisms, volume.margin)
+        chart = chart_of_grid(volume) if isinstance(volume, KNOWN) else fitted_chart(prisms)
         lowered = chart.lowered(given)
         coordinates, _ = lowered.place(nodes)
         margin = volume.unit.value * volume.margin
         low, high = coordinates.min(axis=0) - margin, coordinates.max(axis=0) + margin
         return cls(lowered, given, coordinates, prisms.triangles, low, high, margin)
+
+    @cached_property
+    def holes(self) -> list[tuple[Array, float]]:
+        """Middles, shape (2,), m, and mean radii, m, of the holes; none with a margin.
+
+        A hole whose middle belongs to the structure, as that of a curved slot may, is left out.
+        """
+        if self.margin > 0:
+            return []
+        loops = [self.corners[loop] for loop in rims(self.triangles)]
+        middles, areas = zip(*(_middle_and_area(loop) for loop in loops), strict=True)
+        outer = int(np.argmax(areas))
+        held = self.holds(np.array(middles))
+        return [
+            (middle, float(np.sqrt(area / np.pi)))
+            for i, (middle, area) in enumerate(zip(middles, areas, strict=True))
+            if i != outer and not held[i]
+        ]
 
     def holds(self, coordinates: Array) -> BoolArray:
         """Tell which places belong to the structure, shape (place,)."""
@@ -94,21 +116,47 @@ class Outline:
         return found
 
 
-def chart_of_grid(grid: Grid) -> CylinderChart:
-    """Take the coordinates of a grid, whose own x is the arc."""
+def rims(triangles: IntArray) -> list[IntArray]:
+    """Follow the edges that only one triangle has, around each rim; nodes in their order.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> [loop.tolist() for loop in rims(np.array([[0, 1, 2], [0, 2, 3]]))]
+    [[0, 1, 2, 3]]
+    """
+    start, end = triangles.ravel().tolist(), np.roll(triangles, -1, axis=1).ravel().tolist()
+    edges = set(zip(start, end, strict=True))
+    following = {a: b for a, b in edges if (b, a) not in edges}
+    loops = []
+    for first in sorted(following):
+        loop, node = [], first
+        while node in following:
+            loop.append(node)
+            node = following.pop(node)
+        if loop:
+            loops.append(np.array(loop))
+    return loops
+
+
+def _middle_and_area(loop: Array) -> tuple[Array, float]:
+    """Compute the centroid and the area of a polygon, shape (corner, 2)."""
+    (x, y), (u, v) = loop.T, np.roll(loop, -1, axis=0).T
+    cross = x * v - u * y
+    area = cross.sum() / 2
+    return np.array([((x + u) * cross).sum(), ((y + v) * cross).sum()]) / (6 * area), abs(area)
+
+
+def chart_of_grid(grid: Grid | OutlinedSurface) -> CylinderChart:
+    """Take the coordinates of a surface whose own x is the arc."""
     unit = grid.unit.value
     axes = rotation_from_euler(grid.euler)
     curvature = 0.0 if grid.radius is None else 1 / (unit * grid.radius)
     return CylinderChart(unit * np.array(grid.center, float), axes, curvature)
 
 
-def fitted_chart(prisms: Prisms, margin: float = 0.0) -> Chart:
+def fitted_chart(prisms: Prisms) -> Chart:
     """Fit a plane to the nodes of the given surface, or a cylinder, or else a height over a plane.
-
-    Parameters
-    ----------
-    margin : float, m
-        How far the structure goes on beyond the nodes.
 
     Raises
     ------
@@ -126,7 +174,7 @@ def fitted_chart(prisms: Prisms, margin: float = 0.0) -> Chart:
     best = min(
         (_cylinder(nodes, middle, normal, along[i]) for i in (0, 1)), key=lambda found: found[1]
     )
-    return best[0] if best[1] <= BULGE * extent else HeightChart.fitted(prisms, margin)
+    return best[0] if best[1] <= BULGE * extent else HeightChart.fitted(prisms)
 
 
 def _cylinder(

@@ -172,6 +172,9 @@ class SurfaceFit:
     nuisances : Nuisances
     at : ndarray, shape (error,)
         Errors that the equations are taken at.
+    errors : PriorErrors
+        What was known of them before the fit.
+    laser : TwoMirror
     calibration : slice
         Errors that are the calibration's.
     """
@@ -186,6 +189,8 @@ class SurfaceFit:
     solved: list[Array]
     nuisances: Nuisances
     at: Array
+    errors: PriorErrors
+    laser: TwoMirror
     calibration: slice
 
     @cached_property
@@ -339,14 +344,13 @@ class _Equations:
             for p, pose in zip(self.pixels, np.reshape(poses, (-1, POSE)), strict=True)
         ]
         weight, data = 1 / self.measured.pixel_std, self.columns.data
-        normal = np.zeros((self.shell.coefficients,) * 2)
+        size = np.sqrt(np.mean((data[:, 0] * self.measured.pixel_std) ** 2))
+        normal = (self.shell.known_precision() + self.shell.squares() / LARGEST**2) / size**2
         right = np.zeros((self.shell.coefficients, data.shape[1]))
         for _, some, block in blocks(moved):
             design = block.design(self.shell, face) * weight[some, None]
             normal += design.T @ design
             right += design.T @ data[some]
-        size = np.sqrt(np.mean((data[:, 0] * self.measured.pixel_std) ** 2))
-        normal += self.shell.squares() / (LARGEST * size) ** 2
         posterior = WeightedFit.of(
             normal,
             right,
@@ -367,6 +371,8 @@ class _Equations:
             solved,
             nuisances,
             at,
+            self.errors,
+            self.laser,
             self.errors.own,
         )
 

@@ -3,7 +3,7 @@
 The plate's motion is a sum of damped modes in closed form (`sldvexp.virtual_lab.modes`), so that
 velocity and strain are known exactly at every point of the measured surface. That surface is flat
 or a part of a cylinder: a `PlateSurface` tells where it is, how it is turned and where beams meet
-it.
+it. Other plates extend `AnyPlate`, other scenes of them `VibratingScene`.
 """
 
 from __future__ import annotations
@@ -22,11 +22,21 @@ from sldvexp.errors import Checks
 from sldvexp.geometry import rotation_from_euler
 from sldvexp.lazy import xarray as xr
 from sldvexp.targets import Circles, Target
-from sldvexp.typing import Array, BoolArray, ComplexArray
+from sldvexp.typing import Array, ComplexArray
 from sldvexp.units import LengthUnit
+from sldvexp.virtual_lab.attached import TERMS, LoadedModes, LoadedPlate, PointMass, Rib
 from sldvexp.virtual_lab.beam import Beams, SceneObject
 from sldvexp.virtual_lab.calibration_scene import CalibrationScene
-from sldvexp.virtual_lab.modes import EdgeSupport, Mode, Modes
+from sldvexp.virtual_lab.modes import (
+    KAPPA,
+    Coupling,
+    Direction,
+    EdgeSupport,
+    Mode,
+    RectangularPlate,
+)
+from sldvexp.virtual_lab.motion import DampedModes, Sheet
+from sldvexp.virtual_lab.surface import CylinderSurface, FlatSurface, PlateSurface
 
 
 @dataclass
@@ -55,8 +65,8 @@ class Hole:
 
 
 @dataclass
-class Plate:
-    """A rectangular thin plate, flat or bent to a cylinder about its own y axis.
+class AnyPlate(ABC):
+    """A thin plate or panel of any outline, held somewhere in the world.
 
     The plate's own axes stand at the center of its middle surface, z along its normal.
 
@@ -68,41 +78,152 @@ class Plate:
         Where the center stands in the world.
     euler : list of 3 float, rad
         phi1, phi2, phi3 in the x-convention, world to plate.
-    size : list of 2 float
-        Sides along its own x (the arc, if it is curved) and y.
     thickness : float
         The beam sees the surface half of this above the middle surface.
-    radius : float, optional
-        Of the middle surface's curvature; positive if the normal points away from the axis of
-        the cylinder, negative towards it. Without it the plate is flat.
-    edges : EdgeSupport
-        How they are held; decides the shapes of bending.
-    modes : dict of str to Mode
-    holes : dict of str to Hole
-        Cut out of the whole plate, whose modes they do not change.
+    E : float, Pa
+        Natural frequencies need it and the next two.
+    nu : float
+    rho : float, kg/m^3
     """
 
     unit: LengthUnit = LengthUnit.m
     center: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     euler: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    size: list[float] = field(default_factory=lambda: [0.3, 0.25])
     thickness: float = 0.003
-    radius: float | None = None
-    edges: EdgeSupport = EdgeSupport.supported
-    modes: dict[str, Mode] = field(default_factory=dict)
-    holes: dict[str, Hole] = field(default_factory=dict)
+    E: float = 70.0e9
+    nu: float = 0.33
+    rho: float = 2700.0
+
+    @property
+    def sheet(self) -> Sheet:
+        """What it is made of, in SI units."""
+        return Sheet(self.E, self.nu, self.rho, self.unit.value * self.thickness)
+
+    @property
+    @abstractmethod
+    def mode_names(self) -> tuple[str, ...]:
+        """Names of its modes."""
+
+    @abstractmethod
+    def surface(self) -> PlateSurface:
+        """Make the measured surface."""
+
+    @abstractmethod
+    def vibration(self) -> DampedModes:
+        """Make the modes, on the coordinates of the surface."""
 
     def check(self, checks: Checks, name: str) -> None:
         """Note under `name` what no plate can be."""
-        known = len(checks.problems)
-        for key, count in (("center", 3), ("euler", 3), ("size", 2)):
+        for key in ("center", "euler"):
             values = getattr(self, key)
-            message = f"must be {count} numbers, not {len(values)}"
-            checks.require(len(values) == count, f"{name}.{key}", message)
+            checks.require(
+                len(values) == 3, f"{name}.{key}", f"must be 3 numbers, not {len(values)}"
+            )
             checks.finite(f"{name}.{key}", *values)
+        checks.non_negative(f"{name}.thickness", self.thickness)
+        for key in ("E", "rho"):
+            checks.positive(f"{name}.{key}", getattr(self, key))
+        message = f"must lie between -1 and 0.5, not {self.nu}"
+        checks.require(-1 < self.nu < 0.5, f"{name}.nu", message)
+
+
+@dataclass
+class Plate(AnyPlate):
+    """A rectangular thin plate, flat or bent to a cylinder about its own y axis.
+
+    Parameters
+    ----------
+    size : list of 2 float
+        Sides along its own x (the arc, if it is curved) and y.
+    radius : float, optional
+        Of the middle surface's curvature; positive if the normal points away from the axis of
+        the cylinder, negative towards it. Without it the plate is flat.
+    edges : EdgeSupport
+        How they are held; decides the shapes of bending.
+    coupling : Coupling
+        How the middle surface of a curved panel moves along itself while it bends.
+    shear : bool
+        Whether normals turn by less than the slope in bending (Mindlin): by the part
+        ``1 / (1 + D k^2 / (5/6 G h))`` of it, k the mode's wave number.
+    shear_share : float, optional
+        Instead: the part of the slope that shear takes of the mode of one half wave along each
+        side.
+    modes : dict of str to Mode
+    holes : dict of str to Hole
+        Cut out of the whole plate, whose modes they do not change.
+    masses : dict of str to PointMass
+        On a flat, supported plate. A mode's half waves then tell its place in the order of natural
+        frequencies, that which it had without the masses and ribs.
+    ribs : dict of str to Rib
+        On the same.
+    """
+
+    size: list[float] = field(default_factory=lambda: [0.3, 0.25])
+    radius: float | None = None
+    edges: EdgeSupport = EdgeSupport.supported
+    coupling: Coupling = Coupling.none
+    shear: bool = False
+    shear_share: float | None = None
+    modes: dict[str, Mode] = field(default_factory=dict)
+    holes: dict[str, Hole] = field(default_factory=dict)
+    masses: dict[str, PointMass] = field(default_factory=dict)
+    ribs: dict[str, Rib] = field(default_factory=dict)
+
+    @property
+    def mode_names(self) -> tuple[str, ...]:
+        """See `AnyPlate`."""
+        return tuple(self.modes)
+
+    def surface(self) -> PlateSurface:
+        """See `AnyPlate`."""
+        unit = self.unit.value
+        size, height = unit * np.array(self.size), unit * self.thickness / 2
+        middles = [np.array(hole.center) for hole in self.holes.values()]
+        halves = [np.array(hole.size) / 2 for hole in self.holes.values()]
+        limits = [[m - h, m + h] for m, h in zip(middles, halves, strict=True)]
+        holes = unit * np.array(limits).reshape(-1, 2, 2) + size / 2
+        if self.radius is None:
+            return FlatSurface(size, height, holes)
+        return CylinderSurface(size, height, holes, unit * self.radius)
+
+    def vibration(self) -> DampedModes:
+        """See `AnyPlate`."""
+        unit, sheet = self.unit.value, self.sheet
+        a, b = unit * np.array(self.size)
+        shear = sheet.bending / (KAPPA * sheet.shearing) if self.shear else 0.0
+        if self.shear and self.shear_share is not None:
+            shear = self.shear_share / (1 - self.shear_share) / (math.pi**2 * (a**-2 + b**-2))
+        curvature = 0.0 if self.radius is None else 1 / (unit * self.radius)
+        whole = RectangularPlate((a, b), self.edges, sheet, curvature, self.coupling, shear)
+        bare = whole.modes(self.modes.values())
+        if not (self.masses or self.ribs):
+            return bare
+        return LoadedModes.built(list(self.modes.values()), bare, self._loaded((a, b)))
+
+    def _loaded(self, size: tuple[float, float]) -> LoadedPlate:
+        """Describe what is attached, in SI units and coordinates from one corner."""
+        unit = self.unit.value
+        masses = []
+        for m in self.masses.values():
+            x, y = (unit * c + side / 2 for c, side in zip(m.center, size, strict=True))
+            masses.append((x, y, m.mass))
+        ribs = []
+        for rib in self.ribs.values():
+            across = unit * rib.offset + size[1 - rib.along.value] / 2
+            width, height, plate = (unit * x for x in (rib.width, rib.height, self.thickness))
+            bending = self.E * width * (height**3 - plate**3) / 12
+            ribs.append((rib.along.value, across, bending, self.rho * width * (height - plate)))
+        return LoadedPlate(size, self.sheet, tuple(masses), tuple(ribs))
+
+    def check(self, checks: Checks, name: str) -> None:
+        """See `AnyPlate`."""
+        known = len(checks.problems)
+        super().check(checks, name)
+        message = f"must be 2 numbers, not {len(self.size)}"
+        checks.require(len(self.size) == 2, f"{name}.size", message)
+        checks.finite(f"{name}.size", *self.size)
         for side in self.size:
             checks.positive(f"{name}.size", side)
-        checks.non_negative(f"{name}.thickness", self.thickness)
         checks.require(bool(self.modes), f"{name}.modes", "give at least one mode")
         for mode_name, mode in self.modes.items():
             mode.check(checks, f"{name}.modes.{mode_name}", self.edges)
@@ -110,6 +231,11 @@ class Plate:
             hole.check(checks, f"{name}.holes.{hole_name}")
         if self.radius is not None and len(checks.problems) == known:
             self._check_radius(checks, f"{name}.radius", self.radius)
+        self._check_coupling(checks, f"{name}.coupling")
+        self._check_shear(checks, name)
+        if self.masses or self.ribs:
+            self._check_attached(checks, name)
+        self._check_natural(checks, name)
 
     def _check_radius(self, checks: Checks, name: str, radius: float) -> None:
         least = max(self.thickness / 2, self.size[0] / (2 * math.pi))
@@ -120,64 +246,51 @@ class Plate:
             f"close to a tube or its surface vanish, not {radius}",
         )
 
+    def _check_coupling(self, checks: Checks, name: str) -> None:
+        """Refuse coupling where nothing couples, or where no closed form is known."""
+        if self.coupling is Coupling.none:
+            return
+        message = f"{self.coupling.name} needs a curved panel: give radius, or choose none"
+        checks.require(self.radius is not None, name, message)
+        message = f"{self.coupling.name} is exact on supported edges alone, not on free ones"
+        checks.require(self.edges is EdgeSupport.supported, name, message)
 
-@dataclass(frozen=True, eq=False)
-class PlateSurface(ABC):
-    """Upper surface of a plate in the plate's own axes, by coordinates of its middle surface.
+    def _check_shear(self, checks: Checks, name: str) -> None:
+        if self.shear_share is None:
+            return
+        message = f"must be from 0 to below 1, as 0.02, not {self.shear_share}"
+        checks.require(0 <= self.shear_share < 1, f"{name}.shear_share", message)
+        checks.require(self.shear, f"{name}.shear_share", "needs shear: true")
 
-    Parameters
-    ----------
-    size : ndarray, shape (2,), m
-        Coordinates (s, t) run from 0 to these.
-    height : float, m
-        Of the upper surface above the middle one, along the normal.
-    holes : ndarray, shape (hole, 2, 2), m
-        Lowest and highest coordinates of each.
-    """
+    def _check_attached(self, checks: Checks, name: str) -> None:
+        """Refuse masses and ribs on what the sum of sines does not describe."""
+        key = "masses" if self.masses else "ribs"
+        plain = self.radius is None and self.edges is EdgeSupport.supported and not self.shear
+        message = "need a flat plate on supported edges without shear"
+        checks.require(plain, f"{name}.{key}", message)
+        checks.require(self.thickness > 0, f"{name}.{key}", "need a plate with a thickness")
+        for mass_name, mass in self.masses.items():
+            mass.check(checks, f"{name}.masses.{mass_name}", self.size)
+        for rib_name, rib in self.ribs.items():
+            rib.check(checks, f"{name}.ribs.{rib_name}", self.size, self.thickness)
+        for mode_name, mode in self.modes.items():
+            where = f"{name}.modes.{mode_name}"
+            message = f"must have at most {TERMS // 4} half waves along each side beside {key}"
+            few = mode.direction is not Direction.normal or max(mode.x, mode.y) <= TERMS // 4
+            checks.require(few, where, message)
+            checks.require(not mode.membrane, f"{where}.membrane", f"does not go with {key}")
 
-    size: Array
-    height: float
-    holes: Array
-
-    @property
-    @abstractmethod
-    def curvature(self) -> float:
-        """Of the middle surface along s, 1/m; positive if the normal points away from the axis."""
-
-    @abstractmethod
-    def meet(self, origin: Array, direction: Array) -> tuple[Array, Array]:
-        """Find where each beam first meets the upper surface.
-
-        Parameters
-        ----------
-        origin, direction : ndarray, shape (beam, 3)
-
-        Returns
-        -------
-        distance : ndarray, shape (beam,), m
-            Infinite where the beam misses.
-        coordinates : ndarray, shape (beam, 2), m
-            0 where the beam misses.
-        """
-
-    @abstractmethod
-    def coordinates(self, points: Array) -> Array:
-        """Find the nearest places, shape (..., 2), m; beyond `size` for points beside."""
-
-    @abstractmethod
-    def frame(self, coordinates: Array) -> Array:
-        """Compute unit rows along s, along t and along the normal, shape (..., 3, 3)."""
-
-    @abstractmethod
-    def position(self, coordinates: Array) -> Array:
-        """Compute places on the upper surface, shape (..., 3), m."""
-
-    def inside(self, coordinates: Array) -> BoolArray:
-        """Tell whether coordinates are on the plate, shape (...)."""
-        on_it = np.all((coordinates >= 0) & (coordinates <= self.size), axis=-1)
-        for low, high in self.holes:
-            on_it &= ~np.all((coordinates > low) & (coordinates < high), axis=-1)
-        return on_it
+    def _check_natural(self, checks: Checks, name: str) -> None:
+        """Refuse natural frequencies of what has no stiffness, or whose stiffness is not known."""
+        unknown = [key for key, mode in self.modes.items() if mode.frequency is None]
+        if not unknown:
+            return
+        where = f"{name}.modes.{unknown[0]}.frequency"
+        message = "must be given, because a plate of no thickness has no natural frequency"
+        checks.require(self.thickness > 0, where, message)
+        stiff = self.radius is None or self.coupling is Coupling.donnell
+        message = "must be given for a curved panel, or coupling: donnell, which knows it"
+        checks.require(stiff, where, message)
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +300,7 @@ class VibratingPlate(SceneObject):
     Parameters
     ----------
     surface : PlateSurface
-    modes : Modes
+    modes : DampedModes
     mode_names : tuple of str
     rotation : ndarray, shape (3, 3)
         World to the plate's own axes.
@@ -195,29 +308,20 @@ class VibratingPlate(SceneObject):
     """
 
     surface: PlateSurface
-    modes: Modes
+    modes: DampedModes
     mode_names: tuple[str, ...]
     rotation: Array
     center: Array
 
     @classmethod
-    def built(cls, plate: Plate) -> VibratingPlate:
+    def built(cls, plate: AnyPlate) -> VibratingPlate:
         """Make the plate of a configuration."""
-        unit = plate.unit.value
-        size, height = unit * np.array(plate.size), unit * plate.thickness / 2
-        middles = [np.array(hole.center) for hole in plate.holes.values()]
-        halves = [np.array(hole.size) / 2 for hole in plate.holes.values()]
-        limits = [[m - h, m + h] for m, h in zip(middles, halves, strict=True)]
-        holes = unit * np.array(limits).reshape(-1, 2, 2) + size / 2
-        surface: PlateSurface = FlatSurface(size, height, holes)
-        if plate.radius is not None:
-            surface = CylinderSurface(size, height, holes, unit * plate.radius)
         return cls(
-            surface=surface,
-            modes=Modes.built(plate.modes.values(), size, plate.edges),
-            mode_names=tuple(plate.modes),
+            surface=plate.surface(),
+            modes=plate.vibration(),
+            mode_names=plate.mode_names,
             rotation=rotation_from_euler(plate.euler),
-            center=unit * np.array(plate.center),
+            center=plate.unit.value * np.array(plate.center),
         )
 
     def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:
@@ -318,107 +422,13 @@ class VibratingPlate(SceneObject):
         return self.modes.response(np.array([frequency]))[:, 0]
 
 
-class FlatSurface(PlateSurface):
-    """A plane at z = height in the plate's axes."""
-
-    @property
-    def curvature(self) -> float:
-        """None."""
-        return 0.0
-
-    def meet(self, origin: Array, direction: Array) -> tuple[Array, Array]:
-        """See `PlateSurface`."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            distance = (self.height - origin[:, 2]) / direction[:, 2]
-            coordinates = self.coordinates(origin + distance[:, None] * direction)
-            hits = self.inside(coordinates) & (distance > 0)
-        return np.where(hits, distance, np.inf), np.where(hits[:, None], coordinates, 0.0)
-
-    def coordinates(self, points: Array) -> Array:
-        """See `PlateSurface`."""
-        return points[..., :2] + self.size / 2
-
-    def frame(self, coordinates: Array) -> Array:
-        """See `PlateSurface`."""
-        return np.broadcast_to(np.eye(3), (*coordinates.shape[:-1], 3, 3))
-
-    def position(self, coordinates: Array) -> Array:
-        """See `PlateSurface`."""
-        xy = coordinates - self.size / 2
-        return np.concatenate([xy, np.full_like(xy[..., :1], self.height)], axis=-1)
-
-
-@dataclass(frozen=True, eq=False)
-class CylinderSurface(PlateSurface):
-    """A cylinder about the line x = 0, z = -radius; s is the middle surface's arc.
-
-    Parameters
-    ----------
-    radius : float, m
-        Of the middle surface; negative where the normal points towards the axis.
-    """
-
-    radius: float
-
-    @property
-    def curvature(self) -> float:
-        """1 / radius."""
-        return 1.0 / self.radius
-
-    def meet(self, origin: Array, direction: Array) -> tuple[Array, Array]:
-        """Find where each beam first meets the upper surface."""
-        ox, oz = origin[:, 0], origin[:, 2] + self.radius
-        dx, dz = direction[:, 0], direction[:, 2]
-        a, b = dx**2 + dz**2, ox * dx + oz * dz
-        c = ox**2 + oz**2 - (self.radius + self.height) ** 2
-        distance = np.full(len(origin), np.inf)
-        coordinates = np.zeros((len(origin), 2))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            root = np.sqrt(b**2 - a * c)
-            for crossing in ((-b + root) / a, (-b - root) / a):  # the nearer one last: it stays
-                place = self.coordinates(origin + crossing[:, None] * direction)
-                hits = self.inside(place) & (crossing > 0)
-                distance = np.where(hits, crossing, distance)
-                coordinates = np.where(hits[:, None], place, coordinates)
-        return distance, coordinates
-
-    def coordinates(self, points: Array) -> Array:
-        """See `PlateSurface`."""
-        reach = self.radius + self.height
-        angle = np.arctan2(points[..., 0] / reach, (points[..., 2] + self.radius) / reach)
-        return np.stack([self.radius * angle, points[..., 1]], axis=-1) + self.size / 2
-
-    def frame(self, coordinates: Array) -> Array:
-        """See `PlateSurface`."""
-        sine, cosine = self._turn(coordinates)
-        zero, one = np.zeros_like(sine), np.ones_like(sine)
-        rows = [[cosine, zero, -sine], [zero, one, zero], [sine, zero, cosine]]
-        return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-    def position(self, coordinates: Array) -> Array:
-        """See `PlateSurface`."""
-        sine, cosine = self._turn(coordinates)
-        reach = self.radius + self.height
-        y = coordinates[..., 1] - self.size[1] / 2
-        return np.stack([reach * sine, y, reach * cosine - self.radius], axis=-1)
-
-    def _turn(self, coordinates: Array) -> tuple[Array, Array]:
-        """Compute sine and cosine of the angle from the panel's center."""
-        angle = (coordinates[..., 0] - self.size[0] / 2) / self.radius
-        return np.sin(angle), np.cos(angle)
-
-
-@register("scene", "plate")
-@dataclass
-class PlateScene(CalibrationScene):
+class VibratingScene(CalibrationScene):
     """A vibrating plate; beside it the calibration object, if `target` has circles.
 
-    Parameters
-    ----------
-    plate : Plate
+    Scenes that extend it say what the plate is.
     """
 
-    plate: Plate = field(default_factory=Plate)
+    plate: AnyPlate
 
     def check(self, checks: Checks) -> None:
         """Note what is wrong with the plate, the speakers and washers."""
@@ -428,7 +438,7 @@ class PlateScene(CalibrationScene):
     @property
     def mode_names(self) -> list[str]:
         """Names of the plate's modes."""
-        return list(self.plate.modes)
+        return list(self.plate.mode_names)
 
     def objects(self, target: Target | None, rng: np.random.Generator) -> list[SceneObject]:
         """List the plate, and the calibration object if there is one."""
@@ -436,8 +446,21 @@ class PlateScene(CalibrationScene):
         return [*objects, VibratingPlate.built(self.plate)]
 
 
+@register("scene", "plate")
+@dataclass
+class PlateScene(VibratingScene):
+    """A vibrating rectangular plate; beside it the calibration object, if `target` has circles.
+
+    Parameters
+    ----------
+    plate : Plate
+    """
+
+    plate: Plate = field(default_factory=Plate)
+
+
 def truth_to_dataset(
-    scene: PlateScene,
+    scene: VibratingScene,
     points: Array,
     frequency: ArrayLike,
     amplitude: float,

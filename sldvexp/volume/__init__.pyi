@@ -5,6 +5,8 @@ from .base import Volume as Volume
 from .grid import Diagonals as Diagonals
 from .grid import Grid as Grid
 from .mesh import MeshFile as MeshFile
+from .outlined import Contour as Contour
+from .outlined import OutlinedSurface as OutlinedSurface
 from .points import PointSurface as PointSurface
 from .samples import Prisms as Prisms
 from .samples import SampleRule as SampleRule

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
+
+from sldvexp.errors import UserError
 
 
 @pytest.mark.parametrize(
@@ -52,3 +56,29 @@ def test_bare_off_in_a_file_is_told_from_a_word(sldvexp, tmp_path):
 def test_refused_entry(sldvexp, entries, told):
     done = sldvexp("~experiment", "target=fiducials", f"target.fiducials={entries}")
     assert (done.status, done.err) == (1, f"sldvexp: command line: target.fiducials{told}\n")
+
+
+@pytest.mark.parametrize("name", ["sweep.nc", "run.nc", "x.nc"])
+def test_report_of_a_pipe_says_that_it_is_none_of_a_file(sldvexp, tmp_path, name):
+    (tmp_path / "x").mkdir()
+    os.mkfifo(tmp_path / "x" / name)
+    said = f"sldvexp: {tmp_path}/x/{name}: is a device or a pipe; a file is needed\n"
+    assert sldvexp("report", f"{tmp_path}/x/{name}").err == said
+    if name != "x.nc":
+        assert sldvexp("report", f"{tmp_path}/x").err == said
+
+
+@pytest.mark.parametrize("more", [(), ("-m", "seed=1,2")])
+@pytest.mark.parametrize("fault", [UserError("lab/x.yaml: is gone"), OSError("is gone")])
+def test_fault_among_tables_is_a_warning_and_no_job_ends_by_it(sldvexp, monkeypatch, more, fault):
+    def stumble(*_):
+        raise fault
+        yield ""
+
+    monkeypatch.setattr("sldvexp.config.mixed_tables.mixed_tables", stumble)
+    done = sldvexp("~experiment", "target=dissertation", "report=none", *more)
+    assert done.status == 0, done.err
+    said = "it is not known which entries of tables come from an example: "
+    assert said in done.err + done.out
+    assert "is gone\n" in done.err + done.out
+    assert "Traceback" not in done.err + done.out

@@ -246,3 +246,150 @@ def test_words_that_look_like_no_unit_are_none():
     assert unit_in("Richtung X", "") is None
     assert unit_in("v_m", "velocity") is None
     assert unit_in("x_m", "displacement").factor == 1.0
+
+
+#: Names of arrays in a file, and how large 4 of the file are in m/s peak.
+NAMES = {
+    "v_rms": 4 * 2**0.5,
+    "v_pp": 2.0,
+    "data.v_mm_s": 4e-3,
+    "data.v_rms": 4 * 2**0.5,
+    "data.v_mm_s_rms": 4e-3 * 2**0.5,
+    "data.V.mm_s": 4e-3,
+    "data.V.rms": 4 * 2**0.5,
+    "messung_s.v_mm_s": 4e-3,
+    "scan_m.v": 4.0,
+}
+
+
+def write_fields(path, arrays):
+    """Write arrays by names of fields, as ``data.v`` of a struct."""
+    tree = {}
+    for name, values in arrays.items():
+        *structs, last = name.split(".")
+        place = tree
+        for struct in structs:
+            place = place.setdefault(struct, {})
+        place[last] = values
+    scipy.io.savemat(path, tree)
+    return str(path)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_names_of_fields_state_units_and_measures_as_others_do(tmp_path, name):
+    arrays = {"direction_cosines": DIRECTIONS, name: np.full((3, 1), 4.0)}
+    path = write_fields(tmp_path / "mine.mat", arrays)
+    group = File(path=path, mapping={name: "velocity"}).read()
+    np.testing.assert_allclose(group["velocity"], NAMES[name], rtol=1e-14)
+
+
+@pytest.mark.parametrize("struct", ["scan_mm_s", "mm_s", "scan_rms"])
+@pytest.mark.parametrize("name", ["velocity", "v"])
+def test_unit_in_the_name_of_a_struct_is_asked_about(tmp_path, struct, name):
+    arrays = {"direction_cosines": DIRECTIONS, name: np.full((3, 1), 4.0)}
+    path = write_fields(tmp_path / "mine.mat", {f"{struct}.{k}": v for k, v in arrays.items()})
+    mapping = {} if name == "velocity" else {f"{struct}.v": "velocity"}
+    if mapping:
+        mapping[f"{struct}.direction_cosines"] = "direction_cosines"
+    said = f"the name of {struct} may state .*; say it with both instrument.unit and instrument.am"
+    with pytest.raises(UserError, match=said):
+        File(path=path, mapping=mapping).read()
+    answers = {"unit": VelocityUnit.mm_per_s, "amplitude": Amplitude.rms}
+    group = File(path=path, mapping=mapping, **answers).read()
+    np.testing.assert_allclose(group["velocity"], 4e-3 * 2**0.5, rtol=1e-14)
+
+
+def test_measure_without_a_unit_is_heeded_and_may_not_be_contradicted(read):
+    headings = values("{} (rms)")
+    group = read(headings, unit=VelocityUnit.mm_per_s)
+    np.testing.assert_allclose(group["velocity"], 2**0.5 * 1e-3 * (2 + 3j), rtol=1e-14)
+    np.testing.assert_allclose(group["velocity_std"], 2**0.5 * 0.5e-3, rtol=1e-14)
+    with pytest.raises(UserError, match=r"states rms, .*instrument.amplitude=peak; they must"):
+        read(headings, amplitude=Amplitude.peak)
+    with pytest.raises(UserError, match="must state the same unit"):
+        read({"real": "Re (rms)", "imag": "Im", "std": "s"})
+
+
+def of_places(tmp_path, suffix, unit):
+    """Write two points 1 and 2 of a unit from the origin, whose unit the file states."""
+    path = tmp_path / f"mine.{suffix}"
+    if suffix == "csv":
+        rows = [
+            f"{v},{p},{','.join(map(str, d))},1,{x},0,0"
+            for v, d in enumerate(DIRECTIONS)
+            for p, x in (("a", 1), ("b", 2))
+        ]
+        head = f"view,point,dx,dy,dz,real,x_{unit},y_{unit},z_{unit}"
+        path.write_text("\n".join([head, *rows]))
+        return str(path)
+    place = np.array([[1.0, 0, 0], [2.0, 0, 0]])
+    arrays = {
+        "direction_cosines": (("view", "point", "axis"), np.stack([DIRECTIONS] * 2, axis=1)),
+        "velocity": (("view", "point"), np.ones((3, 2))),
+    }
+    if suffix == "nc":
+        arrays["position"] = (("point", "axis"), place, {"units": unit})
+    else:
+        arrays |= {c: ("point", place[:, i], {"units": unit}) for i, c in enumerate("xyz")}
+    xr.Dataset(arrays).to_netcdf(path, engine="netcdf4")
+    return str(path)
+
+
+@pytest.mark.parametrize("suffix", ["nc", "xyz.nc", "csv"])
+def test_unit_of_lengths_that_contradicts_the_file_is_refused(tmp_path, suffix):
+    path = of_places(tmp_path, suffix, "mm")
+    for settings in ({}, {"length_unit": LengthUnit.mm}):
+        group = File(path=path, **settings).read()
+        np.testing.assert_allclose(group["position"][:, 0], [1e-3, 2e-3], rtol=1e-14)
+    for unit in (LengthUnit.m, LengthUnit.inch):
+        with pytest.raises(UserError, match=f"mm.*instrument.length_unit={unit.name}; they must"):
+            File(path=path, length_unit=unit).read()
+
+
+def test_coordinates_in_several_units_are_refused(tmp_path):
+    path = of_places(tmp_path, "xyz.nc", "mm")
+    with xr.open_dataset(path) as data:
+        data = data.load()
+    data["z"].attrs["units"] = "m"
+    data.to_netcdf(path, engine="netcdf4")
+    with pytest.raises(UserError, match="x, y and z are in mm, mm, m; they must be in the same"):
+        File(path=path).read()
+
+
+@pytest.mark.parametrize(
+    ("units", "settings", "factor"),
+    [
+        ("mm/s rms", {}, 2**0.5 * 1e-3),
+        ("mm s-1", {"amplitude": Amplitude.rms}, 2**0.5 * 1e-3),
+        ("cm/s p-p", {}, 0.5e-2),
+        ("mm_per_s", {}, 1e-3),
+        ("EU", {"unit": VelocityUnit.mm_per_s, "amplitude": Amplitude.rms}, 2**0.5 * 1e-3),
+    ],
+)
+def test_attribute_states_the_measure_too_or_settings_answer(tmp_path, units, settings, factor):
+    path = array_with_units(tmp_path, "velocity", units)
+    group = File(path=str(path), **settings).read()
+    np.testing.assert_allclose(group["velocity"], 4 * factor, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("name", "units", "settings", "said"),
+    [
+        ("velocity", "EU", {"unit": VelocityUnit.m_per_s}, "both instrument.unit and instrument.a"),
+        ("velocity", "m/s²", {}, "is none of a velocity; correct its attribute"),
+        ("velocity", "mm/s rms", {"amplitude": Amplitude.peak}, "instrument.amplitude=peak; they"),
+        ("v_mm_s_rms", "mm/s pk", {}, "the name of an array and its attribute units contradict"),
+    ],
+)
+def test_attribute_that_is_not_understood_is_asked_about(tmp_path, name, units, settings, said):
+    path = array_with_units(tmp_path, name, units)
+    with pytest.raises(UserError, match=said):
+        File(path=str(path), mapping=mapping_of(name), **settings).read()
+
+
+def test_measure_of_standard_errors_that_is_not_that_of_velocities_is_refused(tmp_path):
+    settings = spectra(tmp_path, "frequency", "Hz", "m/s rms")
+    with pytest.raises(UserError, match=r"velocity_std is in m/s rms, velocity in m/s; they must"):
+        File(**settings).read()
+    group = File(**settings, amplitude=Amplitude.rms).read()
+    np.testing.assert_allclose(group["velocity_std"], 0.4 * 2**0.5, rtol=1e-14)

@@ -107,7 +107,7 @@ def test_several_frequencies_in_rows(read):
     right(read(text, frequency=[200.0]), both[:, 1:], frequency=[200])
     with pytest.raises(UserError, match="is not at 150 Hz; the nearest is"):
         read(text, frequency=[150.0])
-    with pytest.raises(UserError, match=r"line 2: there is no row for point \d at \d00 Hz"):
+    with pytest.raises(UserError, match=r"line 2 and 1 more: there is no row for point \d at"):
         read(head + rows(*(c[order][1:] for c in columns)))
     with pytest.raises(UserError, match=r"line 10: point 1 at 100 Hz is given twice"):
         read(text + rows(*(c[:1] for c in columns)))
@@ -310,7 +310,7 @@ REFUSED = {
     "decibels": (TABLES["english"].replace("[m/s]", "[dB]"), "column 5 is in dB; export linear"),
     "three values": (
         "197 Hz\nX [m]\tY [m]\tZ [m]\tA [m/s]\tB [m/s]\tC [m/s]\n" + rows(*XYZ, *PARTS, *PARTS[:1]),
-        "line 3: the columns of values are 4 (A [m/s]), 5 (B [m/s]), 6 (C [m/s])",
+        "line 3 and 1 more: the columns of values are 4 (A [m/s]), 5 (B [m/s]), 6 (C [m/s])",
     ),
     "no frequency": (TABLES["english"].replace("197 Hz", "high"), "does not state one frequency"),
     "two frequencies": (
@@ -325,7 +325,8 @@ REFUSED = {
     "zeros": (
         TABLES["english"].replace("-0.003\t0.0005", "0\t0"),
         "whether points whose values are all zero, as in line 6, were measured; say it with "
-        "instrument.zeros, for example instrument.zeros=missing",
+        "instrument.zeros (measured, or missing with instrument.incomplete=drop or mark), for "
+        "example instrument.zeros=missing",
     ),
 }
 

@@ -243,7 +243,7 @@ def test_zeros(write, truth):
         return v
 
     views = write(convert)
-    refused(views, "data set 3 (58), line 30: all values of 2 are zero")
+    refused(views, "data set 3 (58), line 30 and 2 more: all values of 2 are zero")
     group = read(views, zeros=settings.Zeros.missing, incomplete=True)
     assert list(group["point"].values) == ["1", "3", "4"]
     np.testing.assert_allclose(group["position"], POINTS[[0, 2, 3]])
@@ -307,7 +307,7 @@ def test_what_nobody_says_is_asked_for(write, setting):
 
 def test_half_peak_is_asked_about(write, uff):
     views = write(before=uff.qualifiers(1), kind=12)
-    refused(views, "data set 1 (1858), line 3: states half-peak amplitudes")
+    refused(views, "data set 1 (1858), line 3 and 2 more: states half-peak")
 
 
 def without_node(content, uff):

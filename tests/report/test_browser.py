@@ -11,6 +11,7 @@ import pytest
 
 from sldvexp import dataset
 from sldvexp.report.html import figures, run_page
+from tests.shell.made_strain import made_strain
 
 webdriver = pytest.importorskip("selenium.webdriver")
 
@@ -171,6 +172,19 @@ def test_controls_choose_component_frequency_phase_colour_bounds_and_size(
     shown.set("size", 0)
     np.testing.assert_allclose(shown.deflection, height, atol=1e-4)
     assert "bound of V_z" in shown.text("told")
+
+
+def test_the_shape_is_coloured_by_strain(open_at, small_volume):
+    around = small_volume()
+    strain = made_strain(around)
+    shown = open_at(DESKTOP, strain=strain)
+    shown.set("phase", 90)
+    shown.set("colour", "strain0")
+    turned = 1e6 * strain["strain"].values[:, 0, 0] * 1j * np.exp(0.5j * np.pi)
+    np.testing.assert_allclose(shown.colours, turned.real, rtol=1e-4, atol=1e-4)
+    shown.set("colour", "strain4")
+    stress = 1e-3 * strain["von_mises"].values[:, 0]
+    np.testing.assert_allclose(shown.colours, stress, rtol=1e-4)
 
 
 def test_undetermined_nodes_are_marked_on_a_phone_too(open_at, small_volume, small_field):

@@ -9,6 +9,7 @@ import pytest
 
 from sldvexp.plot.shape import normals
 from sldvexp.report.html import shape
+from tests.shell.made_strain import made_strain
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 1.0]])
 COMPONENTS = {"world": ["x", "y", "z"], "local": ["t1", "t2", "n"]}
@@ -122,3 +123,31 @@ def test_surface_of_too_many_nodes_is_not_drawn(monkeypatch, small_volume, small
     around = small_volume()
     monkeypatch.setattr(shape, "MOST_NODES", 19)
     assert shape.shape_of(small_field(around), around) is None
+
+
+def test_colours_of_strain_are_those_of_the_drawn_surface(small_volume, small_field):
+    """The velocity is drawn as a displacement, i omega times it, and so is its strain."""
+    around = small_volume()
+    strain = made_strain(around)
+    data = shape.shape_of(small_field(around), around, strain)
+    texts = [one["text"] for one in data["colourings"]]
+    assert texts[1:] == [
+        "strain e_tt now",
+        "strain e_st now",
+        "largest extension",
+        "von Mises stress",
+    ]
+    first, *_, extension, stress = data["colourings"]
+    assert (first["unit"], stress["unit"]) == ("µstrain", "kPa")
+    drawn = floats(first["real"]) + 1j * floats(first["imaginary"])
+    expected = 1e6j * strain["strain"].values[:, 0].T
+    np.testing.assert_allclose(drawn.reshape(2, -1), expected, rtol=1e-5, atol=1e-6)
+    assert "imaginary" not in extension
+    largest = 1e6 * strain["principal_strain"].values[:, 0].T
+    np.testing.assert_allclose(floats(extension["real"]).reshape(2, -1), largest, rtol=1e-5)
+
+
+def test_strains_of_other_places_than_the_drawn_ones_are_no_colours(small_volume, small_field):
+    around = small_volume()
+    strain = made_strain(around).isel(place=slice(3))
+    assert shape.shape_of(small_field(around), around, strain)["colourings"] == []

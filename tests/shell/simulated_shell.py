@@ -54,8 +54,10 @@ def volume(radius=None, shape=(13, 11)):
 def views(truth, rng, pixels=(21, 25), noise=NOISE, frequency=(FREQUENCY,), errors=None):
     """Images of places spread over the plate, with poses that are off by `errors`, (view, 6)."""
     made = []
-    s, t = (np.linspace(0.003, b - 0.003, n) for b, n in zip((0.3, 0.25), pixels, strict=True))
+    sides = zip(truth.surface.size, pixels, strict=True)
+    s, t = (np.linspace(0.003, b - 0.003, n) for b, n in sides)
     place = np.stack(np.meshgrid(s, t, indexing="ij"), axis=-1).reshape(-1, 2)
+    place = place[truth.surface.inside(place)]
     spots = truth.center + truth.surface.position(place) @ truth.rotation
     for k, (euler, origin) in enumerate(PLACES):
         rotation = rotation_from_euler(euler)

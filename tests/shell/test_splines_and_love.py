@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from sldvexp.shell import CylinderChart, TensorSplines, ThinShell, plane_stress, von_mises
-from sldvexp.virtual_lab.modes import Direction, EdgeSupport, Mode, Modes
+from sldvexp.virtual_lab.modes import Direction, EdgeSupport, Mode, RectangularPlate
+from sldvexp.virtual_lab.motion import Sheet
 
 LOW, HIGH = np.array([-0.15, -0.12]), np.array([0.15, 0.12])
 
@@ -43,14 +44,13 @@ def test_a_penalty_is_the_integral_of_the_squared_derivatives(order):
 @pytest.mark.parametrize("height", [0.0, 0.0015, -0.0015])
 def test_rows_are_the_motion_and_the_strain_of_a_thin_shell(curvature, height):
     """Modes in closed form, whose middle surface the splines are fitted to."""
-    modes = Modes.built(
+    sheet = Sheet(70e9, 0.33, 2700.0, 0.003)
+    modes = RectangularPlate(tuple(HIGH - LOW), EdgeSupport.supported, sheet).modes(
         [
             Mode(1, 2),
             Mode(1, 1, direction=Direction.x),
             Mode(2, 1, direction=Direction.y),
-        ],
-        HIGH - LOW,
-        EdgeSupport.supported,
+        ]
     )
     amount = np.array([0.02, 0.003, -0.002])
     shell = ThinShell(laid(20), laid(20), bent(curvature))

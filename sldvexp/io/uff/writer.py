@@ -12,8 +12,11 @@ from sldvexp.typing import Array, IntArray
 DELIMITER = "    -1"
 #: Descriptors of finite elements: thin shell linear triangle, solid linear wedge.
 TRIANGLE, WEDGE = 91, 112
-#: Kinds of data: velocity, frequency.
-VELOCITY, FREQUENCY = 11, 18
+#: Kinds of data: strain, velocity, frequency.
+STRAIN, VELOCITY, FREQUENCY = 3, 11, 18
+#: Characteristics of values at nodes by how many there are: a vector in space; a symmetric tensor
+#: as xx, xy, yy, xz, yz, zz.
+CHARACTERISTICS = {3: 2, 6: 4}
 #: Kinds of shapes: of a complex mode, of a frequency response.
 COMPLEX_MODE, RESPONSE = 3, 5
 #: Kinds of function: spectrum.
@@ -129,20 +132,29 @@ def trace_lines(triangles: IntArray, name: str) -> str:
     return dataset(82, [f"{1:10d}{len(path):10d}{COLOUR:10d}", name, *text])
 
 
-def shape(about: Sequence[str], values: NDArray, frequency: float, step: int, analysis: int) -> str:
-    """Write data set 55: three components at nodes from 1; nodes that lack one are left out.
+def shape(
+    about: Sequence[str],
+    values: NDArray,
+    frequency: float,
+    step: int,
+    analysis: int,
+    quantity: int = VELOCITY,
+) -> str:
+    """Write data set 55: components at nodes from 1; nodes that lack one are left out.
 
     Parameters
     ----------
     about : sequence of str
         Five lines.
-    values : ndarray, shape (node, 3)
-        Complex or real.
+    values : ndarray, shape (node, 3) or (node, 6)
+        Vectors or symmetric tensors, complex or real.
     frequency : float, Hz
     step : int
         From 1.
     analysis : int
         `RESPONSE` or `COMPLEX_MODE`, with the frequency as that of an undamped mode.
+    quantity : int
+        `VELOCITY` or `STRAIN`.
     """
     if analysis == COMPLEX_MODE:
         numbers = [0.0, 2 * np.pi * frequency, 0.0, 0.0, 0.0, 0.0]
@@ -155,8 +167,10 @@ def shape(about: Sequence[str], values: NDArray, frequency: float, step: int, an
     flat = flat.view(float) if data == COMPLEX else flat
     lines = []
     for label, row in zip(np.flatnonzero(whole) + 1, flat, strict=True):
-        lines += [f"{label:10d}", single(row)]
-    kind = "".join(f"{n:10d}" for n in (1, analysis, 2, VELOCITY, data, 3))
+        lines += [f"{label:10d}", *(single(row[i : i + 6]) for i in range(0, len(row), 6))]
+    count = values.shape[1]
+    kinds = (1, analysis, CHARACTERISTICS[count], quantity, data, count)
+    kind = "".join(f"{n:10d}" for n in kinds)
     return dataset(55, [*identification(about), kind, *second, *lines])
 
 

@@ -18,14 +18,15 @@ from numpy.typing import NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError
+from sldvexp.io.questions import Questions
 from sldvexp.io.tables import AXES
 from sldvexp.io.velocities.attributes import (
     frequency_factor,
-    require_agreement,
+    length_factor,
     require_errors_alike,
-    velocity_factor,
+    velocity_units,
 )
-from sldvexp.io.velocities.headings import read_headings
+from sldvexp.io.velocities.headings import HeadingUnits, read_headings
 from sldvexp.io.velocities.matlab import read_arrays
 from sldvexp.io.velocities.table import (
     DIMENSIONS,
@@ -40,7 +41,7 @@ from sldvexp.io.velocities.table import (
 )
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
-from sldvexp.units import LengthUnit, VelocityUnit, unit_named
+from sldvexp.units import VelocityUnit
 
 REQUIRED = ("direction_cosines", "velocity")
 #: Dimensions that each variable may have; the first is needed.
@@ -73,7 +74,9 @@ def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
     raw = _group(path, layout)
     data, theirs = _renamed(raw, layout, path)
     names = {str(k): layout.mapping.get(str(k), str(k)) for k in raw.variables}
-    units = read_headings(names, unit, layout, path)
+    units, questions = HeadingUnits(), Questions()
+    with questions.noting(path):
+        units = read_headings(names, unit, layout, path)
     for name in REQUIRED:
         if name not in data:
             others = [str(n) for n in data.data_vars if n not in KNOWN]
@@ -82,8 +85,11 @@ def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
                 f"{path}: the variable {name} is missing; needed are {', '.join(REQUIRED)}"
                 f"{there if others else ''}"
             )
-    factor = velocity_factor(data["velocity"], unit, units.velocity, path)
-    require_errors_alike(data, factor, path)
+    factor = UNSTATED_VELOCITY.value
+    with questions.noting(path):
+        factor, amplitude = velocity_units(data["velocity"], unit, units, layout, path)
+        require_errors_alike(data, factor, amplitude, unit, layout, path)
+        units = replace(units, amplitude=amplitude)
     values: dict[str, Any] = {}
     for name, key in (
         ("direction_cosines", "direction_cosines"),
@@ -99,7 +105,22 @@ def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
         hertz = frequency_factor(data["frequency"], units.frequency, path)
         values["frequency"] = hertz * _numbers(values, "frequency", path)
     values |= _places(data, theirs, layout, path, units.length)
-    return replace(from_arrays(values, path, factor, layout), amplitude=units.amplitude)
+    return _asked(questions, values, path, factor, layout, units)
+
+
+def _asked(
+    questions: Questions,
+    values: Mapping[str, Any],
+    path: Path,
+    factor: float,
+    layout: FileLayout,
+    units: HeadingUnits,
+) -> LineOfSight:
+    """Check arrays, and ask all that is open."""
+    with questions.noting(path, "incomplete"):
+        found = from_arrays(values, path, factor, layout)
+    questions.done()
+    return replace(found, amplitude=units.amplitude)
 
 
 def _places(
@@ -114,13 +135,12 @@ def _places(
     if "position" not in data and all(c in data and data[c].dims == ("point",) for c in AXES):
         data = data.assign(position=xr.concat([data[c] for c in AXES], "axis", coords="minimal"))
         data["position"].attrs = dict(data["x"].attrs)
+        units = [str(data[c].attrs.get("units", "")) or "no unit" for c in AXES]
+        if len(set(units)) > 1:
+            message = f"x, y and z are in {', '.join(units)}; they must be in the same unit"
+            raise UserError(f"{path}: {message}")
     if "position" in data:
-        text = data["position"].attrs.get("units")
-        unit = named or (layout.length or UNSTATED_LENGTH).value
-        if text:
-            stated = unit_named(LengthUnit, text, f"{path}, position")
-            require_agreement(stated.value, named, path)
-            unit = stated.value
+        unit = length_factor(data["position"], layout.length, named, path)
         there["position"] = unit * _in_order(data, "position", theirs, path)
     for name in ("triangle", "line"):
         if name in data and name not in data.dims:
@@ -141,16 +161,20 @@ def read_matlab(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
     found = read_arrays(path)
     layout.require(found, path)
     values: dict[str, Any] = _with_parts({layout.mapping.get(k, k): v for k, v in found.items()})
+    names = {k: layout.mapping.get(k, k) for k in found}
     if not any(name in values for name in REQUIRED):
-        values = _of_one_struct(values, path)
+        struct, fields = _one_struct(values, path)
+        values |= fields
+        names |= {f"{struct}.{field}": field for field in fields}
     for name in REQUIRED:
         if name not in values:
             raise UserError(
                 f"{path}: the array {name} is missing; needed are {', '.join(REQUIRED)}; the file "
                 f"has {_contents(found)}, of which instrument.mapping may call one so"
             )
-    names = {k: layout.mapping.get(k, k) for k in found}
-    units = read_headings(names, unit, layout, path)
+    units, questions = HeadingUnits(), Questions()
+    with questions.noting(path):
+        units = read_headings(names, unit, layout, path)
     if layout.order:
         values = _ordered(values, layout.order, path)
     if "frequency" in values:
@@ -165,7 +189,7 @@ def read_matlab(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
     for name in set(JOINED) & set(values):
         values[name] = np.atleast_2d(_numbers(values, name, path)) - 1
     factor = units.velocity or UNSTATED_VELOCITY.value
-    return replace(from_arrays(values, path, factor, layout), amplitude=units.amplitude)
+    return _asked(questions, values, path, factor, layout, units)
 
 
 def _names(values: Any) -> list[str]:
@@ -176,8 +200,8 @@ def _names(values: Any) -> list[str]:
     return [str(np.squeeze(name)).strip() for name in found]
 
 
-def _of_one_struct(values: dict[str, NDArray], path: Path) -> dict[str, NDArray]:
-    """Take the fields of the one struct that has what is needed, if there is one."""
+def _one_struct(values: dict[str, NDArray], path: Path) -> tuple[str, dict[str, NDArray]]:
+    """Find the one struct that has what is needed, with its fields; empty if there is none."""
     structs = list(dict.fromkeys(name.rpartition(".")[0] for name in values if "." in name))
     fields = {
         struct: {
@@ -197,7 +221,7 @@ def _of_one_struct(values: dict[str, NDArray], path: Path) -> dict[str, NDArray]
             f"{path}: the structs {' and '.join(whole)} have all that is needed; say which with "
             f"instrument.mapping={{{next(iter(whole))}.velocity: velocity, ...}}"
         )
-    return values | next(iter(whole.values()), {})
+    return next(iter(whole.items()), ("", {}))
 
 
 def _contents(found: Mapping[str, NDArray]) -> str:

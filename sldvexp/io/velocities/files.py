@@ -16,9 +16,15 @@ import numpy as np
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import require_file
+from sldvexp.io.questions import Questions
 from sldvexp.io.tables import AXES, COORDINATES, MISSING, TextTable, read_table
 from sldvexp.io.velocities.arrays import read_matlab, read_netcdf
-from sldvexp.io.velocities.headings import HeadingUnits, read_headings
+from sldvexp.io.velocities.attributes import require_length
+from sldvexp.io.velocities.headings import (
+    HeadingUnits,
+    read_headings,
+    require_bracket_understood,
+)
 from sldvexp.io.velocities.table import (
     ORDER,
     OWN,
@@ -85,11 +91,14 @@ def read_csv(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) ->
     file's order. Coordinates may state their unit, as ``x_mm``, and so may headings that the layout
     maps to others.
     """
-    table, units = _table(path, unit, layout)
+    questions = Questions()
+    table, units = _table(path, unit, layout, questions)
     factor = units.velocity or UNSTATED_VELOCITY.value
     hertz = units.frequency or UNSTATED_FREQUENCY
-    columns = {c: _checked(table, c, layout) for c in table.header}
-    labels, shape, where = _cells(table, {c: columns[c] for c in ORDER if c in columns}, layout)
+    columns = {c: _checked(table, c, layout, questions) for c in table.header}
+    keys = {c: columns[c] for c in ORDER if c in columns}
+    labels, shape, where = _cells(table, keys, layout, questions)
+    questions.done()
 
     def cube(column: str) -> Array:
         values = np.full(np.prod(shape), np.nan)
@@ -160,19 +169,21 @@ def _position(
             "of their own need a column point"
         )
     if stated:
+        said = f"{table.path}: the columns {', '.join(columns)} state {stated}"
+        require_length(LengthUnit[stated], layout.length, said)
         return found * LengthUnit[stated].value
     return found * (units.length or (layout.length or UNSTATED_LENGTH).value)
 
 
 def _cells(
-    table: TextTable, keys: dict[str, list[Any]], layout: FileLayout
+    table: TextTable, keys: dict[str, list[Any]], layout: FileLayout, questions: Questions
 ) -> tuple[list[list[Any]], tuple[int, ...], IndexArray]:
     """Find the labels along `ORDER`, how many there are of each, and the cell of every row.
 
     Raises
     ------
     UserError
-        If a combination is there twice, or is missing and none may be.
+        If a combination is there twice; if it is missing and none may be, that is asked about.
     """
     labels = [list(dict.fromkeys(keys.get(c, [None]))) for c in ORDER]
     shape = tuple(len(axis) for axis in labels)
@@ -198,8 +209,9 @@ def _cells(
         gap = int(jump[0]) if len(jump) else len(cells)
         lost = told(int(i) for i in np.unravel_index(gap, shape))
         others = f" and {more} others" if (more := whole - len(cells) - 1) else ""
-        raise UserError(f"{table.path}: there is no row for {lost}{others}; {REMEDY}")
+        _ask_incomplete(f"{table.path}: there is no row for {lost}{others}", table.path, questions)
     if whole > MOST_GAPS * len(cells):
+        questions.done()
         counts = ", ".join(f"{len(a)} {c}" for c, a in zip(ORDER, labels, strict=True) if c in keys)
         raise UserError(
             f"{table.path}: has {len(cells)} of {whole} combinations of {counts}; each view needs "
@@ -209,7 +221,7 @@ def _cells(
 
 
 def _table(
-    path: Path, unit: VelocityUnit | None, layout: FileLayout
+    path: Path, unit: VelocityUnit | None, layout: FileLayout, questions: Questions
 ) -> tuple[TextTable, HeadingUnits]:
     """Read the text with the program's names of columns, check these, and find their units."""
     table = read_table(path, inline_comments=True)
@@ -223,11 +235,14 @@ def _table(
     if len(unknown) > 1:
         lost = [column for column in REQUIRED if column not in table.header]
         missing = f", and lacks {', '.join(lost)}" if lost else ""
-        raise UserError(
+        message = (
             f"{path}: has the unknown columns {', '.join(unknown)}{missing}; say which is what "
             f"with instrument.mapping={{{': , '.join(unknown)}: }}, and leave others out; Valid: "
             f"{', '.join(REQUIRED + OPTIONAL)}"
         )
+        questions.note(UserError(message), path)
+        _ask_the_rest(table, headings, unknown, unit, layout, questions)
+        questions.done()
     for column in table.header:
         if column in unknown:
             raise UserError(f"{path}: unknown column {column!r}; {nearest(column, known)}")
@@ -236,16 +251,42 @@ def _table(
     table.require(REQUIRED, f"needed are {', '.join(REQUIRED)}")
     if not table.rows:
         raise UserError(f"{path}: the table has no rows")
-    return table, read_headings(headings, unit, layout, path)
+    units = HeadingUnits()
+    with questions.noting(path):
+        units = read_headings(headings, unit, layout, path)
+    return table, units
 
 
-def _checked(table: TextTable, column: str, layout: FileLayout) -> list[Any]:
-    """Read a column of names or of numbers; NaN where a value is missing and may be.
+def _ask_the_rest(
+    table: TextTable,
+    headings: dict[str, str],
+    unknown: list[str],
+    unit: VelocityUnit | None,
+    layout: FileLayout,
+    questions: Questions,
+) -> None:
+    """Ask for what is open besides columns of which nobody says what they are."""
+    with questions.noting(table.path):
+        read_headings(headings, unit, layout, table.path)
+    for column in unknown:
+        with questions.noting(table.path, "unit"):
+            require_bracket_understood(column, unit, layout, table.path)
+    for column in () if layout.gaps else (*VALUES, *unknown):
+        cells = table.column(column) if column in table.header else []
+        empty = [cell.lower() in MISSING for cell in cells]
+        if True in empty:
+            at = table.where(empty.index(True))
+            _ask_incomplete(f"{at}: {column} has no number", table.path, questions)
+
+
+def _checked(table: TextTable, column: str, layout: FileLayout, questions: Questions) -> list[Any]:
+    """Read a column of names or of numbers; NaN where a value is missing.
 
     Raises
     ------
     UserError
-        If a name is empty, or a number is not finite or too small.
+        If a name is empty, or a number is not finite or too small; a missing value is asked about
+        unless it may be missing.
     """
     cells = table.column(column)
     if column in ("view", "point"):
@@ -256,12 +297,21 @@ def _checked(table: TextTable, column: str, layout: FileLayout) -> list[Any]:
         known = np.isfinite(values) & (values >= least)
         empty = [column in VALUES and cell.lower() in MISSING for cell in cells]
         values = np.where(empty, np.nan, values)
-        bad = (~known & ~(np.array(empty, bool) & layout.gaps)).tolist()
+        bad = (~known & ~np.array(empty, bool)).tolist()
+        if True in empty and not layout.gaps:
+            row = empty.index(True)
+            message = f"{table.where(row)}: {column} {right}, not {cells[row]!r}"
+            _ask_incomplete(message, table.path, questions)
     if True in bad:
         row = bad.index(True)
-        remedy = f"; {REMEDY}" if column in VALUES and cells[row].lower() in MISSING else ""
-        raise UserError(f"{table.where(row)}: {column} {right}, not {cells[row]!r}{remedy}")
+        raise UserError(f"{table.where(row)}: {column} {right}, not {cells[row]!r}")
     return cells if column in ("view", "point") else values.tolist()
+
+
+def _ask_incomplete(message: str, path: Path, questions: Questions) -> None:
+    """Ask what becomes of missing values, once for a file."""
+    if not questions.asked("incomplete"):
+        questions.note(UserError(f"{message}; {REMEDY}"), path, "incomplete")
 
 
 READERS: dict[str, Callable[[Path, VelocityUnit | None, FileLayout], LineOfSight]] = {

@@ -2,17 +2,21 @@
 
 A heading's unit stands in brackets at its end, or after a comma, slash, blank or underscore. In
 brackets it must be understood, or be replaced by a setting; elsewhere words are no unit unless they
-are understood as one of the column's quantity. Settings that contradict a heading are refused.
+are understood as one of the column's quantity. Settings that contradict a heading are refused. The
+name of a field of a struct is read as any other; a unit in the name of the struct itself, which may
+be of other fields, is asked about.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sldvexp.errors import UserError
+from sldvexp.io.questions import OpenQuestionError
 from sldvexp.io.tables import AXES
 from sldvexp.io.velocities.table import FileLayout
 from sldvexp.unit_labels import (
@@ -34,6 +38,8 @@ QUANTITIES = {
 #: How a length is called.
 SHOWN = {"displacement": "length", "": "number without unit"}
 BRACKETS = re.compile(r"[\[({<]\s*(?P<unit>[^\[\]<>{}]*?)\s*[\])}>]\s*$")
+#: Name of a field of a struct.
+FIELD = re.compile(r"[A-Za-z]\w*(\.[A-Za-z]\w*)+")
 #: Units of pure numbers.
 NONE = ("", "-", "–", "1", "ohne")
 #: How far a unit may be from one that is set.
@@ -87,13 +93,13 @@ def read_headings(
         ("unit", unit, velocity),
         ("length_unit", layout.length, length),
     ):
-        if setting and label and abs(label.factor / setting.value - 1) > SAME:
+        if setting and label and label.factor and abs(label.factor / setting.value - 1) > SAME:
             raise _contradiction(path, label, name, setting.name)
     amplitude = velocity.amplitude if velocity else None
     if amplitude and velocity and layout.amplitude not in (None, amplitude):
         raise _contradiction(path, velocity, "amplitude", layout.amplitude.name)
     return HeadingUnits(
-        velocity.factor if velocity else unit and unit.value,
+        (velocity and velocity.factor) or (unit and unit.value),
         length.factor if length else None,
         frequency.factor if frequency else None,
         amplitude,
@@ -123,16 +129,67 @@ def _common(
     found = {}
     for heading, own in columns:
         try:  # the program's own names, as velocity_std, have no unit
-            found[heading] = None if heading == own else unit_in(heading, quantity)
+            found[heading] = None if heading == own else _unit_of(heading, own, quantity)
         except UserError as error:
             if isinstance(error, UnitNotUnderstoodError) and settings.get(quantity):
                 found[heading] = None  # the settings say it
                 continue
-            raise UserError(
-                f"{path}: the heading {heading!r}, {own}: {error}{_remedy(quantity)}"
-            ) from None
+            message = f"{path}: the heading {heading!r}, {own}: {error}{_remedy(quantity)}"
+            raise OpenQuestionError(message) from None
     _require_same(found, path)
     return next(iter(found.values()), None)
+
+
+def _unit_of(heading: str, own: str, quantity: str) -> UnitLabel | None:
+    """Read the unit in a heading, or in a field's name of a struct, as ``data.v_mm_s``.
+
+    Raises
+    ------
+    UnitNotUnderstoodError
+        If the name of the struct itself may state the unit of the column's quantity.
+    """
+    if not FIELD.fullmatch(heading):
+        return unit_in(heading, quantity)
+    *structs, name = heading.split(".")
+    label = None if name == own else unit_in(f"_{name}", quantity)  # it may be no more than a unit
+    if label is not None:
+        return label
+    for struct in structs:
+        try:
+            stated = unit_in(f"_{struct}", quantity)
+        except UserError:  # of another quantity, as of another field
+            continue
+        if stated and quantity and (stated.factor not in (0.0, 1.0) or _scales(stated)):
+            raise UnitNotUnderstoodError(f"the name of {struct} may state {stated.text!r}")
+    return None
+
+
+def _scales(label: UnitLabel) -> bool:
+    """Tell whether values in a unit are no peak amplitudes."""
+    return label.amplitude not in (None, Amplitude.peak)
+
+
+def require_bracket_understood(
+    heading: str, unit: VelocityUnit | None, layout: FileLayout, path: Path
+) -> None:
+    """Ask for the unit in a heading whose bracket is not understood, of a column of any quantity.
+
+    Raises
+    ------
+    OpenQuestionError
+        If nothing else may say it.
+    """
+    bracket = BRACKETS.search(heading)
+    if not bracket or bracket["unit"] in NONE or (unit and layout.amplitude) or layout.length:
+        return
+    try:
+        read_unit(bracket["unit"])
+    except UnitNotUnderstoodError as error:
+        ways = [_remedy("velocity")[2:], _remedy("displacement")[2:]]
+        raise OpenQuestionError(
+            f"{path}: the heading {heading!r}: {error}; of velocities {ways[0]}; of coordinates "
+            f"{ways[1]}"
+        ) from None
 
 
 def _remedy(quantity: str) -> str:
@@ -171,10 +228,14 @@ def unit_in(heading: str, quantity: str) -> UnitLabel | None:
     'rms'
     >>> unit_in("Frequenz, kHz", "frequency").factor, unit_in("x_mm", "displacement").factor
     (1000.0, 0.001)
+    >>> unit_in("v_rms", "velocity").amplitude.name
+    'rms'
     >>> unit_in("Realteil Kanal 1", "velocity")
     """
     bracket = BRACKETS.search(heading)
     if bracket and bracket["unit"] not in NONE:
+        if measure := _measure_alone(bracket["unit"], quantity):
+            return measure
         return of_quantity(read_unit(bracket["unit"]), quantity)
     if bracket and quantity:
         raise UnitNotUnderstoodError(
@@ -184,9 +245,11 @@ def unit_in(heading: str, quantity: str) -> UnitLabel | None:
 
 
 def _after_a_sign(heading: str, quantity: str) -> UnitLabel | None:
-    """Read the longest end of a heading that is a unit."""
+    """Read the longest end of a heading that is a unit, or a measure of amplitudes."""
     for sign in re.finditer(r"[,;/_\s]+", heading):
         rest = heading[sign.end() :]
+        if measure := _measure_alone(rest, quantity):
+            return measure
         for text in _spellings(rest):
             try:
                 label = read_unit(text)
@@ -194,6 +257,18 @@ def _after_a_sign(heading: str, quantity: str) -> UnitLabel | None:
                 continue
             if len(rest) > 1 or label.quantity == quantity:  # v_m, f_s, Richtung X: a letter
                 return of_quantity(label, quantity)
+    return None
+
+
+def _measure_alone(text: str, quantity: str) -> UnitLabel | None:
+    """Read a measure of velocities' amplitudes without a unit, as ``rms``; its factor is 0."""
+    if quantity != "velocity":
+        return None
+    with suppress(UnitNotUnderstoodError):
+        label = read_unit(f"m/s {text.replace('_', ' ')}")
+        if label.amplitude and label.factor == 1.0 and label.quantity == quantity:
+            plain = label.form is SpectralForm.linear and not label.reference
+            return replace(label, text=text, factor=0.0) if plain else None
     return None
 
 

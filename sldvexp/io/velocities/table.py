@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from sldvexp import dataset
 from sldvexp.errors import UserError, nearest
+from sldvexp.io.questions import OpenQuestionError
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 from sldvexp.unit_labels import Amplitude
@@ -178,7 +179,8 @@ class LineOfSight:
         if self.frequency is not None and what in ("velocity", "standard error"):
             at.append(f"{self.frequency[index[2]]:g} Hz")
         shown = f"the {what} of {', '.join(at)} is {values[index]:.6g}"
-        raise UserError(f"{self.source}: {shown}, but {right}")
+        kind = OpenQuestionError if right == FINITE and np.isnan(values[index]) else UserError
+        raise kind(f"{self.source}: {shown}, but {right}")
 
     def _check_frequencies(self, frequency: Array) -> None:
         """Complain unless frequencies are finite, not negative, and differ."""

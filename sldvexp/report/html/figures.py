@@ -42,6 +42,11 @@ PARTS: dict[str, dict[str, str]] = {
         "nodal": "Velocity with bounds along the line of nodes through its largest value.",
         "residuals": "Residuals by view.",
     },
+    "strain": {
+        "hot_spots": "The largest extension of a cycle with its direction where it is known, von "
+        "Mises stress with its hot spots, and their bounds.",
+        "strain": "Components of the strain with their bounds.",
+    },
 }
 SWEEP_CAPTION = "The runs by what was varied."
 MOST_BYTES = 1_500_000

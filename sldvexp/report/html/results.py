@@ -17,7 +17,12 @@ from sldvexp.report.html.blocks import HtmlTable, More, Section, Shape, Text, ha
 from sldvexp.report.html.figures import drawable, figures
 from sldvexp.report.html.shape import shape_of, shape_of_points
 from sldvexp.report.numbers import number, with_bound
-from sldvexp.report.tables import MOST_FREQUENCIES, field_tables, pose_methods
+from sldvexp.report.tables import (
+    MOST_FREQUENCIES,
+    field_tables,
+    pose_methods,
+    strain_tables,
+)
 from sldvexp.report.terminal import estimates
 
 POSE = VARIABLES["pose"]
@@ -149,7 +154,8 @@ def velocity_section(run: RunData) -> Section | None:
     points = [list(row) for row in known if not row[0].startswith("pose ")]
     if not fields and not points:
         return None
-    own = {k: group for k, group in run.groups.items() if not k.startswith("examined/")}
+    others = ("examined/", "strain")
+    own = {k: group for k, group in run.groups.items() if not k.startswith(others)}
     blocks = having(
         _shape(run), [HtmlTable.from_table(table) for table in field_tables(RunData(own))]
     )
@@ -164,12 +170,28 @@ def velocity_section(run: RunData) -> Section | None:
     return Section(title, having(blocks, figures(run, "field")))
 
 
+def strain_section(run: RunData) -> Section | None:
+    """Show the strain of the surface, and where it and the stress are largest."""
+    tables = [HtmlTable.from_table(table) for table in strain_tables(run)]
+    if not tables:
+        return None
+    note = (
+        "s and t run along the surface as places of gages do, e_ss, e_tt and e_st are the strains "
+        "along t1, t2 and the tensor's shear. The largest extension is that of a cycle in any "
+        "direction. Hot spots are maxima that stand out by more than their bounds."
+    )
+    return Section("Strain", having(tables, Text(note, "small"), figures(run, "strain")))
+
+
 def _shape(run: RunData) -> list[Any]:
     """Make the shape that turns and moves, or why there is none."""
     fields = run.fields()
     if fields and "volume" in run.groups:
-        data = shape_of(next(iter(fields.values())), run.groups["volume"])
+        strain = run.groups["strain"] if run.has("strain", "frame") else None
+        data = shape_of(next(iter(fields.values())), run.groups["volume"], strain)
         note = "The layer next to the given surface is drawn."
+        if data and data["colourings"]:
+            note += " Colours of strains are those of the drawn surface, as if it were displaced."
     elif "surface" in drawable(run):
         data = shape_of_points(run.groups["point"], run.groups["line_of_sight"])
         joined = {"triangle", "line"} & set(run.groups["line_of_sight"].data_vars)

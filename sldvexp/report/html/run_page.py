@@ -19,6 +19,7 @@ SECTIONS: tuple[Callable[[RunData], Section | None], ...] = (
     results.pose_section,
     results.images_section,
     results.velocity_section,
+    results.strain_section,
     diagnostics.checks_section,
     diagnostics.provenance_section,
 )

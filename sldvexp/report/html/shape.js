@@ -13,6 +13,8 @@
   const real = new Float32Array(bytes(data.real));
   const imaginary = new Float32Array(bytes(data.imaginary));
   const bound = new Float32Array(bytes(data.bound));
+  const colourings = (data.colourings || []).map((own) => ({ ...own,
+    real: new Float32Array(bytes(own.real)), imaginary: own.imaginary && new Float32Array(bytes(own.imaginary)) }));
   const joined = new Int32Array(bytes(data.lines || ""));
   const nodes = position.length / 3;
   const components = data.components.length;
@@ -109,8 +111,17 @@
 
   // What its colours say -------------------------------------------------------------------------
   const name = () => state.component < 0 ? "|V|" : "V<sub>" + data.components[state.component] + "</sub>";
+  const of_strain = (own) => {
+    const first = state.frequency * nodes, [c, s] = [Math.cos(state.phase), Math.sin(state.phase)];
+    const each = (f) => Array.from({ length: nodes }, (_, n) => f(first + n));
+    const now = own.imaginary ? (i) => own.real[i] * c - own.imaginary[i] * s : (i) => own.real[i];
+    const most = Math.max(...each((i) => Math.hypot(own.real[i], own.imaginary ? own.imaginary[i] : 0)));
+    return { intensity: each(now), cmin: own.imaginary ? -most : 0, cmax: most || 1,
+      title: own.title + ",<br>" + own.unit, unit: own.unit };
+  };
   const colours = () => {
     const one = state.component;
+    if (state.colour.startsWith("strain")) return of_strain(colourings[Number(state.colour.slice(6))]);
     const value = {
       now: (n) => one < 0 ? together(at, n) : at(one, n),
       amplitude: (n) => together(amplitude, n),
@@ -123,9 +134,12 @@
       cmin: state.colour === "now" && one >= 0 ? -most : 0,
       cmax: most || 1,
       title: title[state.colour] + ",<br>" + data.velocity_unit,
+      unit: data.velocity_unit,
     };
   };
 
+  const hover = (unit) =>
+    "%{x:.3g}, %{y:.3g}, %{z:.3g} " + data.length_unit + "<br>%{intensity:.3g} " + unit + "<extra></extra>";
   const draw = () => {
     const factor = scale(), places = deflected(factor, 0), colour = colours();
     const paths = polyline(lines, places, [LIFTED * diagonal, -LIFTED * diagonal]);
@@ -146,6 +160,7 @@
       cmin: [colour.cmin, null, null, null, null],
       cmax: [colour.cmax, null, null, null, null],
       "colorbar.title.text": [colour.title, null, null, null, null],
+      hovertemplate: [hover(colour.unit), ...new Array(DOTS - 1).fill(undefined)],
     }, {}, [SURFACE, LINES, ...SHELLS, UNDETERMINED, DOTS]);
     tell();
   };
@@ -205,7 +220,7 @@
   const told = data.names || [];
   const traces = [
     { ...mesh, intensity: new Array(nodes).fill(0), colorscale: "Cividis", lighting: light, colorbar: bar(),
-      hovertemplate: "%{x:.3g}, %{y:.3g}, %{z:.3g} " + data.length_unit + "<br>%{intensity:.3g} " + data.velocity_unit + "<extra></extra>" },
+      hovertemplate: hover(data.velocity_unit) },
     { type: "scatter3d", mode: "lines", x: [], y: [], z: [], line: { color: "#111", width: 1 }, hoverinfo: "skip" },
     shell, { ...shell },
     { type: "scatter3d", mode: "markers", x: [], y: [], z: [], marker: { size: 4, color: "#000", symbol: "x" },
@@ -233,6 +248,7 @@
   if (!many.length) state.component = 0;
   options(control("frequency"), data.frequencies.map((f, k) => [k, f === null ? "" : f + " Hz"]));
   control("frequency").value = state.frequency;
+  colourings.forEach((own, k) => control("colour").add(new Option(own.text, "strain" + k)));
   for (const key of ["component", "frequency", "shell", "size"]) {
     control(key).addEventListener("input", (event) => { state[key] = Number(event.target.value); draw(); });
   }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -21,15 +22,26 @@ MOST_NODES = 40_000
 BYTES_A_NUMBER = 4 * 4 / 3
 #: Real part, imaginary part and bound of each component.
 PARTS = 3
+#: Numbers of a node that colours by strain need: three complex components, extension and stress.
+COLOURINGS = 3 * 2 + 2
+#: What is largest of a cycle, with its name and unit.
+LARGEST = (
+    ("principal_strain", "largest extension", "strain"),
+    ("von_mises", "von Mises stress", VARIABLES["strain"]["von_mises"].units),
+)
 
 
-def shape_of(field: xr.Dataset, volume: xr.Dataset) -> dict[str, Any] | None:
+def shape_of(
+    field: xr.Dataset, volume: xr.Dataset, strain: xr.Dataset | None = None
+) -> dict[str, Any] | None:
     """Prepare one layer of a field for the page's script.
 
     Parameters
     ----------
     field, volume : xarray.Dataset
         The groups.
+    strain : xarray.Dataset, optional
+        That of the surface, for colours.
 
     Returns
     -------
@@ -51,6 +63,7 @@ def shape_of(field: xr.Dataset, volume: xr.Dataset) -> dict[str, Any] | None:
         triangles=triangles,
         normal=_directions(["n"], volume, count),
         directions=_directions(components, volume, count),
+        strain=strain if strain is not None and strain.sizes["place"] == count else None,
     )
 
 
@@ -89,14 +102,16 @@ def _drawn(
     triangles: NDArray,
     normal: NDArray,
     directions: NDArray,
+    strain: xr.Dataset | None = None,
 ) -> dict[str, Any]:
     """Pack velocities of points with their bounds, and how they are drawn."""
     dims = ["frequency"] if "frequency" in group.dims else []
     whole = group[["velocity", "confidence"]].transpose(*dims, "component", "point")
     velocity, bound = whole["velocity"].values, whole["confidence"].values
     hertz: list[float | None] = [None]
+    chosen = np.array([0])
     if dims:
-        chosen = _strongest(velocity)
+        chosen = _strongest(velocity, 0 if strain is None else COLOURINGS * len(position))
         velocity, bound = velocity[chosen], bound[chosen]
         hertz = [float(f) for f in group["frequency"].values[chosen]]
     length, length_unit = _scale(np.ptp(position, axis=0).max(), FIELD["position"].units)
@@ -116,7 +131,34 @@ def _drawn(
         "real": _floats(speed * velocity.real),
         "imaginary": _floats(speed * velocity.imag),
         "bound": _floats(speed * bound),
+        "colourings": [] if strain is None else list(_colourings(strain, chosen)),
     }
+
+
+def _colourings(strain: xr.Dataset, frequencies: NDArray) -> Iterator[dict[str, Any]]:
+    """Pack strains as colours: components as they change, then what is largest of a cycle.
+
+    The velocity is drawn as if it were the displacement, whose strain is a quarter of a period
+    earlier than that of the displacement itself; so it is what the drawn surface has.
+    """
+    whole = strain["strain"].transpose("frequency", "strain_component", "place").values
+    for name, own in zip(
+        strain["strain_component"].values, np.moveaxis(1j * whole[frequencies], 1, 0), strict=True
+    ):
+        yield _colouring(f"strain e_{name} now", f"e<sub>{name}</sub> now", own, "strain")
+    for name, title, unit in LARGEST:
+        if name in strain:
+            values = strain[name]
+            values = values.isel(principal=0) if "principal" in values.dims else values
+            own = values.transpose("frequency", "place").values[frequencies]
+            yield _colouring(title, title, own, unit)
+
+
+def _colouring(text: str, title: str, values: NDArray, unit: str) -> dict[str, Any]:
+    """Pack values of nodes by frequency, shape (frequency, node); complex ones change."""
+    factor, unit = _scale(np.nanmax(np.abs(values), initial=0.0), unit)
+    found = {"text": text, "title": title, "unit": unit, "real": _floats(factor * values.real)}
+    return found | ({"imaginary": _floats(factor * values.imag)} if np.iscomplexobj(values) else {})
 
 
 def surface_layer(volume: xr.Dataset) -> tuple[NDArray, NDArray, float]:
@@ -141,9 +183,15 @@ def surface_layer(volume: xr.Dataset) -> tuple[NDArray, NDArray, float]:
     return nodes, np.searchsorted(nodes, triangles), float(volume["depth"].values[layer])
 
 
-def _strongest(velocity: NDArray) -> NDArray:
-    """Find indices of the frequencies of the largest velocities, as many as there is room for."""
-    count = int(MOST_BYTES / (PARTS * BYTES_A_NUMBER * velocity[0].size))
+def _strongest(velocity: NDArray, more: int) -> NDArray:
+    """Find indices of the frequencies of the largest velocities, as many as there is room for.
+
+    Parameters
+    ----------
+    more : int
+        Numbers that every frequency has beside those of the velocity.
+    """
+    count = int(MOST_BYTES / (BYTES_A_NUMBER * (PARTS * velocity[0].size + more)))
     return np.sort(np.argsort(-_sizes(velocity), kind="stable")[: max(1, count)])
 
 
@@ -165,7 +213,7 @@ def _directions(components: list[str], volume: xr.Dataset, count: int) -> NDArra
 
 def _scale(largest: float, unit: str) -> tuple[float, str]:
     """Choose factor and unit that make a size easy to read."""
-    for factor, prefix in ((1.0, ""), (1e3, "m"), (1e6, "µ")):
+    for factor, prefix in ((1e-6, "M"), (1e-3, "k"), (1.0, ""), (1e3, "m"), (1e6, "µ")):
         if largest * factor >= 1:
             return factor, prefix + unit
     return 1e9, f"n{unit}"
