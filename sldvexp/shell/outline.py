@@ -159,7 +159,7 @@ def chart_of_grid(grid: Grid | OutlinedSurface) -> CylinderChart:
     return CylinderChart(unit * np.array(grid.center, float), axes, curvature)
 
 
-def fitted_chart(prisms: Prisms) -> Chart:
+def fitted_chart(prisms: Prisms, margin: float = 0.0) -> Chart:
     """Fit a plane to the nodes of the given surface, or a cylinder, or else a height over a plane.
 
     On a plane s runs along the volume's first tangent.
@@ -189,7 +189,7 @@ def fitted_chart(prisms: Prisms) -> Chart:
     best = min(
         (_cylinder(nodes, middle, normal, along[i]) for i in (0, 1)), key=lambda found: found[1]
     )
-    return best[0] if best[1] <= BULGE * extent else HeightChart.fitted(prisms)
+    return best[0] if best[1] <= BULGE * extent else HeightChart.fitted(prisms, margin)
 
 
 def _cylinder(
