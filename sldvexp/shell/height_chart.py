@@ -67,8 +67,13 @@ class HeightChart(Chart):
     high: Array
 
     @classmethod
-    def fitted(cls, prisms: Prisms) -> HeightChart:
+    def fitted(cls, prisms: Prisms, margin: float = 0.0) -> HeightChart:
         """Fit a smooth surface to the nodes of the given surface.
+
+        Parameters
+        ----------
+        margin : float, m
+            How far it goes on beyond them, as smoothly.
 
         Raises
         ------
@@ -93,8 +98,8 @@ class HeightChart(Chart):
         axes = np.stack([first, np.cross(normal, first), normal])
         center = nodes.mean(axis=0)
         local = (nodes - center) @ axes.T
-        splines, height = smooth_height(local[:, :2], local[:, 2])
-        low, high = local[:, :2].min(axis=0), local[:, :2].max(axis=0)
+        low, high = local[:, :2].min(axis=0) - margin, local[:, :2].max(axis=0) + margin
+        splines, height = smooth_height(local[:, :2], local[:, 2], low, high)
         extent = float(np.linalg.norm(high - low))
         miss = np.abs(splines(local[:, :2]) @ height - local[:, 2]).max()
         if miss > ROUGH * extent:
@@ -167,20 +172,23 @@ def _local_frames(by_s: Array, by_t: Array) -> Array:
     return np.stack([first, np.cross(normal, first), normal], axis=1)
 
 
-def smooth_height(place: Array, height: Array) -> tuple[TensorSplines, Array]:
+def smooth_height(
+    place: Array, height: Array, low: Array, high: Array
+) -> tuple[TensorSplines, Array]:
     """Fit splines to heights, as smooth as generalised cross-validation says (Wahba 1990).
 
     Parameters
     ----------
     place : ndarray, shape (node, 2), m
     height : ndarray, shape (node,), m
+    low, high : ndarray, shape (2,), m
+        Corners of the rectangle that the splines cover.
 
     Returns
     -------
     splines : TensorSplines
     coefficients : ndarray, shape (function,), m
     """
-    low, high = place.min(axis=0), place.max(axis=0)
     longest = (high - low).max()
     rim, unit = BEYOND * longest, longest / 3
     for cells in range(CELLS, 0, -1):
