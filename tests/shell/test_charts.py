@@ -191,6 +191,15 @@ def test_a_sphere_bends_alike_everywhere():
     )
 
 
+def test_a_surface_goes_on_as_smoothly_beyond_its_nodes():
+    chart = HeightChart.fitted(mesh(sphere), margin=0.02)
+    beyond = np.array([[0.148, 0.0], [-0.14, 0.12], [0.0, -0.124]])
+    assert chart.points(beyond, 0.0)[:, 2] == pytest.approx(sphere(*beyond.T), abs=1e-4)
+    assert chart.forms(beyond).curvature == pytest.approx(
+        np.broadcast_to(np.eye(2) / RADIUS, (3, 2, 2)), abs=0.1 / RADIUS
+    )
+
+
 def test_nodes_may_be_measured_ones():
     """Of a dome, off by 0.05 mm at random: curvatures of 2/m are found."""
     rng = np.random.default_rng(3)
