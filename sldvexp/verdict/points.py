@@ -9,6 +9,10 @@ frequencies are tested together, since a mistake of a view is the same in all of
 A mistake is named by refits: view k against what the others predict, ``p = D_k . V_-k`` with the
 variance g, gives ``T_-k + sum |y_k - c p|^2 / (1 + |c|^2 g)`` for a factor c, and the like for a
 conjugate, for turned directions, for exchanged views.
+
+Where no noise is stated, its size is what the refit leaves: with q numbers and n degrees left over,
+``F = (T - T_refit) / q / (T_refit / n)`` of every kind, as many times less probable as kinds are
+tried. Four views have that test alone, since three always agree.
 """
 
 from __future__ import annotations
@@ -215,11 +219,12 @@ def _examine(data: PointData) -> tuple[list[Finding], list[Repair]]:
         return [untested(views, FEW)], []
     each = range(views)
     others = [SampleVelocities.of(data, [i for i in each if i != k]) for k in each]
-    tests = _tests(data, fit, others)
+    kinds = _kinds(data, fit, others)
+    tests = _tests(data, fit, others, kinds)
     if not tests.rejects:
         noise = noise_finding(tests) if data.stated else None
         return [noise] if noise else [], []
-    ranked = _ranked(data, fit, others)
+    ranked = _ranked(data, kinds)
     if not ranked[0].view:
         return [unexplained(data.names, tests)], []
     best, other = tells_views_apart(ranked)
@@ -233,8 +238,20 @@ def _named(
     return [finding], repairs
 
 
-def _tests(data: PointData, fit: SampleVelocities, others: Sequence[SampleVelocities]) -> ViewTests:
-    """Test every view as a whole, by what leaving it out takes off the misfit."""
+#: An explanation, how many numbers it adds, and the degrees of freedom that it leaves.
+Kind = tuple[Explanation, float, int]
+
+
+def _tests(
+    data: PointData,
+    fit: SampleVelocities,
+    others: Sequence[SampleVelocities],
+    kinds: Sequence[Kind],
+) -> ViewTests:
+    """Test every view as a whole, by what leaving it out takes off the misfit.
+
+    Without a stated noise by the kinds of mistakes besides.
+    """
     statistic, p_value = [], []
     for left in others:
         drop, q = fit.squares - left.squares, fit.dof - left.dof
@@ -249,19 +266,39 @@ def _tests(data: PointData, fit: SampleVelocities, others: Sequence[SampleVeloci
             statistic.append(f)
             p_value.append(float(scipy.special.fdtrc(q, left.dof, f)))
     above = float(scipy.special.chdtrc(fit.dof, fit.squares)) if data.stated else 0.5
+    statistics = {"whole": np.array(statistic)}
+    p_values = {"whole": np.array(p_value)}
+    if not data.stated:
+        statistics["mistake"], p_values["mistake"] = _mistakes(fit, kinds, len(others))
     return ViewTests(
-        {"whole": np.array(statistic)},
-        {"whole": np.array(p_value)},
+        statistics,
+        p_values,
         fit.squares / fit.dof,
         2 * min(above, 1 - above),
     )
 
 
-def _ranked(
+def _mistakes(fit: SampleVelocities, kinds: Sequence[Kind], views: int) -> tuple[Array, Array]:
+    """Test every view by the kind of mistake that takes most off the misfit: F and p-value."""
+    statistic, p_value = np.zeros(views), np.ones(views)
+    tried = np.zeros(views)
+    for told, q, _ in kinds:
+        n = fit.dof - int(q)
+        for k in told.view if n > 0 else ():
+            tried[k] += 1
+            left = max(told.criterion / n, np.finfo(float).tiny)
+            f = (fit.squares - told.criterion) / q / left
+            p = float(scipy.special.fdtrc(q, n, max(f, 0.0)))
+            if p < p_value[k]:
+                statistic[k], p_value[k] = f, p
+    return statistic, np.minimum(p_value * tried, 1.0)
+
+
+def _kinds(
     data: PointData, fit: SampleVelocities, others: Sequence[SampleVelocities]
-) -> list[Explanation]:
-    """Rank explanations, the best first."""
-    found = [(Explanation((), "clean", fit.squares), 0.0, fit.dof)]
+) -> list[Kind]:
+    """Try explanations of all kinds, none among them."""
+    found: list[Kind] = [(Explanation((), "clean", fit.squares), 0.0, fit.dof)]
     for k, left in enumerate(others):
         found += _of_view(data, k, left)
     for i in range(len(data.names)):
@@ -270,6 +307,11 @@ def _ranked(
             swapped[:, [i, j]] = swapped[:, [j, i]]
             tried = SampleVelocities.of(replace(data, velocity=swapped), range(len(data.names)))
             found.append((Explanation((j, i), "exchanged", tried.squares), 1.0, fit.dof))
+    return found
+
+
+def _ranked(data: PointData, found: Sequence[Kind]) -> list[Explanation]:
+    """Rank explanations, the best first."""
     scale = 1.0
     if not data.stated:
         scale = max(min(h.criterion / max(dof, 1) for h, _, dof in found), np.finfo(float).tiny)
@@ -278,9 +320,7 @@ def _ranked(
     return sorted(told, key=lambda h: h.criterion)
 
 
-def _of_view(
-    data: PointData, k: int, left: SampleVelocities
-) -> Iterator[tuple[Explanation, float, int]]:
+def _of_view(data: PointData, k: int, left: SampleVelocities) -> Iterator[Kind]:
     """Yield all kinds of mistakes of one view, with the numbers that they add."""
     samples = np.flatnonzero(data.seen[:, k])
     seen, noise = data.velocity[samples, k], data.noise[samples, k]
@@ -341,7 +381,7 @@ def _directions(
     left: SampleVelocities,
     samples: IndexArray,
     dof: int,
-) -> Iterator[tuple[Explanation, float, int]]:
+) -> Iterator[Kind]:
     """Yield directions with a wrong sign along an axis, and turned ones."""
     seen, noise, own = (
         data.velocity[samples, k],

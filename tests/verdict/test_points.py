@@ -71,6 +71,19 @@ def test_without_a_stated_noise_a_wrong_view_is_found_too():
     assert kinds(group) == [("sign", wrong)]
 
 
+def test_clean_points_without_a_stated_noise_are_believed():
+    """A kind that is tried is a test of its own, at a hundredth for all of them together."""
+    for views in (4, 5):
+        wrong = sum(bool(kinds(points(seed, views, noise=None)[0])) for seed in range(100))
+        assert wrong <= binom.isf(1e-3, 100, 0.01)
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_four_views_without_a_stated_noise_show_that_one_is_wrong(mistake):
+    for seed in range(5):
+        assert kinds(points(seed, 4, mistake=mistake, noise=None)[0])
+
+
 def test_three_views_say_what_they_cannot_see():
     group, _ = points(0, 3, mistake="sign")
     (found,) = examine_points(group)[1]
