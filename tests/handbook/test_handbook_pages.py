@@ -84,6 +84,7 @@ def test_code_runs_on_a_run_and_attributes_of_a_run_are_told(
     told = {group_of(title): text for title, text in sections("reading_a_result").items()}
     for node in done.tree.subtree:
         group = re.sub(r"^(edge|image)/.*", r"\1", node.path.strip("/")) or "The root"
+        group = re.sub(r"^compare/.*", "field", group)
         missing = {name for name in node.attrs if f"`{name}`" not in told.get(group, "")}
         assert group.startswith("examined/") or missing <= {*CONVENTIONS, *UNTOLD}, group
 
