@@ -34,6 +34,8 @@ from sldvexp.units import LengthUnit
 
 #: Cosine between a response direction and that of positive velocities, below which they differ.
 OPPOSITE = -0.5
+#: Distance of an instrument from an object over the object's size, beyond which nobody measures.
+FARTHEST = 100.0
 #: How far one node's positions in two files may be apart, relative to the object's size.
 SAME_PLACE = 1e-4
 
@@ -183,6 +185,8 @@ def to_line_of_sight(
         cosines[k, seen] = _directions(own, directions, view, node[seen], at, place, tree, laser)
         if directions is not Directions.dof:
             findings += _turned_away(view, at, cosines[k, seen])
+        if place is not None and own.origin:
+            findings += _far_off(view.name, np.array(own.origin), place)
         velocity[k, seen] = view.velocity[at]
         if view.std is not None:
             std[k, seen] = view.std[at]
@@ -241,6 +245,19 @@ def _turned_away(view: PointwiseData, at: IndexArray, cosines: Array) -> list[da
             remedy=f"instrument.positive={other}",
         )
     ]
+
+
+def _far_off(name: str, origin: Array, position: Array) -> list[dataset.Finding]:
+    """Find an origin that is so far from the points that its unit is in doubt."""
+    size = float(np.linalg.norm(np.ptp(position, axis=0)))
+    away = float(np.linalg.norm(origin - position.mean(axis=0)))
+    if size == 0 or away <= FARTHEST * size:
+        return []
+    text = (
+        f"the origin of view {name} is {away:.3g} m from points that lie within {size:.3g} m of "
+        f"one another; {key_of_view(name, 'origin')} is in m"
+    )
+    return [dataset.Finding("origin", f"view {name}", text, size=away / size)]
 
 
 def _record(views: list[PointwiseData]) -> dict[str, str]:

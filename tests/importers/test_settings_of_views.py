@@ -258,3 +258,13 @@ def test_frequency_of_zero_raises_no_question_of_frequencies(uff, tmp_path):
     group = UffImport(views=views, **SAID).read()
     expected = FIRST[1:] / (2j * np.pi * 10.0 * np.arange(1, 5))
     np.testing.assert_allclose(group["velocity"][:, 0], [expected] * 2, rtol=SIX_DIGITS)
+
+
+def test_origin_in_another_unit_is_doubtful_by_its_view(tmp_path):
+    """An instrument 1000 m from a plate of 0.3 m is one whose origin was given in mm."""
+    views = views_of(tmp_path, dict.fromkeys("ab", table("mm/s pk", 1.0)))
+    views = with_own(views, "a", direction=[], origin=[0.1, 0.2, 1.2])
+    views = with_own(views, "b", direction=[], origin=[-300.0, 200.0, 1200.0])
+    (found,) = take_findings({"line_of_sight": ScanExport(views=views, **SENSES).read()})
+    assert (found.kind, found.subject, found.severity.name) == ("origin", "view b", "doubtful")
+    assert "instrument.views.b.origin is in m" in found.text

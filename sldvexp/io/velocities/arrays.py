@@ -265,7 +265,8 @@ def from_arrays(
     if velocity.shape[:2] != (views, points) or cosines.shape[2:] != (3,) or velocity.ndim != 3:
         raise UserError(
             f"{path}: velocity has the shape {velocity.shape} and direction_cosines "
-            f"{cosines.shape}; they must agree in views and points, and directions need 3 numbers"
+            f"{cosines.shape}; they must agree in views and points, and directions need 3 numbers: "
+            "say how the file's arrays lie, as in instrument.order=[point,frequency,axis,view]"
         )
     frequency = _frequencies(values, velocity.shape[2], path)
     std = None

@@ -11,8 +11,8 @@ from sldvexp.dataset import RunData, load
 from sldvexp.report.html import diagnostics, render, results, setup
 from sldvexp.report.html.blocks import Section
 
-#: Each makes a section of what a run has, or none; another part of the page is a line here. What was
-#: found comes first, then what it was found from.
+#: Each makes a section of what a run has, or none; another part of the page is a line here. What
+#: was found comes first, then what it was found from.
 SECTIONS: tuple[Callable[[RunData], Section | None], ...] = (
     diagnostics.verdict_section,
     diagnostics.warnings_section,
