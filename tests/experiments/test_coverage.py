@@ -40,7 +40,7 @@ def covered(sldvexp, name, seeds, *settings):
         done = sldvexp(f"experiment={name}", f"seed={seed}", "report=none", *settings)
         # What is expected of the experiment as it is may be missed by a small one.
         assert done.status in (0, 2), done.err
-        check = "samplewise" if "examined/samplewise" in done.tree else "truth"
+        check = "samplewise" if "samplewise" in done.tree["examined"].children else "truth"
         found.append(done.tree[f"examined/{check}"]["covered_in_all"].values)
     return np.array(found)
 
