@@ -20,7 +20,7 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.check.base import Check, Examination
-from sldvexp.check.on_surface import shell_field_of
+from sldvexp.check.on_surface import check_lines, shell_field_of
 from sldvexp.config.registry import register
 from sldvexp.dataset import Finding, Severity, with_findings
 from sldvexp.errors import Checks
@@ -57,9 +57,7 @@ class LeverArm(Check):
 
     def __post_init__(self) -> None:
         checks = Checks()
-        checks.require(self.lines >= 1, "lines", f"must be 1 or more, not {self.lines}")
-        told = f"must lie between 0 and 1 as in 0.01, not {self.level}"
-        checks.require(0 < self.level < 1, "level", told)
+        check_lines(checks, self.lines, self.level)
         checks.done()
 
     def examine(self, run: Examination) -> xr.Dataset:

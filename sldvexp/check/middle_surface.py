@@ -21,7 +21,7 @@ import numpy as np
 from sldvexp import dataset
 from sldvexp.check.agreement import FEWEST_PARTS, jackknife
 from sldvexp.check.base import Check, Examination
-from sldvexp.check.on_surface import shell_field_of
+from sldvexp.check.on_surface import check_lines, check_patches, shell_field_of
 from sldvexp.config.registry import register
 from sldvexp.dataset import Finding, Severity, with_findings
 from sldvexp.errors import Checks, UserError
@@ -63,12 +63,8 @@ class MiddleSurface(Check):
 
     def __post_init__(self) -> None:
         checks = Checks()
-        right = len(self.patches) == 2 and all(n >= 1 for n in self.patches)
-        told = f"must be 2 numbers of 1 or more, as in [5, 4], not {self.patches}"
-        checks.require(right, "patches", told)
-        checks.require(self.lines >= 1, "lines", f"must be 1 or more, not {self.lines}")
-        told = f"must lie between 0 and 1 as in 0.01, not {self.level}"
-        checks.require(0 < self.level < 1, "level", told)
+        check_patches(checks, self.patches)
+        check_lines(checks, self.lines, self.level)
         checks.done()
 
     def examine(self, run: Examination) -> xr.Dataset:

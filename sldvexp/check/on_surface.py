@@ -2,14 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from sldvexp.check.base import Examination
-from sldvexp.errors import UserError
+from sldvexp.errors import Checks, UserError
 from sldvexp.shell import SurfaceField
 from sldvexp.shell.estimate import reconstruct_surface
 from sldvexp.shell.shell import Shell
 from sldvexp.typing import Array
+
+
+def check_lines(checks: Checks, lines: int, level: float) -> None:
+    """Note what no number of lines, and no probability of a false alarm, can be."""
+    checks.require(lines >= 1, "lines", f"must be 1 or more, not {lines}")
+    message = f"must lie between 0 and 1 as in 0.01, not {level}"
+    checks.require(0 < level < 1, "level", message)
+
+
+def check_patches(checks: Checks, patches: Sequence[int]) -> None:
+    """Note into what numbers of patches no surface can be cut."""
+    right = len(patches) == 2 and all(n >= 1 for n in patches)
+    message = f"must be 2 numbers of 1 or more, as in [6, 5], not {patches}"
+    checks.require(right, "patches", message)
 
 
 def shell_field_of(run: Examination, check: str) -> tuple[SurfaceField, Array]:
