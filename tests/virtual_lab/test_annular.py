@@ -15,7 +15,7 @@ NU = 0.3
 RADIUS, HOLE = 0.125, 0.03
 
 #: k^2 a^2 of n = 0, 1, 2, 3 nodal diameters and no inner nodal circle at nu = 0.3, by edge and b/a,
-#: as tabulated by Leissa (Vibration of Plates, NASA SP-160) to three digits.
+#: three digits that are quoted of Leissa (Vibration of Plates, NASA SP-160) without the print.
 PUBLISHED = {
     (CLAMPED, 0.1): (10.2, 21.1, 34.5, 51.0),
     (CLAMPED, 0.3): (11.4, 19.5, 32.5, 49.1),
