@@ -33,8 +33,11 @@ BEHIND = np.diag([1.0, -1.0, -1.0])
 BACK_POSES = tuple((r @ BEHIND, CENTER + BEHIND @ (o - CENTER)) for r, o in FACE_POSES)
 
 
-def plate(radius=None, stretch=0.2, thickness=0.003):
-    """The plate of the lab; stretch is the velocity of its modes along itself, m/s."""
+def plate(radius=None, stretch=0.2, thickness=0.003, shear=0.0):
+    """The plate of the lab; stretch is the velocity of its modes along itself, m/s.
+
+    Shear takes such a part of the slope of the mode of one half wave along each side.
+    """
     modes = {
         "bending": Mode(1, 1, 197.0, velocity=0.02),
         "other": Mode(2, 1, 439.0, velocity=0.02),
@@ -42,7 +45,14 @@ def plate(radius=None, stretch=0.2, thickness=0.003):
         "y": Mode(0, 1, 10800.0, velocity=stretch, direction=Direction.y),
     }
     return VibratingPlate.built(
-        Plate(center=CENTER.tolist(), radius=radius, thickness=thickness, modes=modes)
+        Plate(
+            center=CENTER.tolist(),
+            radius=radius,
+            thickness=thickness,
+            shear=shear > 0,
+            shear_share=shear or None,
+            modes=modes,
+        )
     )
 
 
