@@ -96,3 +96,31 @@ def test_predictions_of_the_back_change_with_pose_height_and_thickness_as_they_s
             up, down = (predicted(sign * off[:6], *(sign * off[6:])) for sign in (1, -1))
             slope = (up - down) / step / 2
             assert analytic[:, error] == pytest.approx(slope, abs=1e-4 * np.abs(slope).max())
+
+
+def shares_held(seeds):
+    """Shares of intervals that hold, of u, v, w and strains and both parts, poses drawn."""
+    truth, volume, held = lab.plate(stretch=0.1), both_sided(), []
+    std = np.tile(np.repeat([3e-6, 4e-6], 3), 6)
+    for seed in range(seeds):
+        rng = np.random.default_rng(200 + seed)
+        errors = (std * rng.normal(size=36)).reshape(6, 6)
+        views = lab.views_of_both_sides(truth, rng, pixels=(17, 19), errors=errors)
+        found = estimated(views, volume, covariance=np.diag(std**2))
+        held.append(compared(found, truth)[1].mean(axis=-1))
+    return np.array(held)
+
+
+def test_intervals_from_both_sides_hold_in_some_sessions():
+    held = shares_held(6)
+    spread = held.std(axis=0, ddof=1) / np.sqrt(6)
+    assert np.all(held.mean(axis=0) + 3 * spread >= 0.93)
+    assert held.mean() >= 0.94
+
+
+@pytest.mark.long
+def test_intervals_from_both_sides_hold_in_sixty_sessions():
+    share = shares_held(60).mean(axis=0)
+    print(share.round(3).tolist())
+    assert np.all(share >= 0.90)
+    assert share.mean() >= 0.93
