@@ -25,6 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sldvexp.errors import UserError
 from sldvexp.field.bounds.pose_uncertainty import POSE
 from sldvexp.lazy import scipy
 from sldvexp.shell.linear_form import LinearForm
@@ -153,7 +154,16 @@ def bending_lines(
         Which of the fit's frequencies.
     patches : tuple of int
         Into how many patches along s and along t the lever arm may differ.
+
+    Raises
+    ------
+    UserError
+        If no view sees the face.
     """
+    if not any(len(p.pixel) and p.side > 0 for p in fit.pixels):
+        raise UserError(
+            "the lever arm of the face's slopes needs views of the face; all stand behind the sheet"
+        )
     theta, turn = turned(fit, lines)
     poses = fit.errors.factor[:-2]
     poses = poses[:, np.any(poses != 0, axis=0)]

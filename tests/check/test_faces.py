@@ -10,8 +10,9 @@ from scipy.stats import binom
 
 from sldvexp.check import Examination
 from sldvexp.check.faces import ComparedFaces, Faces, told
+from sldvexp.check.lever_arm import LeverArms
 from sldvexp.dataset import Severity, take_findings
-from sldvexp.errors import ConfigError
+from sldvexp.errors import ConfigError, UserError
 from sldvexp.shell import Isotropic
 from tests.shell import simulated_shell as lab
 from tests.shell.test_both_sides import both_sided, estimated
@@ -104,6 +105,17 @@ def test_one_side_alone_is_a_note(monkeypatch):
     assert np.isnan(group["lever_arm"].item())
     assert finding.severity is Severity.note
     assert finding.text.startswith("the views see the face of the sheet alone")
+
+
+def test_the_lever_arm_of_the_face_is_that_of_views_of_the_face():
+    truth = lab.plate(stretch=0.0)
+    views = lab.views_of_both_sides(truth, np.random.default_rng(13))
+    arms = LeverArms.of(estimated(views, both_sided()), np.array([0]))
+    assert arms.change[0] == pytest.approx(0.0, abs=3.3 * np.sqrt(arms.covariance[0, 0]))
+    assert arms.covariance[0, 0] < 0.1e-3**2
+    behind = estimated(views[3:], both_sided())
+    with pytest.raises(UserError, match="all stand behind the sheet"):
+        LeverArms.of(behind, np.array([0]))
 
 
 @pytest.mark.parametrize("level", [0.0, 1.0])
