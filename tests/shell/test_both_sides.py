@@ -10,6 +10,7 @@ import pytest
 from sldvexp.errors import UserError
 from sldvexp.shell import Spline, estimate_surface
 from sldvexp.shell.lever import prediction_changes
+from sldvexp.shell.material import Tolerance
 from sldvexp.volume.base import VisibilitySettings
 from tests.shell import simulated_shell as lab
 from tests.shell.test_surface_fields import compared
@@ -96,6 +97,23 @@ def test_predictions_of_the_back_change_with_pose_height_and_thickness_as_they_s
             up, down = (predicted(sign * off[:6], *(sign * off[6:])) for sign in (1, -1))
             slope = (up - down) / step / 2
             assert analytic[:, error] == pytest.approx(slope, abs=1e-4 * np.abs(slope).max())
+
+
+def test_the_field_changes_with_the_thickness_as_predictions_of_both_sides_do():
+    truth = lab.plate(0.5)
+    views = lab.views_of_both_sides(truth, np.random.default_rng(7))
+    sheet = replace(lab.SHEET, tolerance=Tolerance(thickness=1e-5))
+    fit = estimated(views, both_sided(0.5), sheet=sheet).fit
+    theta, std = fit.posterior.mean(), fit.measured.pixel_std
+    weight = 1 / std[0]
+    assert np.all(std == std[0])
+    crossed = 0.0
+    for k, pixels in enumerate(fit.pixels):
+        slope = prediction_changes(fit, k, theta.astype(complex)).real[:, -1]
+        crossed = crossed + weight**2 * pixels.design(fit.shell, fit.face).T @ slope
+    for c, solved in enumerate(fit.solved):
+        expected = fit.posterior.solve(crossed[:, [c]], c)[:, 0]
+        assert solved[:, -1] == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
 
 
 def shares_held(seeds):
