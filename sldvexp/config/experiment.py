@@ -224,6 +224,7 @@ class Experiment:
             "cross_ratio": "sldvexp.check.cross_ratio",
             "equilibrium": "sldvexp.check.equilibrium",
             "equivalent_methods": "sldvexp.check.equivalent_methods",
+            "faces": "sldvexp.check.faces",
             "field_pattern": "sldvexp.check.field_pattern",
             "gages": "sldvexp.check.gages",
             "kreis": "sldvexp.check.kreis",

@@ -42,6 +42,19 @@ EXAMINED: dict[str, dict[str, Variable]] = {
         "view_ratio": _V("field view", "1", "residual std of a view over the median view's"),
         "cond_ratio": _V("field", "1", "condition number of the chosen field over this one's"),
     },
+    "examined/faces": {
+        "lever_arm": _V("", "m", "lever arm of the slopes between face and back"),
+        "lever_arm_std": _V("", "m", "its standard error"),
+        "distance": _V("", "m", "thickness, which it should be"),
+        "p_arm": _V("", "1", "probability of such a lever arm if it is"),
+        "chi_square": _V("", "1", "of low-order differences of both sides against none"),
+        "freedom": _V("", "1", "its degrees of freedom"),
+        "p_difference": _V("", "1", "probability of such differences without any"),
+        "p_beside": _V("", "1", "probability of such differences, whatever the lever arm"),
+        "component_p_value": _V(
+            "component", "1", "probability of such differences of one component"
+        ),
+    },
     "examined/gages": {
         "strain": _V("gage [frequency]", "1", "predicted strain along the gage, over its grid"),
         "confidence": _V("gage [frequency]", "1", "half-width of its interval, of the larger part"),

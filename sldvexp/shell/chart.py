@@ -104,9 +104,14 @@ class Chart(ABC):
         return ParallelChart(self, -height) if height else self
 
     def met(
-        self, begin: Array, way: Array, height: float, start: Array | None = None
+        self,
+        begin: Array,
+        way: Array,
+        height: float,
+        start: Array | None = None,
+        side: int = 1,
     ) -> tuple[Array, Array, BoolArray]:
-        """Find where beams meet the surface at a height, from the side of its normals.
+        """Find where beams meet the surface at a height, from one of its sides.
 
         Steps lead along the tangent plane at the height to where the beam passes through it.
 
@@ -117,6 +122,8 @@ class Chart(ABC):
         height : float, m
         start : ndarray, shape (beam, 2), m, optional
             Coordinates near those that are looked for.
+        side : int
+            1 from the side of the normals, -1 from behind.
 
         Returns
         -------
@@ -141,7 +148,7 @@ class Chart(ABC):
         cosine = -np.einsum("bij,bj->bi", frames, way)
         far = np.einsum("bi,bi->b", point - begin, way)
         miss = np.linalg.norm(begin + far[:, None] * way - point, axis=1)
-        return coordinates, cosine, (miss < MET) & (far > 0) & (cosine[:, 2] > 0)
+        return coordinates, cosine, (miss < MET) & (far > 0) & (side * cosine[:, 2] > 0)
 
 
 def slide(frames: Array, move: Array, way: Array) -> Array:

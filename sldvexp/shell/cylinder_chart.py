@@ -91,9 +91,14 @@ class CylinderChart(Chart):
         return CylinderChart(center, self.axes, self.curvature / (1 - self.curvature * height))
 
     def met(
-        self, begin: Array, way: Array, height: float, start: Array | None = None
+        self,
+        begin: Array,
+        way: Array,
+        height: float,
+        start: Array | None = None,
+        side: int = 1,
     ) -> tuple[Array, Array, BoolArray]:
-        """Find where beams first meet the surface, in closed form; see `Chart`."""
+        """Find where beams meet the surface from one side, in closed form; see `Chart`."""
         own, along = (begin - self.center) @ self.axes.T, way @ self.axes.T
         (x, _, h), (dx, _, dh), k = own.T, along.T, self.curvature
         # a far^2 + 2 b far + c = 0, all times the curvature, so that a plane is no exception
@@ -101,9 +106,9 @@ class CylinderChart(Chart):
         b = k * (x * dx + h * dh) + dh
         c = k * (x**2 + h**2 - height**2) + 2 * (h - height)
         with np.errstate(divide="ignore", invalid="ignore"):
-            far = c / (np.sqrt(b * b - a * c) - b)
+            far = c / (side * np.sqrt(b * b - a * c) - b)
         meets = np.isfinite(far) & (far > 0)
         point = begin + np.where(meets, far, 0.0)[:, None] * way
         coordinates, _ = self.place(point)
         cosine = -np.einsum("bij,bj->bi", self.frames(coordinates), way)
-        return coordinates, cosine, meets & (cosine[:, 2] > 0)
+        return coordinates, cosine, meets & (side * cosine[:, 2] > 0)

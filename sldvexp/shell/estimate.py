@@ -398,6 +398,11 @@ def _estimate(
     calibration: list[CalibrationError],
 ) -> SurfaceField:
     """Do what `estimate_surface` does, with images that need not be in memory."""
+    if volume.sight.both_sides and not method.of_middle:
+        raise UserError(
+            "reconstruction=spline assumes nothing of the inside, so that views from behind tell "
+            "it nothing of the face: choose reconstruction=shell, or volume.sight.both_sides=false"
+        )
     face, given = _heights(method, material)
     prisms = volume.prisms()
     outline = Outline.of(volume, prisms, given)
@@ -485,7 +490,8 @@ def _told(found: SurfaceFit) -> list[str]:
             f"bending; bounds have in them what is typical of it, {MEMBRANE:.0%} of the velocities"
         )
     if unseen:
-        told.append(f"the views {', '.join(unseen)} do not see the face, and have no say")
+        side = "surface" if found.outline.both_sides else "face"
+        told.append(f"the views {', '.join(unseen)} do not see the {side}, and have no say")
     return told
 
 

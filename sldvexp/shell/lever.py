@@ -12,6 +12,8 @@ from which any set of columns is estimated or tested, whatever the others are: e
 ``F^-1 g`` with the covariance ``F^-1``, and ``g' F^-1 g`` is the chi-square of the score test that
 none of them is needed. lam is that of the largest restricted likelihood.
 
+Views from behind have told of w, and are left out: their lever arm is that of the back.
+
 Lines are turned in phase so that w is as real as can be. Motion of the middle a quarter of a period
 off changes nothing of the lever arm then; motion in phase with the bending does.
 """
@@ -23,6 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sldvexp.errors import UserError
 from sldvexp.field.bounds.pose_uncertainty import POSE
 from sldvexp.lazy import scipy
 from sldvexp.shell.linear_form import LinearForm
@@ -151,7 +154,16 @@ def bending_lines(
         Which of the fit's frequencies.
     patches : tuple of int
         Into how many patches along s and along t the lever arm may differ.
+
+    Raises
+    ------
+    UserError
+        If no view sees the face.
     """
+    if not any(len(p.pixel) and p.side > 0 for p in fit.pixels):
+        raise UserError(
+            "the lever arm of the face's slopes needs views of the face; all stand behind the sheet"
+        )
     theta, turn = turned(fit, lines)
     poses = fit.errors.factor[:-2]
     poses = poses[:, np.any(poses != 0, axis=0)]
@@ -160,7 +172,7 @@ def bending_lines(
     begin = 0
     for k, pixels in enumerate(fit.pixels):
         here = slice(begin, begin := begin + len(pixels.pixel))
-        if not len(pixels.pixel):
+        if not len(pixels.pixel) or pixels.side < 0:
             continue
         own = _add_view(fit, poses, lines, patches, theta, turn, k, here, sums)
         normal += own
@@ -378,15 +390,16 @@ def prediction_changes(fit: SurfaceFit, view: int, theta: ComplexArray) -> Compl
     """
     pixels, shell, face = fit.pixels[view], fit.shell, fit.face
     others = [error.of_beams(view, pixels.pixel) for error in fit.errors.calibration]
-    place, cosine = pixels.changes(fit.laser, fit.outline, face + fit.at[-2], others)
+    place, cosine = pixels.changes(fit.laser, fit.outline, face, fit.at[-2], others)
     where, toward = pixels.coordinates, pixels.cosine
-    moves = _values(shell, theta, where, shell.motion(where, face))
+    moves = _values(shell, theta, where, pixels.motion(shell, face))
     change = np.einsum("pae,pal->pel", cosine, moves)
     for axis in range(2):
-        slope = _values(shell, theta, where, shell.motion(where, face, 1 - axis, axis))
+        slope = _values(shell, theta, where, pixels.motion(shell, face, 1 - axis, axis))
         change += place[:, axis, :, None] * np.einsum("pa,pal->pl", toward, slope)[:, None]
     thicker = _values(shell, theta, where, shell.motion_by_height(where))
-    by_thickness = (change[:, -1] + np.einsum("pa,pal->pl", toward, thicker)) / 2
+    by_height = change[:, -1] + np.einsum("pa,pal->pl", toward, thicker)
+    by_thickness = pixels.side * by_height / 2
     return np.concatenate([change, by_thickness[:, None]], axis=1)
 
 

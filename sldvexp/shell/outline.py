@@ -47,6 +47,8 @@ class Outline:
     low, high : ndarray, shape (2,), m
         Corners of the rectangle around all, with the margin.
     margin : float, m
+    both_sides : bool
+        Whether views see the structure from behind as well.
     """
 
     chart: Chart
@@ -56,6 +58,7 @@ class Outline:
     low: Array
     high: Array
     margin: float
+    both_sides: bool = False
 
     @classmethod
     def of(cls, volume: Volume, prisms: Prisms, given: float) -> Outline:
@@ -80,7 +83,19 @@ class Outline:
         lowered = chart.lowered(given)
         coordinates, _ = lowered.place(nodes)
         low, high = coordinates.min(axis=0) - margin, coordinates.max(axis=0) + margin
-        return cls(lowered, given, coordinates, prisms.triangles, low, high, margin)
+        both = volume.sight.both_sides
+        return cls(lowered, given, coordinates, prisms.triangles, low, high, margin, both)
+
+    def side_towards(self, origin: Array) -> int:
+        """Tell the side that is looked at from a place: 1 the face, -1 the back.
+
+        It is that which most nodes of the surface turn to it, where both sides may be seen.
+        """
+        if not self.both_sides:
+            return 1
+        toward = origin - self.chart.points(self.corners, 0.0)
+        facing = np.einsum("pi,pi->p", toward, self.chart.frames(self.corners)[:, 2]) > 0
+        return 1 if 2 * np.count_nonzero(facing) >= len(facing) else -1
 
     @cached_property
     def holes(self) -> list[tuple[Array, float]]:

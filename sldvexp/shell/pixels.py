@@ -1,7 +1,8 @@
 """Pixels of all views as equations of the splines, and how they change with what is not exact.
 
 Pixel p of view k, whose beam meets the face at (s, t), is one row ``v_p = D_p . V(s_p, t_p)``,
-divided by its standard error. If the pose of its view is off, the face lies higher or the sheet is
+divided by its standard error. Of views from behind the place is as far below the middle as the face
+is above it. If the pose of its view is off, the face lies higher or the sheet is
 thicker, the place and the direction cosines change:
 
     dv = dD . V + D . (V,s ds + V,t dt) + D . V,z dz.
@@ -15,7 +16,7 @@ J, kappa and g (see `sldvexp.shell.chart`), and D = -(t1, t2, n) w, the change o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,44 +43,72 @@ class ViewPixels:
         Where they meet the face.
     cosine : ndarray, shape (pixel, 3)
         Direction cosines along t1, t2 and n.
+    side : int
+        1 if the view sees the face, -1 if it sees the back.
     """
 
     view: View
     pixel: IndexArray
     coordinates: Array
     cosine: Array
+    side: int = 1
 
     @classmethod
     def of(cls, view: View, laser: TwoMirror, outline: Outline, face: float) -> ViewPixels:
-        """Follow the beams of all pixels without a flag to the face, so high above the splines."""
-        pixel = np.flatnonzero(np.asarray(view.flags) == 0)
-        coordinates, cosine, meets = outline.chart.met(*beams(view, laser, pixel), face)
+        """Follow the beams of all pixels without a flag to the side that the view looks at.
+
+        Parameters
+        ----------
+        face : float, m
+            Height of the face above the splines; the back is as far below.
+        """
+        pixel, side = np.flatnonzero(np.asarray(view.flags) == 0), outline.side_towards(view.origin)
+        own = beams(view, laser, pixel)
+        coordinates, cosine, meets = outline.chart.met(*own, side * face, side=side)
         kept = np.flatnonzero(meets)
         kept = kept[outline.holds(coordinates[kept])]
-        return cls(view, pixel[kept], coordinates[kept], cosine[kept])
+        return cls(view, pixel[kept], coordinates[kept], cosine[kept], side)
 
     def part(self, some: slice) -> ViewPixels:
         """Keep some of the pixels."""
-        return ViewPixels(self.view, self.pixel[some], self.coordinates[some], self.cosine[some])
+        return replace(
+            self,
+            pixel=self.pixel[some],
+            coordinates=self.coordinates[some],
+            cosine=self.cosine[some],
+        )
 
-    def seen_from(self, pose: Array, laser: TwoMirror, outline: Outline, face: float) -> ViewPixels:
-        """Follow the same pixels' beams from a pose that is off by a rotation vector and origin."""
+    def seen_from(
+        self, pose: Array, laser: TwoMirror, outline: Outline, face: float, higher: float
+    ) -> ViewPixels:
+        """Follow the same pixels' beams from a pose that is off by a rotation vector and origin.
+
+        Parameters
+        ----------
+        face : float, m
+            Height of the face above the splines.
+        higher : float, m
+            By which the surface lies above where it is given.
+        """
         view = self.view.moved(pose)
-        moved = beams(view, laser, self.pixel)
-        coordinates, cosine, _ = outline.chart.met(*moved, face, self.coordinates)
-        return ViewPixels(view, self.pixel, coordinates, cosine)
+        moved, height = beams(view, laser, self.pixel), self.side * face + higher
+        coordinates, cosine, _ = outline.chart.met(*moved, height, self.coordinates, self.side)
+        return replace(self, view=view, coordinates=coordinates, cosine=cosine)
 
     def changes(
         self,
         laser: TwoMirror,
         outline: Outline,
         face: float,
+        higher: float = 0.0,
         others: Sequence[tuple[Array, Array]] = (),
     ) -> tuple[Array, Array]:
-        """Differentiate place and cosines by the pose, other errors, and the face's height.
+        """Differentiate place and cosines by the pose, other errors, and the surface's height.
 
         Parameters
         ----------
+        face, higher : float, m
+            See `seen_from`.
         others : sequence of pair of ndarray, shape (pixel, 3) each
             What they do to starts, m, and directions of the beams.
 
@@ -88,13 +117,13 @@ class ViewPixels:
         place : ndarray, shape (pixel, 2, 6 + others + 1), m/rad and 1
         cosine : ndarray, shape (pixel, 3, 6 + others + 1), 1/rad and 1/m
         """
-        view = self.view
+        view, height = self.view, self.side * face + higher
         begin, way = beams(view, laser, self.pixel)
         frames, forms = (
             outline.chart.frames(self.coordinates),
             outline.chart.forms(self.coordinates),
         )
-        far = np.einsum("pi,pi->p", outline.chart.points(self.coordinates, face) - begin, way)
+        far = np.einsum("pi,pi->p", outline.chart.points(self.coordinates, height) - begin, way)
         start, turned = (np.zeros((len(way), 3, POSE + len(others) + 1)) for _ in range(2))
         # R turned by a small e about an axis a of the laser: R' (x - e a x x) for all x
         turned[:, :, :3] = -np.cross(view.rotation[:, None], way).transpose(1, 2, 0)
@@ -103,7 +132,7 @@ class ViewPixels:
         for k, (of_start, of_way) in enumerate(others, POSE):
             start[:, :, k], turned[:, :, k] = of_start, of_way
         moved = start + far[:, None, None] * turned
-        step = forms.along(face, slide(frames, moved, way))
+        step = forms.along(height, slide(frames, moved, way))
         cosine = -np.einsum("pij,pje->pie", frames, turned)
         bent = np.einsum("pij,pje->pie", forms.curvature, step)
         about = np.einsum("pj,pje->pe", forms.turn, step)
@@ -122,9 +151,13 @@ class ViewPixels:
         """Compute velocities of the pixels from coefficients, (coefficient, column)."""
         return shell.values(theta, self.coordinates, [self._seen(shell, face)])[:, 0]
 
+    def motion(self, shell: ThinShell, face: float, i: int = 0, j: int = 0) -> list[LinearForm]:
+        """Make the forms of u, v and w where the beams end, or of derivatives by s and t."""
+        return shell.motion(self.coordinates, self.side * face, i, j)
+
     def _seen(self, shell: ThinShell, face: float) -> LinearForm:
         """Make the form of the motion along the beams."""
-        motion = shell.motion(self.coordinates, face)
+        motion = self.motion(shell, face)
         return summed([own * toward for own, toward in zip(motion, self.cosine.T, strict=True)])
 
 

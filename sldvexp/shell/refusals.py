@@ -49,14 +49,15 @@ def too_few_pixels(
     frames = outline.chart.frames(outline.corners)
     points = outline.chart.points(outline.corners, face)
     facing = [np.einsum("pi,pi->p", view.origin - points, frames[:, 2]).max() > 0 for view in views]
-    if not any(facing):
+    if not any(facing) and not outline.both_sides:
         return UserError(
             f"the surface turns its back to {'the view' if len(views) == 1 else 'all views'}: its "
             "normals point away from where the instrument stood; turn volume.euler, or set "
-            "volume.flip of a mesh"
+            "volume.flip of a mesh; or volume.sight.both_sides=true if its back was measured"
         )
+    side = "" if outline.both_sides else " from the side of its normals"
     return UserError(
-        f"{count} pixels of all views together meet the surface from the side of its normals, "
+        f"{count} pixels of all views together meet the surface{side}, "
         f"where {needed} are needed: does the volume lie where the structure is, inside of the "
         "images?"
     )

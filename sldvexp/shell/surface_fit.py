@@ -349,7 +349,7 @@ class _Equations:
         poses = at[: self.errors.own.start]
         face = self.face + thickness / 2
         moved = [
-            p.seen_from(pose, self.laser, self.outline, face + height)
+            p.seen_from(pose, self.laser, self.outline, face, height)
             for p, pose in zip(self.pixels, np.reshape(poses, (-1, POSE)), strict=True)
         ]
         weight, data = 1 / self.measured.pixel_std, self.columns.data
@@ -449,20 +449,21 @@ class _Equations:
 
         That is its pose, others that move its beams, and height and thickness.
         """
-        place, cosine = pixels.changes(self.laser, self.outline, face + height, others)
+        place, cosine = pixels.changes(self.laser, self.outline, face, height, others)
         where, shell = pixels.coordinates, self.shell
 
         def motion(*forms: LinearForm) -> Array:
             return shell.values(theta, where, forms)  # (pixel, axis, column)
 
         toward = pixels.cosine
-        change = np.einsum("pae,pac->pec", cosine, motion(*shell.motion(where, face)))
+        change = np.einsum("pae,pac->pec", cosine, motion(*pixels.motion(shell, face)))
         for axis in range(2):
-            slope = motion(*shell.motion(where, face, 1 - axis, axis))
+            slope = motion(*pixels.motion(shell, face, 1 - axis, axis))
             along = np.einsum("pa,pac->pc", toward, slope)
             change += place[:, axis, :, None] * along[:, None]
         thicker = motion(*shell.motion_by_height(where))
-        by_thickness = (change[:, -1] + np.einsum("pa,pac->pc", toward, thicker)) / 2
+        by_height = change[:, -1] + np.einsum("pa,pac->pc", toward, thicker)
+        by_thickness = pixels.side * by_height / 2
         return np.concatenate([change, by_thickness[:, None]], axis=1)
 
 

@@ -22,7 +22,7 @@ from sldvexp.errors import Checks
 from sldvexp.geometry import rotation_from_euler
 from sldvexp.lazy import xarray as xr
 from sldvexp.targets import Circles, Target
-from sldvexp.typing import Array, ComplexArray
+from sldvexp.typing import Array, BoolArray, ComplexArray
 from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.attached import TERMS, LoadedModes, LoadedPlate, PointMass, Rib
 from sldvexp.virtual_lab.beam import Beams, SceneObject
@@ -79,7 +79,8 @@ class AnyPlate(ABC):
     euler : list of 3 float, rad
         phi1, phi2, phi3 in the x-convention, world to plate.
     thickness : float
-        The beam sees the surface half of this above the middle surface.
+        The beam sees the surface half of this above the middle surface, and from behind that as
+        far below.
     E : float, Pa
         Natural frequencies need it and the next two.
     nu : float
@@ -331,11 +332,20 @@ class VibratingPlate(SceneObject):
         """
         direction = beams.direction @ self.rotation.T
         origin = (beams.origin - self.center) @ self.rotation.T
+        distance, along_sight, behind = self._seen_of_side(origin, direction)
+        if behind.any():
+            back = replace(self, surface=self.surface.back)
+            own = back._seen_of_side(origin[behind], direction[behind])
+            distance[behind], along_sight[behind] = own[:2]
+        response = self.modes.response(frequency)
+        return distance, np.einsum("bm,mf->bf", along_sight, response)
+
+    def _seen_of_side(self, origin: Array, direction: Array) -> tuple[Array, Array, BoolArray]:
+        """Compute distances, velocities of modes along beams, and which beams come from behind."""
         distance, place = self.surface.meet(origin, direction)
         to_instrument = np.einsum("bij,bj->bi", self.surface.frame(place), -direction)
         along_sight = np.einsum("bmi,bi->bm", self._motion(place), to_instrument)
-        response = self.modes.response(frequency)
-        return distance, np.einsum("bm,mf->bf", along_sight, response)
+        return distance, along_sight, np.isfinite(distance) & (to_instrument[:, 2] < 0)
 
     def in_modes(self, factors: Mapping[str, float]) -> VibratingPlate:
         """See `SceneObject`."""

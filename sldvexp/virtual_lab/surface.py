@@ -7,7 +7,8 @@ around the plate; the face lies half a thickness above.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -64,6 +65,11 @@ class PlateSurface(ABC):
     @abstractmethod
     def position(self, coordinates: Array) -> Array:
         """Compute places on the upper surface, shape (..., 3), m."""
+
+    @property
+    def back(self) -> Self:
+        """The lower surface, which beams from behind meet."""
+        return replace(self, height=-self.height)
 
     def inside(self, coordinates: Array) -> BoolArray:
         """Tell whether coordinates are on the plate, shape (...)."""

@@ -97,7 +97,9 @@ class VisibilitySettings:
     grazing : float, deg
         Samples whose surface is seen at a larger angle from its normal are left out.
     both_sides : bool
-        Views see the surface from behind as well; otherwise only the side of its normals.
+        Views see the surface from behind as well; otherwise only the side of its normals. Of a
+        thin shell the back is then half a thickness below the middle surface, as the face is above
+        it, and the place of a view's instrument tells which of them it looks at.
     occlusion : bool
         Leave out what the surface itself hides from a view, which only curved ones do.
     """

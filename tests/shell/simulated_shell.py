@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from sldvexp.field import View
@@ -25,10 +27,17 @@ PLACES = (
     ([-1.749, 2.790, 1.403], [0.876, 0.036, 1.596]),
 )
 NOISE = 3e-5
+FACE_POSES = tuple((rotation_from_euler(euler), np.array(origin)) for euler, origin in PLACES)
+#: Those of the face turned by half a turn about the plate's own x.
+BEHIND = np.diag([1.0, -1.0, -1.0])
+BACK_POSES = tuple((r @ BEHIND, CENTER + BEHIND @ (o - CENTER)) for r, o in FACE_POSES)
 
 
-def plate(radius=None, stretch=0.2, thickness=0.003):
-    """The plate of the lab; stretch is the velocity of its modes along itself, m/s."""
+def plate(radius=None, stretch=0.2, thickness=0.003, shear=0.0):
+    """The plate of the lab; stretch is the velocity of its modes along itself, m/s.
+
+    Shear takes such a part of the slope of the mode of one half wave along each side.
+    """
     modes = {
         "bending": Mode(1, 1, 197.0, velocity=0.02),
         "other": Mode(2, 1, 439.0, velocity=0.02),
@@ -36,7 +45,14 @@ def plate(radius=None, stretch=0.2, thickness=0.003):
         "y": Mode(0, 1, 10800.0, velocity=stretch, direction=Direction.y),
     }
     return VibratingPlate.built(
-        Plate(center=CENTER.tolist(), radius=radius, thickness=thickness, modes=modes)
+        Plate(
+            center=CENTER.tolist(),
+            radius=radius,
+            thickness=thickness,
+            shear=shear > 0,
+            shear_share=shear or None,
+            modes=modes,
+        )
     )
 
 
@@ -51,7 +67,16 @@ def volume(radius=None, shape=(13, 11)):
     )
 
 
-def views(truth, rng, pixels=(21, 25), noise=NOISE, frequency=(FREQUENCY,), errors=None):
+def views(
+    truth,
+    rng,
+    pixels=(21, 25),
+    noise=NOISE,
+    frequency=(FREQUENCY,),
+    errors=None,
+    poses=FACE_POSES,
+    first=1,
+):
     """Images of places spread over the plate, with poses that are off by `errors`, (view, 6)."""
     made = []
     sides = zip(truth.surface.size, pixels, strict=True)
@@ -59,8 +84,7 @@ def views(truth, rng, pixels=(21, 25), noise=NOISE, frequency=(FREQUENCY,), erro
     place = np.stack(np.meshgrid(s, t, indexing="ij"), axis=-1).reshape(-1, 2)
     place = place[truth.surface.inside(place)]
     spots = truth.center + truth.surface.position(place) @ truth.rotation
-    for k, (euler, origin) in enumerate(PLACES):
-        rotation = rotation_from_euler(euler)
+    for k, (rotation, origin) in enumerate(poses):
         angle = project((spots - origin) @ rotation.T, LASER.mirror_offset)
         _, along = rays(angle, LASER.mirror_offset)
         velocity = np.stack(
@@ -69,10 +93,21 @@ def views(truth, rng, pixels=(21, 25), noise=NOISE, frequency=(FREQUENCY,), erro
         )
         shaken = noise * (rng.normal(size=velocity.shape) + 1j * rng.normal(size=velocity.shape))
         view = View.from_arrays(
-            str(k + 1), rotation, origin, velocity + shaken, noise, angle=angle, laser=LASER
+            str(k + first), rotation, origin, velocity + shaken, noise, angle=angle, laser=LASER
         )
         made.append(view if errors is None else view.moved(-errors[k]))
     return made
+
+
+def views_of_both_sides(truth, rng, some=(0, 3, 4), errors=None, **settings):
+    """Some views of the face, and as many of the back."""
+    behind = replace(truth, surface=replace(truth.surface, height=-truth.surface.height))
+    count, face, back = len(some), [FACE_POSES[k] for k in some], [BACK_POSES[k] for k in some]
+    of_face, of_back = (None, None) if errors is None else (errors[:count], errors[count:])
+    return [
+        *views(truth, rng, poses=face, errors=of_face, **settings),
+        *views(behind, rng, poses=back, errors=of_back, first=count + 1, **settings),
+    ]
 
 
 def method(**settings):
