@@ -7,11 +7,13 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from numpy.typing import NDArray
 
 from sldvexp.dataset import VARIABLES
 from sldvexp.geometry import joined_points
 from sldvexp.lazy import xarray as xr
+from sldvexp.plot import style
 from sldvexp.plot.shape import normals
 
 FIELD = VARIABLES["field"]
@@ -24,6 +26,9 @@ BYTES_A_NUMBER = 4 * 4 / 3
 PARTS = 3
 #: Numbers of a node that colours by strain need: three complex components, extension and stress.
 COLOURINGS = 3 * 2 + 2
+#: Colours of sizes, of numbers with a sign and of angles, in so many steps.
+MAPS = {"size": style.SIZE_MAP, "sign": style.SIGN_MAP, "phase": style.PHASE_MAP}
+STEPS = 64
 #: What is largest of a cycle, with its name and unit.
 LARGEST = (
     ("principal_strain", "largest extension", "strain"),
@@ -48,8 +53,8 @@ def shape_of(
     dict or None
         Positions (``length_unit``) and triangles; for each of ``frequencies`` and ``components``
         real part, imaginary part and bound (``velocity_unit``) at every node; the components'
-        directions and the surface's normal at every node. Arrays are
-        base64 of little-endian float32 and int32. None if the surface has too many nodes to be
+        directions, at every node or the same for all, and its surface's normal. Arrays are
+        base64 of little-endian float32 and uint16, colour maps of red, green and blue bytes. None if the surface has too many nodes to be
         drawn.
     """
     nodes, triangles, _ = surface_layer(volume)
@@ -61,8 +66,8 @@ def shape_of(
         field.isel(node=nodes).rename(node="point"),
         field["position"].values[nodes],
         triangles=triangles,
-        normal=_directions(["n"], volume, count),
-        directions=_directions(components, volume, count),
+        normal=_directions(["n"], volume),
+        directions=_directions(components, volume),
         strain=strain if strain is not None and strain.sizes["place"] == count else None,
     )
 
@@ -84,13 +89,12 @@ def shape_of_points(point: xr.Dataset, line_of_sight: xr.Dataset) -> dict[str, A
     position, triangles, lines = joined_points(line_of_sight)
     if len(position) > MOST_NODES:
         return None
-    count = point.sizes["component"]
     data = _drawn(
         point,
         position,
         triangles=triangles,
         normal=normals(position, triangles)[None],
-        directions=np.broadcast_to(np.eye(3)[:count, None], (count, len(position), 3)),
+        directions=np.eye(3)[: point.sizes["component"], None],
     )
     names = [str(name) for name in line_of_sight["point"].values]
     return data | {"lines": _integers(lines), "names": names}
@@ -131,6 +135,7 @@ def _drawn(
         "real": _floats(speed * velocity.real),
         "imaginary": _floats(speed * velocity.imag),
         "bound": _floats(speed * bound),
+        "maps": {name: _colours(of) for name, of in MAPS.items()},
         "colourings": [] if strain is None else list(_colourings(strain, chosen)),
     }
 
@@ -201,12 +206,12 @@ def _sizes(velocity: NDArray) -> NDArray:
     return largest
 
 
-def _directions(components: list[str], volume: xr.Dataset, count: int) -> NDArray:
-    """Take unit vectors (component, node, axis), in the world's or the surface's axes."""
+def _directions(components: list[str], volume: xr.Dataset) -> NDArray:
+    """Take unit vectors (component, node, axis); those of the world are the same at each node."""
     axes = list(volume["axis"].values)
     if set(components) <= set(axes):
         unit = np.eye(3)[[axes.index(c) for c in components]]
-        return np.broadcast_to(unit[:, None], (len(components), count, 3))
+        return unit[:, None]
     frame = volume["frame"].sel(local_axis=components)
     return frame.transpose("local_axis", "surface_node", "axis").values
 
@@ -223,5 +228,11 @@ def _floats(values: NDArray) -> str:
     return base64.b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode()
 
 
+def _colours(name: str) -> str:
+    """Take a map's colours at equal steps, three bytes each."""
+    colours = colormaps[name](np.linspace(0, 1, STEPS), bytes=True)[:, :3]
+    return base64.b64encode(colours.tobytes()).decode()
+
+
 def _integers(values: NDArray) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, "<i4").tobytes()).decode()
+    return base64.b64encode(np.ascontiguousarray(values, "<u2").tobytes()).decode()
