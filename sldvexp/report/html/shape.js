@@ -136,6 +136,7 @@
   let coloured = null;
   const colour = () => {
     coloured = colours();
+    coloured.of_velocity = state.colour !== "bound" && !state.colour.startsWith("strain");
     const of = (part) => Float32Array.from({ length: 3 * nodes }, (_, i) => part(Math.floor(i / 3), i % 3) || 0);
     viewer.put("value_real", of(coloured.real));
     viewer.put("value_imaginary", of(coloured.imaginary));
@@ -167,8 +168,9 @@
     viewer.put("below", below);
     viewer.join("marks", Uint32Array.from(unknown));
     viewer.join("picked", Uint32Array.from(state.node ? [state.node - 1] : []));
-    Object.assign(look, { scale: state.size * scale(), shell: state.shell, fading: state.fade });
-    tell(below.reduce((sum, b) => sum + b, 0));
+    Object.assign(look, { scale: state.size * scale(), shell: state.shell,
+      fading: state.fade && coloured.of_velocity });
+    tell(look.fading ? below.reduce((sum, b) => sum + b, 0) : 0);
     spectrum();
     stale = true;
   };
@@ -435,7 +437,7 @@
   viewer.join("lines", Uint32Array.from([...rim, ...(rim.length + inner.length <= 2 * MOST_LINES ? inner : []), ...joined]));
   // Points are seen, whatever joins them.
   viewer.join("dots", Uint32Array.from(data.names ? [...Array(nodes).keys()] : []));
-  plot.shape = { draw, drawn: (offset = 0) => viewer.drawn({ ...look, phase: state.phase, offset }) };
+  plot.shape = { draw, joined: viewer.joined, drawn: (offset = 0) => viewer.drawn({ ...look, phase: state.phase, offset }) };
   choose();
   resize();
   new ResizeObserver(resize).observe(stage);

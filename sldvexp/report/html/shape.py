@@ -53,9 +53,9 @@ def shape_of(
     dict or None
         Positions (``length_unit``) and triangles; for each of ``frequencies`` and ``components``
         real part, imaginary part and bound (``velocity_unit``) at every node; the components'
-        directions, at every node or the same for all, and its surface's normal. Arrays are
-        base64 of little-endian float32 and uint16, colour maps of red, green and blue bytes. None if the surface has too many nodes to be
-        drawn.
+        directions, at every node or the same for all, and the surface's normal. Arrays are
+        base64 of little-endian float32 and uint16, colour maps of red, green and blue bytes.
+        None if the surface has too many nodes to be drawn.
     """
     nodes, triangles, _ = surface_layer(volume)
     if len(nodes) > MOST_NODES or not len(triangles):
@@ -150,7 +150,7 @@ def _colourings(strain: xr.Dataset, frequencies: NDArray) -> Iterator[dict[str, 
     for name, own in zip(
         strain["strain_component"].values, np.moveaxis(1j * whole[frequencies], 1, 0), strict=True
     ):
-        yield _colouring(f"strain e_{name} now", f"e<sub>{name}</sub> now", own, "strain")
+        yield _colouring(f"strain e_{name} now", f"e_{name} now", own, "strain")
     for name, title, unit in LARGEST:
         if name in strain:
             values = strain[name]

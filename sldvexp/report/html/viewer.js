@@ -113,6 +113,7 @@ const makeViewer = (canvas, nodes) => {
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers[name]);
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, values, gl.DYNAMIC_DRAW);
   };
+  own.joined = (name) => kept.indices[name];
   own.frame = (lines) => {
     kept.box = lines;
     gl.bindBuffer(gl.ARRAY_BUFFER, box);
