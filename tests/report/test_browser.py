@@ -228,6 +228,40 @@ def test_keys_step_through_frequencies_turn_the_shape_and_play(shown, browser):
     assert browser.find_element("id", "shape-play").text == "▶ Play"
 
 
+def test_the_mouse_turns_the_shape_and_picks_a_node(shown, browser):
+    shown.js("document.getElementById('shape-stage').scrollIntoView({block: 'center'})")
+    shown.set("component", -1)
+    shown.set("node", "")
+    labels = "return document.getElementById('shape-labels').innerHTML"
+    before = shown.js(labels)
+    left, top, width, height = shown.js(
+        "const b = document.getElementById('shape-stage').getBoundingClientRect();"
+        "return [b.left, b.top, b.width, b.height]"
+    )
+    middle = (left + width / 2, top + height / 2)
+    mouse(browser, middle, (middle[0] + 60, middle[1] + 20))
+    assert shown.js(labels) != before
+    assert shown.joined("picked") == []
+    shown.js("document.getElementById('shape-reset').click()")
+    near = shown.js("return document.getElementById('shape-plot').shape.seen(7)")
+    at = (left + near[0], top + near[1])
+    mouse(browser, at, at)
+    assert shown.joined("picked") == [7]
+
+
+def mouse(browser, start, end):
+    """Press the button at one place and let it go at another."""
+    told = {"button": "left", "clickCount": 1}
+    for kind, (x, y), buttons in (
+        ("mouseMoved", start, 0),
+        ("mousePressed", start, 1),
+        ("mouseMoved", end, 1),
+        ("mouseReleased", end, 0),
+    ):
+        event = {"type": kind, "x": x, "y": y, "buttons": buttons, **told}
+        browser.execute_cdp_cmd("Input.dispatchMouseEvent", event)
+
+
 def test_what_lies_below_its_bound_is_pale(open_at, small_volume, small_field):
     around = small_volume()
     field = small_field(around)

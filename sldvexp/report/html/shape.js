@@ -194,6 +194,7 @@
 
   // The largest amplitude of the surface, or that of the picked node with its bound, by frequency --
   const hertz = data.frequencies;
+  const of_hertz = (f) => Number(f.toPrecision(6)) + " Hz";
   const along = (f) => hertz.length < 2 ? 0.5 : (f - hertz[0]) / (hertz[hertz.length - 1] - hertz[0]);
   const spectrum = () => {
     if (hertz.length < 2) return;
@@ -213,11 +214,11 @@
       return [line(0, value || 0, kind), ...(own ? [line(Math.max(0, value - own), value + own, "bound")] : [])];
     }));
     control("spectrum-told").textContent = `${picked < 0 ? "Largest " + name() : name() + " of node " + called(picked)}` +
-      ` by frequency, ${hertz[0]} to ${hertz[hertz.length - 1]} Hz, up to ${three(most)} ${data.velocity_unit}` +
+      ` by frequency, ${of_hertz(hertz[0])} to ${of_hertz(hertz[hertz.length - 1])}, up to ${three(most)} ${data.velocity_unit}` +
       (picked < 0 ? "" : `, with its ${data.level} bound`);
     const slider = control("spectrum");
     slider.setAttribute("aria-valuenow", state.frequency);
-    slider.setAttribute("aria-valuetext", `${hertz[state.frequency]} Hz, ${three(found[state.frequency][0] || 0)} ${data.velocity_unit}`);
+    slider.setAttribute("aria-valuetext", `${of_hertz(hertz[state.frequency])}, ${three(found[state.frequency][0] || 0)} ${data.velocity_unit}`);
   };
   const tune = (frequency) => {
     state.frequency = Math.max(0, Math.min(hertz.length - 1, frequency));
@@ -392,7 +393,7 @@
   const many = components > 1 ? [[-1, "all, as it moves"]] : [];
   options(control("component"), [...many, ...data.components.map((c, k) => [k, "V_" + c])]);
   if (!many.length) state.component = 0;
-  options(control("frequency"), hertz.map((f, k) => [k, f === null ? "" : f + " Hz"]));
+  options(control("frequency"), hertz.map((f, k) => [k, f === null ? "" : of_hertz(f)]));
   control("frequency").value = state.frequency;
   colourings.forEach((own, k) => control("colour").add(new Option(own.text, "strain" + k)));
   for (const key of ["component", "frequency", "shell", "size", "node", "speed"]) {
@@ -437,7 +438,8 @@
   viewer.join("lines", Uint32Array.from([...rim, ...(rim.length + inner.length <= 2 * MOST_LINES ? inner : []), ...joined]));
   // Points are seen, whatever joins them.
   viewer.join("dots", Uint32Array.from(data.names ? [...Array(nodes).keys()] : []));
-  plot.shape = { draw, joined: viewer.joined, drawn: (offset = 0) => viewer.drawn({ ...look, phase: state.phase, offset }) };
+  const seen = (n) => camera.projector()(...viewer.drawn(look).slice(4 * n, 4 * n + 3));
+  plot.shape = { draw, seen, joined: viewer.joined, drawn: (offset = 0) => viewer.drawn({ ...look, phase: state.phase, offset }) };
   choose();
   resize();
   new ResizeObserver(resize).observe(stage);
