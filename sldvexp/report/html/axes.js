@@ -17,7 +17,7 @@ const makeAxes = (labels, low, high, unit) => {
   // Place names anew and give the lines' ends, six numbers a line.
   const arrange = (camera) => {
     const toward = camera.toward(), project = camera.projector();
-    const far = toward.map((t, k) => (t > 0 ? low : high)[k]), near = toward.map((t, k) => (t > 0 ? high : low)[k]);
+    const far = toward.map((t, k) => (t > -1e-9 ? low : high)[k]), near = toward.map((t, k) => (t > -1e-9 ? high : low)[k]);
     const at = (k, value, rest) => { const p = [...rest]; p[k] = value; return p; };
     const upright = [[near[0], far[1], 0], [far[0], near[1], 0]];
     const left = ([x, y]) => project(x, y, middle[2])[0];
