@@ -1,6 +1,6 @@
 // Shows a complex velocity field as a surface that moves, and what its colours say.
 "use strict";
-(() => {
+(async () => {
   const data = JSON.parse(document.getElementById("shape-data").textContent);
   const control = (name) => document.getElementById("shape-" + name);
   const [plot, stage, canvas] = [control("plot"), control("stage"), control("canvas")];
@@ -9,13 +9,10 @@
   const floats = (text) => new Float32Array(bytes(text).buffer);
   const integers = (text) => Uint32Array.from(new Uint16Array(bytes(text || "").buffer));
   const position = floats(data.position), normal = floats(data.normal), directions = floats(data.directions);
-  const [real, imaginary, bound] = [data.real, data.imaginary, data.bound].map(floats);
-  const [triangles, joined] = [integers(data.triangles), integers(data.lines)];
-  const maps = Object.fromEntries(Object.entries(data.maps).map(([name, text]) => [name, bytes(text)]));
-  const colourings = (data.colourings || []).map((own) => ({ ...own,
-    real: floats(own.real), imaginary: own.imaginary && floats(own.imaginary) }));
   const nodes = position.length / 3;
   const components = data.components.length;
+  const [triangles, joined] = [integers(data.triangles), integers(data.lines)];
+  const maps = Object.fromEntries(Object.entries(data.maps).map(([name, text]) => [name, bytes(text)]));
   const everywhere = directions.length === 3 * components;  // the same directions at every node
 
   const SECONDS_A_TURN = 2.5;       // of the drawn motion
@@ -23,11 +20,42 @@
   const MOST_LINES = 3000;
   const NEAR = 18;                  // pixels between a node and the pointer that means it
 
-  const viewer = makeViewer(canvas, nodes);
+  const viewer = typeof DecompressionStream === "undefined" ? null : makeViewer(canvas, nodes);
   if (!viewer) {
     document.documentElement.classList.add("no-webgl");
     return;
   }
+
+  // Numbers of the nodes: exact ones, or whole ones as differences from node to node, by bytes ------
+  const NONE = -32768;
+  const whole = async (text) => {
+    const deflated = new Blob([bytes(text)]).stream().pipeThrough(new DecompressionStream("deflate"));
+    const planes = new Uint8Array(await new Response(deflated).arrayBuffer()), count = planes.length / 2;
+    const found = new Int16Array(count);
+    for (let i = 0, sum = 0; i < count; i++) {
+      sum = (i % nodes ? sum : 0) + (planes[i] | planes[count + i] << 8);
+      found[i] = sum;
+    }
+    return found;
+  };
+  const stepped = async (text, step) =>
+    Float32Array.from(await whole(text), (q, i) => q === NONE ? NaN : q * step(i));
+  const parts = async (own) => {
+    const here = async (name) => floats(own[name]);
+    if (!data.rounded) return Promise.all([here("real"), here("imaginary"), here("bound")]);
+    const limits = Float32Array.from(await whole(own.bound), (q) => q === NONE ? NaN : own.least * Math.exp(own.ratio * q));
+    const step = (i) => {
+      const finest = own.finest[Math.floor(i / (components * nodes))], share = own.share * limits[i];
+      return share > finest ? share : finest;
+    };
+    return [await stepped(own.real, step), await stepped(own.imaginary, step), limits];
+  };
+  const [real, imaginary, bound] = await parts(data);
+  const colourings = await Promise.all((data.colourings || []).map(async (own) => {
+    const of = async (text) => !text ? undefined
+      : data.rounded ? stepped(text, (i) => own.finest[Math.floor(i / nodes)]) : floats(text);
+    return { ...own, real: await of(own.real), imaginary: await of(own.imaginary) };
+  }));
   const state = { component: -1, frequency: data.strongest, colour: "now", shell: 0, size: 1, phase: 0, speed: 1,
     fade: true, node: 0 };
   let playing = false, visible = true, stale = true;

@@ -15,10 +15,11 @@ from sldvexp.geometry import joined_points
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
 from sldvexp.plot.shape import normals
+from sldvexp.report.html import packing
 
 FIELD = VARIABLES["field"]
-#: Frequencies are left out beyond so many bytes, the strongest are kept.
-MOST_BYTES = 1_200_000
+#: Numbers are rounded beyond so many bytes; of more frequencies than fit, the strongest are kept.
+MOST_BYTES = 1_900_000
 #: A surface of more nodes is nothing for a browser.
 MOST_NODES = 40_000
 BYTES_A_NUMBER = 4 * 4 / 3
@@ -111,36 +112,65 @@ def _drawn(
     """Pack velocities of points with their bounds, and how they are drawn."""
     dims = ["frequency"] if "frequency" in group.dims else []
     whole = group[["velocity", "confidence"]].transpose(*dims, "component", "point")
+    if not dims:
+        whole = whole.expand_dims("frequency")
     velocity, bound = whole["velocity"].values, whole["confidence"].values
-    hertz: list[float | None] = [None]
-    chosen = np.array([0])
-    if dims:
-        chosen = _strongest(velocity, 0 if strain is None else COLOURINGS * len(position))
-        velocity, bound = velocity[chosen], bound[chosen]
-        hertz = [float(f) for f in group["frequency"].values[chosen]]
     length, length_unit = _scale(np.ptp(position, axis=0).max(), FIELD["position"].units)
     speed, speed_unit = _scale(np.nanmax(np.abs(velocity), initial=0.0), FIELD["velocity"].units)
+    chosen, numbers = _numbers(speed * velocity, speed * bound, strain)
     return {
         "components": [str(c) for c in group["component"].values],
-        "frequencies": hertz,
-        "strongest": int(np.argmax(_sizes(velocity))) if dims else 0,
-        "left_out": int(group.sizes.get("frequency", 1) - len(hertz)),
+        "frequencies": group["frequency"].values[chosen].tolist() if dims else [None],
+        "strongest": int(np.argmax(_sizes(velocity[chosen]))),
+        "left_out": len(velocity) - len(chosen),
         "length_unit": length_unit,
         "velocity_unit": speed_unit,
         "level": f"{float(group.attrs.get('confidence_level', 0.95)):.0%}",
-        "position": _floats(length * position),
+        "position": packing.floats(length * position),
         "triangles": _integers(triangles),
-        "normal": _floats(normal),
-        "directions": _floats(directions),
-        "real": _floats(speed * velocity.real),
-        "imaginary": _floats(speed * velocity.imag),
-        "bound": _floats(speed * bound),
+        "normal": packing.floats(normal),
+        "directions": packing.floats(directions),
         "maps": {name: _colours(of) for name, of in MAPS.items()},
-        "colourings": [] if strain is None else list(_colourings(strain, chosen)),
-    }
+    } | numbers
 
 
-def _colourings(strain: xr.Dataset, frequencies: NDArray) -> Iterator[dict[str, Any]]:
+def _numbers(
+    velocity: NDArray, bound: NDArray, strain: xr.Dataset | None
+) -> tuple[NDArray, dict[str, Any]]:
+    """Write all numbers exactly if there is room, else rounded ones of the frequencies that fit."""
+    more = 0 if strain is None else COLOURINGS * velocity.shape[-1]
+    each = BYTES_A_NUMBER * (PARTS * velocity[0].size + more)
+    rounded = each * len(velocity) > MOST_BYTES
+    strongest = np.argsort(-_sizes(velocity), kind="stable")
+    count = len(strongest)
+    while True:
+        chosen = np.sort(strongest[:count])
+        own = _written(velocity[chosen], bound[chosen], rounded)
+        own["colourings"] = [] if strain is None else list(_colourings(strain, chosen, rounded))
+        room = MOST_BYTES / sum(map(len, _texts(own)))
+        if room >= 1 or count == 1:
+            return chosen, own
+        count = max(1, min(count - 1, int(room * count)))
+
+
+def _written(velocity: NDArray, bound: NDArray, rounded: bool) -> dict[str, Any]:
+    if rounded:
+        return {"rounded": True, **packing.velocities(velocity, bound)}
+    parts = {"real": velocity.real, "imaginary": velocity.imag, "bound": bound}
+    return {"rounded": False} | {name: packing.floats(part) for name, part in parts.items()}
+
+
+def _texts(own: dict[str, Any]) -> Iterator[str]:
+    for value in own.values():
+        if isinstance(value, str):
+            yield value
+        elif isinstance(value, list):
+            yield from (text for one in value if isinstance(one, dict) for text in _texts(one))
+
+
+def _colourings(
+    strain: xr.Dataset, frequencies: NDArray, rounded: bool
+) -> Iterator[dict[str, Any]]:
     """Pack strains as colours: components as they change, then what is largest of a cycle.
 
     The velocity is drawn as if it were the displacement, whose strain is a quarter of a period
@@ -150,20 +180,27 @@ def _colourings(strain: xr.Dataset, frequencies: NDArray) -> Iterator[dict[str, 
     for name, own in zip(
         strain["strain_component"].values, np.moveaxis(1j * whole[frequencies], 1, 0), strict=True
     ):
-        yield _colouring(f"strain e_{name} now", f"e_{name} now", own, "strain")
+        yield _colouring(f"strain e_{name} now", f"e_{name} now", own, "strain", rounded)
     for name, title, unit in LARGEST:
         if name in strain:
             values = strain[name]
             values = values.isel(principal=0) if "principal" in values.dims else values
             own = values.transpose("frequency", "place").values[frequencies]
-            yield _colouring(title, title, own, unit)
+            yield _colouring(title, title, own, unit, rounded)
 
 
-def _colouring(text: str, title: str, values: NDArray, unit: str) -> dict[str, Any]:
+def _colouring(text: str, title: str, values: NDArray, unit: str, rounded: bool) -> dict[str, Any]:
     """Pack values of nodes by frequency, shape (frequency, node); complex ones change."""
     factor, unit = _scale(np.nanmax(np.abs(values), initial=0.0), unit)
-    found = {"text": text, "title": title, "unit": unit, "real": _floats(factor * values.real)}
-    return found | ({"imaginary": _floats(factor * values.imag)} if np.iscomplexobj(values) else {})
+    parts = {"real": values.real}
+    if np.iscomplexobj(values):
+        parts["imaginary"] = values.imag
+    found: dict[str, Any] = {"text": text, "title": title, "unit": unit}
+    if not rounded:
+        return found | {name: packing.floats(factor * part) for name, part in parts.items()}
+    step = packing.shades(factor * values)
+    found["finest"] = step.tolist()
+    return found | {n: packing.whole(factor * part / step[:, None]) for n, part in parts.items()}
 
 
 def surface_layer(volume: xr.Dataset) -> tuple[NDArray, NDArray, float]:
@@ -188,18 +225,6 @@ def surface_layer(volume: xr.Dataset) -> tuple[NDArray, NDArray, float]:
     return nodes, np.searchsorted(nodes, triangles), float(volume["depth"].values[layer])
 
 
-def _strongest(velocity: NDArray, more: int) -> NDArray:
-    """Find indices of the frequencies of the largest velocities, as many as there is room for.
-
-    Parameters
-    ----------
-    more : int
-        Numbers that every frequency has beside those of the velocity.
-    """
-    count = int(MOST_BYTES / (BYTES_A_NUMBER * (PARTS * velocity[0].size + more)))
-    return np.sort(np.argsort(-_sizes(velocity), kind="stable")[: max(1, count)])
-
-
 def _sizes(velocity: NDArray) -> NDArray:
     """Find the largest velocity at each frequency."""
     largest: NDArray = np.nanmax(np.abs(velocity), axis=(1, 2), initial=0.0)
@@ -222,10 +247,6 @@ def _scale(largest: float, unit: str) -> tuple[float, str]:
         if largest * factor >= 1:
             return factor, prefix + unit
     return 1e9, f"n{unit}"
-
-
-def _floats(values: NDArray) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode()
 
 
 def _colours(name: str) -> str:
