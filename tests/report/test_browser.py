@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sldvexp import dataset
-from sldvexp.report.html import figures, run_page
+from sldvexp.report.html import figures, packing, run_page, shape
 from tests.shell.made_strain import made_strain
 
 webdriver = pytest.importorskip("selenium.webdriver")
@@ -284,6 +284,24 @@ def test_the_shape_is_coloured_by_strain(open_at, small_volume):
     shown.set("colour", "strain4")
     stress = 1e-3 * strain["von_mises"].values[:, 0]
     np.testing.assert_allclose(shown.colours, stress, rtol=1e-4)
+
+
+def test_rounded_numbers_are_shown_as_near_as_their_bounds_ask(
+    open_at, small_volume, small_field, monkeypatch
+):
+    monkeypatch.setattr(shape, "MOST_BYTES", 1500)
+    shown = open_at(DESKTOP)
+    nodes = np.flatnonzero(small_volume()["node_layer"].values == 1)
+    field = small_field(small_volume()).isel(node=nodes)
+    velocity, bound = 1e3 * field["velocity"].values, 1e3 * field["confidence"].values
+    shown.set("component", 2)
+    for hertz in (0, 1):
+        shown.set("frequency", hertz)
+        shown.set("colour", "imaginary")
+        away = abs(shown.colours - velocity[:, 2, hertz].imag) / bound[:, 2, hertz]
+        assert 1e-4 < away.max() < 1.01 * packing.SHARE / 2
+        shown.set("colour", "bound")
+        np.testing.assert_allclose(shown.colours, bound[:, 2, hertz], rtol=0.006)
 
 
 def test_undetermined_nodes_are_marked_on_a_phone_too(open_at, small_volume, small_field):

@@ -13,6 +13,7 @@ import numpy as np
 
 from sldvexp.dataset import FREQUENCY, VARIABLES, RunData
 from sldvexp.lazy import xarray as xr
+from sldvexp.report.html import packing
 from sldvexp.report.html.blocks import HtmlTable, More, Section, Shape, Text, having
 from sldvexp.report.html.figures import drawable, figures
 from sldvexp.report.html.shape import shape_of, shape_of_points
@@ -204,6 +205,8 @@ def _shape(run: RunData) -> list[Any]:
         told = "The surface has too many nodes for a page; other programs can turn it."
         return [Text(told, "small")]
     note += " Black crosses: not determined."
+    if data["rounded"]:
+        note += f" Velocities here are rounded to {packing.SHARE / 2:.0%} of their bounds."
     if data["left_out"]:
         shown = len(data["frequencies"])
         note += f" Of {shown + data['left_out']} frequencies the {shown} strongest are here."
