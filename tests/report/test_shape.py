@@ -6,6 +6,7 @@ import base64
 
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib import colormaps
 
 from sldvexp.plot import style
@@ -160,6 +161,17 @@ def test_colours_of_strain_are_those_of_the_drawn_surface(small_volume, small_fi
     assert "imaginary" not in extension
     largest = 1e6 * strain["principal_strain"].values[:, 0].T
     np.testing.assert_allclose(floats(extension["real"]).reshape(2, -1), largest, rtol=1e-5)
+
+
+def test_a_shape_is_seen_from_where_its_views_stood():
+    origin = np.array([[1, 1, 1], [1, 0, 1 + np.sqrt(3)], [1, -1, 1], [np.nan, 0, 0]])
+    pose = xr.Dataset(
+        {"origin": (("view", "axis"), origin)}, coords={"view": ["left", "top", "right", "lost"]}
+    )
+    found = shape.views_of(pose, np.array([[-1, -1, 1], [1, 1, 1.0]]))
+    assert [one["name"] for one in found] == ["left", "top", "right"]
+    angles = [[one["azimuth"], one["elevation"]] for one in found]
+    np.testing.assert_allclose(angles, [[45, 0], [0, 60], [-45, 0]], atol=1e-12)
 
 
 def test_strains_of_other_places_than_the_drawn_ones_are_no_colours(small_volume, small_field):

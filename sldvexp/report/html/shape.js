@@ -424,6 +424,10 @@
   options(control("frequency"), hertz.map((f, k) => [k, f === null ? "" : of_hertz(f)]));
   control("frequency").value = state.frequency;
   colourings.forEach((own, k) => control("colour").add(new Option(own.text, "strain" + k)));
+  (data.views || []).forEach((own, k) => {
+    VIEWS["view" + k] = { azimuth: own.azimuth, elevation: own.elevation };
+    control("view").add(new Option("from view " + own.name, "view" + k));
+  });
   for (const key of ["component", "frequency", "shell", "size", "node", "speed"]) {
     control(key).addEventListener("input", (event) => {
       state[key] = Number(event.target.value);

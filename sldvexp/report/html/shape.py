@@ -101,6 +101,31 @@ def shape_of_points(point: xr.Dataset, line_of_sight: xr.Dataset) -> dict[str, A
     return data | {"lines": _integers(lines), "names": names}
 
 
+def views_of(pose: xr.Dataset, position: NDArray) -> list[dict[str, Any]]:
+    """Find from where each view sees an object.
+
+    Parameters
+    ----------
+    pose : xarray.Dataset
+        The group.
+    position : (n, 3) array
+        Of the object, m.
+
+    Returns
+    -------
+    list of dict
+        ``name``, ``azimuth`` and ``elevation`` (degrees) of the instrument about the object's
+        middle; views of unknown origin are left out.
+    """
+    middle = (np.nanmin(position, axis=0) + np.nanmax(position, axis=0)) / 2
+    found = []
+    for name, (x, y, z) in zip(pose["view"].values, pose["origin"].values - middle, strict=True):
+        angles = np.degrees([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
+        if np.isfinite(angles).all():
+            found.append({"name": str(name), "azimuth": angles[0], "elevation": angles[1]})
+    return found
+
+
 def _drawn(
     group: xr.Dataset,
     position: NDArray,
