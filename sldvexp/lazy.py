@@ -21,7 +21,6 @@ if TYPE_CHECKING:  # so that type checkers see the libraries' own types
     import netCDF4
     import pandas
     import pint
-    import plotly
     import pyvisa
     import scipy
     import xarray
@@ -32,7 +31,6 @@ else:
     netCDF4 = lazy_loader.load("netCDF4")
     pandas = lazy_loader.load("pandas")
     pint = lazy_loader.load("pint")
-    plotly = lazy_loader.load("plotly")
     pyvisa = lazy_loader.load("pyvisa")
     scipy = lazy_loader.load("scipy")
     xarray = lazy_loader.load("xarray")
@@ -44,7 +42,6 @@ __all__ = [
     "netCDF4",
     "pandas",
     "pint",
-    "plotly",
     "pyvisa",
     "scipy",
     "xarray",

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sldvexp import dataset
-from sldvexp.report.html import figures, run_page
+from sldvexp.report.html import figures, packing, run_page, shape
 from tests.shell.made_strain import made_strain
 
 webdriver = pytest.importorskip("selenium.webdriver")
@@ -32,6 +32,7 @@ OPTIONS = (
 )
 PHONE, DESKTOP = (390, 844), (1280, 900)
 PATIENCE = 60
+LEFT, RIGHT = "\ue012", "\ue014"  # arrow keys
 
 
 @pytest.fixture(scope="module")
@@ -74,18 +75,23 @@ class Opened:
             value,
         )
 
-    def trace(self, number, key):
-        """What a part of the drawing is made of."""
-        part = "document.getElementById('shape-plot').data[arguments[0]][arguments[1]]"
-        return np.array(self.js(f"return Array.from({part})", number, key), float)
+    def drawn(self, offset=0):
+        """Place and value of every node, as the graphics processor has worked them out."""
+        code = "return Array.from(document.getElementById('shape-plot').shape.drawn(arguments[0]))"
+        return np.array(self.js(code, offset), float).reshape(-1, 4)
 
     @property
     def deflection(self):
-        return self.trace(0, "z")
+        return self.drawn()[:, 2]
 
     @property
     def colours(self):
-        return self.trace(0, "intensity")
+        return self.drawn()[:, 3]
+
+    def joined(self, name):
+        """Tell which nodes are drawn as what."""
+        code = "return Array.from(document.getElementById('shape-plot').shape.joined(arguments[0]))"
+        return self.js(code, name)
 
     def text(self, name):
         return self.js("return document.getElementById('shape-' + arguments[0]).textContent", name)
@@ -166,12 +172,105 @@ def test_controls_choose_component_frequency_phase_colour_bounds_and_size(
     shown.set("colour", "bound")
     np.testing.assert_allclose(shown.colours, bound[:, 2, 1], rtol=1e-5)
     shown.set("shell", 10)
-    above, below = shown.trace(2, "z"), shown.trace(3, "z")
+    above, below = shown.drawn(10)[:, 2], shown.drawn(-10)[:, 2]
     np.testing.assert_allclose((above - below) / 2, factor * 10 * bound[:, 2, 1], rtol=1e-2)
-    assert shown.js("return document.getElementById('shape-plot').data[2].visible") is True
     shown.set("size", 0)
     np.testing.assert_allclose(shown.deflection, height, atol=1e-4)
     assert "bound of V_z" in shown.text("told")
+
+
+def test_parts_of_a_component_are_its_colours(shown, small_volume, small_field):
+    nodes = np.flatnonzero(small_volume()["node_layer"].values == 1)
+    velocity = 1e3 * small_field(small_volume())["velocity"].values[nodes, 1, 0]
+    shown.set("component", 1)
+    shown.set("frequency", 0)
+    for colour, wanted in {
+        "real": velocity.real,
+        "imaginary": velocity.imag,
+        "phase": np.degrees(np.angle(velocity)),
+    }.items():
+        shown.set("colour", colour)
+        for phase in (0, 130):
+            shown.set("phase", phase)
+            np.testing.assert_allclose(shown.colours, wanted, rtol=1e-4, atol=1e-3)
+
+
+def test_a_picked_node_tells_its_velocity_and_bound(shown, small_volume, small_field):
+    nodes = np.flatnonzero(small_volume()["node_layer"].values == 1)
+    field = small_field(small_volume()).isel(node=nodes[6], frequency=1)
+    shown.set("component", -1)
+    shown.set("frequency", 1)
+    shown.set("node", 7)
+    told = shown.text("picked")
+    for name, value, own in zip(
+        "xyz", 1e3 * abs(field["velocity"].values), 1e3 * field["confidence"].values, strict=True
+    ):
+        assert f"V_{name} {float(f'{value:.3g}'):g} ± {float(f'{own:.3g}'):g}" in told
+    assert shown.joined("picked") == [6]
+    shown.set("node", "")
+    assert shown.text("picked") == ""
+
+
+def test_keys_step_through_frequencies_turn_the_shape_and_play(shown, browser):
+    shown.set("frequency", 0)
+    slider, stage = (browser.find_element("id", f"shape-{name}") for name in ("spectrum", "stage"))
+    slider.send_keys(RIGHT)
+    assert slider.get_attribute("aria-valuetext").startswith("439 Hz")
+    slider.send_keys(LEFT)
+    assert slider.get_attribute("aria-valuetext").startswith("197 Hz")
+    labels = "return document.getElementById('shape-labels').innerHTML"
+    before = shown.js(labels)
+    stage.send_keys(RIGHT)
+    assert shown.js(labels) != before
+    stage.send_keys(" ")
+    assert browser.find_element("id", "shape-play").text == "❚❚ Pause"
+    stage.send_keys(" ")
+    assert browser.find_element("id", "shape-play").text == "▶ Play"
+
+
+def test_the_mouse_turns_the_shape_and_picks_a_node(shown, browser):
+    shown.js("document.getElementById('shape-stage').scrollIntoView({block: 'center'})")
+    shown.set("component", -1)
+    shown.set("node", "")
+    labels = "return document.getElementById('shape-labels').innerHTML"
+    before = shown.js(labels)
+    left, top, width, height = shown.js(
+        "const b = document.getElementById('shape-stage').getBoundingClientRect();"
+        "return [b.left, b.top, b.width, b.height]"
+    )
+    middle = (left + width / 2, top + height / 2)
+    mouse(browser, middle, (middle[0] + 60, middle[1] + 20))
+    assert shown.js(labels) != before
+    assert shown.joined("picked") == []
+    shown.js("document.getElementById('shape-reset').click()")
+    near = shown.js("return document.getElementById('shape-plot').shape.seen(7)")
+    at = (left + near[0], top + near[1])
+    mouse(browser, at, at)
+    assert shown.joined("picked") == [7]
+
+
+def mouse(browser, start, end):
+    """Press the button at one place and let it go at another."""
+    told = {"button": "left", "clickCount": 1}
+    for kind, (x, y), buttons in (
+        ("mouseMoved", start, 0),
+        ("mousePressed", start, 1),
+        ("mouseMoved", end, 1),
+        ("mouseReleased", end, 0),
+    ):
+        event = {"type": kind, "x": x, "y": y, "buttons": buttons, **told}
+        browser.execute_cdp_cmd("Input.dispatchMouseEvent", event)
+
+
+def test_what_lies_below_its_bound_is_pale(open_at, small_volume, small_field):
+    around = small_volume()
+    field = small_field(around)
+    node = np.flatnonzero(around["node_layer"].values == 1)[3]
+    field["velocity"].values[node] *= 1e-6
+    shown = open_at(DESKTOP, field=field)
+    assert "pale: below its bound, 1 of 20 nodes" in shown.text("told")
+    shown.set("colour", "bound")
+    assert "pale" not in shown.text("told")
 
 
 def test_the_shape_is_coloured_by_strain(open_at, small_volume):
@@ -187,15 +286,33 @@ def test_the_shape_is_coloured_by_strain(open_at, small_volume):
     np.testing.assert_allclose(shown.colours, stress, rtol=1e-4)
 
 
+def test_rounded_numbers_are_shown_as_near_as_their_bounds_ask(
+    open_at, small_volume, small_field, monkeypatch
+):
+    monkeypatch.setattr(shape, "MOST_BYTES", 1500)
+    shown = open_at(DESKTOP)
+    nodes = np.flatnonzero(small_volume()["node_layer"].values == 1)
+    field = small_field(small_volume()).isel(node=nodes)
+    velocity, bound = 1e3 * field["velocity"].values, 1e3 * field["confidence"].values
+    shown.set("component", 2)
+    for hertz in (0, 1):
+        shown.set("frequency", hertz)
+        shown.set("colour", "imaginary")
+        away = abs(shown.colours - velocity[:, 2, hertz].imag) / bound[:, 2, hertz]
+        assert 1e-4 < away.max() < 1.01 * packing.SHARE / 2
+        shown.set("colour", "bound")
+        np.testing.assert_allclose(shown.colours, bound[:, 2, hertz], rtol=0.006)
+
+
 def test_undetermined_nodes_are_marked_on_a_phone_too(open_at, small_volume, small_field):
     around = small_volume()
     field = small_field(around)
     node = np.flatnonzero(around["node_layer"].values == 1)[3]
     field["velocity"].values[node, 0, :] = np.nan
     shown = open_at(PHONE, field=field)
-    assert len(shown.trace(4, "x")) == 1
+    assert shown.joined("marks") == [3]
     shown.set("component", 1)
-    assert len(shown.trace(4, "x")) == 0
+    assert shown.joined("marks") == []
     nothing_is_wider_than_the_window(shown)
 
 
@@ -212,17 +329,31 @@ def test_points_that_no_triangle_joins_are_coloured_and_move(browser, small_poin
     shown.set("frequency", 1)
     shown.set("phase", 90)
     velocity = 1e3 * point["velocity"].values[:, :, 1] * 1j
-    away = shown.trace(6, "z") - rest
+    away = shown.deflection - rest
     factor = away @ velocity[:, 2].real / (velocity[:, 2].real @ velocity[:, 2].real)
     assert factor > 0
     np.testing.assert_allclose(away, factor * velocity[:, 2].real, rtol=1e-3, atol=1e-3)
-    data = "document.getElementById('shape-plot').data[6]"
-    colours = np.array(shown.js(f"return Array.from({data}.marker.color)"))
-    np.testing.assert_allclose(colours, np.linalg.norm(velocity.real, axis=1), rtol=1e-4)
-    assert shown.js(f"return {data}.marker.showscale") is True
-    assert len(shown.trace(1, "x")) == 2 * 3 * 3  # both sides of three lines, and gaps
+    whole = np.linalg.norm(velocity.real, axis=1)
+    np.testing.assert_allclose(shown.colours, whole, rtol=1e-4)
+    assert shown.joined("dots") == [0, 1, 2, 3, 4]
+    assert len(shown.joined("lines")) == 2 * 3
     assert said_by_the_page(browser) == []
     nothing_is_wider_than_the_window(shown)
+
+
+def test_without_webgl_the_page_has_its_figure(open_at, browser):
+    """A browser that gives no drawing context gets the figure that printed pages have."""
+    open_at(DESKTOP)
+    refuse = "HTMLCanvasElement.prototype.getContext = () => null;"
+    source = {"source": refuse}
+    added = browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", source)
+    try:
+        browser.get(browser.execute_script("return location.href").split("#")[0])
+        seen = "return getComputedStyle(document.querySelector(arguments[0])).display"
+        assert browser.execute_script(seen, ".shape") == "none"
+        assert browser.execute_script(seen, ".still") == "block"
+    finally:
+        browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", added)
 
 
 def said_by_the_page(browser):

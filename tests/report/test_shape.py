@@ -6,7 +6,10 @@ import base64
 
 import numpy as np
 import pytest
+import xarray as xr
+from matplotlib import colormaps
 
+from sldvexp.plot import style
 from sldvexp.plot.shape import normals
 from sldvexp.report.html import shape
 from tests.shell.made_strain import made_strain
@@ -36,15 +39,29 @@ def test_shape_is_the_field_on_the_given_surface(coordinates, small_volume, smal
     np.testing.assert_allclose(position, 1e3 * around["position"].values[nodes], atol=1e-4)
     directions = floats(data["directions"]).reshape(3, -1, 3)
     axes = around["frame"].values.transpose(1, 0, 2)
-    wanted = axes if coordinates == "local" else np.eye(3)[:, None] + 0 * axes
+    wanted = axes if coordinates == "local" else np.eye(3)[:, None]
+    assert directions.shape == wanted.shape
     np.testing.assert_allclose(directions, wanted, atol=1e-6)
     np.testing.assert_allclose(floats(data["normal"]).reshape(-1, 3), axes[2], atol=1e-6)
+
+
+def test_colours_are_those_of_the_figures(small_volume, small_field):
+    around = small_volume()
+    maps = shape.shape_of(small_field(around), around)["maps"]
+    for name, of in (
+        ("size", style.SIZE_MAP),
+        ("sign", style.SIGN_MAP),
+        ("phase", style.PHASE_MAP),
+    ):
+        own = np.frombuffer(base64.b64decode(maps[name]), np.uint8).reshape(-1, 3)
+        ends = colormaps[of]([0.0, 1.0], bytes=True)[:, :3]
+        np.testing.assert_array_equal(own[[0, -1]], ends)
 
 
 def test_triangles_cover_the_surface_once(small_volume, small_field):
     around = small_volume()
     data = shape.shape_of(small_field(around), around)
-    corner = np.frombuffer(base64.b64decode(data["triangles"]), "<i4").reshape(-1, 3)
+    corner = np.frombuffer(base64.b64decode(data["triangles"]), "<u2").reshape(-1, 3)
     place = floats(data["position"]).reshape(-1, 3)[corner]
     area = np.linalg.norm(np.cross(place[:, 1] - place[:, 0], place[:, 2] - place[:, 0]), axis=1)
     assert area.sum() / 2 == pytest.approx(200 * 150, rel=1e-5)
@@ -94,11 +111,10 @@ def test_shape_of_points_is_their_velocities_and_what_joins_them(small_points):
     np.testing.assert_allclose(floats(data["imaginary"]), expected.imag.ravel(), rtol=1e-6)
     np.testing.assert_allclose(floats(data["position"]), 100.0 * SQUARE.ravel(), atol=1e-4)
     for name in ("triangle", "line"):
-        whole = np.frombuffer(base64.b64decode(data[f"{name}s"]), "<i4")
+        whole = np.frombuffer(base64.b64decode(data[f"{name}s"]), "<u2")
         assert whole.tolist() == lines_of_sight[name].values.ravel().tolist()
     assert data["names"] == ["1", "2", "7", "9", "12"]
-    directions = floats(data["directions"]).reshape(3, 5, 3)
-    np.testing.assert_array_equal(directions, np.eye(3)[:, None] + np.zeros((1, 5, 1)))
+    np.testing.assert_array_equal(floats(data["directions"]).reshape(3, 3), np.eye(3))
     normal = floats(data["normal"]).reshape(5, 3)
     np.testing.assert_allclose(normal[:4], np.tile([0, 0, 1], (4, 1)), atol=1e-7)
     np.testing.assert_allclose(np.linalg.norm(normal[4]), 1.0, rtol=1e-6)
@@ -145,6 +161,17 @@ def test_colours_of_strain_are_those_of_the_drawn_surface(small_volume, small_fi
     assert "imaginary" not in extension
     largest = 1e6 * strain["principal_strain"].values[:, 0].T
     np.testing.assert_allclose(floats(extension["real"]).reshape(2, -1), largest, rtol=1e-5)
+
+
+def test_a_shape_is_seen_from_where_its_views_stood():
+    origin = np.array([[1, 1, 1], [1, 0, 1 + np.sqrt(3)], [1, -1, 1], [np.nan, 0, 0]])
+    pose = xr.Dataset(
+        {"origin": (("view", "axis"), origin)}, coords={"view": ["left", "top", "right", "lost"]}
+    )
+    found = shape.views_of(pose, np.array([[-1, -1, 1], [1, 1, 1.0]]))
+    assert [one["name"] for one in found] == ["left", "top", "right"]
+    angles = [[one["azimuth"], one["elevation"]] for one in found]
+    np.testing.assert_allclose(angles, [[45, 0], [0, 60], [-45, 0]], atol=1e-12)
 
 
 def test_strains_of_other_places_than_the_drawn_ones_are_no_colours(small_volume, small_field):

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import functools
 import json
 from collections.abc import Iterator, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from sldvexp.lazy import jinja2, markupsafe, plotly
+from sldvexp.lazy import jinja2, markupsafe
 from sldvexp.report.html.blocks import Link, More, Section, Shape
 from sldvexp.writing import whole_or_nothing
+
+#: What draws the moving shape; each uses those before it.
+SCRIPTS = ("camera.js", "axes.js", "viewer.js", "shape.js")
 
 
 def write(path: Path, title: str, subtitle: str, sections: Sequence[Section]) -> Path:
@@ -40,8 +42,7 @@ def render(title: str, subtitle: str, sections: Sequence[Section]) -> str:
         subtitle=subtitle,
         sections=sections,
         style=markupsafe.Markup(_own("page.css")),
-        script=markupsafe.Markup(_own("shape.js")) if moves else "",
-        plotly=markupsafe.Markup(_own("canvas.js") + _plotly()) if moves else "",
+        script=markupsafe.Markup("".join(map(_own, SCRIPTS))) if moves else "",
         as_json=lambda data: markupsafe.Markup(_json(data)),
     )
 
@@ -62,12 +63,6 @@ def _json(data: Any) -> str:
 def _own(name: str) -> str:
     """Read a file of this folder."""
     return (files(__package__) / name).read_text(encoding="utf-8")
-
-
-@functools.cache
-def _plotly() -> str:
-    """Read the drawing library's script, as its package has it."""
-    return str(plotly.offline.get_plotlyjs()).replace("</script", "<\\/script")
 
 
 def _flat(sections: Sequence[Section]) -> Iterator[Any]:

@@ -13,9 +13,10 @@ import numpy as np
 
 from sldvexp.dataset import FREQUENCY, VARIABLES, RunData
 from sldvexp.lazy import xarray as xr
+from sldvexp.report.html import packing
 from sldvexp.report.html.blocks import HtmlTable, More, Section, Shape, Text, having
 from sldvexp.report.html.figures import drawable, figures
-from sldvexp.report.html.shape import shape_of, shape_of_points
+from sldvexp.report.html.shape import shape_of, shape_of_points, views_of
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.tables import (
     MOST_FREQUENCIES,
@@ -203,7 +204,12 @@ def _shape(run: RunData) -> list[Any]:
     if data is None:
         told = "The surface has too many nodes for a page; other programs can turn it."
         return [Text(told, "small")]
+    if run.has("pose", "origin"):
+        place = run.groups["volume"] if "volume" in run.groups else run.groups["line_of_sight"]
+        data["views"] = views_of(run.groups["pose"], place["position"].values)
     note += " Black crosses: not determined."
+    if data["rounded"]:
+        note += f" Velocities here are rounded to {packing.SHARE / 2:.0%} of their bounds."
     if data["left_out"]:
         shown = len(data["frequencies"])
         note += f" Of {shown + data['left_out']} frequencies the {shown} strongest are here."

@@ -7,16 +7,19 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from numpy.typing import NDArray
 
 from sldvexp.dataset import VARIABLES
 from sldvexp.geometry import joined_points
 from sldvexp.lazy import xarray as xr
+from sldvexp.plot import style
 from sldvexp.plot.shape import normals
+from sldvexp.report.html import packing
 
 FIELD = VARIABLES["field"]
-#: Frequencies are left out beyond so many bytes, the strongest are kept.
-MOST_BYTES = 1_200_000
+#: Numbers are rounded beyond so many bytes; of more frequencies than fit, the strongest are kept.
+MOST_BYTES = 1_900_000
 #: A surface of more nodes is nothing for a browser.
 MOST_NODES = 40_000
 BYTES_A_NUMBER = 4 * 4 / 3
@@ -24,6 +27,9 @@ BYTES_A_NUMBER = 4 * 4 / 3
 PARTS = 3
 #: Numbers of a node that colours by strain need: three complex components, extension and stress.
 COLOURINGS = 3 * 2 + 2
+#: Colours of sizes, of numbers with a sign and of angles, in so many steps.
+MAPS = {"size": style.SIZE_MAP, "sign": style.SIGN_MAP, "phase": style.PHASE_MAP}
+STEPS = 64
 #: What is largest of a cycle, with its name and unit.
 LARGEST = (
     ("principal_strain", "largest extension", "strain"),
@@ -48,9 +54,9 @@ def shape_of(
     dict or None
         Positions (``length_unit``) and triangles; for each of ``frequencies`` and ``components``
         real part, imaginary part and bound (``velocity_unit``) at every node; the components'
-        directions and the surface's normal at every node. Arrays are
-        base64 of little-endian float32 and int32. None if the surface has too many nodes to be
-        drawn.
+        directions, at every node or the same for all, and the surface's normal. Arrays are
+        base64 of little-endian float32 and uint16, colour maps of red, green and blue bytes.
+        None if the surface has too many nodes to be drawn.
     """
     nodes, triangles, _ = surface_layer(volume)
     if len(nodes) > MOST_NODES or not len(triangles):
@@ -61,8 +67,8 @@ def shape_of(
         field.isel(node=nodes).rename(node="point"),
         field["position"].values[nodes],
         triangles=triangles,
-        normal=_directions(["n"], volume, count),
-        directions=_directions(components, volume, count),
+        normal=_directions(["n"], volume),
+        directions=_directions(components, volume),
         strain=strain if strain is not None and strain.sizes["place"] == count else None,
     )
 
@@ -84,16 +90,40 @@ def shape_of_points(point: xr.Dataset, line_of_sight: xr.Dataset) -> dict[str, A
     position, triangles, lines = joined_points(line_of_sight)
     if len(position) > MOST_NODES:
         return None
-    count = point.sizes["component"]
     data = _drawn(
         point,
         position,
         triangles=triangles,
         normal=normals(position, triangles)[None],
-        directions=np.broadcast_to(np.eye(3)[:count, None], (count, len(position), 3)),
+        directions=np.eye(3)[: point.sizes["component"], None],
     )
     names = [str(name) for name in line_of_sight["point"].values]
     return data | {"lines": _integers(lines), "names": names}
+
+
+def views_of(pose: xr.Dataset, position: NDArray) -> list[dict[str, Any]]:
+    """Find from where each view sees an object.
+
+    Parameters
+    ----------
+    pose : xarray.Dataset
+        The group.
+    position : (n, 3) array
+        Of the object, m.
+
+    Returns
+    -------
+    list of dict
+        ``name``, ``azimuth`` and ``elevation`` (degrees) of the instrument about the object's
+        middle; views of unknown origin are left out.
+    """
+    middle = (np.nanmin(position, axis=0) + np.nanmax(position, axis=0)) / 2
+    found = []
+    for name, (x, y, z) in zip(pose["view"].values, pose["origin"].values - middle, strict=True):
+        angles = np.degrees([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
+        if np.isfinite(angles).all():
+            found.append({"name": str(name), "azimuth": angles[0], "elevation": angles[1]})
+    return found
 
 
 def _drawn(
@@ -107,35 +137,65 @@ def _drawn(
     """Pack velocities of points with their bounds, and how they are drawn."""
     dims = ["frequency"] if "frequency" in group.dims else []
     whole = group[["velocity", "confidence"]].transpose(*dims, "component", "point")
+    if not dims:
+        whole = whole.expand_dims("frequency")
     velocity, bound = whole["velocity"].values, whole["confidence"].values
-    hertz: list[float | None] = [None]
-    chosen = np.array([0])
-    if dims:
-        chosen = _strongest(velocity, 0 if strain is None else COLOURINGS * len(position))
-        velocity, bound = velocity[chosen], bound[chosen]
-        hertz = [float(f) for f in group["frequency"].values[chosen]]
     length, length_unit = _scale(np.ptp(position, axis=0).max(), FIELD["position"].units)
     speed, speed_unit = _scale(np.nanmax(np.abs(velocity), initial=0.0), FIELD["velocity"].units)
+    chosen, numbers = _numbers(speed * velocity, speed * bound, strain)
     return {
         "components": [str(c) for c in group["component"].values],
-        "frequencies": hertz,
-        "strongest": int(np.argmax(_sizes(velocity))) if dims else 0,
-        "left_out": int(group.sizes.get("frequency", 1) - len(hertz)),
+        "frequencies": group["frequency"].values[chosen].tolist() if dims else [None],
+        "strongest": int(np.argmax(_sizes(velocity[chosen]))),
+        "left_out": len(velocity) - len(chosen),
         "length_unit": length_unit,
         "velocity_unit": speed_unit,
         "level": f"{float(group.attrs.get('confidence_level', 0.95)):.0%}",
-        "position": _floats(length * position),
+        "position": packing.floats(length * position),
         "triangles": _integers(triangles),
-        "normal": _floats(normal),
-        "directions": _floats(directions),
-        "real": _floats(speed * velocity.real),
-        "imaginary": _floats(speed * velocity.imag),
-        "bound": _floats(speed * bound),
-        "colourings": [] if strain is None else list(_colourings(strain, chosen)),
-    }
+        "normal": packing.floats(normal),
+        "directions": packing.floats(directions),
+        "maps": {name: _colours(of) for name, of in MAPS.items()},
+    } | numbers
 
 
-def _colourings(strain: xr.Dataset, frequencies: NDArray) -> Iterator[dict[str, Any]]:
+def _numbers(
+    velocity: NDArray, bound: NDArray, strain: xr.Dataset | None
+) -> tuple[NDArray, dict[str, Any]]:
+    """Write all numbers exactly if there is room, else rounded ones of the frequencies that fit."""
+    more = 0 if strain is None else COLOURINGS * velocity.shape[-1]
+    each = BYTES_A_NUMBER * (PARTS * velocity[0].size + more)
+    rounded = each * len(velocity) > MOST_BYTES
+    strongest = np.argsort(-_sizes(velocity), kind="stable")
+    count = len(strongest)
+    while True:
+        chosen = np.sort(strongest[:count])
+        own = _written(velocity[chosen], bound[chosen], rounded)
+        own["colourings"] = [] if strain is None else list(_colourings(strain, chosen, rounded))
+        room = MOST_BYTES / sum(map(len, _texts(own)))
+        if room >= 1 or count == 1:
+            return chosen, own
+        count = max(1, min(count - 1, int(room * count)))
+
+
+def _written(velocity: NDArray, bound: NDArray, rounded: bool) -> dict[str, Any]:
+    if rounded:
+        return {"rounded": True, **packing.velocities(velocity, bound)}
+    parts = {"real": velocity.real, "imaginary": velocity.imag, "bound": bound}
+    return {"rounded": False} | {name: packing.floats(part) for name, part in parts.items()}
+
+
+def _texts(own: dict[str, Any]) -> Iterator[str]:
+    for value in own.values():
+        if isinstance(value, str):
+            yield value
+        elif isinstance(value, list):
+            yield from (text for one in value if isinstance(one, dict) for text in _texts(one))
+
+
+def _colourings(
+    strain: xr.Dataset, frequencies: NDArray, rounded: bool
+) -> Iterator[dict[str, Any]]:
     """Pack strains as colours: components as they change, then what is largest of a cycle.
 
     The velocity is drawn as if it were the displacement, whose strain is a quarter of a period
@@ -145,20 +205,27 @@ def _colourings(strain: xr.Dataset, frequencies: NDArray) -> Iterator[dict[str, 
     for name, own in zip(
         strain["strain_component"].values, np.moveaxis(1j * whole[frequencies], 1, 0), strict=True
     ):
-        yield _colouring(f"strain e_{name} now", f"e<sub>{name}</sub> now", own, "strain")
+        yield _colouring(f"strain e_{name} now", f"e_{name} now", own, "strain", rounded)
     for name, title, unit in LARGEST:
         if name in strain:
             values = strain[name]
             values = values.isel(principal=0) if "principal" in values.dims else values
             own = values.transpose("frequency", "place").values[frequencies]
-            yield _colouring(title, title, own, unit)
+            yield _colouring(title, title, own, unit, rounded)
 
 
-def _colouring(text: str, title: str, values: NDArray, unit: str) -> dict[str, Any]:
+def _colouring(text: str, title: str, values: NDArray, unit: str, rounded: bool) -> dict[str, Any]:
     """Pack values of nodes by frequency, shape (frequency, node); complex ones change."""
     factor, unit = _scale(np.nanmax(np.abs(values), initial=0.0), unit)
-    found = {"text": text, "title": title, "unit": unit, "real": _floats(factor * values.real)}
-    return found | ({"imaginary": _floats(factor * values.imag)} if np.iscomplexobj(values) else {})
+    parts = {"real": values.real}
+    if np.iscomplexobj(values):
+        parts["imaginary"] = values.imag
+    found: dict[str, Any] = {"text": text, "title": title, "unit": unit}
+    if not rounded:
+        return found | {name: packing.floats(factor * part) for name, part in parts.items()}
+    step = packing.shades(factor * values)
+    found["finest"] = step.tolist()
+    return found | {n: packing.whole(factor * part / step[:, None]) for n, part in parts.items()}
 
 
 def surface_layer(volume: xr.Dataset) -> tuple[NDArray, NDArray, float]:
@@ -183,30 +250,18 @@ def surface_layer(volume: xr.Dataset) -> tuple[NDArray, NDArray, float]:
     return nodes, np.searchsorted(nodes, triangles), float(volume["depth"].values[layer])
 
 
-def _strongest(velocity: NDArray, more: int) -> NDArray:
-    """Find indices of the frequencies of the largest velocities, as many as there is room for.
-
-    Parameters
-    ----------
-    more : int
-        Numbers that every frequency has beside those of the velocity.
-    """
-    count = int(MOST_BYTES / (BYTES_A_NUMBER * (PARTS * velocity[0].size + more)))
-    return np.sort(np.argsort(-_sizes(velocity), kind="stable")[: max(1, count)])
-
-
 def _sizes(velocity: NDArray) -> NDArray:
     """Find the largest velocity at each frequency."""
     largest: NDArray = np.nanmax(np.abs(velocity), axis=(1, 2), initial=0.0)
     return largest
 
 
-def _directions(components: list[str], volume: xr.Dataset, count: int) -> NDArray:
-    """Take unit vectors (component, node, axis), in the world's or the surface's axes."""
+def _directions(components: list[str], volume: xr.Dataset) -> NDArray:
+    """Take unit vectors (component, node, axis); those of the world are the same at each node."""
     axes = list(volume["axis"].values)
     if set(components) <= set(axes):
         unit = np.eye(3)[[axes.index(c) for c in components]]
-        return np.broadcast_to(unit[:, None], (len(components), count, 3))
+        return unit[:, None]
     frame = volume["frame"].sel(local_axis=components)
     return frame.transpose("local_axis", "surface_node", "axis").values
 
@@ -219,9 +274,11 @@ def _scale(largest: float, unit: str) -> tuple[float, str]:
     return 1e9, f"n{unit}"
 
 
-def _floats(values: NDArray) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode()
+def _colours(name: str) -> str:
+    """Take a map's colours at equal steps, three bytes each."""
+    colours = colormaps[name](np.linspace(0, 1, STEPS), bytes=True)[:, :3]
+    return base64.b64encode(colours.tobytes()).decode()
 
 
 def _integers(values: NDArray) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, "<i4").tobytes()).decode()
+    return base64.b64encode(np.ascontiguousarray(values, "<u2").tobytes()).decode()
