@@ -107,6 +107,18 @@ def test_one_side_alone_is_a_note(monkeypatch):
     assert finding.text.startswith("the views see the face of the sheet alone")
 
 
+def test_the_command_holds_the_face_against_the_back(sldvexp):
+    """Few pixels miss what all of them are expected to reach; their sentence is the same."""
+    few = ("scan.pixels=[11,13]", "volume.shape=[5,4]")
+    done = sldvexp("experiment=plate_faces", *few)
+    assert done.status in (0, 2), done.err
+    assert "note: face and back of the sheet agree: by their slopes the faces are " in done.out
+    faces = done.tree["examined/faces"]
+    arm, std = faces["lever_arm"].item(), faces["lever_arm_std"].item()
+    assert arm == pytest.approx(3e-3, abs=3.3 * std)
+    assert std < 0.15e-3
+
+
 def test_the_lever_arm_of_the_face_is_that_of_views_of_the_face():
     truth = lab.plate(stretch=0.0)
     views = lab.views_of_both_sides(truth, np.random.default_rng(13))

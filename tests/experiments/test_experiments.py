@@ -21,6 +21,7 @@ SLOW = {
     "dissertation/table_5_7_1",
     "dissertation/table_5_7_2",
     "plate",
+    "plate_faces",
     "plate_frf",
     "plate_hole",
 }
