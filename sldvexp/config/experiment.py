@@ -146,6 +146,7 @@ class Experiment:
             "annular_plate": "sldvexp.virtual_lab.annular_plate",
             "calibration": "sldvexp.virtual_lab.calibration_scene",
             "plate": "sldvexp.virtual_lab.plate",
+            "tube": "sldvexp.virtual_lab.tube",
         },
     )
     scan: Any = one_of(
@@ -190,6 +191,7 @@ class Experiment:
             "mesh": "sldvexp.volume.mesh",
             "outline": "sldvexp.volume.outlined",
             "points": "sldvexp.volume.points",
+            "revolution": "sldvexp.volume.revolution",
         },
     )
     reconstruction: Any = one_of(

@@ -9,6 +9,7 @@ from .conic_fit import ConicFit as ConicFit
 from .conic_fit import fit_ellipse as fit_ellipse
 from .joined import joined_in_plane as joined_in_plane
 from .joined import joined_points as joined_points
+from .meridian import Meridian as Meridian
 from .peaks import peaks as peaks
 from .rotation import KnownPose as KnownPose
 from .rotation import euler_from_rotation as euler_from_rotation

@@ -14,6 +14,7 @@ from .method import SurfaceReconstruction as SurfaceReconstruction
 from .outline import Outline as Outline
 from .principal import principal as principal
 from .principal import principal_std as principal_std
+from .revolution_chart import RevolutionChart as RevolutionChart
 from .shell import Shell as Shell
 from .spline import Spline as Spline
 from .splines import TensorSplines as TensorSplines

@@ -73,6 +73,11 @@ class Chart(ABC):
 
     center: Array
 
+    @property
+    def period(self) -> float | None:
+        """Length after which s comes back to the same place, m; none of a surface that ends."""
+        return None
+
     @abstractmethod
     def place(self, points: Array) -> tuple[Array, Array]:
         """Find the coordinates of points near the surface, and their heights above it.
@@ -103,6 +108,11 @@ class Chart(ABC):
         """Make the chart of the surface that lies so far below this one, along the normals."""
         return ParallelChart(self, -height) if height else self
 
+    def start(self, begin: Array, way: Array, height: float, side: int) -> Array:
+        """Find coordinates near those where beams meet the surface; see `met`."""
+        nearest = np.einsum("bi,bi->b", self.center - begin, way)
+        return self.place(begin + nearest[:, None] * way)[0]
+
     def met(
         self,
         begin: Array,
@@ -132,10 +142,7 @@ class Chart(ABC):
             Direction cosines towards the instrument, along t1, t2 and n.
         meets : ndarray of bool, shape (beam,)
         """
-        if start is None:
-            nearest = np.einsum("bi,bi->b", self.center - begin, way)
-            start, _ = self.place(begin + nearest[:, None] * way)
-        coordinates = start
+        coordinates = self.start(begin, way, height, side) if start is None else start
         for _ in range(STEPS):
             forms, point = self.forms(coordinates), self.points(coordinates, height)
             step = forms.along(height, slide(self.frames(coordinates), begin - point, way))
@@ -191,6 +198,15 @@ class ParallelChart(Chart):
     def center(self) -> Array:  # type: ignore[override]
         """A point near the middle."""
         return self.chart.center
+
+    @property
+    def period(self) -> float | None:
+        """That of the other chart."""
+        return self.chart.period
+
+    def start(self, begin: Array, way: Array, height: float, side: int) -> Array:
+        """Find coordinates near those where beams meet the surface; see `Chart`."""
+        return self.chart.start(begin, way, height + self.height, side)
 
     def place(self, points: Array) -> tuple[Array, Array]:
         """Find coordinates and heights of points; see `Chart`."""

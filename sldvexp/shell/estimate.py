@@ -467,9 +467,12 @@ def _splines(outline: Outline, method: SurfaceReconstruction, longest: float) ->
     """Lay splines over the structure."""
     rim = BEYOND * longest
     low, high, unit = outline.low - rim, outline.high + rim, UNIT * longest
+    closed = outline.closed
+    if closed:
+        low[0], high[0] = outline.low[0], outline.high[0]
     return ThinShell(
-        TensorSplines.over(low, high, method.cells, 5, unit),
-        TensorSplines.over(low, high, method.membrane_cells, 3, unit),
+        TensorSplines.over(low, high, method.cells, 5, unit, closed),
+        TensorSplines.over(low, high, method.membrane_cells, 3, unit, closed),
         outline.chart,
         HoleFunctions.of(outline.holes, longest / method.cells),
     )

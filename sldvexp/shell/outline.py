@@ -4,6 +4,9 @@ A surface that is flat or bends along one direction has a chart in closed form; 
 grid, or fitted to the nodes of a mesh. Of any other mesh it is the height over a plane. The outline
 is that of the triangles, so that it may have any shape and holes; with a margin it is the rectangle
 around them.
+
+Around a closed shell of revolution the first coordinate comes back after its period, so that there
+are limits along the meridian alone.
 """
 
 from __future__ import annotations
@@ -18,10 +21,12 @@ from sldvexp.lazy import scipy
 from sldvexp.shell.chart import Chart
 from sldvexp.shell.cylinder_chart import CylinderChart
 from sldvexp.shell.height_chart import HeightChart
+from sldvexp.shell.revolution_chart import RevolutionChart
 from sldvexp.typing import Array, BoolArray, IntArray
 from sldvexp.volume import Prisms, Volume
 from sldvexp.volume.grid import Grid
 from sldvexp.volume.outlined import OutlinedSurface
+from sldvexp.volume.revolution import Revolution
 
 #: Volumes that know their plane or cylinder.
 KNOWN = (Grid, OutlinedSurface)
@@ -76,15 +81,25 @@ class Outline:
         """
         nodes = prisms.surface
         margin = volume.unit.value * volume.margin
+        chart: Chart
         if isinstance(volume, KNOWN):
-            chart: Chart = chart_of_grid(volume)
+            chart = chart_of_grid(volume)
+        elif isinstance(volume, Revolution):
+            chart = chart_of_revolution(volume, margin)
         else:
             chart = fitted_chart(prisms, margin)
         lowered = chart.lowered(given)
         coordinates, _ = lowered.place(nodes)
         low, high = coordinates.min(axis=0) - margin, coordinates.max(axis=0) + margin
+        if lowered.period is not None:
+            low[0], high[0] = -lowered.period / 2, lowered.period / 2
         both = volume.sight.both_sides
         return cls(lowered, given, coordinates, prisms.triangles, low, high, margin, both)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the surface closes in itself along s."""
+        return self.chart.period is not None
 
     def side_towards(self, origin: Array) -> int:
         """Tell the side that is looked at from a place: 1 the face, -1 the back.
@@ -101,9 +116,10 @@ class Outline:
     def holes(self) -> list[tuple[Array, float]]:
         """Middles, shape (2,), m, and mean radii, m, of the holes; none with a margin.
 
-        A hole whose middle belongs to the structure, as that of a curved slot may, is left out.
+        A hole whose middle belongs to the structure, as that of a curved slot may, is left out; a
+        shell of revolution has none.
         """
-        if self.margin > 0:
+        if self.margin > 0 or self.closed:
             return []
         found = [_middle_and_area(self.corners[loop]) for loop in rims(self.triangles)]
         inner = sorted(found, key=lambda hole: hole[1])[:-1]
@@ -116,6 +132,9 @@ class Outline:
 
     def holds(self, coordinates: Array) -> BoolArray:
         """Tell which places belong to the structure, shape (place,)."""
+        if self.closed:
+            t = coordinates[:, 1]
+            return np.asarray((t >= self.low[1]) & (t <= self.high[1]))
         if self.margin > 0:
             inside = (coordinates >= self.low) & (coordinates <= self.high)
             return np.asarray(inside.all(axis=1))
@@ -172,6 +191,12 @@ def chart_of_grid(grid: Grid | OutlinedSurface) -> CylinderChart:
     axes = rotation_from_euler(grid.euler)
     curvature = 0.0 if grid.radius is None else 1 / (unit * grid.radius)
     return CylinderChart(unit * np.array(grid.center, float), axes, curvature)
+
+
+def chart_of_revolution(volume: Revolution, margin: float) -> RevolutionChart:
+    """Take the coordinates around the axis of a volume, and along its meridian."""
+    origin, axes = volume.unit.value * np.array(volume.center), rotation_from_euler(volume.euler)
+    return RevolutionChart(origin, axes, volume.meridian, margin)
 
 
 def fitted_chart(prisms: Prisms, margin: float = 0.0) -> Chart:

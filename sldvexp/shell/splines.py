@@ -2,6 +2,9 @@
 
 Lengths inside are measured in a unit of the structure's own size, so that derivatives of all orders
 are of one size and the weights of penalties mean the same whatever the structure's size.
+
+Around a closed structure the coordinate comes back: its splines are periodic ones, on knots that go
+on beyond both ends, where the functions that leave at one end come in at the other.
 """
 
 from __future__ import annotations
@@ -15,6 +18,9 @@ import numpy as np
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array
 
+#: Fewest cells around a closed structure: two waves around it are smooth on them.
+AROUND = 12
+
 
 @dataclass(frozen=True, eq=False)
 class Splines:
@@ -26,33 +32,49 @@ class Splines:
         Ends, in the unit.
     cells : int
     degree : int
+    periodic : bool
+        Whether the high end is the low one again.
     """
 
     low: float
     high: float
     cells: int
     degree: int
+    periodic: bool = False
 
     @property
     def count(self) -> int:
         """Number of functions."""
-        return self.cells + self.degree
+        return self.cells if self.periodic else self.cells + self.degree
+
+    @cached_property
+    def ends(self) -> Array:
+        """Ends of the cells."""
+        return np.linspace(self.low, self.high, self.cells + 1)
 
     @cached_property
     def knots(self) -> Array:
-        """Knots with the ends repeated."""
-        inner = np.linspace(self.low, self.high, self.cells + 1)
+        """Knots with the ends repeated, or going on around."""
+        inner, beyond = self.ends, np.arange(1, self.degree + 1) * (self.high - self.low)
+        if self.periodic:
+            width = beyond / self.cells
+            return np.r_[inner[0] - width[::-1], inner, inner[-1] + width]
         return np.r_[[inner[0]] * self.degree, inner, [inner[-1]] * self.degree]
 
     def __call__(self, x: Array, order: int = 0) -> Array:
         """Evaluate a derivative of all functions, shape (point, function)."""
-        spline = scipy.interpolate.BSpline(self.knots, np.eye(self.count), self.degree)
-        return np.asarray(spline(x, nu=order))
+        count = self.cells + self.degree
+        spline = scipy.interpolate.BSpline(self.knots, np.eye(count), self.degree)
+        if not self.periodic:
+            return np.asarray(spline(x, nu=order))
+        found = np.asarray(spline(self.low + (x - self.low) % (self.high - self.low), nu=order))
+        around = np.arange(count) % self.cells == np.arange(self.cells)[:, None]
+        return np.asarray(found @ around.T)
 
     def gram(self, order: int) -> Array:
         """Integrate products of two derivatives, shape (function, function); exactly."""
         node, weight = np.polynomial.legendre.leggauss(self.degree + 1)
-        cell = np.unique(self.knots)
+        cell = self.ends
         width = np.diff(cell)[:, None]
         x = (cell[:-1, None] + width * (node + 1) / 2).ravel()
         of_x = self(x, order)
@@ -74,7 +96,15 @@ class TensorSplines:
     unit: float
 
     @classmethod
-    def over(cls, low: Array, high: Array, cells: int, degree: int, unit: float) -> TensorSplines:
+    def over(
+        cls,
+        low: Array,
+        high: Array,
+        cells: int,
+        degree: int,
+        unit: float,
+        around: bool = False,
+    ) -> TensorSplines:
         """Lay splines over a rectangle.
 
         Parameters
@@ -85,14 +115,14 @@ class TensorSplines:
             Along the longer side; about as wide along the other.
         degree : int
         unit : float, m
+        around : bool
+            Whether s comes back to where it began, as around a tube.
         """
         width = (high - low).max() / cells
-        number = np.maximum(np.rint((high - low) / width), 1).astype(int)
-        s, t = (
-            Splines(a, b, int(n), degree)
-            for a, b, n in zip(low / unit, high / unit, number, strict=True)
-        )
-        return cls(s, t, unit)
+        number = np.maximum(np.rint((high - low) / width), [AROUND if around else 1, 1])
+        (s, t), (low_s, low_t), (high_s, high_t) = number.astype(int), low / unit, high / unit
+        along_s = Splines(low_s, high_s, int(s), degree, around)
+        return cls(along_s, Splines(low_t, high_t, int(t), degree), unit)
 
     @property
     def count(self) -> int:

@@ -117,6 +117,8 @@ def bench_of(
     misfit = np.inf
     for intervals in INTERVALS:
         smooth = SmoothField.on(surface.nodes, intervals)
+        if best is not None and 3 * smooth.count > sum(len(d.pixel) for d in data) / 2:
+            break  # a closed surface has functions along all three axes
         designs = [PixelDesign.of(d, b, smooth) for d, b in zip(data, beams, strict=True)]
         tried, fit = Bench(data, surface, smooth, prior, stated), JointFit(data, designs, prior)
         found = fit.squares / max(fit.dof, 1)

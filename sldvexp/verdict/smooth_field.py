@@ -58,6 +58,11 @@ class SmoothField:
         ]
         return cls(middle, axes, tuple(knots))
 
+    @property
+    def count(self) -> int:
+        """Number of functions."""
+        return int(np.prod([len(k) - DEGREE - 1 for k in self.knots if k is not None]))
+
     def evaluate(self, points: Array) -> tuple[Array, list[tuple[Array, Array]]]:
         """Evaluate the basis functions and their slopes.
 

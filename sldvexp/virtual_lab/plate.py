@@ -101,6 +101,11 @@ class AnyPlate(ABC):
         return Sheet(self.E, self.nu, self.rho, self.unit.value * self.thickness)
 
     @property
+    def place(self) -> Array:
+        """Where the middle of its surface's coordinates stands in the world, m."""
+        return self.unit.value * np.array(self.center)
+
+    @property
     @abstractmethod
     def mode_names(self) -> tuple[str, ...]:
         """Names of its modes."""
@@ -322,7 +327,7 @@ class VibratingPlate(SceneObject):
             modes=plate.vibration(),
             mode_names=plate.mode_names,
             rotation=rotation_from_euler(plate.euler),
-            center=plate.unit.value * np.array(plate.center),
+            center=plate.place,
         )
 
     def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:

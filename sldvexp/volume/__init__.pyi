@@ -8,6 +8,7 @@ from .mesh import MeshFile as MeshFile
 from .outlined import Contour as Contour
 from .outlined import OutlinedSurface as OutlinedSurface
 from .points import PointSurface as PointSurface
+from .revolution import Revolution as Revolution
 from .samples import Prisms as Prisms
 from .samples import SampleRule as SampleRule
 from .samples import extruded as extruded

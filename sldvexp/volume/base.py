@@ -161,10 +161,9 @@ class Volume(ABC):
 
     def __post_init__(self) -> None:
         checks = Checks()
-        for name in ("center", "euler", "tangent"):
+        for name in ("center", "euler"):
             vector(checks, name, getattr(self, name))
-        length = math.hypot(*self.tangent)
-        checks.require(length > 0, "tangent", "must be a direction, not zero")
+        self._check_tangent(checks)
         message = f"must be 2 or more, with prisms between them, not {self.layers}"
         checks.require(self.layers >= 2, "layers", message)
         checks.positive("thickness", self.thickness)
@@ -202,7 +201,9 @@ class Volume(ABC):
         check_surface(own)
         normal = vertex_normals(own) if own.normal is None else own.normal
         check_prisms(own, normal, self.depths())
-        frame = node_frames(own, normal, np.array(self.tangent, float))
+        first = np.array(self.tangent, float) if self.tangent else own.tangent
+        assert first is not None
+        frame = node_frames(own, normal, first)
         to_world = rotation_from_euler(self.euler)
         position = own.position @ to_world + self.unit.value * np.array(self.center)
         return extruded(position, own.triangles, frame @ to_world, self.depths())
@@ -223,6 +224,11 @@ class Volume(ABC):
         own = self.surface()
         group = volume_to_dataset(self._prisms(own), self.rule())
         return group.assign_attrs(merged=own.told) if own.told else group
+
+    def _check_tangent(self, checks: Checks) -> None:
+        vector(checks, "tangent", self.tangent)
+        length = math.hypot(*self.tangent)
+        checks.require(length > 0, "tangent", "must be a direction, not zero")
 
     def _check_depth(self, checks: Checks) -> None:
         if not self.depth:

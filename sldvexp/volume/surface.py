@@ -40,6 +40,8 @@ class TriangulatedSurface:
         What such a number counts, one and several of them.
     told : str
         What was done to the file's own nodes, for the record.
+    tangent : ndarray, shape (node, 3), optional
+        Unit first tangents, where the surface has directions of its own.
     """
 
     position: Array
@@ -49,6 +51,7 @@ class TriangulatedSurface:
     number: IntArray | None = None
     kind: tuple[str, str] = ("node", "nodes")
     told: str = ""
+    tangent: Array | None = None
 
     def wrong(self, message: str) -> UserError:
         """Make the error of a surface that cannot be used."""
@@ -119,7 +122,7 @@ def node_frames(surface: TriangulatedSurface, normal: Array, tangent: Array) -> 
     ----------
     normal : ndarray, shape (node, 3)
         Of length one.
-    tangent : ndarray, shape (3,)
+    tangent : ndarray, shape (3,) or (node, 3)
         Direction whose projection on the surface is t1; any length but zero.
 
     Returns
@@ -133,9 +136,9 @@ def node_frames(surface: TriangulatedSurface, normal: Array, tangent: Array) -> 
         If the direction is parallel to a normal, or its projection turns within a triangle so
         far that nothing in between can be interpolated.
     """
-    toward = tangent / np.linalg.norm(tangent)
+    toward = tangent / np.linalg.norm(tangent, axis=-1, keepdims=True)
     sine = np.linalg.norm(np.cross(toward, normal), axis=1)
-    written = f"tangent: [{', '.join(f'{v:g}' for v in tangent)}]"
+    written = f"tangent: [{', '.join(f'{v:g}' for v in np.ravel(tangent)[:3])}]"
     if (bad := np.flatnonzero(sine < PARALLEL)).size:
         raise surface.wrong(
             f"{written} is parallel to the normal of {surface.named(bad[0])} at "
