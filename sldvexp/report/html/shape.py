@@ -224,14 +224,17 @@ def _packed(
     numbers: dict[str, Any],
 ) -> Iterator[dict[str, Any]]:
     """Round the other layers, if there is room for all of them."""
+    room = MOST_BYTES - sum(map(len, _texts(numbers)))
     packed = []
     for depth, group in layers:
         velocity, bound = (speed * part[frequencies] for part in _values(group))
         text = f"{abs(length * depth):.3g} {length_unit} {'above' if depth > 0 else 'below'}"
         own = {"text": text, "depth": length * depth, **_written(velocity, bound, rounded=True)}
+        room -= sum(map(len, _texts(own)))
+        if room < 0:
+            return
         packed.append(own)
-    if sum(map(len, _texts({"of": packed, **numbers}))) <= MOST_BYTES:
-        yield from packed
+    yield from packed
 
 
 def _numbers(
