@@ -70,7 +70,7 @@ SETTINGS: Any = {
     "figure.titlesize": 10.0,
     "hatch.linewidth": 0.6,
     "svg.hashsalt": "sldvexp",
-    "svg.fonttype": "path",
+    "svg.fonttype": "none",
     "figure.dpi": 110.0,
     "savefig.dpi": 150.0,
 }
