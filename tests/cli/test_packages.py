@@ -95,7 +95,7 @@ def test_choices_of_a_package_are_listed_and_shown(sldvexp, installed, site):
     assert (
         f"file  {conf}/experiment/neighbours.yaml\n" in sldvexp("show", "experiment=neighbours").out
     )
-    assert ", neighbours," in sldvexp("--help").out
+    assert ", neighbours" in sldvexp("--help").out
 
 
 def test_users_folder_builds_on_a_package(sldvexp, installed, tmp_path):
