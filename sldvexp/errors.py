@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from sldvexp.limits import shown
@@ -88,15 +87,92 @@ class Checks:
             raise ConfigError(self.problems)
 
 
+#: Words that people say for ours.
+SYNONYMS = {
+    "approach": "reconstruction",
+    "artefact": "target",
+    "calibration": "target",
+    "camera": "laser",
+    "data": "instrument",
+    "describe": "show",
+    "diff": "compare",
+    "doc": "handbook",
+    "docs": "handbook",
+    "draw": "plot",
+    "experiments": "experiment",
+    "explain": "show",
+    "figure": "plot",
+    "figures": "plot",
+    "find": "list",
+    "geometry": "volume",
+    "get": "show",
+    "info": "show",
+    "ls": "list",
+    "manual": "handbook",
+    "method": "reconstruction",
+    "mirrors": "laser",
+    "object": "target",
+    "page": "report",
+    "position": "pose",
+    "registration": "pose",
+    "repeat": "rerun",
+    "save": "export",
+    "scanner": "laser",
+    "search": "list",
+    "shape": "volume",
+    "surface": "volume",
+    "test": "check",
+    "verify": "check",
+    "write": "export",
+}
+
+
 def nearest(name: str, valid: Iterable[str]) -> str:
     """Say which names are valid and which one was probably meant.
+
+    That is one that people call so, one that is a typing error or two away, or one of which the
+    name is a part; a name that is only somewhat like another is no guess.
 
     Examples
     --------
     >>> nearest("absolut", ["absolute", "relative"])
     'did you mean absolute? Valid: absolute, relative'
+    >>> nearest("method", ["pose", "reconstruction"])
+    'did you mean reconstruction? Valid: pose, reconstruction'
+    >>> nearest("nope", ["pose", "compare"])
+    'Valid: compare, pose'
     """
     valid = sorted(valid)
-    close = difflib.get_close_matches(name, valid, n=1, cutoff=0.5)
-    guess = f"did you mean {close[0]}? " if close else ""
+    meant = _meant(name, valid)
+    guess = f"did you mean {meant}? " if meant else ""
     return f"{guess}Valid: {', '.join(valid)}" if valid else "there are none"
+
+
+def _meant(name: str, valid: Sequence[str]) -> str | None:
+    """Find the valid name that was probably meant."""
+    if (synonym := SYNONYMS.get(name)) in valid:
+        return synonym
+    slips = [(_slips(name.casefold(), each.casefold()), each) for each in valid]
+    fewest, alike = min(slips, default=(math.inf, None))
+    if fewest <= max(1, len(name) // 3) and 2 * fewest < len(name):
+        return alike
+    parts = [each for each in valid if len(name) > 2 and name in each]
+    parts += [each for each in valid if len(each) > 2 and each in name]
+    return min(parts, key=lambda each: abs(len(each) - len(name)), default=None)
+
+
+def _slips(typed: str, meant: str) -> int:
+    """Count the typing errors between two words: letters too many, missing, wrong or exchanged.
+
+    This is the distance of optimal string alignment.
+    """
+    before, above = [0] * (len(meant) + 1), list(range(len(meant) + 1))
+    for i, letter in enumerate(typed, 1):
+        row = [i]
+        for j, wanted in enumerate(meant, 1):
+            least = min(above[j] + 1, row[j - 1] + 1, above[j - 1] + (letter != wanted))
+            if i > 1 and j > 1 and (letter, typed[i - 2]) == (meant[j - 2], wanted):
+                least = min(least, before[j - 2] + 1)
+            row.append(least)
+        before, above = above, row
+    return above[-1]

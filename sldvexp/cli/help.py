@@ -1,45 +1,164 @@
-"""Page that `sldvexp --help` prints: the groups, their choices, and how to go on."""
+"""Pages of `sldvexp --help` and of `sldvexp <command> --help`, which fit the terminal."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
-from sldvexp.cli.list import WIDTH, files
-from sldvexp.config import docs, registry
+from sldvexp.cli.layout import columns, wrapped
+from sldvexp.cli.list import EXPERIMENT, files
+from sldvexp.config import registry
 
-INTRODUCTION = """\
-sldvexp finds where a scanning laser Doppler vibrometer stood and what moved, with bounds.
+USES = (
+    ("sldvexp", "the default experiment, a whole session in the virtual lab"),
+    ("sldvexp experiment=pose pose.path=mine.reg", "one of the experiments, on your data"),
+    ("sldvexp experiment=pose --cfg job", "what would be run"),
+    ("sldvexp -m experiment=pose laser.mirror_offset=0,0.02", "one run for each value"),
+    ("sldvexp --config-dir lab experiment=mine", "with experiments and choices of your own"),
+    ("sldvexp ~experiment instrument=file ...", "from nothing: each choice is yours"),
+    ("sldvexp resume=<run>", "a session that was cut off, to its end"),
+    ("sldvexp --hydra-help", "all options"),
+)
 
-usage: sldvexp [group=choice | key=value ...] [options]
-       sldvexp [--config-dir lab] command ...
+NAMED = (
+    ("compare: {differences: {plugin: relative}}", "further reconstructions of the same data"),
+    ("check: {repeats: {plugin: pose_repeats}}", "what is examined after the estimates"),
+    ("export: {paraview: {plugin: vtu}}", "files for other programs, paraview.pvd"),
+)
 
-  sldvexp                                          the default experiment
-  sldvexp experiment=pose pose.path=mine.reg       one of the experiments, on your data
-  sldvexp experiment=pose --cfg job                what would be run
-  sldvexp -m experiment=pose laser.mirror_offset=0,0.02    one run for each value
-  sldvexp --config-dir lab experiment=mine         with experiments and choices of your own
-  sldvexp ~experiment instrument=file ...          from nothing: each choice is yours
-  sldvexp resume=<run>                             a session that was cut off, to its end
-  sldvexp --hydra-help                             all options
 
-Commands; <run> is the folder of a run, or its run.nc:
-  list [group]                 plugins and experiments, one line each
-  show pose=edge               what can be set of a choice, and what it means
-  handbook [topic]             pages that explain conventions, words, and how a result is read
-  check plate lab              whether experiments, or all of a folder, work as they expect
-  report <run or sweep>        its page, report.html, anew
-  plot <run or sweep> [names]  figures as PNG and SVG
-  export <run> vtu uff         its velocities for other programs
-  compare <runs or sweeps>     one table and dataset of runs that exist
-  rerun <run>                  the run once more; what is not bit-identical, and why
-"""
+@dataclass(frozen=True)
+class CommandHelp:
+    """Words about one command.
 
-NAMED = """\
-compare, check and export hold plugins by name, for example
-  compare: {differences: {plugin: relative}}    further reconstructions of the same data
-  check: {repeats: {plugin: pose_repeats}}      what is examined after the estimates
-  export: {paraview: {plugin: vtu}}             files for other programs, paraview.pvd"""
+    Parameters
+    ----------
+    takes : str
+        Words after its name.
+    does : str
+        In the list of commands.
+    told : tuple of str
+        Paragraphs of its own page.
+    examples : tuple of (str, str)
+        Calls without the program's name, and what each does.
+    """
+
+    takes: str
+    does: str
+    told: tuple[str, ...]
+    examples: tuple[tuple[str, str], ...]
+
+
+RUN = "outputs/<day>/<time>"
+
+#: In the order of the page.
+COMMAND_HELP = {
+    "list": CommandHelp(
+        "[group or part of a name]",
+        "plugins and experiments, one line each",
+        (
+            "Lists what can be chosen: a plugin, what it is, and below it the files that set it "
+            "up. A word that is no group is looked for in names and descriptions of all groups.",
+        ),
+        (
+            ("list", "everything"),
+            ("list pose", "the pose methods"),
+            ("list strain", "all whose name or description has strain in it"),
+            ("list --config-dir lab experiment", "with experiments of your own"),
+        ),
+    ),
+    "show": CommandHelp(
+        "group=name, or part of a name",
+        "what can be set of a choice, and what it means",
+        (
+            "Shows the page of one choice: every setting with its value, type, unit and meaning; "
+            "of an experiment what it chooses, sets and expects. Part of a name is enough; if it "
+            "fits several, they are listed.",
+        ),
+        (
+            ("show pose=edge", "every setting of that method"),
+            ("show bitangent", "found by its name: pose=bitangent and others"),
+            ("show experiment=plate", "what the default experiment does"),
+        ),
+    ),
+    "handbook": CommandHelp(
+        "[page or word]",
+        "pages that explain the program, conventions, words, and how a result is read",
+        (
+            "Shows a page of the handbook in the terminal, lists all pages, or finds a word in "
+            "them.",
+        ),
+        (
+            ("handbook", "the pages with a line each"),
+            ("handbook bitangent", "pages and sections that have this word"),
+        ),
+    ),
+    "check": CommandHelp(
+        "<experiments, matrices or folders>",
+        "whether experiments, or all of a folder, work as they expect",
+        (
+            "Runs each and says in one line whether it works and meets what it expects. Exit "
+            "status 2 if one does not. What needs a real instrument is looked at and not run.",
+        ),
+        (
+            ("check plate", "the default experiment"),
+            ("check lab", "all experiments and matrices of your folder lab"),
+            ("--config-dir lab check monday plate", "one of yours and one of the program's"),
+        ),
+    ),
+    "report": CommandHelp(
+        "<runs or sweeps>",
+        "their page, report.html, anew",
+        ("Makes the page of each run or sweep again, as if it had been run with this version.",),
+        ((f"report {RUN}", "the page of one run"),),
+    ),
+    "plot": CommandHelp(
+        "<run or sweep> [figures]",
+        "figures as PNG and SVG",
+        (
+            "Writes all figures that the run can show, or the named ones, into the folder "
+            "figures beside it; the same bytes from the same data.",
+        ),
+        (
+            (f"plot {RUN}", "all that the run can show"),
+            (f"plot {RUN} field nodal", "these two"),
+        ),
+    ),
+    "export": CommandHelp(
+        "<run> <formats> [format.setting=value]",
+        "its velocities for other programs",
+        (
+            "Writes the velocities and bounds of a finished run in each format, into its folder. "
+            "sldvexp list export tells the formats, sldvexp show export=vtu the settings of one.",
+        ),
+        (
+            (f"export {RUN} vtu uff", "for ParaView and for modal analysis"),
+            (f"export {RUN} vtu vtu.phases=36", "with 36 phases of a period to play"),
+        ),
+    ),
+    "compare": CommandHelp(
+        "<runs or sweeps> [sweep.rank=result]",
+        "one table and dataset of runs that exist",
+        (
+            "Collects finished runs into one dataset and table, by the settings that set them "
+            "apart, and ranks them. It leaves a folder of its own in outputs.",
+        ),
+        (
+            (f"compare {RUN} outputs/<day>/<later>", "two runs"),
+            ("compare <run> <other> sweep.rank=field.residual_std", "ranked by it"),
+        ),
+    ),
+    "rerun": CommandHelp(
+        "<run>",
+        "the run once more; what is not bit-identical, and why",
+        (
+            "Repeats a run from its file alone into a new folder and compares the two, quantity "
+            "by quantity. Exit status 2 if one is different.",
+        ),
+        ((f"rerun {RUN}", "the same run again"),),
+    ),
+}
 
 
 def text(folders: list[Path]) -> str:
@@ -50,22 +169,52 @@ def text(folders: list[Path]) -> str:
     folders : list of Path
         Of configuration files, the first wins.
     """
-    parts = [INTRODUCTION, "Groups and their choices:"]
-    for group in ("experiment", *registry.GROUPS):
-        lines = list(_choices(group, folders))
-        if lines:
-            parts.append("\n".join([f"\n{group}", *lines]))
-    return "\n".join([*parts, "", NAMED])
+    commands = [(f"{name} {one.takes}", one.does) for name, one in COMMAND_HELP.items()]
+    return "\n".join(
+        [
+            *wrapped(
+                "sldvexp finds where a scanning laser Doppler vibrometer stood and what moved, "
+                "with bounds."
+            ),
+            "",
+            *wrapped("usage: sldvexp [group=choice | key=value ...] [options]", 0, 7),
+            *wrapped("sldvexp [--config-dir lab] command ...", 7),
+            "",
+            *columns(USES),
+            "",
+            "Commands; <run> is the folder of a run, or its run.nc:",
+            *columns(commands),
+            *wrapped("sldvexp <command> --help has the page of a command, with examples."),
+            "",
+            *wrapped(
+                "Groups and their choices; sldvexp list <group> says what each is, sldvexp show "
+                "<group>=<choice> what can be set:"
+            ),
+            *columns([(group, ", ".join(names)) for group, names in _choices(folders)]),
+            "",
+            "compare, check and export hold plugins by name, for example",
+            *columns(NAMED),
+        ]
+    )
 
 
-def _choices(group: str, folders: list[Path]) -> Iterator[str]:
-    """Yield a line for each file of a group, and for each plugin that has none."""
-    found = files(group, folders)
-    others = [p for p in registry.names(group) if p not in found and _by_name(group, p)]
-    for name in [*found, *others]:
-        file = found.get(name)
-        told = docs.of_file(file) if file else docs.of_choice(group, name)
-        yield f"  {name:32} {docs.shortened(told, WIDTH)}"
+def of_command(name: str) -> str:
+    """Write the page of one command."""
+    one = COMMAND_HELP[name]
+    lines = wrapped(f"usage: sldvexp {name} {one.takes}", 0, 7)
+    for paragraph in one.told:
+        lines += ["", *wrapped(paragraph)]
+    calls = [(f"sldvexp {call}", does) for call, does in one.examples]
+    return "\n".join([*lines, "", "Examples:", *columns(calls)])
+
+
+def _choices(folders: list[Path]) -> Iterator[tuple[str, list[str]]]:
+    """Yield groups with the names of all that can be chosen: files, and plugins without one."""
+    for group in (EXPERIMENT, *registry.GROUPS):
+        found = files(group, folders)
+        others = [p for p in registry.names(group) if p not in found and _by_name(group, p)]
+        if found or others:
+            yield group, [*found, *others]
 
 
 def _by_name(group: str, name: str) -> bool:

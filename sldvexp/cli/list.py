@@ -1,35 +1,45 @@
-"""`sldvexp list [group]`: plugins by group and the experiments, with one line each."""
+"""`sldvexp list [group or word]`: plugins by group and the experiments, each in a sentence."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
 
+from sldvexp.cli.layout import columns
 from sldvexp.config import docs, paths, registry
 from sldvexp.config.paths import conf_dir
 from sldvexp.errors import UserError, nearest
-
-#: Characters of a line, its name left out.
-WIDTH = 90
 
 EXPERIMENT = "experiment"
 
 
 def run(words: list[str], config_dir: str | None) -> int:
-    """Print the list, of all groups or of one.
+    """Print the list: of all groups, of one, or of what has a word in its name or description.
 
     Raises
     ------
     UserError
-        If the words are not the name of one group.
+        If there is more than one word, or it is found nowhere.
     """
     groups = (*registry.GROUPS, EXPERIMENT)
     if len(words) > 1:
-        raise UserError(f"command line: list takes one group or none, not {' '.join(words)}")
+        raise UserError(
+            f"command line: list takes one group or part of a name, not {' '.join(words)}"
+        )
+    where = folders(config_dir)
     if words and words[0] not in groups:
-        raise UserError(f"command line: there is no group {words[0]}; {nearest(words[0], groups)}")
-    for group in words or groups:
-        print("\n".join([group, *_lines(group, folders(config_dir)), ""]))
+        found = {group: _with(words[0], group, where) for group in groups}
+        if not any(found.values()):
+            told = nearest(words[0], groups)
+            raise UserError(
+                f"command line: there is no group {words[0]}, and nothing has it in its name or "
+                f"description; {told}"
+            )
+    else:
+        found = {group: list(_entries(group, where)) for group in words or groups}
+    for group, entries in found.items():
+        if entries or words == [group]:
+            print("\n".join([group, *columns(entries), ""]))
     print("sldvexp show group=name explains one of them.")
     return 0
 
@@ -50,28 +60,29 @@ def files(group: str, folders: list[Path]) -> dict[str, Path]:
     return found
 
 
-def _lines(group: str, folders: list[Path]) -> Iterator[str]:
-    """Yield the lines of a group, names in a column of their own."""
-    entries = list(_entries(group, folders))
-    width = max((len(name) for name, _, _ in entries), default=0)
-    for name, told, origin in entries:
-        words = docs.shortened(told, WIDTH - len(origin))
-        yield f"  {name:{width}}  {words}{f'  [{origin}]' if origin else ''}".rstrip()
+def _with(word: str, group: str, folders: list[Path]) -> list[tuple[str, str]]:
+    """List the entries of a group that have a word in name or description."""
+    entries = _entries(group, folders)
+    return [
+        (name, told) for name, told in entries if word.casefold() in f"{name} {told}".casefold()
+    ]
 
 
-def _entries(group: str, folders: list[Path]) -> Iterator[tuple[str, str, str]]:
-    """Name, what it is, and the package it comes from."""
+def _entries(group: str, folders: list[Path]) -> Iterator[tuple[str, str]]:
+    """Yield name and description: what it is, who brings it, which files set it up."""
     found = files(group, folders)
     if group == EXPERIMENT:
-        yield from ((name, docs.of_file(file), "") for name, file in found.items())
+        yield from ((name, docs.of_file(file)) for name, file in found.items())
         return
     bases = {name: paths.choices(f).get(f.parent.name, []) for name, f in found.items()}
     for name in registry.names(group):
-        own = name in registry.BUILT_IN[group]
-        yield name, docs.of_choice(group, name), "" if own else origin(registry.get(group, name))
+        told = docs.of_choice(group, name)
         choices = _choices_of(name, bases)
         if choices not in ([], [name]):
-            yield "", ", ".join(f"{group}={choice}" for choice in choices), ""
+            told += f"; {', '.join(f'{group}={choice}' for choice in choices)}"
+        if name not in registry.BUILT_IN[group] and (by := origin(registry.get(group, name))):
+            told += f"  [{by}]"
+        yield name, told
 
 
 def origin(plugin: type) -> str:

@@ -154,6 +154,8 @@ class Command:
             if "--version" in self.arguments:
                 return self._version()
             options = self._options()
+            if options.overrides[:1] == ["help"]:
+                options.help, options.overrides = True, options.overrides[1:]
             if options.help:
                 return self._help(options)
             config.hydra_plugin.install()
@@ -243,8 +245,11 @@ class Command:
         return DONE
 
     def _help(self, options: Namespace) -> int:
-        """Print the help page; Hydra's own would compose everything and takes a second."""
-        print(cli.help.text(cli.list.folders(options.config_dir)), flush=True)
+        """Print the page of a command, or that of all; Hydra's own would compose everything."""
+        if commands.named(options):
+            print(cli.help.of_command(options.overrides[0]), flush=True)
+        else:
+            print(cli.help.text(cli.list.folders(options.config_dir)), flush=True)
         return DONE
 
     def _version(self) -> int:

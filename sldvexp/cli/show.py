@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
@@ -10,7 +9,8 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from sldvexp.cli.list import EXPERIMENT, WIDTH, files, folders, origin
+from sldvexp.cli.layout import columns, wrapped
+from sldvexp.cli.list import EXPERIMENT, files, folders, origin
 from sldvexp.config import Origins, docs, messages, registry
 from sldvexp.config.docs import as_yaml
 from sldvexp.config.experiment import SINGLE_GROUPS
@@ -20,39 +20,78 @@ from sldvexp.errors import UserError, nearest
 
 
 def run(words: list[str], config_dir: str | None) -> int:
-    """Print the page about one choice.
+    """Print the page about one choice, or the list of those that part of a name fits.
 
     Raises
     ------
     UserError
-        If the words are not one choice of a group, or its files cannot be composed.
+        If the words are not one choice or part of its name, or its files cannot be composed.
     """
-    if len(words) != 1 or "=" not in words[0]:
+    if len(words) != 1:
         told = f", not {' '.join(words)}" if words else ""
         raise UserError(
             f"command line: show takes one group=name, as in reconstruction=absolute{told}; "
             "sldvexp list lists them"
         )
-    group, _, name = words[0].partition("=")
-    groups = (*registry.GROUPS, EXPERIMENT)
-    if group not in groups:
-        raise UserError(f"command line: there is no group {group}; {nearest(group, groups)}")
-    found = files(group, folders(config_dir))
-    choices = {*found, *registry.names(group)}
-    if name not in choices:
-        raise UserError(f"command line: there is no {group}={name}; {nearest(name, choices)}")
+    found = choices_of(words[0], folders(config_dir))
+    if len(found) > 1:
+        print("\n".join([f"Several have {words[0]}:", *columns(_told_of(found, config_dir))]))
+        return 0
+    group, _, name = found[0].partition("=")
     options = ["--config-dir", config_dir] if config_dir else []
+    file = files(group, folders(config_dir)).get(name)
     if group == EXPERIMENT:
-        origins = Origins([words[0], *options])
-        lines = experiment_lines(words[0], found[name], origins, _composed(origins))
+        assert file
+        origins = Origins([found[0], *options])
+        lines = experiment_lines(found[0], file, origins, _composed(origins))
     elif group in SINGLE_GROUPS:
-        config = _composed(Origins(["~experiment", words[0], *options]))
-        lines = plugin_lines(group, config[group], found.get(name))
+        config = _composed(Origins(["~experiment", found[0], *options]))
+        lines = plugin_lines(group, config[group], file)
     else:
         node = registry.schema_of(registry.get(group, name))
         lines = plugin_lines(group, node, None)
-    print("\n".join([words[0], "", *lines]))
+    print("\n".join([found[0], "", *lines]))
     return 0
+
+
+def choices_of(word: str, folders: list[Path]) -> list[str]:
+    """Find what a word means: ``group=name``, ``group=part of a name``, a group, or such a part.
+
+    Raises
+    ------
+    UserError
+        If it means nothing.
+    """
+    groups = (*registry.GROUPS, EXPERIMENT)
+    names = {g: sorted({*files(g, folders), *registry.names(g)}) for g in groups}
+    group, equals, name = word.partition("=")
+    if equals and group not in groups:
+        raise UserError(f"command line: there is no group {group}; {nearest(group, groups)}")
+    if equals and name in names[group]:
+        return [word]
+    if not equals and word in groups:
+        return [f"{word}={each}" for each in names[word]]
+    part, among = (name, (group,)) if equals else (word, groups)
+    every = [f"{g}={each}" for g in among for each in names[g]]
+    exact = [choice for choice in every if choice.partition("=")[2] == part]
+    close = [choice for choice in every if len(part) > 1 and part in choice.partition("=")[2]]
+    if exact or close:
+        return exact or close
+    valid = names[group] if equals else [n for each in names.values() for n in each]
+    if equals:
+        raise UserError(f"command line: there is no {word}; {nearest(part, valid)}")
+    guess = nearest(part, valid).partition("Valid: ")[0] or "sldvexp list lists all"
+    raise UserError(f"command line: no name has {word} in it; {guess}".rstrip())
+
+
+def _told_of(choices: list[str], config_dir: str | None) -> list[tuple[str, str]]:
+    """Pair choices with what each is."""
+    told = []
+    for choice in choices:
+        group, _, name = choice.partition("=")
+        file = files(group, folders(config_dir)).get(name)
+        told.append((choice, docs.of_file(file) if file else docs.of_choice(group, name)))
+    return told
 
 
 def _composed(origins: Origins) -> DictConfig:
@@ -76,7 +115,8 @@ def experiment_lines(
     config : DictConfig
         That configuration, composed.
     """
-    yield from [*docs.comment(file), ""]
+    for paragraph in "\n".join(docs.comment(file)).split("\n\n"):
+        yield from [*wrapped(" ".join(paragraph.split())), ""]
     yield f"file  {displayed(file.resolve())}"
     yield from ["", "It chooses"]
     chosen = config.hydra.runtime.choices
@@ -95,7 +135,7 @@ def _settings_of_file(layer: ConfigLayer) -> Iterator[str]:
         for name, inner in table:
             full = f"{key}.{name}".rstrip(".")
             told = _expected(inner) if key == "expect" else as_yaml(inner)
-            yield docs.shortened(f"  {full}: {told}", WIDTH)
+            yield from wrapped(f"{full}: {told}", 2, 6)
 
 
 def _expected(table: dict[str, Any]) -> str:
@@ -123,11 +163,11 @@ def plugin_lines(group: str, node: DictConfig, file: Path | None) -> Iterator[st
             f"begin with schema/<plugin>@_here_; {nearest('', registry.names(group))}"
         )
     for paragraph in docs.description(plugin):
-        yield from [*textwrap.wrap(paragraph, WIDTH), ""]
+        yield from [*wrapped(paragraph), ""]
     package = origin(plugin) or f"sldvexp {version('sldvexp')}"
     yield f"plugin  {registered.partition('/')[2]}, {plugin.__module__} ({package})"
     if file:
-        yield f"file    {displayed(file.resolve())}: {docs.of_file(file)}"
+        yield from wrapped(f"file    {displayed(file.resolve())}: {docs.of_file(file)}", 0, 8)
     yield from ["", "Settings:"]
     values: Any = OmegaConf.to_container(node, resolve=False, enum_to_str=True)
     for parameter in docs.parameters_of(plugin, values):
@@ -136,6 +176,5 @@ def plugin_lines(group: str, node: DictConfig, file: Path | None) -> Iterator[st
 
 def _setting(parameter: docs.Parameter) -> Iterator[str]:
     """Yield a setting as in a file, and below it what it means."""
-    yield docs.shortened(f"  {parameter.key}: {parameter.value}", WIDTH)
-    told = ". ".join(filter(None, [parameter.kind, parameter.meaning]))
-    yield from textwrap.wrap(told, WIDTH, initial_indent=" " * 6, subsequent_indent=" " * 6)
+    yield from wrapped(f"{parameter.key}: {parameter.value}", 2, 8)
+    yield from wrapped(". ".join(filter(None, [parameter.kind, parameter.meaning])), 6)

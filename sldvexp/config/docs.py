@@ -74,11 +74,6 @@ def comment(file: Path) -> list[str]:
     return lines
 
 
-def shortened(line: str, width: int) -> str:
-    """Shorten a line to so many characters."""
-    return line if len(line) <= width else f"{line[: width - 4].rpartition(' ')[0]} ..."
-
-
 def sentence(words: str) -> str:
     """Take the text up to the first full stop that ends a sentence."""
     end = words.find(". ")

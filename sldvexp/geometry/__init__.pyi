@@ -18,5 +18,6 @@ from .rotation import nearest_rotation as nearest_rotation
 from .rotation import rigid_transform as rigid_transform
 from .rotation import rotation_from_euler as rotation_from_euler
 from .rotation import rotation_from_vector as rotation_from_vector
+from .rotation import rotation_towards as rotation_towards
 from .rotation import skew as skew
 from .rotation import vector_from_rotation as vector_from_rotation

@@ -77,6 +77,27 @@ def euler_from_rotation(rotation: ArrayLike) -> Array:
     return np.stack([phi1, phi2, phi3], axis=-1)
 
 
+def rotation_towards(origin: ArrayLike, point: ArrayLike) -> Array:
+    """Make the rotation of an upright instrument that looks at a point.
+
+    The laser frame's z points there, and its x is level: across the world's y, which is up, or
+    across the world's z where the instrument looks along y.
+
+    Examples
+    --------
+    >>> rotation_towards([0, 0, 1.5], [0, 0, 0])
+    array([[-1.,  0.,  0.],
+           [ 0.,  1.,  0.],
+           [ 0.,  0., -1.]])
+    """
+    ahead = np.asarray(point, float) - np.asarray(origin, float)
+    ahead /= np.linalg.norm(ahead)
+    up = np.array([0.0, 1.0, 0.0] if np.hypot(ahead[0], ahead[2]) > GIMBAL_LOCK else [0, 0, 1.0])
+    level = np.cross(up, ahead)
+    level /= np.linalg.norm(level)
+    return np.array([level, np.cross(ahead, level), ahead]) + 0.0
+
+
 def euler_jacobian(rotation: ArrayLike) -> Array:
     """Differentiate the Euler angles by a small rotation of the laser frame.
 
@@ -202,6 +223,9 @@ class KnownPose:
     ----------
     euler : list of float, rad
         phi1, phi2, phi3 in the x-convention, world to laser.
+    looks_at : list of float
+        Instead of euler: a point that the instrument looks at while it stands upright, in the unit
+        of the origin.
     origin : list of float
         x, y, z of the laser frame's origin in the world.
     euler_std, origin_std : list of float
@@ -219,3 +243,11 @@ class KnownPose:
     origin_std: list[float] = field(default_factory=list)
     samples: int = 0
     unit: LengthUnit = LengthUnit.m
+    looks_at: list[float] = field(default_factory=list)
+
+    @property
+    def rotation(self) -> Array:
+        """The rotation from world to laser frame."""
+        if self.looks_at:
+            return rotation_towards(self.origin, self.looks_at)
+        return rotation_from_euler(self.euler)

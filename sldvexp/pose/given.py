@@ -21,7 +21,7 @@ from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.files import read_text, require_file
-from sldvexp.geometry import KnownPose, euler_jacobian, rotation_from_euler
+from sldvexp.geometry import KnownPose, euler_jacobian
 from sldvexp.io.tables import number
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
@@ -58,9 +58,13 @@ class Given(PoseMethod):
         )
         checks.probability("confidence", self.confidence)
         for name, view in self.views.items():
-            for key in ("euler", "origin", "euler_std", "origin_std"):
+            one = bool(view.euler) != bool(view.looks_at)
+            checks.require(one, f"views.{name}", "give either euler or looks_at")
+            there = not view.looks_at or view.looks_at != view.origin
+            checks.require(there, f"views.{name}.looks_at", "must be another point than the origin")
+            for key in ("euler", "looks_at", "origin", "euler_std", "origin_std"):
                 values = getattr(view, key)
-                sizes = (0, 3) if key.endswith("std") else (3,)
+                sizes = (3,) if key == "origin" else (0, 3)
                 checks.require(
                     len(values) in sizes,
                     f"views.{name}.{key}",
@@ -105,7 +109,7 @@ def known_poses(views: dict[str, KnownPose], confidence: float) -> xr.Dataset:
     array([[-1.153,  2.547,  1.913]])
     """
     poses = list(views.values())
-    rotation = rotation_from_euler([p.euler for p in poses])
+    rotation = np.array([p.rotation for p in poses])
     covariance = np.full((len(poses), 6, 6), np.nan)
     for matrix, r, p in zip(covariance, rotation, poses, strict=True):
         if not p.euler_std:

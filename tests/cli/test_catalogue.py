@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -26,37 +27,43 @@ def test_list_has_a_line_for_every_plugin_and_experiment(sldvexp):
     blocks = {b.split("\n")[0]: b.split("\n")[1:] for b in done.out.split("\n\n")}
     for group, name in PLUGINS:
         told = docs.of_plugin(registry.get(group, name))
-        [line] = [text for text in blocks[group] if text.startswith(f"  {name} ")]
-        assert line.split(maxsplit=1)[1].removesuffix(" ...") in told != ""
+        entry = re.split(r"^(?=  \S)", "\n".join(blocks[group]), flags=re.MULTILINE)
+        [line] = [" ".join(text.split()) for text in entry if text.startswith(f"  {name} ")]
+        assert told != ""
+        assert line.startswith(f"{name} {told}")
     experiments = ROOT / "conf/experiment"
     names = {str(f.relative_to(experiments).with_suffix("")) for f in experiments.rglob("*.yaml")}
-    assert {line.split()[0] for line in blocks["experiment"]} == names
-    assert max(map(len, done.out.splitlines())) < 140
+    assert {line.split()[0] for line in blocks["experiment"] if line[2] != " "} == names
+    assert max(map(len, done.out.splitlines())) <= 100
 
 
 def test_list_of_one_group_names_the_files_that_set_it_up(sldvexp):
     out = sldvexp("list", "target").out
     assert out.startswith("target\n  circles  Circles measured with")
-    assert "           target=dissertation, target=two_planes\n" in out
+    assert "; target=dissertation, target=two_planes points " in " ".join(out.split())
     assert "reconstruction" not in out
 
 
 @pytest.mark.parametrize(
     ("arguments", "answer"),
     [
-        ("list poze", "there is no group poze; did you mean pose? Valid: "),
-        ("list pose laser", "list takes one group or none, not pose laser"),
+        ("list poze", "there is no group poze, and nothing has it in its name or description; did"),
+        ("list pose laser", "list takes one group or part of a name, not pose laser"),
         ("list -m", "list takes no option --multirun, only --config-dir"),
         ("list --config-dir nope", "there is no folder nope"),
         ("show", "show takes one group=name, as in reconstruction=absolute; sldvexp list"),
-        ("show pose", "show takes one group=name, as in reconstruction=absolute, not pose; "),
+        ("show poze", "no name has poze in it; "),
+        ("show xyzzy", "no name has xyzzy in it; sldvexp list lists all"),
         ("show pose=edge laser=ometron", "show takes one group=name, as in"),
         ("show pose=edgy", "there is no pose=edgy; did you mean edge? Valid: bitangent, "),
         ("show poze=edge", "there is no group poze; did you mean pose? Valid: "),
-        ("show check=pose_repeat", "there is no check=pose_repeat; did you mean pose_repeats? "),
-        ("show experiment=pos", "there is no experiment=pos; did you mean pose? Valid: "),
+        ("show check=pose_repeta", "there is no check=pose_repeta; did you mean pose_repeats? "),
+        ("show experiment=psoe", "there is no experiment=psoe; did you mean pose? Valid: "),
         ("show target=schema/circles", "there is no target=schema/circles; "),
         ("lst", "there is no command lst; did you mean list? Valid: "),
+        ("nope", "there is no command nope; Valid: "),
+        ("explain", "there is no command explain; did you mean show? Valid: "),
+        ("list nope", "there is no group nope, and nothing has it in its name or description; V"),
     ],
 )
 def test_misuse_gets_one_sentence(sldvexp, arguments, answer):
@@ -64,6 +71,38 @@ def test_misuse_gets_one_sentence(sldvexp, arguments, answer):
     assert (done.status, done.out) == (1, "")
     assert done.err.startswith(f"sldvexp: command line: {answer}")
     assert done.err.count("\n") == 1
+
+
+def test_list_finds_a_word_in_names_and_descriptions(sldvexp):
+    out = sldvexp("list", "Strain").out
+    assert "\n  strain_truth " in out
+    assert "\n  plate_strain " in out
+    assert "\npose\n" not in out
+
+
+@pytest.mark.parametrize(
+    ("word", "choice"),
+    [
+        ("edge", "pose=edge"),
+        ("pose=bit", "pose=bitangent"),
+        ("samplew", "reconstruction=samplewise"),
+    ],
+)
+def test_show_finds_a_choice_by_part_of_its_name(sldvexp, word, choice):
+    assert sldvexp("show", word).out.startswith(f"{choice}\n\n")
+
+
+@pytest.mark.parametrize(
+    ("word", "choices"),
+    [
+        ("strain", ["check=strain_truth", "experiment=panel_strain", "experiment=plate_strain"]),
+        ("solver", ["solver=cholesky", "solver=direct", "solver=iterative"]),
+    ],
+)
+def test_show_lists_what_a_word_may_mean(sldvexp, word, choices):
+    first, *lines = sldvexp("show", word).out.splitlines()
+    assert first == f"Several have {word}:"
+    assert [line.split()[0] for line in lines if line[2] != " "] == choices
 
 
 def test_show_tells_source_value_type_unit_and_meaning(sldvexp):

@@ -66,10 +66,8 @@ def test_own_files_are_merged_in_their_order(sldvexp, lab):
 
 def test_own_choices_are_listed_and_shown(sldvexp, lab):
     assert "may/monday" in sldvexp("list", "--config-dir", "lab", "experiment").out
-    assert (
-        "laser=ometron, laser=ometron_16bit, laser=ours"
-        in sldvexp("list", "laser", "--config-dir", "lab").out
-    )
+    lasers = " ".join(sldvexp("list", "laser", "--config-dir", "lab").out.split())
+    assert "; laser=ometron, laser=ometron_16bit, laser=ours" in lasers
     assert "target=bench" in sldvexp("--config-dir", "lab", "list", "target").out
     out = sldvexp("show", "--config-dir", "lab", "laser=ours").out
     assert "file    lab/laser/ours.yaml: The lab's own\n" in out
@@ -79,8 +77,8 @@ def test_own_choices_are_listed_and_shown(sldvexp, lab):
     assert "  target=bench\n  laser=ours\n" in out
     assert "lab/experiment/may/monday.yaml sets\n  seed: 5\n" in out
     out = sldvexp("--config-dir", "lab", "--help").out
-    assert "  bench " in out
-    assert f"  {'ometron':32} Ours too\n" in out
+    assert "bench, dissertation" in out
+    assert "ometron, ours, ometron_16bit" in out
 
 
 @pytest.mark.parametrize(

@@ -44,6 +44,28 @@ def test_numbers_with_a_sample_size_become_means_with_student_bounds():
     )
 
 
+def test_upright_instrument_looks_at_a_point():
+    at, origin = np.array([0.12, 0.08, 0.0]), np.array([-0.8, -0.1, 1.1])
+    pose = Given(views={"left": KnownPose(origin=[*origin], looks_at=[*at])}).read().pose
+    rotation = pose["rotation"][0].values
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-14)
+    assert np.linalg.det(rotation) > 0
+    away = np.linalg.norm(at - origin)
+    np.testing.assert_allclose(rotation @ (at - origin), [0, 0, away], atol=1e-14)
+    assert rotation[0, 1] == pytest.approx(0, abs=1e-15)  # x is level
+    assert rotation[1, 1] > 0  # and y goes up
+
+
+def test_pose_takes_angles_or_a_point_to_look_at_and_not_the_origin():
+    for wrong, told in (
+        (KnownPose(EULER, ORIGIN, looks_at=[0, 0, 0]), "give either euler or looks_at"),
+        (KnownPose(origin=ORIGIN), "give either euler or looks_at"),
+        (KnownPose(origin=ORIGIN, looks_at=ORIGIN), "must be another point than the origin"),
+    ):
+        with pytest.raises(ConfigError, match=told):
+            Given(views={"front": wrong})
+
+
 def test_figure_4_29_is_read_and_written(tmp_path):
     path = tmp_path / "cmm_pos2.txt"
     path.write_text(FIGURE_4_29)
