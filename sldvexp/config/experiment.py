@@ -252,6 +252,7 @@ class Experiment:
         "export",
         {
             "csv": "sldvexp.export.csv",
+            "glb": "sldvexp.export.glb",
             "mat": "sldvexp.export.mat",
             "reg": "sldvexp.export.reg",
             "scanlist": "sldvexp.export.scanlist",

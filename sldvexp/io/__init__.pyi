@@ -1,5 +1,6 @@
 from .gage_files import GageTable as GageTable
 from .gage_files import read_gages as read_gages
+from .gltf import glb as glb
 from .mesh_files import MeshSurface as MeshSurface
 from .mesh_files import read_mesh as read_mesh
 from .scan_files import read_centres as read_centres

@@ -1,0 +1,191 @@
+"""The surface that moves, as exports to look at have it: GLB, GIF and MP4.
+
+A point of the surface is drawn at p + s Re(V exp(i phi)), with the complex velocity V (m/s) at one
+frequency, its phase phi, and the scale s, drawn metres for 1 m/s; the report's page draws the same.
+A sine's velocity leads its displacement by a quarter of a period and is elsewise of its shape, so
+that the drawn motion is that of the displacement too. What is not determined stays at rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from sldvexp.dataset import FREQUENCY, VARIABLES
+from sldvexp.dataset.run_data import RunData
+from sldvexp.errors import UserError
+from sldvexp.export.strains import strain_of
+from sldvexp.export.velocities import (
+    PrismMesh,
+    frequencies_of,
+    mesh_of,
+    velocities_of,
+    velocity_in_world,
+)
+from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array, ComplexArray, IntArray
+
+#: Largest drawn deflection, as a share of the surface's diagonal; that of the report's page.
+DRAWN_SHARE = 0.08
+#: Frequencies are the same if they are to the six digits that pages show.
+SIX_DIGITS = 5e-6
+
+
+class MotionColour(Enum):
+    """What the colours of a moving surface say.
+
+    Attributes
+    ----------
+    amplitude
+        Amplitude of the velocity, all components together.
+    strain
+        Largest extension of a cycle in the face, for runs with strain.
+    """
+
+    amplitude = "amplitude"
+    strain = "strain"
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """One layer of a field, or points, as it moves at one frequency.
+
+    Attributes
+    ----------
+    position : ndarray, shape (node, 3), m
+        At rest, in the world.
+    cells : sequence of ndarray of int, shape (cell, corner)
+        Triangles, lines or points that are drawn, by nodes from 0.
+    velocity : ndarray of complex, shape (node, 3), m/s
+        Along the world's axes; NaN where it is not determined.
+    hertz : float, optional
+        None if the run does not know it.
+    value : ndarray, shape (node,)
+        That the colours tell; NaN where there is none.
+    title, unit : str
+        What that is.
+    """
+
+    position: Array
+    cells: Sequence[IntArray]
+    velocity: ComplexArray
+    hertz: float | None
+    value: Array
+    title: str
+    unit: str
+
+    @property
+    def scale(self) -> float:
+        """Drawn metres for 1 m/s; 0 if nothing moves."""
+        diagonal = float(np.linalg.norm(np.ptp(self.position, axis=0)))
+        most = float(amplitude(np.nan_to_num(self.velocity)).max())
+        return DRAWN_SHARE * diagonal / most if most > 0 else 0.0
+
+    @property
+    def largest(self) -> float:
+        """Upper end of the colours, whose lower one is 0."""
+        return float(np.nan_to_num(self.value).max())
+
+    @property
+    def drawn(self) -> ComplexArray:
+        """Deflections as they are drawn, shape (node, 3), m."""
+        return self.scale * np.nan_to_num(self.velocity)
+
+
+def amplitude(velocity: ComplexArray) -> Array:
+    """Compute the root of the sum of the squared components' amplitudes, shape (node,)."""
+    return np.sqrt((np.abs(velocity) ** 2).sum(axis=1))
+
+
+def motion_of(
+    run: RunData, format_name: str, hertz: float | None, colour: MotionColour | None
+) -> Motion:
+    """Take the moving surface of a run.
+
+    Parameters
+    ----------
+    format_name : str
+        For messages.
+    hertz : float, optional
+        Without it the strongest frequency of the surface.
+    colour : MotionColour, optional
+        Without it the strain, if the run has it for the surface, or else the amplitude.
+
+    Raises
+    ------
+    UserError
+        If the run has no such frequency or no strain, or the places are not known.
+    """
+    found, mesh = velocities_of(run), mesh_of(run, format_name)
+    layer = mesh.surface_layer
+    world = velocity_in_world(found, mesh)[layer]
+    frequencies = frequencies_of(found)
+    if not np.isfinite(mesh.position[layer]).all():
+        lost = int(np.isnan(mesh.position[layer]).any(axis=1).argmax())
+        name = found["place"].values[layer[lost]]
+        raise UserError(f"export={format_name}: the place of {name} is not known")
+    index = frequency_index(world, frequencies, hertz, format_name)
+    position, velocity = mesh.position[layer], world[..., index]
+    own = None if frequencies is None else float(frequencies[index])
+    title, unit = "amplitude", VARIABLES["field"]["velocity"].units
+    value = amplitude(velocity)
+    strain = None if colour is MotionColour.amplitude else _extension(run, position, own)
+    if colour is MotionColour.strain and strain is None:
+        raise UserError(
+            f"export={format_name}: the run has no strain of this surface; choose "
+            "reconstruction=shell or spline, as in experiment=plate_strain, or colour=amplitude"
+        )
+    if strain is not None:
+        value, title, unit = strain, "largest extension", "strain"
+    return Motion(position, _cells(mesh), velocity, own, value, title, unit)
+
+
+def frequency_index(
+    velocity: ComplexArray, frequencies: Array | None, hertz: float | None, format_name: str
+) -> int:
+    """Find a frequency, or the one at which a component of the velocity is largest.
+
+    Parameters
+    ----------
+    velocity : ndarray, shape (node, component, frequency)
+
+    Raises
+    ------
+    UserError
+        If there is no such frequency.
+    """
+    if hertz is None:
+        return int(np.nan_to_num(np.abs(velocity)).max(axis=(0, 1)).argmax())
+    if frequencies is None:
+        told = "it knows no frequency"
+    else:
+        index = int(np.abs(frequencies - hertz).argmin())
+        if np.isclose(frequencies[index], hertz, rtol=SIX_DIGITS, atol=0.0):
+            return index
+        told = f"the nearest is {frequencies[index]}"
+    unit = FREQUENCY.units
+    raise UserError(f"export={format_name}: the run has nothing at {hertz} {unit}; {told}")
+
+
+def _cells(mesh: PrismMesh) -> list[IntArray]:
+    """Take what is drawn: the triangles of a volume's layer, or what joins points, or these."""
+    return [mesh.triangles] if len(mesh.prisms) else mesh.cells
+
+
+def _extension(run: RunData, position: Array, hertz: float | None) -> Array | None:
+    """Take the largest extension at a frequency, if it is that of this surface."""
+    strain = strain_of(run)
+    if strain is None or hertz is None or "principal_strain" not in strain:
+        return None
+    place, known = strain["position"].values, strain["frequency"].values
+    if place.shape != position.shape or not np.allclose(place, position) or hertz not in known:
+        return None
+    return _first(strain.isel(frequency=known.tolist().index(hertz))["principal_strain"])
+
+
+def _first(principal: xr.DataArray) -> Array:
+    """Take the first of the principal values."""
+    return np.asarray(principal.isel(principal=0).values)
