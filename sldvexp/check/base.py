@@ -38,6 +38,8 @@ class Examination(RunData):
         The run's generator.
     experiment : Experiment
         Its plugins; None if there is only the dataset.
+    kept : dict
+        What one check worked out and others of the same run need too.
 
     Examples
     --------
@@ -53,6 +55,7 @@ class Examination(RunData):
 
     rng: np.random.Generator = field(kw_only=True)
     experiment: Any = field(default=None, kw_only=True)
+    kept: dict[str, Any] = field(default_factory=dict, kw_only=True)
 
     def field_of(self, name: str) -> xr.Dataset:
         """Take the field of the run's reconstruction, ``field``, or of one it is compared with.

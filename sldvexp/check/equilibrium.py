@@ -14,7 +14,7 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.check.base import Check, Examination
-from sldvexp.check.on_surface import check_lines, check_patches, shell_field_of
+from sldvexp.check.on_surface import check_lines, check_patches, surface_field_of
 from sldvexp.config.registry import register
 from sldvexp.dataset import Finding, Severity, with_findings
 from sldvexp.errors import Checks, UserError
@@ -61,7 +61,7 @@ class Equilibrium(Check):
         UserError
             If the run has no field of a thin shell, or its surface bends.
         """
-        found, frequency = shell_field_of(run, "equilibrium")
+        found, frequency = surface_field_of(run, "equilibrium")
         require_plate(found, "equilibrium")
         places, sides = patch_places(found.fit, (self.patches[0], self.patches[1]))
         if len(places) < FEWEST:

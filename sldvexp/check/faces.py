@@ -15,7 +15,7 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.check.base import Check, Examination
-from sldvexp.check.on_surface import shell_field_of
+from sldvexp.check.on_surface import surface_field_of
 from sldvexp.config.registry import register
 from sldvexp.dataset import Finding, Severity, with_findings
 from sldvexp.errors import Checks
@@ -57,7 +57,7 @@ class Faces(Check):
         UserError
             If the run has no field of a thin shell.
         """
-        found, _ = shell_field_of(run, "faces")
+        found, _ = surface_field_of(run, "faces")
         faces = ComparedFaces.of(found)
         group = dataset.group(
             "examined/faces",

@@ -17,6 +17,7 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.check.base import Check, Examination
+from sldvexp.check.on_surface import surface_field_of
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.dataset import Finding, Severity, with_findings
@@ -25,7 +26,6 @@ from sldvexp.io import GageTable, read_gages
 from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
 from sldvexp.shell import SurfaceField, SurfaceReconstruction
-from sldvexp.shell.estimate import reconstruct_surface
 from sldvexp.shell.gage import Gage, along
 from sldvexp.statistics import student_factor
 from sldvexp.typing import Array, ComplexArray
@@ -69,33 +69,21 @@ class Gages(Check):
         UserError
             If the run has no smooth field on a surface, or a gage is not on it.
         """
-        e = run.experiment
-        methods = [e.reconstruction, *e.compare.values()] if e is not None else []
-        method = next((m for m in methods if isinstance(m, SurfaceReconstruction)), None)
-        if method is None:
-            raise UserError("check=gages needs reconstruction=shell or spline, or one in compare")
-        found = reconstruct_surface(run.groups, e.laser, e.volume, method, e.material)
-        if found.frequency is None:
-            raise UserError(
-                "check=gages needs the frequency of the images, which none of them says"
-            )
+        found, frequency = surface_field_of(run, "gages", SurfaceReconstruction)
         self._check_places(found)
         predicted, variance = self._predicted(found)
-        level = float(student_factor(method.confidence, np.inf))
         made = dataset.group(
             "examined/gages",
-            {"gage": list(self.gages), "frequency": found.frequency, "part": ["real", "imaginary"]},
+            {"gage": list(self.gages), "frequency": frequency, "part": ["real", "imaginary"]},
             strain=predicted,
-            confidence=level * np.sqrt(variance.max(axis=0)),
-            confidence_by_part=level * np.sqrt(variance),
+            confidence=found.factor * np.sqrt(variance.max(axis=0)),
+            confidence_by_part=found.factor * np.sqrt(variance),
             **self._true(run, found),
         )
         if self.path is None:
             return made
-        measured = MeasuredGages.of(
-            read_gages(locate(self.path)), list(self.gages), found.frequency
-        )
-        return _compared(made, measured, variance, method.confidence)
+        measured = MeasuredGages.of(read_gages(locate(self.path)), list(self.gages), frequency)
+        return _compared(made, measured, variance, found.method.confidence)
 
     def inputs(self) -> list[str]:
         """Name the file of measured strains."""

@@ -20,7 +20,7 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.check.base import Check, Examination
-from sldvexp.check.on_surface import check_lines, shell_field_of
+from sldvexp.check.on_surface import check_lines, surface_field_of
 from sldvexp.config.registry import register
 from sldvexp.dataset import Finding, Severity, with_findings
 from sldvexp.errors import Checks
@@ -68,7 +68,7 @@ class LeverArm(Check):
         UserError
             If the run has no field of a thin shell.
         """
-        found, frequency = shell_field_of(run, "lever_arm")
+        found, frequency = surface_field_of(run, "lever_arm")
         arms = LeverArms.of(found, strongest(found.fit, self.lines))
         std = np.sqrt(np.diag(arms.covariance))
         group = dataset.group(

@@ -21,7 +21,7 @@ import numpy as np
 from sldvexp import dataset
 from sldvexp.check.agreement import FEWEST_PARTS, jackknife
 from sldvexp.check.base import Check, Examination
-from sldvexp.check.on_surface import check_lines, check_patches, shell_field_of
+from sldvexp.check.on_surface import check_lines, check_patches, surface_field_of
 from sldvexp.config.registry import register
 from sldvexp.dataset import Finding, Severity, with_findings
 from sldvexp.errors import Checks, UserError
@@ -84,7 +84,7 @@ class MiddleSurface(Check):
             raise UserError("check=middle_surface needs a field: choose a volume, a reconstruction")
         maps: dict[str, MiddleMap] = {}
         if shells:
-            found, _ = shell_field_of(run, "middle_surface")
+            found, _ = surface_field_of(run, "middle_surface")
             outline = found.fit.outline
             maps["lever_arm"] = by_lever_arm(found, self._patches, self.lines)
         else:

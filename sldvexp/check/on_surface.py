@@ -1,4 +1,4 @@
-"""Shell field of a run, as the checks of a thin shell's physics take it."""
+"""Smooth field of a run's surface, as the checks of a thin shell's physics take it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from sldvexp.check.base import Examination
 from sldvexp.errors import Checks, UserError
-from sldvexp.shell import SurfaceField
+from sldvexp.shell import SurfaceField, SurfaceReconstruction
 from sldvexp.shell.estimate import reconstruct_surface
 from sldvexp.shell.shell import Shell
 from sldvexp.typing import Array
@@ -28,13 +28,19 @@ def check_patches(checks: Checks, patches: Sequence[int]) -> None:
     checks.require(right, "patches", message)
 
 
-def shell_field_of(run: Examination, check: str) -> tuple[SurfaceField, Array]:
-    """Estimate the field of a thin shell anew from a run's images, with their frequencies.
+def surface_field_of(
+    run: Examination, check: str, kind: type[SurfaceReconstruction] = Shell
+) -> tuple[SurfaceField, Array]:
+    """Estimate the smooth field of a surface anew from a run's images, with their frequencies.
+
+    It is estimated once for all checks of a run that take it from the same method.
 
     Parameters
     ----------
     check : str
         Name of the check that needs it, for the sentence.
+    kind : type
+        Of the methods that will do; the first of the run's is taken.
 
     Raises
     ------
@@ -42,11 +48,16 @@ def shell_field_of(run: Examination, check: str) -> tuple[SurfaceField, Array]:
         If the run has no such method, or does not know its frequencies.
     """
     e = run.experiment
-    methods = [e.reconstruction, *e.compare.values()] if e is not None else []
-    method = next((m for m in methods if isinstance(m, Shell)), None)
-    if method is None:
-        raise UserError(f"check={check} needs reconstruction=shell, or one in compare")
-    found = reconstruct_surface(run.groups, e.laser, e.volume, method, e.material)
+    methods = {} if e is None else {"field": e.reconstruction, **e.compare}
+    name = next((name for name, method in methods.items() if isinstance(method, kind)), None)
+    if name is None:
+        wanted = "shell" if kind is Shell else "shell or spline"
+        raise UserError(f"check={check} needs reconstruction={wanted}, or one in compare")
+    key = f"surface of {name}"
+    if key not in run.kept:
+        method = methods[name]
+        run.kept[key] = reconstruct_surface(run.groups, e.laser, e.volume, method, e.material)
+    found: SurfaceField = run.kept[key]
     if found.frequency is None:
         raise UserError(f"check={check} needs the frequency of the images, which none of them says")
     return found, np.asarray(found.frequency, float)

@@ -17,7 +17,7 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.check.base import Check, Examination
-from sldvexp.check.on_surface import check_lines, check_patches, shell_field_of
+from sldvexp.check.on_surface import check_lines, check_patches, surface_field_of
 from sldvexp.config.registry import register
 from sldvexp.dataset import Finding, Severity, with_findings
 from sldvexp.errors import Checks, UserError
@@ -109,7 +109,7 @@ class PowerFlowCheck(Check):
         UserError
             If the run has no field of a thin shell, its surface bends, or a force is beside it.
         """
-        found, frequency = shell_field_of(run, "power_flow")
+        found, frequency = surface_field_of(run, "power_flow")
         require_plate(found, "power_flow")
         places, sides = patch_places(found.fit, (self.patches[0], self.patches[1]))
         if not len(places):

@@ -376,9 +376,9 @@ def _truth(run: Run) -> None:
 
 def _checks(run: Run) -> None:
     """Examine what the configuration wants examined."""
+    seen = Examination(run.tree, rng=run.rng, experiment=run.experiment)
     for name, check in run.experiment.check.items():
         run.inputs += check.inputs()
-        seen = Examination(run.tree, rng=run.rng, experiment=run.experiment)
         run.tree[f"examined/{name}"] = check.examine(seen)
     if findings := take_findings(run.tree):
         run.tree[f"{VERDICT}/checks"] = findings_to_dataset(findings)

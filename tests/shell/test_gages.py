@@ -83,7 +83,7 @@ def examined(monkeypatch, found, tmp_path):
     """Examine gages, with the lines of a file of measured strains."""
 
     def examine(*lines, header=HEADER, places=None):
-        monkeypatch.setattr("sldvexp.check.gages.reconstruct_surface", lambda *_: found)
+        monkeypatch.setattr("sldvexp.check.on_surface.reconstruct_surface", lambda *_: found)
         experiment = SimpleNamespace(**SETTINGS, reconstruction=lab.method())
         run = Examination({}, rng=np.random.default_rng(0), experiment=experiment)
         path = tmp_path / "gages.csv"
