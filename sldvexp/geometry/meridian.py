@@ -1,8 +1,8 @@
 """Meridian of a surface of revolution: the curve that turns about an axis.
 
-Its points are (r, y), the distance from the axis and the place along it. A cubic spline through them
-runs over the parameter t, the length of the chords, from minus half to half of it; beyond its ends
-the curve goes on straight.
+Its points are (r, y), the distance from the axis and the place along it. A cubic spline through
+them runs over the parameter t, the length of the chords, from minus half to half of it; beyond its
+ends the curve goes on straight.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Meridian:
 
     @cached_property
     def samples(self) -> Array:
-        """Parameters along the whole curve, the ends included, between which it is nearly straight."""
+        """Parameters along the whole curve, with its ends, between which it is nearly straight."""
         parts = PARTS if len(self.corners) > 2 else 1
         return np.linspace(-self.half, self.half, parts + 1)
 

@@ -24,6 +24,7 @@ from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.shell.around_holes import HoleFunctions
 from sldvexp.shell.calibration import CalibrationError, calibration_errors
+from sldvexp.shell.least_stretch import least_stretch
 from sldvexp.shell.linear_form import summed
 from sldvexp.shell.love import STRAINS, ThinShell
 from sldvexp.shell.material import Isotropic
@@ -424,7 +425,8 @@ def _estimate(
         thickness,
         method.poses is PoseTreatment.adjust,
     )
-    shell = _splines(outline, method, longest)
+    nu = material.nu if method.of_middle and material is not None else None
+    shell = _splines(outline, method, longest, nu)
     found = fit(views, images, std, laser, outline, shell, face, length, errors)
     return SurfaceField(found, prisms, volume, method, material, frequency, [*notes, *_told(found)])
 
@@ -463,18 +465,23 @@ def _heights(method: SurfaceReconstruction, material: Isotropic | None) -> tuple
     return 0.0, 0.0 if method.given is GivenSurface.face else -half
 
 
-def _splines(outline: Outline, method: SurfaceReconstruction, longest: float) -> ThinShell:
-    """Lay splines over the structure."""
+def _splines(
+    outline: Outline, method: SurfaceReconstruction, longest: float, nu: float | None
+) -> ThinShell:
+    """Lay splines over the structure; with Poisson's ratio a closed shell's follow its bending."""
     rim = BEYOND * longest
     low, high, unit = outline.low - rim, outline.high + rim, UNIT * longest
     closed = outline.closed
     if closed:
         low[0], high[0] = outline.low[0], outline.high[0]
+    bending = TensorSplines.over(low, high, method.cells, 5, unit, closed)
+    following = None if nu is None or not closed else least_stretch(outline.chart, bending, nu)
     return ThinShell(
-        TensorSplines.over(low, high, method.cells, 5, unit, closed),
+        bending,
         TensorSplines.over(low, high, method.membrane_cells, 3, unit, closed),
         outline.chart,
         HoleFunctions.of(outline.holes, longest / method.cells),
+        following,
     )
 
 

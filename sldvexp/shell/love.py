@@ -57,12 +57,16 @@ class ThinShell:
         Of the middle surface.
     around_holes : HoleFunctions
         What w has beside its splines.
+    following : ndarray, shape (2, function, function), optional
+        Coefficients of u0 and v0, in splines of w's own kind, over those of w: how the middle moves
+        along itself as the walls of a closed shell bend. Its membrane splines come beside.
     """
 
     bending: TensorSplines
     membrane: TensorSplines
     chart: Chart
     around_holes: HoleFunctions = NONE
+    following: Array | None = None
 
     @property
     def coefficients(self) -> int:
@@ -173,12 +177,15 @@ class ThinShell:
         found = []
         for form in forms:
             row = np.zeros((len(coordinates), self.coefficients))
+            followed = np.zeros((2, len(coordinates), self.bending.count))
             for (field, i, j), factor in form.terms.items():
-                of_s, of_t = bases[field, i, j]
-                both = (factor[:, None] * of_s)[:, :, None] * of_t[:, None, :]
-                row[:, places[field]] += both.reshape(len(coordinates), -1)
+                row[:, places[field]] += _product(factor, *bases[field, i, j])
                 if field == 2:
                     row[:, self._splines :] += factor[:, None] * singular[i, j]
+                elif self.following is not None:
+                    followed[field] += _product(factor, *bases[2, i, j])
+            if self.following is not None:
+                row[:, places[2]] += (followed @ self.following).sum(axis=0)
             found.append(row)
         return found
 
@@ -201,12 +208,12 @@ class ThinShell:
         for k, form in enumerate(forms):
             for (field, i, j), factor in form.terms.items():
                 if (field, i, j) not in known:
-                    of_s, of_t = bases[field, i, j]
-                    own = parts[field].reshape(of_s.shape[1], -1)
-                    by_t = (of_s @ own).reshape(len(coordinates), of_t.shape[1], -1)
-                    known[field, i, j] = np.matmul(of_t[:, None, :], by_t)[:, 0]
+                    known[field, i, j] = _evaluated(parts[field], *bases[field, i, j])
                     if field == 2:
                         known[field, i, j] += singular[i, j] @ around
+                    elif self.following is not None:
+                        followed = self.following[field] @ parts[2]
+                        known[field, i, j] += _evaluated(followed, *bases[2, i, j])
                 found[:, k] += factor[:, None] * known[field, i, j]
         return found
 
@@ -231,6 +238,8 @@ class ThinShell:
             return known[key]
 
         terms = {term for form in forms for term in form.terms}
+        if self.following is not None:
+            terms |= {(2, i, j) for _, i, j in terms}
         return {(f, i, j): (along(f, 0, i), along(f, 1, j)) for f, i, j in terms}
 
     def known_precision(self) -> Array:
@@ -266,3 +275,15 @@ class ThinShell:
             each = own.penalty(0) + 2 * reach**2 * own.penalty(1) + reach**4 * own.penalty(2)
         of_uv[:n, :n] = of_uv[n : 2 * n, n : 2 * n] = each
         return [of_w, of_uv]
+
+
+def _product(factor: Array, of_s: Array, of_t: Array) -> Array:
+    """Multiply splines along s and along t, and a factor of each place, (place, function)."""
+    both = (factor[:, None] * of_s)[:, :, None] * of_t[:, None, :]
+    return np.asarray(both.reshape(len(factor), -1))
+
+
+def _evaluated(theta: Array, of_s: Array, of_t: Array) -> Array:
+    """Evaluate fields of known coefficients, (function, column); shape (place, column)."""
+    by_t = (of_s @ theta.reshape(of_s.shape[1], -1)).reshape(len(of_s), of_t.shape[1], -1)
+    return np.asarray(np.matmul(of_t[:, None, :], by_t)[:, 0])

@@ -54,6 +54,8 @@ class Outline:
     margin : float, m
     both_sides : bool
         Whether views see the structure from behind as well.
+    steepest : float
+        Cosine of the largest angle between a beam and the normal where it meets the surface.
     """
 
     chart: Chart
@@ -64,6 +66,7 @@ class Outline:
     high: Array
     margin: float
     both_sides: bool = False
+    steepest: float = 0.0
 
     @classmethod
     def of(cls, volume: Volume, prisms: Prisms, given: float) -> Outline:
@@ -93,8 +96,8 @@ class Outline:
         low, high = coordinates.min(axis=0) - margin, coordinates.max(axis=0) + margin
         if lowered.period is not None:
             low[0], high[0] = -lowered.period / 2, lowered.period / 2
-        both = volume.sight.both_sides
-        return cls(lowered, given, coordinates, prisms.triangles, low, high, margin, both)
+        both, steepest = volume.sight.both_sides, np.cos(np.radians(volume.sight.grazing))
+        return cls(lowered, given, coordinates, prisms.triangles, low, high, margin, both, steepest)
 
     @property
     def closed(self) -> bool:

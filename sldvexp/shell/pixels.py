@@ -65,7 +65,7 @@ class ViewPixels:
         pixel, side = np.flatnonzero(np.asarray(view.flags) == 0), outline.side_towards(view.origin)
         own = beams(view, laser, pixel)
         coordinates, cosine, meets = outline.chart.met(*own, side * face, side=side)
-        kept = np.flatnonzero(meets)
+        kept = np.flatnonzero(meets & (np.abs(cosine[:, 2]) >= outline.steepest))
         kept = kept[outline.holds(coordinates[kept])]
         return cls(view, pixel[kept], coordinates[kept], cosine[kept], side)
 

@@ -1,7 +1,7 @@
-"""Coordinates on a closed shell of revolution: the way around its axis, and that along its meridian.
+"""Coordinates on a closed shell of revolution: the way around its axis, and along its meridian.
 
-A meridian ``(r, y)(t)`` turns about the axis y by the angle ``phi = s / R``, with R its mean radius,
-from the own axis z towards x. With ``e = (sin phi, 0, cos phi)`` the surface consists of the points
+A meridian ``(r, y)(t)`` turns about the axis y by the angle ``phi = s / R``, R its mean radius,
+from the own axis z towards x. With ``e = (sin phi, 0, cos phi)`` the surface is
 
     P(s, t) = origin + (r e + y e_y)' axes,      s = s + 2 pi R.
 

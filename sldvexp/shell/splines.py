@@ -18,8 +18,8 @@ import numpy as np
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array
 
-#: Fewest cells around a closed structure: two waves around it are smooth on them.
-AROUND = 12
+#: Fewest cells around a closed structure: three waves around it are smooth on them.
+AROUND = 16
 
 
 @dataclass(frozen=True, eq=False)

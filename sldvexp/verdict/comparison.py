@@ -20,6 +20,7 @@ from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
 from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
+from sldvexp.verdict.field_around import FieldAround
 from sldvexp.verdict.joint_fit import POSE, JointFit, PixelDesign
 from sldvexp.verdict.pixel_data import PixelData, pixel_data
 from sldvexp.verdict.smooth_field import SmoothField
@@ -116,9 +117,9 @@ def bench_of(
     best: Bench | None = None
     misfit = np.inf
     for intervals in INTERVALS:
-        smooth = SmoothField.on(surface.nodes, intervals)
+        smooth = FieldAround.on(surface.nodes, intervals)
         if best is not None and 3 * smooth.count > sum(len(d.pixel) for d in data) / 2:
-            break  # a closed surface has functions along all three axes
+            break  # a surface that is bent a lot has functions along all three axes
         designs = [PixelDesign.of(d, b, smooth) for d, b in zip(data, beams, strict=True)]
         tried, fit = Bench(data, surface, smooth, prior, stated), JointFit(data, designs, prior)
         found = fit.squares / max(fit.dof, 1)

@@ -76,18 +76,18 @@ class SmoothField:
         factors = self._factors(points)
         changing = [axis for axis, k in zip(self.axes, self.knots, strict=True) if k is not None]
         slopes = [
-            (axis, _product([s if i == j else f for j, (f, s) in enumerate(factors)]))
+            (axis, product([s if i == j else f for j, (f, s) in enumerate(factors)]))
             for i, axis in enumerate(changing)
         ]
-        return _product([f for f, _ in factors]), slopes
+        return product([f for f, _ in factors]), slopes
 
     def _factors(self, points: Array) -> list[Array]:
         """Evaluate splines along every axis, and their slopes, shape (2, point, spline)."""
         along = (points - self.middle) @ self.axes.T
-        return [_splines(x, k) for x, k in zip(along.T, self.knots, strict=True) if k is not None]
+        return [splines_on(x, k) for x, k in zip(along.T, self.knots, strict=True) if k is not None]
 
 
-def _product(factors: list[Array]) -> Array:
+def product(factors: list[Array]) -> Array:
     """Multiply the factors of every point with one another (rows' Kronecker product)."""
     found = factors[0]
     for factor in factors[1:]:
@@ -103,7 +103,7 @@ def _knots(low: float, high: float, intervals: int) -> Array:
     return np.r_[[inner[0]] * DEGREE, inner, [inner[-1]] * DEGREE]
 
 
-def _splines(x: Array, knots: Array) -> Array:
+def splines_on(x: Array, knots: Array) -> Array:
     """Evaluate B-splines and their derivatives, (2, point, spline); beyond the ends, at them."""
     if not len(x):
         return np.zeros((2, 0, len(knots) - DEGREE - 1))

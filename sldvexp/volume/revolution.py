@@ -1,4 +1,4 @@
-"""`volume=revolution`: a closed shell of revolution, as a tube, a cone or a bottle without its ends.
+"""`volume=revolution`: a closed shell of revolution, as a tube, a cone or a cup without its bottom.
 
 A meridian turns once about the surface's own y axis: nodes stand in rows around it. The first
 tangent points around, from the own z axis towards x, the second along the meridian, and the normal
