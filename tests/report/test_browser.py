@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import shutil
 import time
 
 import numpy as np
@@ -11,61 +9,31 @@ import pytest
 
 from sldvexp import dataset
 from sldvexp.report.html import figures, packing, run_page, shape
+from tests.report import devtools
 from tests.shell.made_strain import made_strain
 
-webdriver = pytest.importorskip("selenium.webdriver")
-
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-BROWSER = next((path for name in BROWSERS if (path := shutil.which(name))), None)
-DRIVER = shutil.which("chromedriver")
 pytestmark = [
-    pytest.mark.skipif(not (BROWSER and DRIVER), reason="needs chromium and chromedriver"),
+    pytest.mark.skipif(not devtools.PATH, reason="needs chromium"),
     pytest.mark.xdist_group("browser"),
 ]
-OPTIONS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-dev-shm-usage",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--force-prefers-reduced-motion",  # the shape begins to move when it is told to
-)
 PHONE, DESKTOP = (390, 844), (1280, 900)
-PATIENCE = 60
-LEFT, RIGHT = "\ue012", "\ue014"  # arrow keys
 
 
 @pytest.fixture(scope="module")
 def browser():
-    options = webdriver.ChromeOptions()
-    options.binary_location = BROWSER
-    for option in OPTIONS:
-        options.add_argument(option)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
-    yield driver
-    driver.quit()
+    started = devtools.Browser()
+    yield started
+    started.close()
 
 
 class Opened:
     """A page in the browser, at a size."""
 
     def __init__(self, driver, path, size):
-        self.driver = driver
-        # Of the page itself, not of a window that headless browsers keep wider than a phone.
-        metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
-        driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-        driver.get(path.as_uri())
+        self.driver, self.js, self.wait, self.path = driver, driver.js, driver.wait, path
+        driver.size(*size)
+        driver.open(path)
         self.wait(lambda: self.js("return document.getElementById('shape-plot').dataset.ready"))
-
-    def wait(self, condition):
-        end = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < end, "the page takes too long"
-            time.sleep(0.1)
-
-    def js(self, code, *arguments):
-        return self.driver.execute_script(code, *arguments)
 
     def set(self, name, value):
         self.js(
@@ -93,6 +61,27 @@ class Opened:
         code = "return Array.from(document.getElementById('shape-plot').shape.joined(arguments[0]))"
         return self.js(code, name)
 
+    def focus(self, name):
+        self.js("document.getElementById('shape-' + arguments[0]).focus()", name)
+
+    def box(self, name):
+        """Left, top, width and height of a part that is brought into view."""
+        return self.js(
+            "const e = document.getElementById('shape-' + arguments[0]);"
+            "e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect();"
+            "return [b.left, b.top, b.width, b.height]",
+            name,
+        )
+
+    def click(self, name, across=0.5, down=0.5):
+        left, top, width, height = self.box(name)
+        at = (left + across * width, top + down * height)
+        self.driver.mouse(at, at)
+
+    def told(self, name, attribute):
+        code = "return document.getElementById('shape-' + arguments[0]).getAttribute(arguments[1])"
+        return self.js(code, name, attribute)
+
     def text(self, name):
         return self.js("return document.getElementById('shape-' + arguments[0]).textContent", name)
 
@@ -119,9 +108,8 @@ def shown(open_at):
 
 def test_page_is_quiet_and_fetches_nothing(shown, browser):
     nothing_is_wider_than_the_window(shown)
-    assert said_by_the_page(browser) == []
-    events = [json.loads(e["message"])["message"] for e in browser.get_log("performance")]
-    fetched = [e["params"]["request"]["url"] for e in events if e["method"].endswith("BeSent")]
+    assert browser.said() == []
+    fetched = browser.fetched()
     own = ("data:", "blob:")
     outside = [
         url for url in fetched if not url.startswith(own) and not url.endswith("report.html")
@@ -130,20 +118,18 @@ def test_page_is_quiet_and_fetches_nothing(shown, browser):
 
 
 def test_shape_moves_when_it_is_played_and_stands_when_it_is_paused(shown, browser):
-    plot = browser.find_element("id", "shape-plot")
-    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", plot)
-    still, picture = shown.deflection, plot.screenshot_as_png
-    button = browser.find_element("id", "shape-play")
-    assert button.text == "▶ Play"
-    button.click()
+    shown.box("plot")
+    still, picture = shown.deflection, browser.picture()
+    assert shown.text("play") == "▶ Play"
+    shown.click("play")
     shown.wait(lambda: not np.allclose(shown.deflection, still))
-    assert button.text == "❚❚ Pause"
-    button.click()
+    assert shown.text("play") == "❚❚ Pause"
+    shown.click("play")
     stopped = shown.deflection
     time.sleep(0.3)
     np.testing.assert_array_equal(shown.deflection, stopped)
     shown.set("phase", 100)
-    shown.wait(lambda: plot.screenshot_as_png != picture)
+    shown.wait(lambda: browser.picture() != picture)
 
 
 def test_controls_choose_component_frequency_phase_colour_bounds_and_size(
@@ -213,53 +199,45 @@ def test_a_picked_node_tells_its_velocity_and_bound(shown, small_volume, small_f
 
 def test_keys_step_through_frequencies_turn_the_shape_and_play(shown, browser):
     shown.set("frequency", 0)
-    slider, stage = (browser.find_element("id", f"shape-{name}") for name in ("spectrum", "stage"))
-    slider.send_keys(RIGHT)
-    assert slider.get_attribute("aria-valuetext").startswith("439 Hz")
-    slider.send_keys(LEFT)
-    assert slider.get_attribute("aria-valuetext").startswith("197 Hz")
+    shown.focus("spectrum")
+    browser.key("ArrowRight")
+    assert shown.told("spectrum", "aria-valuetext").startswith("439 Hz")
+    browser.key("ArrowLeft")
+    assert shown.told("spectrum", "aria-valuetext").startswith("197 Hz")
     labels = "return document.getElementById('shape-labels').innerHTML"
     before = shown.js(labels)
-    stage.send_keys(RIGHT)
+    shown.focus("stage")
+    browser.key("ArrowRight")
     assert shown.js(labels) != before
-    stage.send_keys(" ")
-    assert browser.find_element("id", "shape-play").text == "❚❚ Pause"
-    stage.send_keys(" ")
-    assert browser.find_element("id", "shape-play").text == "▶ Play"
+    browser.key(" ")
+    assert shown.text("play") == "❚❚ Pause"
+    browser.key(" ")
+    assert shown.text("play") == "▶ Play"
 
 
 def test_the_mouse_turns_the_shape_and_picks_a_node(shown, browser):
-    shown.js("document.getElementById('shape-stage').scrollIntoView({block: 'center'})")
+    left, top, width, height = shown.box("stage")
     shown.set("component", -1)
     shown.set("node", "")
     labels = "return document.getElementById('shape-labels').innerHTML"
     before = shown.js(labels)
-    left, top, width, height = shown.js(
-        "const b = document.getElementById('shape-stage').getBoundingClientRect();"
-        "return [b.left, b.top, b.width, b.height]"
-    )
     middle = (left + width / 2, top + height / 2)
-    mouse(browser, middle, (middle[0] + 60, middle[1] + 20))
+    browser.mouse(middle, (middle[0] + 60, middle[1] + 20))
     assert shown.js(labels) != before
     assert shown.joined("picked") == []
     shown.js("document.getElementById('shape-reset').click()")
-    near = shown.js("return document.getElementById('shape-plot').shape.seen(7)")
-    at = (left + near[0], top + near[1])
-    mouse(browser, at, at)
+    at = place_of(shown, 7)
+    browser.mouse(at, at)
     assert shown.joined("picked") == [7]
 
 
-def mouse(browser, start, end):
-    """Press the button at one place and let it go at another."""
-    told = {"button": "left", "clickCount": 1}
-    for kind, (x, y), buttons in (
-        ("mouseMoved", start, 0),
-        ("mousePressed", start, 1),
-        ("mouseMoved", end, 1),
-        ("mouseReleased", end, 0),
-    ):
-        event = {"type": kind, "x": x, "y": y, "buttons": buttons, **told}
-        browser.execute_cdp_cmd("Input.dispatchMouseEvent", event)
+def place_of(shown, node):
+    """Find where a node is seen in the window."""
+    left, top, *_ = shown.box("stage")
+    x, y, _ = shown.js(
+        "return document.getElementById('shape-plot').shape.seen(arguments[0])", node
+    )
+    return left + x, top + y
 
 
 def test_what_lies_below_its_bound_is_pale(open_at, small_volume, small_field):
@@ -323,7 +301,6 @@ def test_points_that_no_triangle_joins_are_coloured_and_move(browser, small_poin
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figures, "PARTS", {part: {} for part in figures.PARTS})
         page = run_page.write(tmp_path / "run.nc", tmp_path / "report.html")
-    browser.get_log("browser")
     shown = Opened(browser, page, PHONE)
     rest = 1e3 * lines_of_sight["position"].values[:, 2]
     shown.set("frequency", 1)
@@ -337,29 +314,22 @@ def test_points_that_no_triangle_joins_are_coloured_and_move(browser, small_poin
     np.testing.assert_allclose(shown.colours, whole, rtol=1e-4)
     assert shown.joined("dots") == [0, 1, 2, 3, 4]
     assert len(shown.joined("lines")) == 2 * 3
-    assert said_by_the_page(browser) == []
+    assert browser.said() == []
     nothing_is_wider_than_the_window(shown)
 
 
 def test_without_webgl_the_page_has_its_figure(open_at, browser):
     """A browser that gives no drawing context gets the figure that printed pages have."""
-    open_at(DESKTOP)
+    opened = open_at(DESKTOP)
     refuse = "HTMLCanvasElement.prototype.getContext = () => null;"
-    source = {"source": refuse}
-    added = browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", source)
+    added = browser.command("Page.addScriptToEvaluateOnNewDocument", source=refuse)
     try:
-        browser.get(browser.execute_script("return location.href").split("#")[0])
+        browser.open(opened.path)
         seen = "return getComputedStyle(document.querySelector(arguments[0])).display"
-        assert browser.execute_script(seen, ".shape") == "none"
-        assert browser.execute_script(seen, ".still") == "block"
+        assert browser.js(seen, ".still") == "block"
+        assert browser.js(seen, ".shape") == "none"
     finally:
-        browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", added)
-
-
-def said_by_the_page(browser):
-    """Errors, and warnings that come from the page's own scripts."""
-    said = browser.get_log("browser")
-    return [e for e in said if e["level"] == "SEVERE" or "report.html" in e["message"]]
+        browser.command("Page.removeScriptToEvaluateOnNewDocument", **added)
 
 
 def nothing_is_wider_than_the_window(shown):

@@ -165,13 +165,51 @@ def test_colours_of_strain_are_those_of_the_drawn_surface(small_volume, small_fi
 
 def test_a_shape_is_seen_from_where_its_views_stood():
     origin = np.array([[1, 1, 1], [1, 0, 1 + np.sqrt(3)], [1, -1, 1], [np.nan, 0, 0]])
+    turned = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0.0]])  # rows are the instrument's axes
     pose = xr.Dataset(
-        {"origin": (("view", "axis"), origin)}, coords={"view": ["left", "top", "right", "lost"]}
+        {
+            "origin": (("view", "axis"), origin),
+            "rotation": (("view", "laser_axis", "axis"), np.stack([np.eye(3), *3 * [turned]])),
+        },
+        coords={"view": ["left", "top", "right", "lost"]},
     )
-    found = shape.views_of(pose, np.array([[-1, -1, 1], [1, 1, 1.0]]))
+    found = shape.stands_of(pose, np.array([[-1, -1, 1], [1, 1, 1.0]]), length=1e3)
     assert [one["name"] for one in found] == ["left", "top", "right"]
     angles = [[one["azimuth"], one["elevation"]] for one in found]
     np.testing.assert_allclose(angles, [[45, 0], [0, 60], [-45, 0]], atol=1e-12)
+    np.testing.assert_allclose([one["origin"] for one in found], 1e3 * origin[:3])
+    assert [one["axis"] for one in found] == [[0, 0, 1], [0, 1, 0], [0, 1, 0]]
+
+
+@pytest.mark.parametrize("radius", [None, 0.4])
+def test_other_layers_are_the_surface_moved_along_its_normals(radius, small_volume, small_field):
+    around = small_volume(radius=radius)
+    of = small_field(around)
+    data = shape.shape_of(of, around)
+    position = floats(data["position"]).reshape(-1, 3)
+    normal = floats(data["normal"]).reshape(-1, 3)
+    given = int(np.argmin(abs(around["depth"].values)))
+    others = [layer for layer in range(3) if layer != given]
+    for layer, own in zip(others, data["layers"], strict=True):
+        nodes = np.flatnonzero(around["node_layer"].values == layer)
+        place = 1e3 * around["position"].values[nodes]
+        np.testing.assert_allclose(position + own["depth"] * normal, place, atol=1e-3)
+        assert own["text"].endswith("above" if own["depth"] > 0 else "below")
+        assert own["rounded"]
+
+
+def test_layers_that_are_not_moved_along_normals_are_left_out(small_volume, small_field):
+    around = small_volume()
+    of = small_field(around)
+    of["position"].values[-1, 0] += 1e-4
+    assert len(shape.shape_of(of, around)["layers"]) == 1
+
+
+def test_layers_without_room_are_left_out(monkeypatch, small_volume, small_field):
+    around = small_volume()
+    data = shape.shape_of(small_field(around), around)
+    monkeypatch.setattr(shape, "MOST_BYTES", sum(map(len, shape._texts(data))) // 2)
+    assert shape.shape_of(small_field(around), around)["layers"] == []
 
 
 def test_strains_of_other_places_than_the_drawn_ones_are_no_colours(small_volume, small_field):

@@ -14,8 +14,8 @@ const makeAxes = (labels, low, high, unit) => {
   const PIXELS_A_TICK = 48, LEAST_PIXELS = 40;
   const middle = low.map((x, k) => (x + high[k]) / 2);
 
-  // Place names anew and give the lines' ends, six numbers a line.
-  const arrange = (camera) => {
+  // Place names anew, and those of other places, and give the lines' ends, six numbers a line.
+  const arrange = (camera, others = []) => {
     const toward = camera.toward(), project = camera.projector();
     const far = toward.map((t, k) => (t > -1e-9 ? low : high)[k]), near = toward.map((t, k) => (t > -1e-9 ? high : low)[k]);
     const at = (k, value, rest) => { const p = [...rest]; p[k] = value; return p; };
@@ -36,11 +36,15 @@ const makeAxes = (labels, low, high, unit) => {
       for (const tick of spans[k]) put(written(tick), project(...at(k, tick, edge)), [20, 13], "tick");
       put("xyz"[k] + ", " + unit, mid, [62, 34], "name");
     });
+    for (const { text, place } of others) {
+      const [x, y] = project(...place);
+      texts.push({ text, kind: "stand", x, y });
+    }
     const lines = [];
     for (let k = 0; k < 3; k++) {
-      const others = [0, 1, 2].filter((j) => j !== k);
-      others.forEach((j, n) => {
-        const other = others[1 - n];
+      const across = [0, 1, 2].filter((j) => j !== k);
+      across.forEach((j, n) => {
+        const other = across[1 - n];
         for (const value of [low[j], ...spans[j], high[j]]) {
           const foot = at(j, value, at(k, far[k], far));
           lines.push(...at(other, low[other], foot), ...at(other, high[other], foot));

@@ -113,10 +113,13 @@ class Shape:
     ----------
     data : dict
         What its script draws.
+    name : str
+        With which the names of its controls begin.
     """
 
     kind: ClassVar[str] = "shape"
     data: dict[str, Any]
+    name: str = "shape"
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,18 @@
 "use strict";
 const makeCamera = (low, high) => {
   const LENS = 4.5;  // 1 / tan of half the angle of view
-  const middle = [0, 1, 2].map((k) => (low[k] + high[k]) / 2);
-  const radius = Math.hypot(...[0, 1, 2].map((k) => high[k] - low[k])) / 2;
-  const corners = [...Array(8).keys()].map((n) => [0, 1, 2].map((k) => (n >> k & 1 ? high : low)[k]));
+  let middle, radius, corners;
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
   const START = { azimuth: -118.5, elevation: 30 };
-  const own = { ...START, distance: 1, target: [...middle], flat: false, shift: [0, 0], width: 1, height: 1 };
+  const own = { ...START, distance: 1, target: [0, 0, 0], flat: false, shift: [0, 0], width: 1, height: 1 };
 
+  // What is to be seen lies in a box.
+  own.around = (least, most) => {
+    middle = [0, 1, 2].map((k) => (least[k] + most[k]) / 2);
+    radius = Math.hypot(...[0, 1, 2].map((k) => most[k] - least[k])) / 2;
+    corners = [...Array(8).keys()].map((n) => [0, 1, 2].map((k) => (n >> k & 1 ? most : least)[k]));
+  };
+  own.around(low, high);
   const axes = () => {
     const [a, e] = [own.azimuth * Math.PI / 180, own.elevation * Math.PI / 180];
     const toward = [Math.cos(e) * Math.cos(a), Math.cos(e) * Math.sin(a), Math.sin(e)];

@@ -16,6 +16,7 @@ from sldvexp.dataset import RunData
 from sldvexp.plot import figures_of
 from sldvexp.plot.paper import SETTINGS
 from sldvexp.report.html.blocks import Figure, Text
+from sldvexp.report.html.slim import slim
 
 #: Which figures stand in which part of a page, with what they show. A page is made in seconds, so
 #: that it has none of scan lines and of single views; `sldvexp plot` has those.
@@ -49,10 +50,10 @@ PARTS: dict[str, dict[str, str]] = {
     },
 }
 SWEEP_CAPTION = "The runs by what was varied."
-MOST_BYTES = 1_500_000
-#: Settings that a figure does not keep, and that decide its bytes. Letters are drawn as shapes: a
-#: picture in a page finds no fonts but those of its reader.
-OF_FILES = {"svg.hashsalt": SETTINGS["svg.hashsalt"], "svg.fonttype": "path"}
+#: Of one figure as SVG, with text as text.
+MOST_BYTES = 300_000
+#: Settings of the style that a figure does not keep, and that decide its bytes.
+OF_FILES = ("svg.hashsalt", "svg.fonttype")
 #: Characters of an SVG that are spelt in an address.
 SPELT = {"%": "%25", "#": "%23", "&": "%26", "<": "%3C", ">": "%3E", "\n": " ", '"': "'"}
 #: Dots per inch of a PNG.
@@ -99,8 +100,9 @@ def _address(drawn: Drawn) -> str:
         # As savefig does, which would draw twice to arrange the axes.
         metadata = {"Date": None, "Creator": None}
         FigureCanvasSVG(drawn).print_svg(content, metadata=metadata)
-        if content.tell() <= MOST_BYTES:
-            return f"data:image/svg+xml,{_as_address(content.getvalue().decode())}"
+        svg = slim(content.getvalue().decode())
+        if len(svg) <= MOST_BYTES:
+            return f"data:image/svg+xml,{_as_address(svg)}"
         content = io.BytesIO()
         drawn.savefig(content, format="png", dpi=FINE, metadata={"Software": None})
     return f"data:image/png;base64,{base64.b64encode(content.getvalue()).decode()}"
@@ -109,7 +111,7 @@ def _address(drawn: Drawn) -> str:
 def _as_address(svg: str) -> str:
     """Spell what an address or an attribute cannot have as it is; a third less than base64.
 
-    Of quotation marks only the single one is left, which matplotlib escapes wherever it is meant.
+    Of quotation marks only the single one is left, the other is escaped wherever it is meant.
     """
     for mark, instead in SPELT.items():
         svg = svg.replace(mark, instead)

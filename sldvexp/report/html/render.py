@@ -13,7 +13,10 @@ from sldvexp.report.html.blocks import Link, More, Section, Shape
 from sldvexp.writing import whole_or_nothing
 
 #: What draws the moving shape; each uses those before it.
-SCRIPTS = ("camera.js", "axes.js", "viewer.js", "shape.js")
+SCRIPTS = (
+    *("numbers.js", "mesh.js", "camera.js", "axes.js", "viewer.js", "graph.js", "picture.js"),
+    "shape.js",
+)
 
 
 def write(path: Path, title: str, subtitle: str, sections: Sequence[Section]) -> Path:

@@ -16,7 +16,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.report.html import packing
 from sldvexp.report.html.blocks import HtmlTable, More, Section, Shape, Text, having
 from sldvexp.report.html.figures import drawable, figures
-from sldvexp.report.html.shape import shape_of, shape_of_points, views_of
+from sldvexp.report.html.shape import shape_of, shape_of_points
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.tables import (
     MOST_FREQUENCIES,
@@ -187,14 +187,15 @@ def strain_section(run: RunData) -> Section | None:
 def _shape(run: RunData) -> list[Any]:
     """Make the shape that turns and moves, or why there is none."""
     fields = run.fields()
+    pose = run.groups["pose"] if run.has("pose", "origin", "rotation") else None
     if fields and "volume" in run.groups:
         strain = run.groups["strain"] if run.has("strain", "frame") else None
-        data = shape_of(next(iter(fields.values())), run.groups["volume"], strain)
+        data = shape_of(next(iter(fields.values())), run.groups["volume"], strain, pose)
         note = "The layer next to the given surface is drawn."
         if data and data["colourings"]:
             note += " Colours of strains are those of the drawn surface, as if it were displaced."
     elif "surface" in drawable(run):
-        data = shape_of_points(run.groups["point"], run.groups["line_of_sight"])
+        data = shape_of_points(run.groups["point"], run.groups["line_of_sight"], pose)
         joined = {"triangle", "line"} & set(run.groups["line_of_sight"].data_vars)
         note = "Points are joined as their file says."
         if not joined:
@@ -204,9 +205,6 @@ def _shape(run: RunData) -> list[Any]:
     if data is None:
         told = "The surface has too many nodes for a page; other programs can turn it."
         return [Text(told, "small")]
-    if run.has("pose", "origin"):
-        place = run.groups["volume"] if "volume" in run.groups else run.groups["line_of_sight"]
-        data["views"] = views_of(run.groups["pose"], place["position"].values)
     note += " Black crosses: not determined."
     if data["rounded"]:
         note += f" Velocities here are rounded to {packing.SHARE / 2:.0%} of their bounds."

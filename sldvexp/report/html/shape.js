@@ -1,15 +1,11 @@
 // Shows a complex velocity field as a surface that moves, and what its colours say.
 "use strict";
-(async () => {
-  const data = JSON.parse(document.getElementById("shape-data").textContent);
-  const control = (name) => document.getElementById("shape-" + name);
+const showShape = async (root) => {
+  const control = (name) => document.getElementById(root.dataset.name + "-" + name);
+  const data = JSON.parse(control("data").textContent);
   const [plot, stage, canvas] = [control("plot"), control("stage"), control("canvas")];
-
-  const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-  const floats = (text) => new Float32Array(bytes(text).buffer);
-  const integers = (text) => Uint32Array.from(new Uint16Array(bytes(text || "").buffer));
-  const position = floats(data.position), normal = floats(data.normal), directions = floats(data.directions);
-  const nodes = position.length / 3;
+  const normal = floats(data.normal), directions = floats(data.directions);
+  const nodes = floats(data.position).length / 3;
   const components = data.components.length;
   const [triangles, joined] = [integers(data.triangles), integers(data.lines)];
   const maps = Object.fromEntries(Object.entries(data.maps).map(([name, text]) => [name, bytes(text)]));
@@ -18,47 +14,20 @@
   const SECONDS_A_TURN = 2.5;       // of the drawn motion
   const DRAWN_SHARE = 0.08;         // largest deflection, as a share of the surface's diagonal
   const MOST_LINES = 3000;
+  const MOST_GLYPHS = 400;          // paths or arrows, beyond which none can be told from others
   const NEAR = 18;                  // pixels between a node and the pointer that means it
 
   const viewer = typeof DecompressionStream === "undefined" ? null : makeViewer(canvas, nodes);
   if (!viewer) {
     document.documentElement.classList.add("no-webgl");
-    return;
+    return null;
   }
-
-  // Numbers of the nodes: exact ones, or whole ones as differences from node to node, by bytes ------
-  const NONE = -32768;
-  const whole = async (text) => {
-    const deflated = new Blob([bytes(text)]).stream().pipeThrough(new DecompressionStream("deflate"));
-    const planes = new Uint8Array(await new Response(deflated).arrayBuffer()), count = planes.length / 2;
-    const found = new Int16Array(count);
-    for (let i = 0, sum = 0; i < count; i++) {
-      sum = (i % nodes ? sum : 0) + (planes[i] | planes[count + i] << 8);
-      found[i] = sum;
-    }
-    return found;
-  };
-  const stepped = async (text, step) =>
-    Float32Array.from(await whole(text), (q, i) => q === NONE ? NaN : q * step(i));
-  const parts = async (own) => {
-    const here = async (name) => floats(own[name]);
-    if (!data.rounded) return Promise.all([here("real"), here("imaginary"), here("bound")]);
-    const limits = Float32Array.from(await whole(own.bound), (q) => q === NONE ? NaN : own.least * Math.exp(own.ratio * q));
-    const step = (i) => {
-      const finest = own.finest[Math.floor(i / (components * nodes))], share = own.share * limits[i];
-      return share > finest ? share : finest;
-    };
-    return [await stepped(own.real, step), await stepped(own.imaginary, step), limits];
-  };
-  const [real, imaginary, bound] = await parts(data);
-  const colourings = await Promise.all((data.colourings || []).map(async (own) => {
-    const of = async (text) => !text ? undefined
-      : data.rounded ? stepped(text, (i) => own.finest[Math.floor(i / nodes)]) : floats(text);
-    return { ...own, real: await of(own.real), imaginary: await of(own.imaginary) };
-  }));
+  const { layers, colourings } = await readNumbers(data, nodes);
+  let { position, real, imaginary, bound } = layers[0];
   const state = { component: -1, frequency: data.strongest, colour: "now", shell: 0, size: 1, phase: 0, speed: 1,
-    fade: true, node: 0 };
-  let playing = false, visible = true, stale = true;
+    fade: true, node: 0, layer: 0, glyph: -1, common: true, logarithmic: false, from: 0, to: 0 };
+  let playing = false, visible = true, stale = true, cutting = false;
+  const own = {};  // for tests, and for a shape beside this one
 
   // The field at one node ------------------------------------------------------------------------
   const index = (c, n, f = state.frequency) => (f * components + c) * nodes + n;
@@ -71,46 +40,68 @@
     for (let n = 0; n < nodes; n++) { const v = f(n); if (v > found) found = v; }
     return found;
   };
-  const strongest = () => shown().reduce((best, c) =>
-    largest((n) => amplitude(c, n)) > largest((n) => amplitude(best, n)) ? c : best);
+  const greatest = (c) => largest((n) => amplitude(c, n));
+  const strongest = () => shown().reduce((best, c) => greatest(c) > greatest(best) ? c : best);
+  // What all components are measured by, or each by itself.
+  const measure = () => state.component >= 0 && state.common
+    ? Math.max(...data.components.map((_, c) => greatest(c))) : largest((n) => together(amplitude, n));
 
-  // The surface's lines: its rim, and within it all edges but the diagonals of its cells ----------
-  const [rim, inner] = (() => {
-    const length = (a, b) => Math.hypot(...[0, 1, 2].map((k) => position[3 * a + k] - position[3 * b + k]));
-    const found = new Map();
-    for (let t = 0; t < triangles.length; t += 3) {
-      const corner = [triangles[t], triangles[t + 1], triangles[t + 2]];
-      const sides = [[0, 1], [1, 2], [2, 0]].map(([a, b]) => [corner[a], corner[b]]);
-      const lengths = sides.map(([a, b]) => length(a, b));
-      const sorted = [...lengths].sort((a, b) => b - a);
-      sides.forEach(([a, b], k) => {
-        const key = Math.min(a, b) * nodes + Math.max(a, b);
-        const side = found.get(key) || { pair: [a, b], faces: 0, diagonal: true };
-        side.faces += 1;
-        side.diagonal = side.diagonal && lengths[k] === sorted[0] && sorted[0] > 1.01 * sorted[1];
-        found.set(key, side);
-      });
-    }
-    const all = [...found.values()];
-    const those = (keep) => all.filter(keep).flatMap((side) => side.pair);
-    return [those((s) => s.faces === 1), those((s) => s.faces > 1 && !s.diagonal)];
-  })();
+  const mesh = makeMesh(position, triangles), { rim, inner } = mesh;
   const low = [Infinity, Infinity, Infinity], high = low.map((x) => -x);
   position.forEach((x, i) => { low[i % 3] = Math.min(low[i % 3], x); high[i % 3] = Math.max(high[i % 3], x); });
   const diagonal = Math.hypot(...low.map((x, k) => high[k] - x)) || 1;
   const scale = () => {
-    const most = largest((n) => together(amplitude, n));
+    const most = measure();
     return most > 0 ? DRAWN_SHARE * diagonal / most : 0;
   };
 
   // What is drawn: chosen rarely, told to the graphics processor once ------------------------------
-  const look = { phase: 0, scale: 0, range: [0, 1], measure: 0, fading: true, shell: 0, rest: true };
+  const look = { phase: 0, scale: 0, range: [0, 1], measure: 0, fading: true, shell: 0, rest: true, stands: false,
+    glyph: 0, dark: false };
   const direction = (c, n, k) => directions[(everywhere ? c : c * nodes + n) * 3 + k];
+  // The way between two nodes over the surface: where it moves, and the chosen values along it.
+  const profile = [];
+  const cut = (motion) => {
+    const [a, b] = [state.from - 1, state.to - 1], there = a >= 0 && b >= 0 && a !== b;
+    const upward = [0, 1, 2].map((k) => normal[(3 * a + k) % normal.length] + normal[(3 * b + k) % normal.length]);
+    const path = there ? mesh.cut(a, b, upward) : [];
+    const between = (values, { a: p, b: q, share }, k) => values[3 * p + k] + share * (values[3 * q + k] - values[3 * p + k]);
+    viewer.set("cut", [position, ...motion].map((values) =>
+      Float32Array.from(path.flatMap((point) => [0, 1, 2].map((k) => between(values, point, k))))));
+    const part = (values, c, { a: p, b: q, share }) =>
+      values[index(c, p)] + share * (values[index(c, q)] - values[index(c, p)]);
+    const one = state.component, signed = one >= 0 && { real, imaginary }[state.colour];
+    profile.splice(0, profile.length, ...path.map((point) => ({
+      distance: point.distance,
+      value: signed ? part(signed, one, point)
+        : Math.hypot(...shown().map((c) => Math.hypot(part(real, c, point), part(imaginary, c, point)))),
+      bound: Math.hypot(...shown().map((c) => part(bound, c, point))),
+    })).filter(({ value }) => !Number.isNaN(value)));
+    profile.title = (signed ? state.colour + " part of " : "amplitude of ") + name();
+  };
+  const graph_of_cut = makeGraph(control("profile"), () => "distance, " + data.length_unit, () => data.velocity_unit);
+  const draw_profile = () => {
+    const host = control("profile"), path = profile;
+    host.parentElement.hidden = path.length < 2;
+    if (path.length < 2) return;
+    const least = profile.title.startsWith("amplitude") ? 0 : -Infinity;
+    const limit = ({ value, bound: own }, sign) => Math.max(least, value + sign * (own || 0));
+    const upper = path.map((p) => [p.distance, limit(p, 1)]), lower = path.map((p) => [p.distance, limit(p, -1)]);
+    const heights = [...upper, ...lower].map(([, v]) => v);
+    const range = [Math.min(0, ...heights), Math.max(0, ...heights) || 1];
+    graph_of_cut.draw({ x: [0, path[path.length - 1].distance], y: range, shapes: [
+      { kind: "band", points: [...upper, ...lower.reverse()], look: "band" },
+      { kind: "curve", points: path.map((p) => [p.distance, p.value]), look: "curve" }] });
+    const top = path.reduce((best, p) => Math.abs(p.value) > Math.abs(best.value) ? p : best);
+    control("profile-told").textContent = `Cut from node ${called(state.from - 1)} to ${called(state.to - 1)}: ${profile.title}` +
+      ` with its ${data.level} bound, largest ${three(top.value)} ± ${three(top.bound)} ${data.velocity_unit}` +
+      ` at ${three(top.distance)} ${data.length_unit}.`;
+  };
+
   // All components move the surface as it does; one alone is drawn as a height along the normal.
   const move = () => {
-    const motion = { motion_real: real, motion_imaginary: imaginary };
-    const along = state.component < 0 ? direction : (c, n, k) => normal[3 * n + k];
-    for (const [name, part] of Object.entries(motion)) {
+    const along = state.component < 0 ? direction : (c, n, k) => normal[(3 * n + k) % normal.length];
+    const motion = [real, imaginary].map((part) => {
       const values = new Float32Array(3 * nodes);
       for (const c of shown()) {
         for (let i = 0; i < 3 * nodes; i++) {
@@ -118,8 +109,13 @@
           values[i] += (part[index(c, n)] || 0) * along(c, n, i % 3);
         }
       }
-      viewer.put(name, values);
-    }
+      return values;
+    });
+    viewer.put("motion_real", motion[0]);
+    viewer.put("motion_imaginary", motion[1]);
+    const every = Math.ceil(nodes / MOST_GLYPHS), some = (values) => values.filter((_, i) => Math.floor(i / 3) % every === 0);
+    viewer.set("glyphs", state.glyph < 0 ? [0, 1, 2].map(() => new Float32Array(0)) : [position, ...motion].map(some), 1);
+    cut(motion);
     const strong = strongest();
     viewer.put("margin", Float32Array.from({ length: 3 * nodes }, (_, i) => {
       const n = Math.floor(i / 3);
@@ -132,7 +128,7 @@
   // Values of a node: complex ones by component if they change, else one number each.
   const colours = () => {
     const one = state.component, unit = data.velocity_unit, many = shown();
-    const most = largest((n) => together(amplitude, n)) || 1;
+    const most = measure() || 1;
     const all = { measure: one < 0 ? CHANGING : SIGNED, range: [one < 0 ? 0 : -most, most], unit,
       map: one < 0 ? "size" : "sign", title: name() + " now",
       real: (n, k) => k < many.length ? real[index(many[k], n)] : 0,
@@ -142,6 +138,7 @@
     const part = (values) => one < 0
       ? (n) => together((c, m) => values[index(c, m)], n) : (n) => values[index(one, n)];
     const signed = one < 0 ? [0, most] : [-most, most], map = one < 0 ? "size" : "sign";
+    if (state.colour.startsWith("strain") && state.layer) return all;
     if (state.colour.startsWith("strain")) return of_strain(colourings[Number(state.colour.slice(6))]);
     if (state.colour === "phase" && one < 0) return all;
     return {
@@ -198,11 +195,19 @@
     viewer.join("picked", Uint32Array.from(state.node ? [state.node - 1] : []));
     Object.assign(look, { scale: state.size * scale(), shell: state.shell,
       fading: state.fade && coloured.of_velocity });
+    look.glyph = Math.max(0, state.glyph);
+    look.dark = dark();
     tell(look.fading ? below.reduce((sum, b) => sum + b, 0) : 0);
     spectrum();
+    draw_profile();
     stale = true;
   };
 
+  // Dark is what has light letters.
+  const dark = () => {
+    const [r, g, b] = getComputedStyle(stage).color.match(/[\d.]+/g).map(Number);
+    return r + g + b > 384;
+  };
   const three = (value) => written(Number(value.toPrecision(3)));
   const tell = (below) => {
     const most = largest((n) => together(amplitude, n));
@@ -223,30 +228,27 @@
   // The largest amplitude of the surface, or that of the picked node with its bound, by frequency --
   const hertz = data.frequencies;
   const of_hertz = (f) => Number(f.toPrecision(6)) + " Hz";
-  const along = (f) => hertz.length < 2 ? 0.5 : (f - hertz[0]) / (hertz[hertz.length - 1] - hertz[0]);
+  const reach = (() => {
+    const room = 0.015 * (hertz[hertz.length - 1] - hertz[0]);
+    return [hertz[0] - room, hertz[hertz.length - 1] + room];
+  })();
+  const slider = control("spectrum");
+  const graph = makeGraph(slider, () => "Hz", () => data.velocity_unit);
   const spectrum = () => {
     if (hertz.length < 2) return;
-    const [wide, tall, foot] = [1000, 100, 4], picked = state.node - 1;
+    const picked = state.node - 1;
     const found = hertz.map((_, f) => picked < 0
       ? [largest((n) => together(amplitude, n, f)), 0] : [together(amplitude, picked, f), together(bounds, picked, f)]);
     const most = Math.max(...found.map(([v, b]) => (v || 0) + (b || 0))) || 1;
-    const svg = (tag, given) => {
-      const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
-      for (const [key, value] of Object.entries(given)) made.setAttribute(key, value);
-      return made;
-    };
-    control("lines").replaceChildren(...found.flatMap(([value, own], f) => {
-      const x = 12 + along(hertz[f]) * (wide - 24), y = (v) => foot + (tall - foot) * (1 - v / most);
-      const line = (from, to, kind) => svg("line", { x1: x, x2: x, y1: y(from), y2: y(to), class: kind });
-      const kind = f === state.frequency ? "chosen" : "";
-      return [line(0, value || 0, kind), ...(own ? [line(Math.max(0, value - own), value + own, "bound")] : [])];
-    }));
+    const stem = (f, from, to, look) => ({ kind: "stem", points: [[hertz[f], from], [hertz[f], to]], look });
+    graph.draw({ x: reach, y: [0, most], logarithmic: state.logarithmic, shapes: found.flatMap(([value, own], f) =>
+      [stem(f, 0, value || 0, f === state.frequency ? "stem chosen" : "stem"),
+        ...(own ? [stem(f, Math.max(0, value - own), value + own, "bound")] : [])]) });
     control("spectrum-told").textContent = `${picked < 0 ? "Largest " + name() : name() + " of node " + called(picked)}` +
-      ` by frequency, ${of_hertz(hertz[0])} to ${of_hertz(hertz[hertz.length - 1])}, up to ${three(most)} ${data.velocity_unit}` +
-      (picked < 0 ? "" : `, with its ${data.level} bound`);
-    const slider = control("spectrum");
+      ` by frequency, up to ${three(most)} ${data.velocity_unit}` + (picked < 0 ? "." : `, with its ${data.level} bound.`);
     slider.setAttribute("aria-valuenow", state.frequency);
     slider.setAttribute("aria-valuetext", `${of_hertz(hertz[state.frequency])}, ${three(found[state.frequency][0] || 0)} ${data.velocity_unit}`);
+    plot.spectrum = found;
   };
   const tune = (frequency) => {
     state.frequency = Math.max(0, Math.min(hertz.length - 1, frequency));
@@ -259,7 +261,31 @@
   const [from, to] = [low.map((x) => x - margin), high.map((x) => x + margin)];
   const camera = makeCamera(from, to);
   const axes = makeAxes(control("labels"), from, to, data.length_unit);
-  const arrange = () => { viewer.frame(axes.arrange(camera)); stale = true; };
+  // Where the instrument stood: an edge from there along its axis, and beams to the object's ends.
+  const stands = data.stands || [];
+  const span = (origin) => {
+    const middle = low.map((x, k) => (x + high[k]) / 2), toward = middle.map((x, k) => x - origin[k]);
+    const side = [-toward[1], toward[0], 0], over = [-toward[0] * toward[2], -toward[1] * toward[2], toward[0] ** 2 + toward[1] ** 2];
+    const of = (direction, sign) => {
+      let best = 0, most = -Infinity;
+      for (let n = 0; n < nodes; n++) {
+        const own = sign * direction.reduce((sum, d, k) => sum + d * position[3 * n + k], 0);
+        if (own > most) { most = own; best = n; }
+      }
+      return [0, 1, 2].map((k) => position[3 * best + k]);
+    };
+    return [of(side, 1), of(side, -1), of(over, 1), of(over, -1)];
+  };
+  const beams = stands.flatMap(({ origin, axis }) => {
+    const away = Math.hypot(...low.map((x, k) => (x + high[k]) / 2 - origin[k]));
+    return [origin.map((x, k) => x + away * axis[k]), ...span(origin)].flatMap((end) => [...origin, ...end]);
+  });
+  const arrange = () => {
+    const named = look.stands ? stands.map(({ name: text, origin: place }) => ({ text: "view " + text, place })) : [];
+    viewer.set("box", [axes.arrange(camera, named)]);
+    stale = true;
+    if (own.arranged) own.arranged();
+  };
   const draw = () => {
     look.phase = state.phase;
     const degrees = Math.round(state.phase * 180 / Math.PI) % 360;
@@ -269,6 +295,8 @@
     stale = false;
   };
   const fit = () => {
+    const every = look.stands ? stands.map((one) => one.origin) : [];
+    camera.around(...[[from, Math.min], [to, Math.max]].map(([box, pick]) => box.map((x, k) => pick(x, ...every.map((o) => o[k])))));
     const narrow = camera.width < 560;
     camera.fit(narrow ? { left: 44, right: 26, top: 14, bottom: 40 } : { left: 84, right: 60, top: 12, bottom: 52 });
     arrange();
@@ -318,6 +346,7 @@
     tip.style.top = Math.max(4, near.py - 64) + "px";
   };
   const pick = (n) => {
+    if (cutting && n !== null) { end_cut(n); return; }
     state.node = n === null ? 0 : n + 1;
     control("node").value = state.node || "";
     choose();
@@ -367,43 +396,6 @@
     KEYS[event.key]();
     arrange();
   });
-  // The picture with what is written around it, as a file.
-  const save = () => {
-    const ratio = window.devicePixelRatio || 1, box = plot.getBoundingClientRect();
-    const whole = document.createElement("canvas"), pen = whole.getContext("2d");
-    [whole.width, whole.height] = [Math.round(box.width * ratio), Math.round(box.height * ratio)];
-    pen.scale(ratio, ratio);
-    pen.fillStyle = "#fff";
-    pen.fillRect(0, 0, box.width, box.height);
-    const within = (element) => {
-      const own = element.getBoundingClientRect();
-      return [own.left - box.left, own.top - box.top, own.width, own.height];
-    };
-    draw();
-    pen.drawImage(canvas, ...within(canvas));
-    const [left, top, width, height] = within(control("bar-scale")), upright = height > width;
-    const shades = pen.createLinearGradient(left, upright ? top + height : top, upright ? left : left + width, top);
-    const map = maps[coloured.map];
-    for (let i = 0; i < map.length; i += 3) {
-      shades.addColorStop(i / (map.length - 3), `rgb(${map[i]},${map[i + 1]},${map[i + 2]})`);
-    }
-    pen.fillStyle = shades;
-    pen.fillRect(left, top, width, height);
-    pen.fillStyle = "#1b1b1b";
-    pen.textBaseline = "middle";
-    for (const text of plot.querySelectorAll("#shape-labels span, #shape-bar-ticks span, #shape-bar-title")) {
-      const [x, y, , tall] = within(text), look = getComputedStyle(text);
-      pen.font = look.fontSize + " " + look.fontFamily;
-      pen.fillText(text.textContent, x, y + tall / 2);
-    }
-    whole.toBlob((blob) => {
-      const link = document.createElement("a");
-      link.href = URL.createObjectURL(blob);
-      link.download = "shape.png";
-      link.click();
-      setTimeout(() => URL.revokeObjectURL(link.href), 10000);
-    });
-  };
   const VIEWS = { start: camera.start, x: { azimuth: 0, elevation: 0 }, y: { azimuth: -90, elevation: 0 },
     z: { azimuth: -90, elevation: 90 } };
   const view = (wanted) => { Object.assign(camera, VIEWS[wanted]); fit(); };
@@ -417,48 +409,90 @@
     playing = wanted;
     control("play").textContent = playing ? "❚❚ Pause" : "▶ Play";
     control("play").setAttribute("aria-pressed", String(playing));
+    if (own.played) own.played(playing);
   };
   const many = components > 1 ? [[-1, "all, as it moves"]] : [];
   options(control("component"), [...many, ...data.components.map((c, k) => [k, "V_" + c])]);
   if (!many.length) state.component = 0;
   options(control("frequency"), hertz.map((f, k) => [k, f === null ? "" : of_hertz(f)]));
   control("frequency").value = state.frequency;
-  colourings.forEach((own, k) => control("colour").add(new Option(own.text, "strain" + k)));
-  (data.views || []).forEach((own, k) => {
-    VIEWS["view" + k] = { azimuth: own.azimuth, elevation: own.elevation };
-    control("view").add(new Option("from view " + own.name, "view" + k));
+  const depths = (data.layers || []).map(({ text }, k) => [k + 1, text]);
+  options(control("layer"), [[0, "given surface"], ...depths]);
+  colourings.forEach((one, k) => control("colour").add(new Option(one.text, "strain" + k)));
+  stands.forEach((one, k) => {
+    VIEWS["view" + k] = { azimuth: one.azimuth, elevation: one.elevation };
+    control("view").add(new Option("from view " + one.name, "view" + k));
   });
-  for (const key of ["component", "frequency", "shell", "size", "node", "speed"]) {
+  const hide = (key, when) => { control(key).closest("label").hidden = when; };
+  hide("stands", !stands.length);
+  hide("common", components < 2);
+  hide("logarithmic", hertz.length < 2);
+  hide("from", !triangles.length);
+  hide("to", !triangles.length);
+  control("cut").hidden = !triangles.length;
+  for (const key of ["component", "frequency", "shell", "size", "speed", "glyph"]) {
     control(key).addEventListener("input", (event) => {
       state[key] = Number(event.target.value);
-      state.node = Math.max(0, Math.min(nodes, Math.floor(state.node) || 0));
       choose();
     });
   }
-  control("node").max = nodes;
+  for (const key of ["node", "from", "to"]) {
+    control(key).max = nodes;
+    control(key).addEventListener("input", (event) => {
+      state[key] = Math.max(0, Math.min(nodes, Math.floor(event.target.value) || 0));
+      choose();
+    });
+  }
+  control("layer").addEventListener("input", (event) => {
+    state.layer = Number(event.target.value);
+    ({ position, real, imaginary, bound } = layers[state.layer]);
+    viewer.put("position", position);
+    choose();
+  });
   control("colour").addEventListener("input", (event) => { state.colour = event.target.value; choose(); });
   control("phase").addEventListener("input", (event) => {
     play(false);
     state.phase = event.target.value * Math.PI / 180;
     draw();
   });
-  for (const [key, part] of [["fade", state], ["rest", look], ["flat", camera]]) {
-    control(key).addEventListener("input", (event) => { part[key] = event.target.checked; choose(); arrange(); });
+  for (const [key, part] of [["fade", state], ["common", state], ["logarithmic", state], ["rest", look], ["flat", camera],
+    ["stands", look]]) {
+    control(key).addEventListener("input", (event) => {
+      part[key] = event.target.checked;
+      choose();
+      if (key === "stands") fit(); else arrange();
+    });
   }
   control("view").addEventListener("input", (event) => view(event.target.value));
   control("reset").addEventListener("click", () => view(control("view").value));
-  control("save").addEventListener("click", save);
+  control("save").addEventListener("click", () => { draw(); savePicture(plot, maps[coloured.map]); });
   control("play").addEventListener("click", () => play(!playing));
-  const slider = control("spectrum");
+  // The first click is where a cut begins, the second where it ends; pressed again there is none.
+  const press = (wanted) => {
+    cutting = wanted;
+    control("cut").setAttribute("aria-pressed", String(cutting));
+    control("cut").textContent = cutting ? (state.from ? "Click its end" : "Click its beginning") : "Cut by two clicks";
+  };
+  const ends = (from, to) => {
+    Object.assign(state, { from, to });
+    [control("from").value, control("to").value] = [from || "", to || ""];
+    choose();
+  };
+  const end_cut = (n) => {
+    const begun = state.from && !state.to;
+    ends(begun ? state.from : n + 1, begun ? n + 1 : 0);
+    press(!begun);
+  };
+  control("cut").addEventListener("click", () => { ends(0, 0); press(!cutting); });
   slider.parentElement.hidden = hertz.length < 2;
   slider.setAttribute("aria-valuemax", hertz.length - 1);
   slider.addEventListener("click", (event) => {
-    const box = slider.getBoundingClientRect(), share = (event.clientX - box.left) / box.width;
-    const away = hertz.map((f) => Math.abs((12 + along(f) * 976) / 1000 - share));
+    const wanted = graph.across_at(event, reach), away = hertz.map((f) => Math.abs(f - wanted));
     tune(away.indexOf(Math.min(...away)));
   });
   slider.addEventListener("keydown", (event) => {
-    const step = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, Home: -hertz.length, End: hertz.length }[event.key];
+    const step = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, PageUp: 10, PageDown: -10,
+      Home: -hertz.length, End: hertz.length }[event.key];
     if (!step) return;
     event.preventDefault();
     tune(state.frequency + step);
@@ -470,13 +504,20 @@
   viewer.join("lines", Uint32Array.from([...rim, ...(rim.length + inner.length <= 2 * MOST_LINES ? inner : []), ...joined]));
   // Points are seen, whatever joins them.
   viewer.join("dots", Uint32Array.from(data.names ? [...Array(nodes).keys()] : []));
+  viewer.set("beams", [Float32Array.from(beams)]);
   const seen = (n) => camera.projector()(...viewer.drawn(look).slice(4 * n, 4 * n + 3));
-  plot.shape = { draw, seen, joined: viewer.joined, drawn: (offset = 0) => viewer.drawn({ ...look, phase: state.phase, offset }) };
+  Object.assign(own, { root, camera, control, hertz, tune, play, draw, seen, state, profile, joined: viewer.joined,
+    count: viewer.count, drawn: (offset = 0) => viewer.drawn({ ...look, phase: state.phase, offset }),
+    look_from: (other) => { Object.assign(camera, other); arrange(); } });
+  plot.shape = own;
   choose();
   resize();
   new ResizeObserver(resize).observe(stage);
   new IntersectionObserver((seen) => { visible = seen[seen.length - 1].isIntersecting; }).observe(plot);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { look.dark = dark(); stale = true; });
   plot.dataset.ready = "yes";
   play(!matchMedia("(prefers-reduced-motion: reduce)").matches);
   requestAnimationFrame(frame);
-})();
+  return own;
+};
+const SHAPES = Promise.all([...document.querySelectorAll(".shape")].map(showShape));

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,8 @@ MOST_BYTES = 1_900_000
 #: A surface of more nodes is nothing for a browser.
 MOST_NODES = 40_000
 BYTES_A_NUMBER = 4 * 4 / 3
+#: Of its depth, by which a layer may be off the surface's normals.
+ALONG = 1e-6
 #: Real part, imaginary part and bound of each component.
 PARTS = 3
 #: Numbers of a node that colours by strain need: three complex components, extension and stress.
@@ -38,9 +40,12 @@ LARGEST = (
 
 
 def shape_of(
-    field: xr.Dataset, volume: xr.Dataset, strain: xr.Dataset | None = None
+    field: xr.Dataset,
+    volume: xr.Dataset,
+    strain: xr.Dataset | None = None,
+    pose: xr.Dataset | None = None,
 ) -> dict[str, Any] | None:
-    """Prepare one layer of a field for the page's script.
+    """Prepare the layers of a field for the page's script, the given surface first.
 
     Parameters
     ----------
@@ -48,6 +53,8 @@ def shape_of(
         The groups.
     strain : xarray.Dataset, optional
         That of the surface, for colours.
+    pose : xarray.Dataset, optional
+        From where it was seen.
 
     Returns
     -------
@@ -70,16 +77,22 @@ def shape_of(
         normal=_directions(["n"], volume),
         directions=_directions(components, volume),
         strain=strain if strain is not None and strain.sizes["place"] == count else None,
+        pose=pose,
+        layers=_other_layers(field, volume, nodes),
     )
 
 
-def shape_of_points(point: xr.Dataset, line_of_sight: xr.Dataset) -> dict[str, Any] | None:
+def shape_of_points(
+    point: xr.Dataset, line_of_sight: xr.Dataset, pose: xr.Dataset | None = None
+) -> dict[str, Any] | None:
     """Prepare velocities of points, and triangles and lines between them, for the script.
 
     Parameters
     ----------
     point, line_of_sight : xarray.Dataset
         The groups.
+    pose : xarray.Dataset, optional
+        From where they were seen.
 
     Returns
     -------
@@ -96,13 +109,14 @@ def shape_of_points(point: xr.Dataset, line_of_sight: xr.Dataset) -> dict[str, A
         triangles=triangles,
         normal=normals(position, triangles)[None],
         directions=np.eye(3)[: point.sizes["component"], None],
+        pose=pose,
     )
     names = [str(name) for name in line_of_sight["point"].values]
     return data | {"lines": _integers(lines), "names": names}
 
 
-def views_of(pose: xr.Dataset, position: NDArray) -> list[dict[str, Any]]:
-    """Find from where each view sees an object.
+def stands_of(pose: xr.Dataset, position: NDArray, length: float = 1.0) -> list[dict[str, Any]]:
+    """Find where the instrument stood and looked, and from where each view sees an object.
 
     Parameters
     ----------
@@ -110,19 +124,51 @@ def views_of(pose: xr.Dataset, position: NDArray) -> list[dict[str, Any]]:
         The group.
     position : (n, 3) array
         Of the object, m.
+    length : float
+        What origins are multiplied by.
 
     Returns
     -------
     list of dict
-        ``name``, ``azimuth`` and ``elevation`` (degrees) of the instrument about the object's
-        middle; views of unknown origin are left out.
+        ``name``, ``origin``, the direction ``axis`` of the instrument, and its ``azimuth`` and
+        ``elevation`` (degrees) about the object's middle; views of unknown pose are left out.
     """
     middle = (np.nanmin(position, axis=0) + np.nanmax(position, axis=0)) / 2
     found = []
-    for name, (x, y, z) in zip(pose["view"].values, pose["origin"].values - middle, strict=True):
+    for view in pose["view"].values:
+        one = pose.sel(view=view)
+        origin, axis = one["origin"].values, one["rotation"].values[2]
+        x, y, z = origin - middle
         angles = np.degrees([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
-        if np.isfinite(angles).all():
-            found.append({"name": str(name), "azimuth": angles[0], "elevation": angles[1]})
+        if np.isfinite([*angles, *axis]).all():
+            found.append(
+                {
+                    "name": str(view),
+                    "origin": (length * origin).tolist(),
+                    "axis": axis.tolist(),
+                    "azimuth": float(angles[0]),
+                    "elevation": float(angles[1]),
+                }
+            )
+    return found
+
+
+def _other_layers(
+    field: xr.Dataset, volume: xr.Dataset, surface: NDArray
+) -> list[tuple[float, xr.Dataset]]:
+    """Find depth and field of the other layers, if they are the surface moved along its normals."""
+    found = []
+    normal = _directions(["n"], volume)[0]
+    place, at = field["position"].values, volume["node_layer"].values
+    given = int(at[surface[0]])
+    for layer, depth in enumerate(volume["depth"].values):
+        nodes = np.flatnonzero(at == layer)
+        if layer == given or len(nodes) != len(surface):
+            continue
+        off = float(depth - volume["depth"].values[given])
+        away = place[nodes] - place[surface] - off * normal
+        if np.abs(away).max() < ALONG * abs(off):
+            found.append((off, field.isel(node=nodes).rename(node="point")))
     return found
 
 
@@ -133,16 +179,16 @@ def _drawn(
     normal: NDArray,
     directions: NDArray,
     strain: xr.Dataset | None = None,
+    pose: xr.Dataset | None = None,
+    layers: Sequence[tuple[float, xr.Dataset]] = (),
 ) -> dict[str, Any]:
     """Pack velocities of points with their bounds, and how they are drawn."""
-    dims = ["frequency"] if "frequency" in group.dims else []
-    whole = group[["velocity", "confidence"]].transpose(*dims, "component", "point")
-    if not dims:
-        whole = whole.expand_dims("frequency")
-    velocity, bound = whole["velocity"].values, whole["confidence"].values
+    velocity, bound = _values(group)
     length, length_unit = _scale(np.ptp(position, axis=0).max(), FIELD["position"].units)
     speed, speed_unit = _scale(np.nanmax(np.abs(velocity), initial=0.0), FIELD["velocity"].units)
     chosen, numbers = _numbers(speed * velocity, speed * bound, strain)
+    numbers["layers"] = list(_packed(layers, chosen, length, length_unit, speed, numbers))
+    dims = "frequency" in group.dims
     return {
         "components": [str(c) for c in group["component"].values],
         "frequencies": group["frequency"].values[chosen].tolist() if dims else [None],
@@ -155,8 +201,40 @@ def _drawn(
         "triangles": _integers(triangles),
         "normal": packing.floats(normal),
         "directions": packing.floats(directions),
+        "stands": [] if pose is None else stands_of(pose, position, length),
         "maps": {name: _colours(of) for name, of in MAPS.items()},
     } | numbers
+
+
+def _values(group: xr.Dataset) -> tuple[NDArray, NDArray]:
+    """Take velocities and bounds, shape (frequency, component, point)."""
+    dims = ["frequency"] if "frequency" in group.dims else []
+    whole = group[["velocity", "confidence"]].transpose(*dims, "component", "point")
+    if not dims:
+        whole = whole.expand_dims("frequency")
+    return whole["velocity"].values, whole["confidence"].values
+
+
+def _packed(
+    layers: Sequence[tuple[float, xr.Dataset]],
+    frequencies: NDArray,
+    length: float,
+    length_unit: str,
+    speed: float,
+    numbers: dict[str, Any],
+) -> Iterator[dict[str, Any]]:
+    """Round the other layers, if there is room for all of them."""
+    room = MOST_BYTES - sum(map(len, _texts(numbers)))
+    packed = []
+    for depth, group in layers:
+        velocity, bound = (speed * part[frequencies] for part in _values(group))
+        text = f"{abs(length * depth):.3g} {length_unit} {'above' if depth > 0 else 'below'}"
+        own = {"text": text, "depth": length * depth, **_written(velocity, bound, rounded=True)}
+        room -= sum(map(len, _texts(own)))
+        if room < 0:
+            return
+        packed.append(own)
+    yield from packed
 
 
 def _numbers(

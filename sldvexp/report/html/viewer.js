@@ -44,6 +44,33 @@ void main() {
   else shown = ink;
 }`;
 
+// Paths and arrows of nodes, an instance a node: what moves is one number, the phase.
+const PATHS = 0, ARROWS = 1;
+const GLYPH = `#version 300 es
+precision highp float;
+in vec3 position, motion_real, motion_imaginary;
+uniform mat4 matrix;
+uniform vec2 turn, pixels;
+uniform float scale, head;
+uniform int kind, steps;
+void main() {
+  float angle = 6.283185307 * float(gl_VertexID) / float(steps);
+  vec2 own = kind == 0 ? vec2(cos(angle), sin(angle)) : turn;
+  vec4 from = matrix * vec4(position, 1.0);
+  vec4 to = matrix * vec4(position + scale * (own.x * motion_real - own.y * motion_imaginary), 1.0);
+  gl_Position = kind == 1 && gl_VertexID == 0 ? from : to;
+  if (kind == 1 && (gl_VertexID == 3 || gl_VertexID == 5)) {
+    vec2 along = (to.xy / to.w - from.xy / from.w) * pixels, unit = along / max(length(along), 1e-6);
+    vec2 back = -unit + (gl_VertexID == 3 ? 0.45 : -0.45) * vec2(-unit.y, unit.x);
+    gl_Position.xy += back * min(head, 0.5 * length(along)) / pixels * to.w;
+  }
+}`;
+const INK = `#version 300 es
+precision highp float;
+uniform vec4 ink;
+out vec4 shown;
+void main() { shown = ink; }`;
+
 // None where a browser has no WebGL2.
 const makeViewer = (canvas, nodes) => {
   const ATTRIBUTES = { position: 3, motion_real: 3, motion_imaginary: 3, margin: 3, value_real: 3,
@@ -51,33 +78,36 @@ const makeViewer = (canvas, nodes) => {
   const SURFACE = 0, PLAIN = 1, DISC = 2, CROSS = 3;
   const gl = canvas.getContext("webgl2", { antialias: true, premultipliedAlpha: true });
   if (!gl) return null;
-  const kept = { attributes: {}, indices: {}, box: new Float32Array(0), map: null };
-  let program, at, uniform, cloud, buffers, boxed, box, texture, told;
+  const kept = { attributes: {}, indices: {}, own: {}, map: null };
+  const STEPS = 48, ARROW = 6;  // corners of a path and of an arrow
+  let program, glyphs, at, uniform, of_glyph, cloud, buffers, sets, texture, told;
 
-  const shader = (kind, source) => {
-    const made = gl.createShader(kind);
-    gl.shaderSource(made, source);
-    gl.compileShader(made);
-    gl.attachShader(program, made);
+  const link = (vertex, fragment, fed = []) => {
+    const made = gl.createProgram();
+    for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+      const part = gl.createShader(kind);
+      gl.shaderSource(part, source);
+      gl.compileShader(part);
+      gl.attachShader(made, part);
+    }
+    // Of both programs these numbers stand at the same places.
+    ["position", "motion_real", "motion_imaginary"].forEach((name, k) => gl.bindAttribLocation(made, k, name));
+    if (fed.length) gl.transformFeedbackVaryings(made, fed, gl.INTERLEAVED_ATTRIBS);
+    gl.linkProgram(made);
+    if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
+    return made;
   };
+  const uniforms = (of, names) => Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(of, name)]));
   const build = () => {
-    program = gl.createProgram();
-    shader(gl.VERTEX_SHADER, VERTEX);
-    shader(gl.FRAGMENT_SHADER, FRAGMENT);
-    gl.transformFeedbackVaryings(program, ["place", "value"], gl.INTERLEAVED_ATTRIBS);
-    gl.linkProgram(program);
-    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
+    program = link(VERTEX, FRAGMENT, ["place", "value"]);
+    glyphs = link(GLYPH, INK);
     gl.useProgram(program);
     at = (name) => gl.getAttribLocation(program, name);
-    uniform = Object.fromEntries(["matrix", "turn", "scale", "offset", "size", "measure", "range", "ink", "light",
-      "fading", "kind"].map((name) => [name, gl.getUniformLocation(program, name)]));
-    [cloud, boxed, box, texture, told] = [gl.createVertexArray(), gl.createVertexArray(), gl.createBuffer(),
-      gl.createTexture(), gl.createBuffer()];
-    buffers = {};
-    gl.bindVertexArray(boxed);
-    gl.bindBuffer(gl.ARRAY_BUFFER, box);
-    gl.enableVertexAttribArray(at("position"));
-    gl.vertexAttribPointer(at("position"), 3, gl.FLOAT, false, 0, 0);
+    uniform = uniforms(program, ["matrix", "turn", "scale", "offset", "size", "measure", "range", "ink", "light",
+      "fading", "kind"]);
+    of_glyph = uniforms(glyphs, ["matrix", "turn", "pixels", "scale", "head", "kind", "steps", "ink"]);
+    [cloud, texture, told] = [gl.createVertexArray(), gl.createTexture(), gl.createBuffer()];
+    [buffers, sets] = [{}, {}];
     gl.bindBuffer(gl.TRANSFORM_FEEDBACK_BUFFER, told);
     gl.bufferData(gl.TRANSFORM_FEEDBACK_BUFFER, 16 * nodes, gl.STREAM_READ);
     gl.bindBuffer(gl.TRANSFORM_FEEDBACK_BUFFER, null);
@@ -91,7 +121,7 @@ const makeViewer = (canvas, nodes) => {
     for (const [name, values] of Object.entries(kept.attributes)) own.put(name, values);
     for (const [name, values] of Object.entries(kept.indices)) own.join(name, values);
     if (kept.map) own.paint(kept.map);
-    own.frame(kept.box);
+    for (const [name, [parts, each]] of Object.entries(kept.own)) own.set(name, parts, each);
   };
 
   const own = {};
@@ -114,11 +144,21 @@ const makeViewer = (canvas, nodes) => {
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, values, gl.DYNAMIC_DRAW);
   };
   own.joined = (name) => kept.indices[name];
-  own.frame = (lines) => {
-    kept.box = lines;
-    gl.bindBuffer(gl.ARRAY_BUFFER, box);
-    gl.bufferData(gl.ARRAY_BUFFER, lines, gl.DYNAMIC_DRAW);
+  // Points of their own, such as the box, with their motion if they have one.
+  own.set = (name, parts, each = 0) => {
+    kept.own[name] = [parts, each];
+    sets[name] = sets[name] || { array: gl.createVertexArray(), buffers: parts.map(() => gl.createBuffer()) };
+    sets[name].count = parts[0].length / 3;
+    gl.bindVertexArray(sets[name].array);
+    parts.forEach((values, k) => {
+      gl.bindBuffer(gl.ARRAY_BUFFER, sets[name].buffers[k]);
+      gl.bufferData(gl.ARRAY_BUFFER, values, gl.DYNAMIC_DRAW);
+      gl.enableVertexAttribArray(k);
+      gl.vertexAttribPointer(k, 3, gl.FLOAT, false, 0, 0);
+      gl.vertexAttribDivisor(k, each);
+    });
   };
+  own.count = (name) => sets[name] ? sets[name].count : 0;
   own.paint = (map) => {
     kept.map = map;
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
@@ -138,36 +178,62 @@ const makeViewer = (canvas, nodes) => {
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers[name]);
     gl.drawElements(mode, kept.indices[name].length, gl.UNSIGNED_INT, 0);
   };
+  const points = (mode, name, ink) => {
+    if (!own.count(name)) return;
+    gl.bindVertexArray(sets[name].array);
+    gl.uniform1i(uniform.kind, PLAIN);
+    gl.uniform4fv(uniform.ink, ink);
+    gl.drawArrays(mode, 0, sets[name].count);
+  };
+  const instances = (look, matrix, ratio) => {
+    if (!own.count("glyphs")) return;
+    gl.useProgram(glyphs);
+    gl.uniformMatrix4fv(of_glyph.matrix, false, matrix);
+    gl.uniform2f(of_glyph.turn, Math.cos(look.phase), Math.sin(look.phase));
+    gl.uniform2f(of_glyph.pixels, canvas.width / 2, canvas.height / 2);
+    gl.uniform1f(of_glyph.scale, look.scale);
+    gl.uniform1f(of_glyph.head, 9 * ratio);
+    gl.uniform1i(of_glyph.kind, look.glyph);
+    gl.uniform1i(of_glyph.steps, STEPS);
+    gl.uniform4fv(of_glyph.ink, [0.78, 0.16, 0.08, 1]);
+    gl.bindVertexArray(sets.glyphs.array);
+    if (look.glyph === PATHS) gl.drawArraysInstanced(gl.LINE_LOOP, 0, STEPS, sets.glyphs.count);
+    else gl.drawArraysInstanced(gl.LINES, 0, ARROW, sets.glyphs.count);
+    gl.useProgram(program);
+  };
   own.draw = (look, camera) => {
-    const ratio = window.devicePixelRatio || 1;
+    const ratio = window.devicePixelRatio || 1, matrix = camera.matrix(), grey = (x) => [x, x, x, 1];
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    gl.uniformMatrix4fv(uniform.matrix, false, camera.matrix());
+    gl.uniformMatrix4fv(uniform.matrix, false, matrix);
     gl.uniform3fv(uniform.light, camera.toward());
     gl.uniform2f(uniform.range, look.range[0], look.range[1]);
     gl.uniform1f(uniform.fading, look.fading ? 1 : 0);
     gl.uniform1f(uniform.size, 11 * ratio);
     state({ ...look, scale: 0 });
-    gl.bindVertexArray(boxed);
-    gl.uniform1i(uniform.kind, PLAIN);
-    gl.uniform4fv(uniform.ink, [0.84, 0.84, 0.84, 1]);
-    gl.drawArrays(gl.LINES, 0, kept.box.length / 3);
+    points(gl.LINES, "box", grey(look.dark ? 0.3 : 0.84));
+    if (look.stands) points(gl.LINES, "beams", look.dark ? [0.45, 0.7, 0.95, 1] : [0.1, 0.4, 0.7, 1]);
     gl.bindVertexArray(cloud);
-    if (look.rest) elements(gl.LINES, "rest", PLAIN, [0.47, 0.47, 0.47, 1]);
+    if (look.rest) elements(gl.LINES, "rest", PLAIN, grey(look.dark ? 0.6 : 0.47));
     state(look);
     gl.enable(gl.POLYGON_OFFSET_FILL);
     gl.polygonOffset(1, 1);
     elements(gl.TRIANGLES, "triangles", SURFACE, [0, 0, 0, 1]);
     gl.disable(gl.POLYGON_OFFSET_FILL);
-    elements(gl.LINES, "lines", PLAIN, [0.07, 0.07, 0.07, 1]);
+    elements(gl.LINES, "lines", PLAIN, grey(look.dark && !kept.indices.triangles.length ? 0.8 : 0.07));
     elements(gl.POINTS, "dots", DISC, [0.07, 0.07, 0.07, 1]);
     gl.disable(gl.DEPTH_TEST);
     elements(gl.POINTS, "marks", CROSS, [0, 0, 0, 1]);
     gl.uniform1f(uniform.size, 15 * ratio);
     elements(gl.POINTS, "picked", DISC, [0.82, 0.3, 0, 1]);
+    gl.uniform1f(uniform.size, 4 * ratio);
+    points(gl.LINE_STRIP, "cut", [0.82, 0.1, 0.4, 1]);
+    points(gl.POINTS, "cut", [0.82, 0.1, 0.4, 1]);
+    instances(look, matrix, ratio);
     gl.enable(gl.DEPTH_TEST);
     if (look.shell) {
+      gl.bindVertexArray(cloud);
       gl.enable(gl.BLEND);
       gl.depthMask(false);
       for (const offset of [look.shell, -look.shell]) {
