@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from sldvexp import dataset
-from sldvexp.report.html import figures, packing, run_page, shape
+from sldvexp.report.html import figures, packing, render, run_page, shape
+from sldvexp.report.html.pair import pair_section
 from tests.report import devtools
 from tests.shell.made_strain import made_strain
 
@@ -229,6 +230,41 @@ def test_the_mouse_turns_the_shape_and_picks_a_node(shown, browser):
     at = place_of(shown, 7)
     browser.mouse(at, at)
     assert shown.joined("picked") == [7]
+
+
+def test_a_shape_follows_the_one_beside_it(browser, write_run, small_volume, small_field, tmp_path):
+    around, paths = small_volume(), []
+    for name in "ab":
+        field = small_field(around)
+        if name == "b":
+            field["velocity"].values[:] = 2 * field["velocity"].values[:, :, ::-1]
+        (tmp_path / name).mkdir()
+        paths.append(write_run(tmp_path / name, volume=around, field=field))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figures, "PARTS", {part: {} for part in figures.PARTS})
+        sections = [pair_section(paths, ["a", "b"])]
+        page = render.write(tmp_path / "report.html", "Two runs", "", sections)
+    shown = Opened(browser, page, DESKTOP)
+    browser.wait(lambda: shown.js("return document.getElementById('other-plot').dataset.ready"))
+    followed = (
+        "const s = document.getElementById('other-plot').shape;"
+        "return [s.state.component, s.state.frequency, s.camera.azimuth, s.camera.flat]"
+    )
+    shown.set("component", 2)
+    shown.set("frequency", 1)
+    shown.click("flat")
+    shown.focus("stage")
+    browser.key("ArrowRight")
+    assert shown.js(followed) == [2, 0, pytest.approx(-124.5), True]
+    shown.set("phase", 90)
+    other = "return Array.from(document.getElementById('other-plot').shape.drawn())"
+    colours = np.array(shown.js(other)).reshape(-1, 4)[:, 3]
+    np.testing.assert_allclose(colours, 2 * shown.colours, rtol=1e-4, atol=1e-3)
+    shown.click("play")
+    moves = "return document.getElementById('other-play').getAttribute('aria-pressed')"
+    assert shown.js(moves) == "true"
+    assert browser.said() == []
+    nothing_is_wider_than_the_window(shown)
 
 
 def place_of(shown, node):
