@@ -508,7 +508,7 @@ const showShape = async (root) => {
   viewer.join("dots", Uint32Array.from(data.names ? [...Array(nodes).keys()] : []));
   viewer.set("beams", [Float32Array.from(beams)]);
   const seen = (n) => camera.projector()(...viewer.drawn(look).slice(4 * n, 4 * n + 3));
-  Object.assign(own, { partners: data.partners, root, camera, control, hertz, tune, play, draw, seen, state, profile, joined: viewer.joined,
+  Object.assign(own, { partners: data.partners, root, camera, look, control, hertz, tune, play, draw, seen, state, profile, joined: viewer.joined,
     count: viewer.count, drawn: (offset = 0) => viewer.drawn({ ...look, phase: state.phase, offset }),
     look_from: (other) => { Object.assign(camera, other); arrange(); } });
   plot.shape = own;
