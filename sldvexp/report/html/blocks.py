@@ -140,6 +140,15 @@ class More:
 
 
 @dataclass(frozen=True)
+class Beside:
+    """Columns with a title each."""
+
+    kind: ClassVar[str] = "beside"
+    titles: Sequence[str]
+    columns: Sequence[Sequence[Any]]
+
+
+@dataclass(frozen=True)
 class Section:
     """A part of a page with a heading."""
 

@@ -158,7 +158,7 @@ def velocity_section(run: RunData) -> Section | None:
     others = ("examined/", "strain", "compare_strain/")
     own = {k: group for k, group in run.groups.items() if not k.startswith(others)}
     blocks = having(
-        _shape(run), [HtmlTable.from_table(table) for table in field_tables(RunData(own))]
+        shape_blocks(run), [HtmlTable.from_table(table) for table in field_tables(RunData(own))]
     )
     if points:
         shown = [row for row in points if not row[0].endswith(" more")]
@@ -184,8 +184,14 @@ def strain_section(run: RunData) -> Section | None:
     return Section("Strain", having(tables, Text(note, "small"), figures(run, "strain")))
 
 
-def _shape(run: RunData) -> list[Any]:
-    """Make the shape that turns and moves, or why there is none."""
+def shape_blocks(run: RunData, name: str = "shape") -> list[Any]:
+    """Make the shape that turns and moves, or why there is none.
+
+    Parameters
+    ----------
+    name : str
+        With which the names of its controls begin.
+    """
     fields = run.fields()
     pose = run.groups["pose"] if run.has("pose", "origin", "rotation") else None
     if fields and "volume" in run.groups:
@@ -211,4 +217,4 @@ def _shape(run: RunData) -> list[Any]:
     if data["left_out"]:
         shown = len(data["frequencies"])
         note += f" Of {shown + data['left_out']} frequencies the {shown} strongest are here."
-    return having(Shape(data), Text(note, "small"), figures(run, "shape"))
+    return having(Shape(data, name), Text(note, "small"), figures(run, "shape"))
