@@ -56,6 +56,14 @@ def pytest_xdist_auto_num_workers() -> int:
     return (os.cpu_count() or 1) + 1
 
 
+def pytest_terminal_summary(terminalreporter: Any) -> None:
+    """Say how many blocks of the handbook ran."""
+    reports = [r for r in terminalreporter.stats.get("passed", []) if r.when == "call"]
+    ran = [n for r in reports for name, n in r.user_properties if name == "handbook blocks"]
+    if ran:
+        terminalreporter.write_line(f"handbook: {sum(ran)} blocks of {len(ran)} pages ran")
+
+
 @dataclass
 class Done:
     """What one call of the command left: exit status, what it said, and its folder."""
