@@ -66,4 +66,5 @@ def _configured(name: str, settings: list[str]) -> Export:
         raise UserError(f"command line: {name}.{error.full_key} {refusal(error)}") from None
     except ConfigError as error:
         problem = error.problems[0]
-        raise UserError(f"command line: {name}.{problem.field} {problem.message}") from None
+        where = f"{name}.{problem.field}" if problem.field else name
+        raise UserError(f"command line: {where} {problem.message}") from None

@@ -252,8 +252,10 @@ class Experiment:
         "export",
         {
             "csv": "sldvexp.export.csv",
+            "gif": "sldvexp.export.gif",
             "glb": "sldvexp.export.glb",
             "mat": "sldvexp.export.mat",
+            "mp4": "sldvexp.export.mp4",
             "reg": "sldvexp.export.reg",
             "scanlist": "sldvexp.export.scanlist",
             "uff": "sldvexp.export.uff",

@@ -11,12 +11,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import ClassVar
 
 import numpy as np
 
 from sldvexp.dataset import FREQUENCY, VARIABLES
 from sldvexp.dataset.run_data import RunData
-from sldvexp.errors import UserError
+from sldvexp.errors import Checks, UserError
+from sldvexp.export.base import Export
 from sldvexp.export.strains import strain_of
 from sldvexp.export.velocities import (
     PrismMesh,
@@ -25,7 +27,6 @@ from sldvexp.export.velocities import (
     velocities_of,
     velocity_in_world,
 )
-from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, ComplexArray, IntArray
 
 #: Largest drawn deflection, as a share of the surface's diagonal; that of the report's page.
@@ -47,6 +48,38 @@ class MotionColour(Enum):
 
     amplitude = "amplitude"
     strain = "strain"
+
+
+@dataclass
+class MovingExport(Export):
+    """Base of the exports that show the surface in motion.
+
+    Parameters
+    ----------
+    frequency : float, optional
+        Of the motion in Hz; without it, the strongest of the surface.
+    colour : MotionColour, optional
+        What colours say; without it strain, if the run has it, else amplitude.
+    seconds : float
+        Duration of a drawn period.
+    """
+
+    frequency: float | None = None
+    colour: MotionColour | None = None
+    seconds: float = 2.5
+
+    called: ClassVar[str] = "motion"
+
+    def __post_init__(self) -> None:
+        checks = Checks()
+        if self.frequency is not None:
+            checks.positive("frequency", self.frequency)
+        checks.positive("seconds", self.seconds)
+        self.check(checks)
+        checks.done()
+
+    def check(self, checks: Checks) -> None:
+        """Note what is wrong with further settings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +118,9 @@ class Motion:
         return DRAWN_SHARE * diagonal / most if most > 0 else 0.0
 
     @property
-    def largest(self) -> float:
-        """Upper end of the colours, whose lower one is 0."""
-        return float(np.nan_to_num(self.value).max())
+    def enlarged(self) -> float | None:
+        """Drawn deflections over displacements, which are V / (2 pi f); None if f is unknown."""
+        return None if self.hertz is None else 2 * np.pi * self.hertz * self.scale
 
     @property
     def drawn(self) -> ComplexArray:
@@ -183,9 +216,5 @@ def _extension(run: RunData, position: Array, hertz: float | None) -> Array | No
     place, known = strain["position"].values, strain["frequency"].values
     if place.shape != position.shape or not np.allclose(place, position) or hertz not in known:
         return None
-    return _first(strain.isel(frequency=known.tolist().index(hertz))["principal_strain"])
-
-
-def _first(principal: xr.DataArray) -> Array:
-    """Take the first of the principal values."""
-    return np.asarray(principal.isel(principal=0).values)
+    largest = strain["principal_strain"].isel(principal=0, frequency=known.tolist().index(hertz))
+    return np.asarray(largest.values)

@@ -9,6 +9,8 @@ from .image_points import bitangents as bitangents
 from .image_points import pose_residuals as pose_residuals
 from .image_points import repeatability as repeatability
 from .line_scans import scan_lines as scan_lines
+from .moving_shape import MovingShape as MovingShape
+from .moving_shape import size_colours as size_colours
 from .nodal_values import nodal as nodal
 from .point_spectra import point as point
 from .point_spectra import spectrum as spectrum

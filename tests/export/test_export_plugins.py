@@ -26,7 +26,7 @@ from sldvexp.export.vtu import Vtu
 #: What other programs need of a session, and not its velocities: tests/export/test_scan_files.py.
 OF_THE_SESSION = {"reg", "scanlist"}
 #: Moving pictures, whose numbers are rounded: tests/export/test_motion_exports.py.
-TO_LOOK_AT = {"glb"}
+TO_LOOK_AT = {"gif", "glb", "mp4"}
 FORMATS = sorted(set(registry.BUILT_IN["export"]) - OF_THE_SESSION - TO_LOOK_AT)
 RUNS = ["world", "local", "points"]
 #: Formats of fields only.
@@ -331,8 +331,8 @@ def test_command_exports_a_run_that_exists(sldvexp, points):
     ("words", "answer"),
     [
         ([], "export takes a run.nc, or the folder of one, and formats"),
-        (["{run}"], "formats: csv, glb, mat, reg, scanlist, uff, ugrid, vtu"),
-        (["{run}", "vtk"], "there is no export=vtk; did you mean vtu? Valid: csv, glb, "),
+        (["{run}"], "formats: csv, gif, glb, mat, mp4, reg, scanlist, uff, ugrid, vtu"),
+        (["{run}", "vtk"], "there is no export=vtk; did you mean vtu? Valid: csv, gif, "),
         (["nowhere", "csv"], "nowhere: there is no such file"),
         (["{run}", "csv", "vtu.phases=3"], "vtu.phases=3 must begin with a format that is"),
         (["{run}", "vtu", "vtu.phases=2"], "vtu.phases must be 0 or at least 3, not 2"),

@@ -10,12 +10,17 @@ import numpy as np
 import pytest
 import xarray as xr
 from matplotlib import colormaps
+from PIL import Image
+from scipy import ndimage
 
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import ConfigError, UserError
+from sldvexp.export.gif import Gif
 from sldvexp.export.glb import Glb
 from sldvexp.export.motion import DRAWN_SHARE, MotionColour, motion_of
+from sldvexp.export.mp4 import Mp4
 from sldvexp.export.velocities import mesh_of, velocities_of, velocity_in_world
+from sldvexp.plot import MovingShape
 from sldvexp.plot.style import SIZE_MAP
 from tests.shell.made_strain import made_strain
 
@@ -231,3 +236,151 @@ def test_motion_without_known_frequency_or_strain(world, strained, points, tmp_p
 def test_settings_of_a_motion_that_mean_nothing(bad):
     with pytest.raises(ConfigError):
         Glb(**bad)
+
+
+# ---- moving pictures
+
+
+def frames(path):
+    """Every frame of a GIF, as a screen shows it."""
+    with Image.open(path) as file:
+        found = []
+        for k in range(file.n_frames):
+            file.seek(k)
+            assert file.info["duration"] == 100
+            found.append(np.asarray(file.convert("RGB")))
+        assert file.info["loop"] == 0
+    return np.array(found)
+
+
+def film(path):
+    """Every frame of a film, and how many there are in a second."""
+    cv2 = pytest.importorskip("cv2")
+    opened, found = cv2.VideoCapture(str(path)), []
+    while (read := opened.read())[0]:
+        found.append(read[1][..., ::-1])
+    return np.array(found), opened.get(cv2.CAP_PROP_FPS)
+
+
+def furthest(found, pictures):
+    """The picture that each frame is most like, and how far from it colours are at most."""
+    away = np.abs(found[:, None].astype(float) - pictures[None]).mean(axis=(2, 3, 4))
+    return away.argmin(axis=1).tolist(), away.min(axis=1).max()
+
+
+def test_gif_has_a_period_of_frames_that_is_repeated(strained, tmp_path):
+    export = Gif(frequency=440.0, width=320, height=200, fps=10.0, seconds=0.8)
+    found = frames(export.export(strained.run, tmp_path, "mine"))
+    assert found.shape == (8, 200, 320, 3)
+    pictures = np.array(list(export.pictures(strained.run, "gif")))
+    alike, away = furthest(found, pictures)
+    assert alike == list(range(8))
+    assert away < 2.5  # of 255, what 256 colours leave
+    assert (found[:, 0, -1] == 255).all()  # paper stays white
+    motion = motion_of(strained.run, "gif", 440.0, None)
+    assert motion.title == "largest extension"
+    shape = MovingShape(
+        motion.position,
+        motion.cells,
+        motion.drawn,
+        motion.value,
+        "440 Hz, displacement × " + f"{float(f'{2 * np.pi * 440 * motion.scale:.2g}'):g}",
+        "largest extension",
+        "strain",
+        (320, 200),
+        -118.5,
+        30.0,
+    )
+    np.testing.assert_array_equal(pictures[3], shape.picture(2 * np.pi * 3 / 8))
+    np.testing.assert_array_equal(pictures[0], shape.picture(2 * np.pi))
+
+
+def test_film_has_its_periods(world, tmp_path):
+    pytest.importorskip("cv2")
+    export = Mp4(frequency=440.0, width=320, height=200, fps=10.0, seconds=0.8, periods=3)
+    found, fps = film(export.export(world.run, tmp_path, "mine"))
+    assert (found.shape, fps) == ((24, 200, 320, 3), 10.0)
+    alike, away = furthest(found, np.array(list(export.pictures(world.run, "mp4"))))
+    assert alike == 3 * list(range(8))
+    assert away < 8  # of 255: a film has fewer colours than brightnesses
+
+
+def marked(picture):
+    """Middles of the coloured dots of a picture, from the left, in pixels from the lower left."""
+    inked = np.ptp(picture, axis=2)
+    labels, count = ndimage.label(inked[:, : int(0.82 * inked.shape[1])] > 40)
+    middles = np.array(ndimage.center_of_mass(labels > 0, labels, range(1, count + 1)))
+    across, down = middles.T[::-1]
+    order = np.argsort(across)
+    return np.stack([across[order], len(picture) - down[order]], axis=1)
+
+
+@pytest.mark.parametrize("phase", PHASES)
+def test_picture_shows_nodes_where_they_are(phase):
+    """Seen along y all dots are equally far, so that distances in the picture are true."""
+    place = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 1.0]])
+    away = np.zeros((4, 3), complex)
+    away[1] = [0.2, 0, 0.5j]
+    value = np.array([1.0, 1.0, 1.0, 1.0])
+    dots = [np.arange(4)[:, None]]
+    shape = MovingShape(place, dots, away, value, "", "amplitude", "m/s", (800, 400), -90.0, 0.0)
+    seen = marked(shape.picture(phase))
+    assert len(seen) == 4
+    metre = (seen[3] - seen[0])[0] / 3
+    expected = place + (away * np.exp(1j * phase)).real
+    np.testing.assert_allclose(seen - seen[0], metre * expected[:, [0, 2]], atol=1.0)
+
+
+def test_nearer_triangles_hide_those_behind():
+    """Of two squares behind each other the nearer is seen, whatever their order."""
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1.0]])
+    place = np.concatenate([square, square + np.array([0, 0.5, 0])])  # the second is behind
+    near, behind = np.array([[0, 1, 2], [0, 2, 3]]), np.array([[4, 5, 6], [4, 6, 7]])
+    value, still = np.repeat([1.0, 0.2], 4), np.zeros((8, 3), complex)
+    for order in ([near, behind], [behind, near]):
+        look = ("", "amplitude", "m/s", (300, 300), -90.0, 0.0)
+        shape = MovingShape(place, [np.concatenate(order)], still, value, *look)
+        red, green, blue = shape.picture(0.0)[150, 120].astype(int)
+        assert red > 1.5 * blue  # yellow
+        assert green > blue
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"width": 100},
+        {"height": 5000},
+        {"fps": 0.0},
+        {"fps": 1.0, "seconds": 2.0},
+        {"fps": 1e9},
+        {"fps": float("nan")},
+        {"azimuth": float("inf")},
+    ],
+)
+@pytest.mark.parametrize("kind", [Gif, Mp4])
+def test_pictures_that_cannot_be(kind, bad):
+    with pytest.raises(ConfigError):
+        kind(**bad)
+
+
+def test_formats_have_limits_of_their_own():
+    for fps in (60.0, 24.0, 30.0):
+        with pytest.raises(ConfigError, match="must be 100 over a whole number, 50 at most"):
+            Gif(fps=fps)
+    assert [Gif(fps=fps).frames for fps in (50.0, 100 / 3, 12.5)] == [125, 83, 31]
+    with pytest.raises(ConfigError, match="must be an even number of pixels"):
+        Mp4(width=321)
+    with pytest.raises(ConfigError, match="periods"):
+        Mp4(periods=0)
+
+
+def test_command_makes_a_moving_picture_and_says_what_a_film_needs(sldvexp, world, monkeypatch):
+    words = ("gif.width=320", "gif.height=200", "gif.seconds=0.4", "gif.fps=10")
+    done = sldvexp("export", str(world.folder), "gif", *words)
+    assert (done.status, done.err) == (0, "")
+    assert Path(done.out.strip()) == world.folder / "motion.gif"
+    wrong = sldvexp("export", str(world.folder), "gif", "gif.fps=24")
+    assert "command line: gif.fps must be 100 over a whole number" in wrong.err
+    monkeypatch.setattr("sldvexp.export.mp4.find_spec", lambda name: None)
+    missing = sldvexp("export", str(world.folder), "mp4")
+    assert "command line: mp4 needs the package opencv-python-headless: pip" in missing.err
