@@ -14,6 +14,7 @@ from sldvexp.config.registry import register
 from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import Checks, UserError
 from sldvexp.importers.conventions import Conventions, Directions, Quantity, Zeros
+from sldvexp.importers.head_lines import HeadLines
 from sldvexp.importers.incomplete import REMEDY, Incomplete, incomplete_by, then
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView
@@ -30,6 +31,7 @@ from sldvexp.importers.scan_table import (
     is_length,
     meaning,
 )
+from sldvexp.io.statements import Known
 from sldvexp.io.uff import UniversalGeometry
 from sldvexp.io.uff.geometry import WORLD
 from sldvexp.typing import Array, BoolArray, IndexArray, IntArray
@@ -117,6 +119,7 @@ def _view(
     values = _values(table, roles)
     missing, said = _missing(settings, table, roles, row, values, questions)
     length, by = _length(settings, table, roles, questions)
+    odd = _head_lines(settings, table, roles, length if by else None, questions)
     source, known = str(table.path), not settings.frequency and not np.isnan(frequency).any()
     has_std = settings.std is not None
     seen = SeenPoints(name, source, node, missing, frequency if known else None, said, has_std)
@@ -152,6 +155,7 @@ def _view(
         [
             *_gaps(name, roles, node),
             *_overruled(settings, name, table, roles),
+            *(Finding("unit", f"view {name}", text) for text in odd),
             *_left_out(settings, name, table, roles),
         ],
         said,
@@ -233,6 +237,36 @@ def _overruled(
         for (setting, label), so in differs.items()
         if so
     ]
+
+
+def _head_lines(
+    settings: ScanExport,
+    table: ScanTable,
+    roles: dict[str, int],
+    length: float | None,
+    questions: ViewQuestions,
+) -> list[str]:
+    """Compare lines that are no rows with what values are read as; tell where settings win."""
+    text = _label(table, roles)
+    label = _motion(table, text)
+    phase = meaning(table.units[roles["phase"]]) if "phase" in roles else None
+    amplitude = settings.amplitude or (label.amplitude if label else None)
+    quantity = settings.quantity.name if settings.quantity else label.quantity if label else None
+    known = Known(
+        quantity,
+        settings.unit.value if settings.unit else label.factor if label else None,
+        None if label is not None and label.reference else amplitude,
+        length,
+        None if phase is None else "radian" if phase.factor == 1.0 else "degree",
+        settings.phase.name if settings.phase else None,
+        settings.positive.name if settings.positive else None,
+    )
+    by = dict.fromkeys(("quantity", "unit", "amplitude"), f"the column of values {text}")
+    by["length_unit"] = f"the columns of coordinates {table.units[roles['x']]}"
+    by["angle"] = f"the column of phases {table.units[roles.get('phase', 0)]}"
+    lines = HeadLines(settings, str(table.path), known, by)
+    lines.compare(((f"{table.path}, line {i}", line) for i, line in table.said), questions)
+    return lines.odd
 
 
 def _position(table: ScanTable, roles: dict[str, int], row: IndexArray, node: IntArray) -> Array:

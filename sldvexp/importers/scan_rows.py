@@ -124,6 +124,7 @@ class _Reader:
     numbers: list[int] = field(default_factory=list)
     frequency: list[float] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
+    said: list[tuple[int, str]] = field(default_factory=list)
 
     def table(self) -> ScanTable:
         """Read all rows, and what is said of them."""
@@ -145,7 +146,8 @@ class _Reader:
                 self.frequency.append(now)
             else:
                 now = self._between(i, parsed[i], known, now, i > last)
-        names, units = column_names(above, self.delimiter, len(self.shape))
+        names, units, named = column_names(above, self.delimiter, len(self.shape))
+        head = [(i, line) for i, line in enumerate(above, 1) if line.strip() and i - 1 not in named]
         return ScanTable(
             self.path,
             self._values(),
@@ -158,6 +160,7 @@ class _Reader:
             self._blocks(),
             ", ".join(f"{count} {what}" for what, count in self.counts.items()),
             {k: [c[k] for c, _ in self.rows] for k, own in enumerate(self.shape) if not own},
+            [*head, *self.said],
         )
 
     def _filled(self, cells: list[str], flags: Shape, line: str) -> Parsed:
@@ -218,6 +221,7 @@ class _Reader:
         if not comment and not below:
             raise self._error(i, "stands between rows of the table and is not understood")
         self.counts["comments" if comment else "lines below"] += 1
+        self.said.append((i + 1, line))
         return now
 
     def _heading(self, i: int, before: list[str], now: float, below: bool) -> float:

@@ -75,6 +75,8 @@ class ScanTable:
         Which other lines there were, for the record.
     words : dict of int to list of str
         Cells of columns that hold words, whose values are NaN.
+    said : list of (int, str)
+        Other lines with their numbers, but those of the columns' names.
     """
 
     path: Path
@@ -88,6 +90,7 @@ class ScanTable:
     block: Array | None = None
     told: str = ""
     words: dict[int, list[str]] = field(default_factory=dict)
+    said: list[tuple[int, str]] = field(default_factory=list)
 
     def wrong(self, message: str, row: int | None = None) -> UserError:
         """Word the error of the table, or of one of its rows."""
@@ -248,21 +251,29 @@ def fields(line: str, delimiter: str | None) -> list[str]:
 
 def column_names(
     above: list[str], delimiter: str | None, columns: int
-) -> tuple[list[str], list[str]]:
-    """Read names and units of the columns from the one or two lines above the table."""
-    found: list[list[str]] = []
-    lines = [fields(line, delimiter) for line in above if line.strip()]
-    for cells in reversed([cells for cells in lines if not of_frequencies(cells)][-2:]):
+) -> tuple[list[str], list[str], list[int]]:
+    """Read names and units of the columns from the one or two lines above the table.
+
+    Returns
+    -------
+    names, units : list of str
+    places : list of int
+        Of these lines among those `above`.
+    """
+    found: dict[int, list[str]] = {}
+    lines = [(i, fields(line, delimiter)) for i, line in enumerate(above) if line.strip()]
+    for i, cells in reversed([own for own in lines if not of_frequencies(own[1])][-2:]):
         if found and (sum(map(bool, cells)) < 2 or (delimiter is None and len(cells) < columns)):
             break  # words of their own, of no column
         cells += [""] * (columns - len(cells))
         if len(cells) != columns:
             break
-        found.insert(0, cells)
+        found[i] = cells
     if not found:
-        return [""] * columns, [""] * columns
-    names = [" ".join(parts).strip() for parts in zip(*found, strict=True)]
-    return names, [_unit(parts) for parts in zip(*found, strict=True)]
+        return [""] * columns, [""] * columns, []
+    above_columns = list(zip(*reversed(found.values()), strict=True))
+    names = [" ".join(parts).strip() for parts in above_columns]
+    return names, [_unit(parts) for parts in above_columns], list(found)
 
 
 def of_frequencies(cells: list[str]) -> bool:
