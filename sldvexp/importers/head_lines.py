@@ -7,7 +7,7 @@ and the run is doubtful.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from sldvexp.errors import UserError
@@ -44,9 +44,12 @@ class HeadLines:
     _seen: set[tuple[str, str]] = field(default_factory=set)
 
     def compare(
-        self, lines: Iterable[tuple[str, str]], questions: ViewQuestions, loose: bool = False
+        self,
+        lines: Iterable[tuple[Callable[[], str], str]],
+        questions: ViewQuestions,
+        loose: bool = False,
     ) -> None:
-        """Compare lines, each with the place that a message begins with.
+        """Compare lines, each with a function that names its place, for a message.
 
         Parameters
         ----------
@@ -61,7 +64,7 @@ class HeadLines:
             for setting, stated in self.known.contradictions(said).items():
                 if (setting, stated) not in self._seen:
                     self._seen.add((setting, stated))
-                    self._tell(place, shown(line), setting, stated, questions)
+                    self._tell(place(), shown(line), setting, stated, questions)
 
     def _tell(
         self, place: str, line: str, setting: str, stated: str, questions: ViewQuestions

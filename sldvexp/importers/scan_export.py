@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -265,7 +266,8 @@ def _head_lines(
     by["length_unit"] = f"the columns of coordinates {table.units[roles['x']]}"
     by["angle"] = f"the column of phases {table.units[roles.get('phase', 0)]}"
     lines = HeadLines(settings, str(table.path), known, by)
-    lines.compare(((f"{table.path}, line {i}", line) for i, line in table.said), questions)
+    places = (partial(f"{table.path}, line {{}}".format, i) for i, _ in table.said)
+    lines.compare(zip(places, (line for _, line in table.said), strict=True), questions)
     return lines.odd
 
 
