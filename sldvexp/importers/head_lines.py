@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from sldvexp.errors import UserError
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.questions import OF_VIEW, ViewQuestions
-from sldvexp.io.statements import Known, Statement, shown, statement_in
+from sldvexp.io.statements import Known, Statement, distinct, shown, statement_in
 
 #: Settings that text may contradict.
 SETTINGS = ("quantity", "unit", "amplitude", "length_unit", "phase", "positive")
@@ -57,7 +57,7 @@ class HeadLines:
             Whether they are about a whole file, so that the name of a quantity without its unit or
             measure may be of other functions.
         """
-        for place, line in lines:
+        for place, line in distinct(lines):
             said = statement_in(line)
             if loose and not (said.unit or said.amplitude):
                 said = Statement(length=said.length, phase=said.phase, positive=said.positive)

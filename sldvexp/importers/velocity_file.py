@@ -94,7 +94,8 @@ class File(PointImporter):
         incomplete = incomplete_by(self.incomplete)
         gaps = incomplete is not Incomplete.refuse
         layout = FileLayout(self.mapping, tuple(self.order), self.group, self.length_unit, gaps)
-        layout = replace(layout, amplitude=self.amplitude)
+        senses = {name: getattr(self, name).name for name in ("positive", "phase")}
+        layout = replace(layout, amplitude=self.amplitude, senses=senses)
         table = read(locate(self.path), self.unit, layout)
         found = _missing(table, incomplete)
         group = (table.complete() if incomplete is Incomplete.drop else table).to_dataset()
@@ -106,9 +107,9 @@ class File(PointImporter):
         if "velocity_std" in group:
             std = group["velocity_std"]
             group["velocity_std"] = std.copy(data=amplitude.value * std.values)
-        said = {name: getattr(self, name).name for name in ("positive", "phase")}
-        said["amplitude"] = amplitude.name
+        said = senses | {"amplitude": amplitude.name}
         told = group.assign_attrs({f"import_{name}": value for name, value in said.items()})
+        found += [Finding("unit", "velocities", text) for text in table.odd]
         return with_findings(told, found)
 
 

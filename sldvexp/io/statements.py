@@ -17,7 +17,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 from sldvexp.unit_labels import (
     AMPLITUDES,
@@ -182,9 +182,16 @@ MEASURES = (
 )
 #: A number with a unit behind it is an amount, as of a range.
 AMOUNT = re.compile(
-    r"(?<![\w^])[+-]?\d[\d.,]*(?:e[+-]?\d+)?\s*(?P<unit>[^\W\d_][^\s,;:()\[\]]*|%)", re.I
+    r"(?<![\w^])[+-]?\d[\d.,]*(?:e[+-]?\d+)?[ij]?\s*[)\]]*\s*(?P<unit>[^\W\d_][^\s,;:()\[\]]*|%)",
+    re.I,
 )
 AMOUNTS = {"voltage", "current", "force", "pressure", "power", "velocity", "acceleration"}
+#: Beginning of what may be a unit of a motion, an angle, or of `AMOUNTS`.
+LIKE_A_UNIT = re.compile(
+    r"\W*(?:\S*[/²³⁻^*·√]|(?:[nµμumck]?m|in|inch(?:es)?|ft|feet|foot|mils?|thou|microns?"
+    r"|(?:milli|micro|nano|centi)?-?met(?:er|re)s?|ips|fps|kine|g(?:n|ee|rms)?|[munkM]?(?:V|N|A|W|Pa)"
+    r"|lbf?|bar|rad(?:ian)?s?|deg(?:ree)?s?|°|[munck]?m\.?s)(?![^\W\d_])|m?V(?:pp|pk|rms)\b)", re.I,
+)  # fmt: skip
 #: Words of a line, with their brackets.
 WORD = re.compile(r"[\[(][^\[\]()]*[\])]|\x00\w+\x00|[^\s,;:=()\[\]\"]+|[:=]")
 #: Peaks that are none of an amplitude, and velocities that are none of a surface.
@@ -309,6 +316,27 @@ SPELLINGS = {Amplitude.rms: "rms", Amplitude.peak: "pk", Amplitude.peak_to_peak:
 SHOWN = {one: one.name.replace("_", " ") for one in Amplitude}
 
 
+#: Different lines that are looked at.
+MOST_LINES = 1000
+Place = TypeVar("Place")
+
+
+def distinct(lines: Iterable[tuple[Place, str]]) -> Iterator[tuple[Place, str]]:
+    """Give lines with their places, once if they differ in numbers alone, and not too many.
+
+    Examples
+    --------
+    >>> list(distinct([(1, "point 1"), (2, "point 2"), (3, "rms")]))
+    [(1, 'point 1'), (3, 'rms')]
+    """
+    seen: set[str] = set()
+    for place, line in lines:
+        template = re.sub(r"\d+", "0", line)
+        if template not in seen and len(seen) < MOST_LINES:
+            seen.add(template)
+            yield place, line
+
+
 def shown(line: str) -> str:
     """Shorten a line for a message."""
     text = " ".join("".join(c if c.isprintable() else " " for c in line).split())
@@ -423,6 +451,8 @@ def _kind(word: str, after_key: bool) -> tuple[str, object]:
 @lru_cache(maxsize=512)
 def _unit(word: str) -> UnitLabel | None:
     """Understand a word as a unit of a motion or an angle; None if it is none."""
+    if not LIKE_A_UNIT.match(word):  # most words are none, and pint is slow
+        return None
     angles = {"radians": "rad", "degrees": "deg", "degree": "deg", "radian": "rad"}
     try:
         label = read_unit(angles.get(word.lower(), word))

@@ -147,6 +147,7 @@ LEFT_ALONE = [
     "not rms but see manual",
     "Crest factor (peak/rms) 1.4",
     "Point 12",
+    "The true velocities are (0.1+0.2i, -0.3, 5-1i), (-0.2, 0.1-0.1i, 2+1i) mm/s.",
     "Peter Grad, Weg 3",
 ]
 

@@ -360,19 +360,12 @@ class UniversalFile:
         )
 
     def texts(self, functions: Sequence[Function]) -> list[tuple[DataSet, int, str]]:
-        """List identifying lines of functions, once if they differ in numbers alone.
-
-        Returns
-        -------
-        list of (DataSet, int, str)
-            Data set, its line from 0, and text.
-        """
-        found: dict[str, tuple[DataSet, int, str]] = {}
-        for function in functions:
-            before = BEFORE_TEXT.get(function.entry.kind, 0)
-            for i, line in enumerate(function.text, before):
-                found.setdefault(re.sub(r"\d+", "0", line), (function.entry, i, line))
-        return list(found.values())
+        """List identifying lines of functions: data set, its line from 0, and text."""
+        return [
+            (function.entry, i, line)
+            for function in functions
+            for i, line in enumerate(function.text, BEFORE_TEXT.get(function.entry.kind, 0))
+        ]
 
     @cached_property
     def about(self) -> list[tuple[DataSet, int, str]]:
