@@ -46,6 +46,7 @@ WORDS = {
     "none": ("coh", "γ²", "γ2"),
 }
 LEAST_COLUMNS = 4
+COMMENTS = ("#", "%", "//", "!")
 
 
 class ColumnsNotUnderstoodError(UserError):
@@ -260,8 +261,28 @@ def column_names(
     places : list of int
         Of these lines among those `above`.
     """
-    found: dict[int, list[str]] = {}
     lines = [(i, fields(line, delimiter)) for i, line in enumerate(above) if line.strip()]
+    plain = [(i, cells) for i, cells in lines if not cells[0].startswith(COMMENTS)]
+    bare = [(i, fields(uncommented(above[i]), delimiter)) for i, _ in lines]
+    found = _heads(plain, delimiter, columns) or _heads(bare, delimiter, columns)
+    if not found:
+        return [""] * columns, [""] * columns, []
+    above_columns = list(zip(*reversed(found.values()), strict=True))
+    names = [" ".join(parts).strip() for parts in above_columns]
+    return names, [unit_above(parts) for parts in above_columns], list(found)
+
+
+def uncommented(line: str) -> str:
+    """Leave out the mark of a comment at the beginning of a line."""
+    bare = line.strip(' "')
+    return bare.lstrip("#%/! ") if bare.startswith(COMMENTS) else line
+
+
+def _heads(
+    lines: list[tuple[int, list[str]]], delimiter: str | None, columns: int
+) -> dict[int, list[str]]:
+    """Find the one or two last lines that have as many cells as there are columns."""
+    found: dict[int, list[str]] = {}
     for i, cells in reversed([own for own in lines if not of_frequencies(own[1])][-2:]):
         if found and (sum(map(bool, cells)) < 2 or (delimiter is None and len(cells) < columns)):
             break  # words of their own, of no column
@@ -269,11 +290,7 @@ def column_names(
         if len(cells) != columns:
             break
         found[i] = cells
-    if not found:
-        return [""] * columns, [""] * columns, []
-    above_columns = list(zip(*reversed(found.values()), strict=True))
-    names = [" ".join(parts).strip() for parts in above_columns]
-    return names, [_unit(parts) for parts in above_columns], list(found)
+    return found
 
 
 def of_frequencies(cells: list[str]) -> bool:
@@ -283,7 +300,7 @@ def of_frequencies(cells: list[str]) -> bool:
     return bare > 0 and len(words) == 1 and "hz" in words[0].lower()
 
 
-def _unit(cells: Sequence[str]) -> str:
+def unit_above(cells: Sequence[str]) -> str:
     """Find the unit in the cells above a column: in brackets, or alone in the lowest."""
     for cell in reversed(cells):
         if match := IN_BRACKETS.search(FREQUENCY.sub("", cell)):

@@ -77,14 +77,17 @@ def compare_texts(
     stated_there["length_unit"] = units.length
     odd = []
     for place, text, setting, stated in _contradictions(texts, known):
-        line = f"{path}{place}: {shown(text)} states {stated}"
+        where, line = f"{path}{place}", f"{shown(text)} states {stated}"
         if setting in layout.senses:
-            odd.append(f"{line}, but instrument.{setting}={layout.senses[setting]}, which wins")
-        elif (value := given[setting]) is not None:
+            value = layout.senses[setting]
+            odd.append(f"{where}: instrument.{setting}={value} wins, although {line}")
+        elif (one := given[setting]) is not None:
             key = "unit" if setting == "quantity" else setting
-            odd.append(f"{line}, but instrument.{key}={value.name}, which wins")
+            odd.append(f"{where}: instrument.{key}={one.name} wins, although {line}")
         else:
-            message = f"{line}, but {_remedy(setting, known, bool(stated_there.get(setting)))}"
+            message = (
+                f"{where}: {line}, but {_remedy(setting, known, bool(stated_there.get(setting)))}"
+            )
             questions.note(UserError(message), path, setting)
     return tuple(odd)
 
