@@ -9,6 +9,7 @@ put below one another, so that every table has a row for each point and frequenc
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -148,9 +149,16 @@ class ScanTable:
                 raise self.wrong(f"column {i + 1} is in {unit}; export linear values")
             elif i in self.words and i > last and not unit:
                 found.setdefault("status", i)
+            elif i in self.words and not unit and self._names_points(i):
+                found.setdefault("index", i)
             elif whole and said_by(self.names[i]) is None:
                 found.setdefault("index" if i < first else "status", i)
         return found
+
+    def _names_points(self, column: int) -> bool:
+        """Tell whether words differ from row to row, or are the same at all frequencies."""
+        times = set(Counter(self.words[column]).values())
+        return times == {1} or (len(times) == 1 and any(map(is_frequency, self.units)))
 
     def listed(self, columns: list[int]) -> str:
         """List columns with their names, for a message."""
@@ -315,6 +323,30 @@ def meaning(unit: str) -> UnitLabel | None:
         return read_unit(ANGLES.get(unit.strip(" .").lower(), unit))
     except UnitNotUnderstoodError:
         return None
+
+
+def label_of_values(table: ScanTable, roles: dict[str, int]) -> str:
+    """Give the label of the values' unit."""
+    return table.units[roles.get("real", roles.get("magnitude", 0))]
+
+
+def motion_of(table: ScanTable, text: str) -> UnitLabel | None:
+    """Understand the values' unit; None if it is none of a motion.
+
+    Raises
+    ------
+    UserError
+        If values are squares, or spectra over a frequency, which have no amplitude.
+    """
+    label = meaning(text)
+    if label is None or not label.is_motion:
+        return None
+    if label.form is not SpectralForm.linear or label.product:
+        raise table.wrong(
+            f"its values are in {text}, which is no amplitude of a motion; export linear values, "
+            "as in mm/s, or response functions"
+        )
+    return label
 
 
 def _why(unit: str) -> str:
