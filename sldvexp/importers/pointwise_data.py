@@ -30,6 +30,7 @@ from sldvexp.io.uff.functions import DIRECTIONS
 from sldvexp.io.velocities import LineOfSight
 from sldvexp.laser import TwoMirror, direction_cosines, project
 from sldvexp.lazy import xarray as xr
+from sldvexp.reconstruction.gaps import LEAST
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray, IntArray
 from sldvexp.units import LengthUnit
 
@@ -333,7 +334,8 @@ def _common(views: list[PointwiseData], incomplete: Incomplete) -> tuple[IntArra
     whole = np.unique(np.concatenate([view.node for view in views]))
     lost = lost_points(seen)
     everywhere = np.setdiff1d(whole, lost)
-    if not len(everywhere):
+    marked = incomplete is Incomplete.mark and len(views) > LEAST
+    if not len(everywhere) and not (marked and _is_seen_by(views, LEAST)):
         raise UserError("instrument.views: the views have no node in common that was measured")
     if not len(lost):
         return everywhere, []
@@ -350,6 +352,12 @@ def _common(views: list[PointwiseData], incomplete: Incomplete) -> tuple[IntArra
     )
     found = Finding("missing_points", "points", text, Severity.note, size=float(len(lost)))
     return (whole if incomplete is Incomplete.mark else everywhere), [found]
+
+
+def _is_seen_by(views: list[PointwiseData], least: int) -> bool:
+    """Tell whether some node was measured by so many views."""
+    _, count = np.unique(np.concatenate([view.measured for view in views]), return_counts=True)
+    return bool(len(count)) and int(count.max()) >= least
 
 
 def _directions(
