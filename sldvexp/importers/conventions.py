@@ -95,7 +95,8 @@ class Conventions:
     told : dict of str to str
         What was decided and by what, for the record.
     odd : tuple of (str, Severity)
-        What else the file says that was not heeded, a sentence each, and how much that weighs.
+        What else the file says that was not heeded, a sentence each with the file, and how much
+        that weighs.
     reference : ReferenceUnit or None
         None if values have no reference.
 

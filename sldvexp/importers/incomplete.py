@@ -17,7 +17,8 @@ class Incomplete(Enum):
     drop
         They are left out of all views, and counted; `true` is the same.
     mark
-        They stay, as NaN with a flag.
+        They stay, as NaN with a flag where a view lacks them, and are determined from the other
+        views if these are three or more.
     """
 
     refuse = "false"
@@ -27,7 +28,7 @@ class Incomplete(Enum):
     @property
     def done(self) -> str:
         """Words of a finding for what became of the points."""
-        return "left out" if self is Incomplete.drop else "kept without a velocity"
+        return "left out" if self is Incomplete.drop else "kept with the views that are there"
 
 
 #: The setting's values and their meaning.

@@ -73,7 +73,8 @@ class PointwiseImport(PointImporter):
         What a function is whose values are all zero: refused, missing, or measured.
     incomplete : bool or str
         What becomes of points that not all views have: false refuses them, drop (or true) leaves
-        them out, mark keeps them as NaN with a flag. They are counted in the verdict.
+        them out, mark keeps them as NaN with a flag and determines them from the other views if
+        these are three or more. They are counted in the verdict.
     """
 
     views: dict[str, PointwiseView] = field(default_factory=dict)

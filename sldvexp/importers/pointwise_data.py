@@ -22,6 +22,7 @@ from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import UserError, nearest
 from sldvexp.importers.conventions import Amplitude, Directions, MotionUnit, Positive, Quantity
 from sldvexp.importers.incomplete import Incomplete
+from sldvexp.importers.point_names import called
 from sldvexp.importers.questions import SeenPoints, key_of_view, lacking, lost_points, no_errors
 from sldvexp.importers.reference import ReferenceUnit
 from sldvexp.io.uff import UniversalGeometry
@@ -29,6 +30,7 @@ from sldvexp.io.uff.functions import DIRECTIONS
 from sldvexp.io.velocities import LineOfSight
 from sldvexp.laser import TwoMirror, direction_cosines, project
 from sldvexp.lazy import xarray as xr
+from sldvexp.reconstruction.gaps import LEAST
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray, IntArray
 from sldvexp.units import LengthUnit
 
@@ -104,6 +106,8 @@ class PointwiseData:
         None if values have no reference.
     places : str
         File of the positions if it states their unit itself.
+    names : dict of int to str
+        Of nodes, where the file has names.
     """
 
     name: str
@@ -121,6 +125,7 @@ class PointwiseData:
     said: dict[int, str] = field(default_factory=dict)
     reference: ReferenceUnit | None = None
     places: str = ""
+    names: dict[int, str] = field(default_factory=dict)
 
     @property
     def measured(self) -> IntArray:
@@ -138,6 +143,7 @@ class PointwiseData:
             self.frequency,
             self.said,
             self.std is not None,
+            self.names,
         )
 
 
@@ -191,10 +197,12 @@ def to_line_of_sight(
         if view.std is not None:
             std[k, seen] = view.std[at]
     missing = ~np.stack(here)
+    names = {n: own for view in views for n, own in view.names.items()}
+    labels = [names.get(int(n), str(n)) for n in node]
     table = LineOfSight(
         ", ".join(dict.fromkeys(view.source for view in views)),
         [view.name for view in views],
-        [str(n) for n in node],
+        labels,
         views[0].frequency,
         cosines,
         velocity,
@@ -204,7 +212,7 @@ def to_line_of_sight(
     made = table.to_dataset()
     if position is not None:
         geometry = next(view.geometry for view in views if view.geometry is not None)
-        made = made.merge(_shape(geometry, node, position), combine_attrs="override")
+        made = made.merge(_shape(geometry, node, labels, position), combine_attrs="override")
     findings += [finding for view in views for finding in view.findings]
     return dataset.with_findings(made.assign_attrs(_record(views)), findings)
 
@@ -299,7 +307,7 @@ def _positions(views: list[PointwiseData], node: IntArray) -> Array | None:
         if (apart > SAME_PLACE * max(extent, 1e-9)).any():
             worst = int(np.nanargmax(apart))
             raise UserError(
-                f"{view.source}: the node {node[worst]} of view {view.name} is "
+                f"{view.source}: the {called(view.names, int(node[worst]))} of view {view.name} is "
                 f"{apart[worst]:.3g} m from where view {views[0].name} has it; the views must have "
                 f"one geometry{_way_on(views)}"
             )
@@ -326,7 +334,8 @@ def _common(views: list[PointwiseData], incomplete: Incomplete) -> tuple[IntArra
     whole = np.unique(np.concatenate([view.node for view in views]))
     lost = lost_points(seen)
     everywhere = np.setdiff1d(whole, lost)
-    if not len(everywhere):
+    marked = incomplete is Incomplete.mark and len(views) > LEAST
+    if not len(everywhere) and not (marked and _is_seen_by(views, LEAST)):
         raise UserError("instrument.views: the views have no node in common that was measured")
     if not len(lost):
         return everywhere, []
@@ -336,12 +345,19 @@ def _common(views: list[PointwiseData], incomplete: Incomplete) -> tuple[IntArra
     counts = ", ".join(
         f"view {view.name} {len(np.setdiff1d(whole, view.measured))}" for view in views
     )
+    names = {n: own for view in views for n, own in view.names.items()}
     text = (
         f"{len(lost)} of {len(whole)} points are {incomplete.done}, as not all views have "
-        f"measured them (missing: {counts}; the first is node {lost[0]})"
+        f"measured them (missing: {counts}; the first is {called(names, int(lost[0]))})"
     )
     found = Finding("missing_points", "points", text, Severity.note, size=float(len(lost)))
     return (whole if incomplete is Incomplete.mark else everywhere), [found]
+
+
+def _is_seen_by(views: list[PointwiseData], least: int) -> bool:
+    """Tell whether some node was measured by so many views."""
+    _, count = np.unique(np.concatenate([view.measured for view in views]), return_counts=True)
+    return bool(len(count)) and int(count.max()) >= least
 
 
 def _directions(
@@ -408,7 +424,9 @@ def _pose_of(
     return pose["rotation"].values, pose["origin"].values, laser
 
 
-def _shape(geometry: UniversalGeometry, node: IntArray, position: Array) -> xr.Dataset:
+def _shape(
+    geometry: UniversalGeometry, node: IntArray, labels: list[str], position: Array
+) -> xr.Dataset:
     """Give positions of points, and triangles and lines between them, for those who draw."""
     place = {label: i for i, label in enumerate(node.tolist())}
     q = geometry.quadrilaterals
@@ -422,7 +440,7 @@ def _shape(geometry: UniversalGeometry, node: IntArray, position: Array) -> xr.D
 
     return dataset.group(
         "line_of_sight",
-        {"point": [str(n) for n in node]},
+        {"point": labels},
         position=position,
         triangle=between_points(corners),
         line=between_points(np.array(ends, np.int64).reshape(-1, 2)),
@@ -465,7 +483,9 @@ def _image(
     if view.std is None:
         raise no_errors(view.source)
     angle = project((position - origin) @ rotation.T, laser.mirror_offset)
-    dac = laser.dac_from_angle(angle, [f"view {view.name}, node {n}" for n in view.node])
+    dac = laser.dac_from_angle(
+        angle, [f"view {view.name}, {called(view.names, int(n))}" for n in view.node]
+    )
     cosines = direction_cosines(angle, rotation)
     findings = view.findings + _turned_away(view, np.arange(len(view.node)), cosines)
     flagged = int(view.missing.sum())

@@ -17,6 +17,7 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.importers.incomplete import REMEDY
+from sldvexp.importers.point_names import called
 from sldvexp.io.questions import Question, Questions
 from sldvexp.typing import Array, BoolArray, IntArray
 
@@ -54,6 +55,8 @@ class SeenPoints:
         Where a file says that a point was not measured, by its place in `node`.
     has_std : bool
         Whether standard errors of its velocities are known.
+    names : dict of int to str
+        Of nodes, where the file has names.
     """
 
     name: str
@@ -63,6 +66,7 @@ class SeenPoints:
     frequency: Array | None = None
     said: dict[int, str] = field(default_factory=dict)
     has_std: bool = False
+    names: dict[int, str] = field(default_factory=dict)
 
     @property
     def measured(self) -> IntArray:
@@ -211,10 +215,12 @@ def lacking(views: Sequence[SeenPoints]) -> UserError | None:
     by = next(view for view in views if lost[0] not in view.measured)
     place = int(np.searchsorted(by.node, lost[0]))
     where = f", {by.said[place]}" if lost[0] in by.node and place in by.said else ""
+    names = {n: own for view in views for n, own in view.names.items()}
     others = f" ({len(lost)} nodes are measured by some views only)" if len(lost) > 1 else ""
+    first = called(names, int(lost[0]))
     return UserError(
-        f"{by.source}{where}: the view {by.name} has not measured node {lost[0]}, as others "
-        f"have{others}; {REMEDY}"
+        f"{by.source}{where}: the view {by.name} has not measured {first}, as others have{others}; "
+        f"{REMEDY}"
     )
 
 

@@ -11,14 +11,21 @@ from numpy.typing import NDArray
 
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
-from sldvexp.dataset import Finding, Severity
+from sldvexp.dataset import Finding
 from sldvexp.errors import Checks, UserError
 from sldvexp.importers.conventions import Conventions, Directions, Quantity, Zeros
 from sldvexp.importers.incomplete import REMEDY, Incomplete, incomplete_by, then
+from sldvexp.importers.point_names import number_names, told_of_names
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.pointwise_data import PointwiseData, PointwiseView
 from sldvexp.importers.questions import SeenPoints, ViewQuestions
 from sldvexp.importers.reference import reference_of, unit_of_reference
+from sldvexp.importers.scan_findings import (
+    absent_numbers,
+    contradicted_lines,
+    left_out,
+    overruled,
+)
 from sldvexp.importers.scan_frequency import stated_in
 from sldvexp.importers.scan_rows import read_table
 from sldvexp.importers.scan_table import (
@@ -28,18 +35,18 @@ from sldvexp.importers.scan_table import (
     fields,
     is_frequency,
     is_length,
+    label_of_values,
     meaning,
+    motion_of,
 )
 from sldvexp.io.uff import UniversalGeometry
 from sldvexp.io.uff.geometry import WORLD
 from sldvexp.typing import Array, BoolArray, IndexArray, IntArray
-from sldvexp.unit_labels import SpectralForm, UnitLabel, same_unit
+from sldvexp.unit_labels import UnitLabel
 
 #: How questions name what a table does not state.
 COORDINATES, VALUES = "the unit of its coordinates", "the unit of its values"
 AMPLITUDES = "whether amplitudes are peak or rms"
-#: Beyond such point numbers gaps mean nothing, as they are names then.
-MOST_NUMBERS = 10**7
 #: Values of a status that a question lists.
 MOST_STATUS = 8
 #: Phases beyond this are of no spectrum in rad, but of one in deg.
@@ -86,19 +93,30 @@ class ScanExport(PointwiseImport):
 
     def measured(self, questions: ViewQuestions) -> Iterator[PointwiseData]:
         """Read the views' tables, one after the other; what they leave open is asked together."""
-        views = [_view(self.of_view(n), n, v, questions.of(n)) for n, v in self.views.items()]
+        opened = {
+            name: found
+            for name, view in self.views.items()
+            if (found := _opened(self.of_view(name), view, questions.of(name))) is not None
+        }
+        _ask_names(opened, questions)
+        names = {name: own for name, found in opened.items() if (own := _names(*found))}
+        numbers = number_names(names)
+        views = [
+            _view(self.of_view(name), name, *found, numbers, questions.of(name))
+            for name, found in opened.items()
+        ]
         units = {v.name: v.reference for v in views if v is not None and v.reference is not None}
         odd = self.check_references(units, questions)
         questions.done()
-        for found in filter(None, views):
-            found.findings.extend(odd if found is views[0] else [])
-            yield found
+        for made in filter(None, views):
+            made.findings.extend([*odd, *told_of_names(numbers)] if made is views[0] else [])
+            yield made
 
 
-def _view(
-    settings: ScanExport, name: str, view: PointwiseView, questions: ViewQuestions
-) -> PointwiseData | None:
-    """Read one view's table and turn its values into velocities; None if a question is open."""
+def _opened(
+    settings: ScanExport, view: PointwiseView, questions: ViewQuestions
+) -> tuple[ScanTable, dict[str, int]] | None:
+    """Read one view's table and find what its columns are; None if that is asked for."""
     read = read_table(locate(view.path))
     try:
         table, columns = by_rows(read, settings.columns)
@@ -112,14 +130,54 @@ def _view(
         questions.note(table.wrong(message), table.path)
         _ask_the_rest(settings, table, questions)
         return None
-    node, frequency, row = _grid(settings, table, roles, questions)
+    return table, roles
+
+
+def _names(table: ScanTable, roles: dict[str, int]) -> list[str]:
+    """List the names of the points of a table's rows; empty if these have numbers, or nothing."""
+    return table.words.get(roles.get("index", -1), [])
+
+
+def _ask_names(
+    opened: dict[str, tuple[ScanTable, dict[str, int]]], questions: ViewQuestions
+) -> None:
+    """Refuse names in some views and numbers in others, of which nobody knows which is which."""
+    named = {view: found for view, found in opened.items() if _names(*found)}
+    for view, (table, _) in opened.items():
+        if named and view not in named:
+            other = next(iter(named))
+            example = _names(*named[other])[0]
+            message = (
+                f"{table.path}: the points of view {view} have no names, as {example} of view "
+                f"{other} has; give all tables a column of names before x, or leave it out of all"
+            )
+            questions.note(UserError(message), table.path)
+    for table, roles in named.values():
+        lost = [i for i, name in enumerate(_names(table, roles)) if not name]
+        if lost:
+            raise table.wrong("the point has no name, as others have", lost[0])
+
+
+def _view(
+    settings: ScanExport,
+    name: str,
+    table: ScanTable,
+    roles: dict[str, int],
+    numbers: dict[str, int],
+    questions: ViewQuestions,
+) -> PointwiseData | None:
+    """Turn one view's values into velocities; None if a question is open."""
+    node, frequency, row = _grid(settings, table, roles, numbers, questions)
+    of_point = {number: own for own, number in numbers.items()} if _names(table, roles) else {}
     rules = _conventions(settings, table, roles, questions)
     values = _values(table, roles)
     missing, said = _missing(settings, table, roles, row, values, questions)
     length, by = _length(settings, table, roles, questions)
+    odd = contradicted_lines(settings, table, roles, length if by else None, questions)
     source, known = str(table.path), not settings.frequency and not np.isnan(frequency).any()
     has_std = settings.std is not None
     seen = SeenPoints(name, source, node, missing, frequency if known else None, said, has_std)
+    seen = replace(seen, names=of_point)
     if questions:
         questions.saw(seen)
         return None
@@ -150,89 +208,15 @@ def _view(
         length,
         rules.told | {"length_unit": f"{length:g} m, {by}", "lines": table.told},
         [
-            *_gaps(name, roles, node),
-            *_overruled(settings, name, table, roles),
-            *_left_out(settings, name, table, roles),
+            *absent_numbers(name, roles, node),
+            *overruled(settings, name, table, roles),
+            *(Finding("unit", f"view {name}", text) for text in odd),
+            *left_out(settings.columns, name, table, roles),
         ],
         said,
         rules.reference,
+        names=of_point,
     )
-
-
-def _gaps(name: str, roles: dict[str, int], node: IntArray) -> list[Finding]:
-    """Tell which point numbers there are not, of which a file may have lost the rows."""
-    if "index" not in roles or node[-1] - node[0] > MOST_NUMBERS:
-        return []
-    absent = np.setdiff1d(np.arange(node[0], node[-1] + 1), node)
-    if not len(absent):
-        return []
-    shown = ", ".join(str(n) for n in absent[:5]) + (" and more" if len(absent) > 5 else "")
-    text = (
-        f"the table of view {name} has no rows for {len(absent)} of the point numbers {node[0]} to "
-        f"{node[-1]}: {shown}"
-    )
-    size = float(len(absent))
-    return [Finding("missing_rows", f"view {name}", text, Severity.note, size=size)]
-
-
-#: Different words in a column that may be a point's status; of more, it is a remark.
-FEW_WORDS = range(2, 7)
-
-
-def _left_out(
-    settings: ScanExport, name: str, table: ScanTable, roles: dict[str, int]
-) -> list[Finding]:
-    """Tell which columns `instrument.columns` leaves out, and if one may say what is valid."""
-    others = [i for i in range(table.values.shape[1]) if i not in roles.values()]
-    if not settings.columns or not others:
-        return []
-    named = f"{table.path}: instrument.columns leaves out {table.listed(others)}"
-    few = {i: sorted(set(table.words[i])) for i in others if i in table.words}
-    few = {i: words for i, words in few.items() if len(words) in FEW_WORDS}
-    if not few or "status" in roles:
-        return [Finding("left_out", f"view {name}", named, Severity.note)]
-    column, words = next(iter(few.items()))
-    text = (
-        f"{named}; column {table.place[column]} is {', '.join(words)}: if that tells which values "
-        "are good, points of bad ones are used"
-    )
-    remedy = f"instrument.columns.status={table.place[column]}"
-    return [Finding("left_out", f"view {name}", text, Severity.doubtful, remedy=remedy)]
-
-
-def _overruled(
-    settings: ScanExport, name: str, table: ScanTable, roles: dict[str, int]
-) -> list[Finding]:
-    """Tell where settings win over labels that are understood."""
-    text, length = _label(table, roles), table.units[roles["x"]]
-    values, places = meaning(text), meaning(length)
-    if values is not None and not values.is_motion:
-        values = None
-    differs = {
-        ("quantity", text): values is not None
-        and settings.quantity is not None
-        and settings.quantity.name != values.quantity,
-        ("unit", text): values is not None
-        and settings.unit is not None
-        and not same_unit(values.factor, settings.unit.value),
-        ("amplitude", text): values is not None
-        and None not in (settings.amplitude, values.amplitude)
-        and settings.amplitude is not values.amplitude,
-        ("length_unit", length): places is not None
-        and settings.length_unit is not None
-        and places.quantity == "displacement"
-        and not same_unit(places.factor, settings.length_unit.value),
-    }
-    return [
-        Finding(
-            "unit",
-            f"view {name}",
-            f"{table.path}: {settings.key(setting)}={getattr(settings, setting).name} wins, "
-            f"although the file says {label}",
-        )
-        for (setting, label), so in differs.items()
-        if so
-    ]
 
 
 def _position(table: ScanTable, roles: dict[str, int], row: IndexArray, node: IntArray) -> Array:
@@ -261,7 +245,11 @@ def _known(table: ScanTable, role: str, column: int) -> Array:
 
 
 def _grid(
-    settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: ViewQuestions
+    settings: ScanExport,
+    table: ScanTable,
+    roles: dict[str, int],
+    numbers: dict[str, int],
+    questions: ViewQuestions,
 ) -> tuple[IntArray, Array, IndexArray]:
     """Find points, frequencies, and the row of each of their pairs, -1 if there is none."""
     rows = len(table.values)
@@ -273,7 +261,9 @@ def _grid(
         factor = unit.factor if unit is not None and unit.quantity == "frequency" else 1.0
         stated = factor * _known(table, "frequency", roles["frequency"])
         frequency, of_row = np.unique(stated, return_inverse=True)
-    if "index" in roles:
+    if names := _names(table, roles):
+        label = np.array([numbers[name] for name in names], np.int64)
+    elif "index" in roles:
         label = _whole(table, roles["index"])
     elif len(frequency) == 1:
         label = np.arange(1, rows + 1)
@@ -283,11 +273,13 @@ def _grid(
     row = np.full((len(node), len(frequency)), -1, np.intp)
     for i, place in enumerate(zip(of_node, of_row, strict=True)):
         if row[place] >= 0:
-            raise table.wrong(f"point {label[i]} at {frequency[place[1]]:g} Hz is given twice", i)
+            own = names[i] if names else label[i]
+            raise table.wrong(f"point {own} at {frequency[place[1]]:g} Hz is given twice", i)
         row[place] = i
     if (row < 0).any() and incomplete_by(settings.incomplete) is Incomplete.refuse:
         p, f = np.argwhere(row < 0)[0]
-        message = f"there is no row for point {node[p]} at {frequency[f]:g} Hz; {REMEDY}"
+        own = next((k for k, n in numbers.items() if names and n == node[p]), node[p])
+        message = f"there is no row for point {own} at {frequency[f]:g} Hz; {REMEDY}"
         questions.note(table.wrong(message), table.path, "incomplete")
     return node, frequency, row
 
@@ -441,8 +433,8 @@ def _conventions(
     settings: ScanExport, table: ScanTable, roles: dict[str, int], questions: ViewQuestions
 ) -> Conventions:
     """Decide how values become velocities: by the settings, or the unit of their column."""
-    text = _label(table, roles)
-    label = _motion(table, text)
+    text = label_of_values(table, roles)
+    label = motion_of(table, text)
     quantity = settings.quantity or (Quantity[label.quantity] if label else None)
     if quantity is None:
         questions.ask(table.path, "quantity", "velocity", VALUES)
@@ -502,30 +494,6 @@ def _ask_senses(settings: ScanExport, table: ScanTable, questions: ViewQuestions
     if settings.phase is None:
         what = "the sign of the phase (exp_plus or exp_minus)"
         questions.ask(table.path, "phase", "exp_plus", what)
-
-
-def _label(table: ScanTable, roles: dict[str, int]) -> str:
-    """Give the label of the values' unit."""
-    return table.units[roles.get("real", roles.get("magnitude", 0))]
-
-
-def _motion(table: ScanTable, text: str) -> UnitLabel | None:
-    """Understand the values' unit; None if it is none of a motion.
-
-    Raises
-    ------
-    UserError
-        If values are squares, or spectra over a frequency, which have no amplitude.
-    """
-    label = meaning(text)
-    if label is None or not label.is_motion:
-        return None
-    if label.form is not SpectralForm.linear or label.product:
-        raise table.wrong(
-            f"its values are in {text}, which is no amplitude of a motion; export linear values, "
-            "as in mm/s, or response functions"
-        )
-    return label
 
 
 def _scale(

@@ -13,7 +13,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple, NoReturn
@@ -24,18 +24,22 @@ from sldvexp.errors import UserError
 from sldvexp.files import read_text, require_file
 from sldvexp.importers.scan_frequency import stated_in
 from sldvexp.importers.scan_table import (
+    COMMENTS,
+    IN_BRACKETS,
     LEAST_COLUMNS,
     NUMBER,
     ScanTable,
     column_names,
     fields,
+    meaning,
     number,
     of_frequencies,
+    uncommented,
+    unit_above,
 )
 from sldvexp.io.tables import DELIMITERS, MISSING, require_decimals
 from sldvexp.typing import Array
 
-COMMENTS = ("#", "%", "//", "!")
 #: Numbers that make a line look like a row.
 LEAST_NUMBERS = 3
 #: Columns of a table at most.
@@ -111,6 +115,20 @@ def _template(line: str) -> str:
     return " ".join(DIGITS.sub("#", line).split())
 
 
+def _plain(name: str) -> str:
+    """Leave out the unit of a column's name."""
+    return IN_BRACKETS.sub("", name).strip()
+
+
+def _same(one: str, two: str) -> bool:
+    """Tell whether two units of a column have one meaning."""
+    if one == two:
+        return True
+    labels = [meaning(unit) for unit in (one, two)]
+    bare = [label and replace(label, text="") for label in labels]
+    return None not in bare and bare[0] == bare[1]
+
+
 @dataclass
 class _Reader:
     """Walk through the lines of one file."""
@@ -124,6 +142,9 @@ class _Reader:
     numbers: list[int] = field(default_factory=list)
     frequency: list[float] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
+    said: list[tuple[int, str]] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    units: list[str] = field(default_factory=list)
 
     def table(self) -> ScanTable:
         """Read all rows, and what is said of them."""
@@ -134,6 +155,7 @@ class _Reader:
         begin, last = full.index(True), len(full) - full[::-1].index(True) - 1
         above = self.lines[:begin]
         self._check_above(parsed[:begin])
+        self.names, self.units, named = column_names(above, self.delimiter, len(self.shape))
         known: dict[str, list[str]] = {}
         for line in filter(str.strip, above):
             known.setdefault(_template(line), []).append(line)
@@ -145,19 +167,20 @@ class _Reader:
                 self.frequency.append(now)
             else:
                 now = self._between(i, parsed[i], known, now, i > last)
-        names, units = column_names(above, self.delimiter, len(self.shape))
+        head = [(i, line) for i, line in enumerate(above, 1) if line.strip() and i - 1 not in named]
         return ScanTable(
             self.path,
             self._values(),
             self.numbers,
-            names,
-            units,
+            self.names,
+            self.units,
             "\n".join(above),
             self.delimiter,
             [str(i + 1) for i in range(len(self.shape))],
             self._blocks(),
             ", ".join(f"{count} {what}" for what, count in self.counts.items()),
             {k: [c[k] for c, _ in self.rows] for k, own in enumerate(self.shape) if not own},
+            [*head, *self.said],
         )
 
     def _filled(self, cells: list[str], flags: Shape, line: str) -> Parsed:
@@ -206,18 +229,25 @@ class _Reader:
         if not any(parsed[0]):
             self._count("blank lines", below)
             return now
+        if comment := line.strip(' "').startswith(COMMENTS):
+            bare = uncommented(line)
+            parsed = self._filled(*_parse(fields(bare, self.delimiter)), bare)
+        self._require_same_head(i, parsed[0], known)
         if _template(line) in known:
             return self._heading(i, known[_template(line)], now, below)
-        if comment := line.strip(' "').startswith(COMMENTS):
-            bare = line.strip(' "').lstrip("#%/! ")
-            parsed = self._filled(*_parse(fields(bare, self.delimiter)), bare)
         if self._is_alike(parsed[1]) or (parsed[1][0] and not comment):
             self._wrong(i, *parsed)
         if stated_in([line]).all and not below:
             raise self._error(i, "states a frequency, as no line above the table does")
         if not comment and not below:
+            if len(parsed[0]) == len(self.shape):
+                if [_plain(c) for c in parsed[0]] != [_plain(name) for name in self.names]:
+                    raise self._second_head(i, parsed[0])
+                self._count("repeated headings", below)
+                return now
             raise self._error(i, "stands between rows of the table and is not understood")
         self.counts["comments" if comment else "lines below"] += 1
+        self.said.append((i + 1, line))
         return now
 
     def _heading(self, i: int, before: list[str], now: float, below: bool) -> float:
@@ -238,6 +268,32 @@ class _Reader:
         if np.isnan(now):
             self.frequency = [first.one] * len(self.frequency)
         return stated.one
+
+    def _require_same_head(self, i: int, cells: list[str], known: dict[str, list[str]]) -> None:
+        """Refuse a second head of the columns whose units are not those of the first."""
+        line = self.lines[i]
+        if len(cells) != len(self.shape) or line in known.get(_template(line), ()):
+            return
+        for k, (cell, first) in enumerate(zip(cells, self.units, strict=True)):
+            unit = unit_above([cell])
+            if unit and not _same(unit, first):
+                raise UserError(
+                    f"{self.path}, line {i + 1}: is a second head, in which column {k + 1} is in "
+                    f"{unit} and not in {first or 'no unit'} as in the first; bring the rows below "
+                    "it into the units of the first, or into a file of their own"
+                )
+
+    def _second_head(self, i: int, cells: list[str]) -> UserError:
+        """Word that a line has a cell for each column, but other words than the head above."""
+        pairs = list(zip(cells, self.names, strict=True))
+        k = next((k for k, (cell, name) in enumerate(pairs) if cell != name), 0)
+        cell, name = pairs[k]
+        return UserError(
+            f"{self.path}, line {i + 1}: looks like a second head, in which column {k + 1} is "
+            f"{cell!r} and not {name!r} as in the first; if the rows below it are of other "
+            "columns, bring them into the order of the first, or into a file of their own; if they "
+            "are not, delete the line"
+        )
 
     def _count(self, what: str, below: bool) -> None:
         if not below:

@@ -9,6 +9,7 @@ put below one another, so that every table has a row for each point and frequenc
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -46,6 +47,7 @@ WORDS = {
     "none": ("coh", "γ²", "γ2"),
 }
 LEAST_COLUMNS = 4
+COMMENTS = ("#", "%", "//", "!")
 
 
 class ColumnsNotUnderstoodError(UserError):
@@ -75,6 +77,8 @@ class ScanTable:
         Which other lines there were, for the record.
     words : dict of int to list of str
         Cells of columns that hold words, whose values are NaN.
+    said : list of (int, str)
+        Other lines with their numbers, but those of the columns' names.
     """
 
     path: Path
@@ -88,6 +92,7 @@ class ScanTable:
     block: Array | None = None
     told: str = ""
     words: dict[int, list[str]] = field(default_factory=dict)
+    said: list[tuple[int, str]] = field(default_factory=list)
 
     def wrong(self, message: str, row: int | None = None) -> UserError:
         """Word the error of the table, or of one of its rows."""
@@ -144,9 +149,16 @@ class ScanTable:
                 raise self.wrong(f"column {i + 1} is in {unit}; export linear values")
             elif i in self.words and i > last and not unit:
                 found.setdefault("status", i)
+            elif i in self.words and not unit and self._names_points(i):
+                found.setdefault("index", i)
             elif whole and said_by(self.names[i]) is None:
                 found.setdefault("index" if i < first else "status", i)
         return found
+
+    def _names_points(self, column: int) -> bool:
+        """Tell whether words differ from row to row, or are the same at all frequencies."""
+        times = set(Counter(self.words[column]).values())
+        return times == {1} or (len(times) == 1 and any(map(is_frequency, self.units)))
 
     def listed(self, columns: list[int]) -> str:
         """List columns with their names, for a message."""
@@ -248,21 +260,45 @@ def fields(line: str, delimiter: str | None) -> list[str]:
 
 def column_names(
     above: list[str], delimiter: str | None, columns: int
-) -> tuple[list[str], list[str]]:
-    """Read names and units of the columns from the one or two lines above the table."""
-    found: list[list[str]] = []
-    lines = [fields(line, delimiter) for line in above if line.strip()]
-    for cells in reversed([cells for cells in lines if not of_frequencies(cells)][-2:]):
+) -> tuple[list[str], list[str], list[int]]:
+    """Read names and units of the columns from the one or two lines above the table.
+
+    Returns
+    -------
+    names, units : list of str
+    places : list of int
+        Of these lines among those `above`.
+    """
+    lines = [(i, fields(line, delimiter)) for i, line in enumerate(above) if line.strip()]
+    plain = [(i, cells) for i, cells in lines if not cells[0].startswith(COMMENTS)]
+    bare = [(i, fields(uncommented(above[i]), delimiter)) for i, _ in lines]
+    found = _heads(plain, delimiter, columns) or _heads(bare, delimiter, columns)
+    if not found:
+        return [""] * columns, [""] * columns, []
+    above_columns = list(zip(*reversed(found.values()), strict=True))
+    names = [" ".join(parts).strip() for parts in above_columns]
+    return names, [unit_above(parts) for parts in above_columns], list(found)
+
+
+def uncommented(line: str) -> str:
+    """Leave out the mark of a comment at the beginning of a line."""
+    bare = line.strip(' "')
+    return bare.lstrip("#%/! ") if bare.startswith(COMMENTS) else line
+
+
+def _heads(
+    lines: list[tuple[int, list[str]]], delimiter: str | None, columns: int
+) -> dict[int, list[str]]:
+    """Find the one or two last lines that have as many cells as there are columns."""
+    found: dict[int, list[str]] = {}
+    for i, cells in reversed([own for own in lines if not of_frequencies(own[1])][-2:]):
         if found and (sum(map(bool, cells)) < 2 or (delimiter is None and len(cells) < columns)):
             break  # words of their own, of no column
         cells += [""] * (columns - len(cells))
         if len(cells) != columns:
             break
-        found.insert(0, cells)
-    if not found:
-        return [""] * columns, [""] * columns
-    names = [" ".join(parts).strip() for parts in zip(*found, strict=True)]
-    return names, [_unit(parts) for parts in zip(*found, strict=True)]
+        found[i] = cells
+    return found
 
 
 def of_frequencies(cells: list[str]) -> bool:
@@ -272,7 +308,7 @@ def of_frequencies(cells: list[str]) -> bool:
     return bare > 0 and len(words) == 1 and "hz" in words[0].lower()
 
 
-def _unit(cells: Sequence[str]) -> str:
+def unit_above(cells: Sequence[str]) -> str:
     """Find the unit in the cells above a column: in brackets, or alone in the lowest."""
     for cell in reversed(cells):
         if match := IN_BRACKETS.search(FREQUENCY.sub("", cell)):
@@ -287,6 +323,30 @@ def meaning(unit: str) -> UnitLabel | None:
         return read_unit(ANGLES.get(unit.strip(" .").lower(), unit))
     except UnitNotUnderstoodError:
         return None
+
+
+def label_of_values(table: ScanTable, roles: dict[str, int]) -> str:
+    """Give the label of the values' unit."""
+    return table.units[roles.get("real", roles.get("magnitude", 0))]
+
+
+def motion_of(table: ScanTable, text: str) -> UnitLabel | None:
+    """Understand the values' unit; None if it is none of a motion.
+
+    Raises
+    ------
+    UserError
+        If values are squares, or spectra over a frequency, which have no amplitude.
+    """
+    label = meaning(text)
+    if label is None or not label.is_motion:
+        return None
+    if label.form is not SpectralForm.linear or label.product:
+        raise table.wrong(
+            f"its values are in {text}, which is no amplitude of a motion; export linear values, "
+            "as in mm/s, or response functions"
+        )
+    return label
 
 
 def _why(unit: str) -> str:

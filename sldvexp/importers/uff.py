@@ -342,10 +342,7 @@ def _findings(
 ) -> list[Finding]:
     """List what is odd about a view's file but no reason to refuse it."""
     file, functions, subject = source.file, source.functions, f"view {name}"
-    found = [
-        Finding("unit", subject, f"{file.source.path}: {text}", severity)
-        for text, severity in rules.odd
-    ]
+    found = [Finding("unit", subject, text, severity) for text, severity in rules.odd]
     if source.overruled:
         key = settings.key("length_unit")
         text = f"{source.places}: {key} wins, although {source.overruled}"

@@ -8,6 +8,7 @@ asked about: nothing else in the file replaces it.
 from __future__ import annotations
 
 from enum import Enum
+from functools import partial
 from typing import NamedTuple
 
 from sldvexp.dataset import Severity
@@ -19,9 +20,11 @@ from sldvexp.importers.conventions import (
     Phase,
     Quantity,
 )
+from sldvexp.importers.head_lines import HeadLines
 from sldvexp.importers.pointwise import PointwiseImport
 from sldvexp.importers.questions import ViewQuestions
 from sldvexp.importers.reference import ReferenceUnit, reference_of, unit_of_reference
+from sldvexp.io.statements import Known
 from sldvexp.io.uff import Function, UniversalFile
 from sldvexp.io.uff.functions import (
     ACCELERATION,
@@ -123,6 +126,7 @@ def decide_conventions(
         ask_phase(settings, file, questions, kind)
     along_dof = settings.directions is Directions.dof
     ask_positive(settings, file, questions)
+    odd = _head_lines(settings, file, functions, meaning, scaled, questions)
     if meaning is None or scaled is None or phase is None or questions:
         return None
     scale, said = scaled
@@ -137,7 +141,40 @@ def decide_conventions(
     }
     factor = meaning.factor * scale * sign
     conjugate = phase is Phase.exp_minus
-    return Conventions(meaning.quantity, factor, conjugate, told, meaning.odd, unit)
+    return Conventions(meaning.quantity, factor, conjugate, told, odd, unit)
+
+
+def _head_lines(
+    settings: PointwiseImport,
+    file: UniversalFile,
+    functions: list[Function],
+    meaning: Meaning | None,
+    scaled: tuple[float, dict[str, str]] | None,
+    questions: ViewQuestions,
+) -> tuple[tuple[str, Severity], ...]:
+    """Compare what functions and the file say of themselves; tell all that is not heeded."""
+    path = str(file.source.path)
+    of_amplitudes = scaled is not None and FunctionKind(functions[0].kind) in OF_AMPLITUDES
+    along_dof = settings.directions is Directions.dof
+    known = Known(
+        meaning.quantity.name if meaning else None,
+        meaning.factor if meaning else None,
+        Amplitude(scaled[0]) if scaled and of_amplitudes else None,
+        phase=settings.phase.name if settings.phase else None,
+        positive=settings.positive.name if settings.positive and not along_dof else None,
+    )
+    by = dict.fromkeys(("quantity", "unit"), f"its values are in {meaning}")
+    if scaled and of_amplitudes:
+        by["amplitude"] = f"its amplitudes are {scaled[1]['amplitude']}"
+    lines = HeadLines(settings, path, known, by)
+    texts = file.texts(functions)
+    lines.compare([(partial(file.at, e, i), text) for e, i, text in texts], questions)
+    lines.compare([(partial(file.at, e, i), text) for e, i, text in file.about], questions, True)
+    own = meaning.odd if meaning else ()
+    return (
+        *((f"{path}: {text}", severity) for text, severity in own),
+        *((text, Severity.doubtful) for text in lines.odd),
+    )
 
 
 def ask_phase(
@@ -266,11 +303,19 @@ def length_unit(
     if settings.length_unit is not None:
         return settings.length_unit.value, "as set"
     if file.units is not None:
+        _ask_contradiction(file, "length_unit", questions)
         return file.units.length, "by data set 164"
     what = "the unit of its coordinates in a data set 164"
     also = ", or give the geometry of a file that does with instrument.geometry"
     questions.ask(file.source.path, "length_unit", "mm", what, also)
     return 1.0, ""
+
+
+def _ask_contradiction(file: UniversalFile, setting: str, questions: ViewQuestions) -> None:
+    """Ask for a unit that a data set 164 states in two ways."""
+    if file.units is not None and file.units.contradiction:
+        message = f"{file.units.contradiction}; say which with instrument.{setting}"
+        questions.note(UserError(message), file.source.path, setting)
 
 
 def _meaning(
@@ -294,6 +339,7 @@ def _meaning(
         return _by_label(settings, file, f, label, quantity, questions)
     if not f.ordinate.unit and file.units is not None:
         by = "by data set 164"
+        _ask_contradiction(file, "unit", questions)
         return Meaning(quantity, file.units.length, by) if quantity is not None else None
     if settings.unit is None:
         questions.ask(where, "unit", "m", f"the unit of its values (m of m/s){trouble}")

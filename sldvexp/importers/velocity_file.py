@@ -56,7 +56,8 @@ class File(PointImporter):
         none is set, m.
     incomplete : bool or str
         What becomes of points that not all views have: false refuses them, drop (or true) leaves
-        them out, mark keeps them as NaN with a flag. They are counted in the verdict.
+        them out, mark keeps them as NaN with a flag and determines them from the other views if
+        these are three or more. They are counted in the verdict.
     """
 
     path: str = MISSING
@@ -94,7 +95,8 @@ class File(PointImporter):
         incomplete = incomplete_by(self.incomplete)
         gaps = incomplete is not Incomplete.refuse
         layout = FileLayout(self.mapping, tuple(self.order), self.group, self.length_unit, gaps)
-        layout = replace(layout, amplitude=self.amplitude)
+        senses = {name: getattr(self, name).name for name in ("positive", "phase")}
+        layout = replace(layout, amplitude=self.amplitude, senses=senses)
         table = read(locate(self.path), self.unit, layout)
         found = _missing(table, incomplete)
         group = (table.complete() if incomplete is Incomplete.drop else table).to_dataset()
@@ -106,9 +108,9 @@ class File(PointImporter):
         if "velocity_std" in group:
             std = group["velocity_std"]
             group["velocity_std"] = std.copy(data=amplitude.value * std.values)
-        said = {name: getattr(self, name).name for name in ("positive", "phase")}
-        said["amplitude"] = amplitude.name
+        said = senses | {"amplitude": amplitude.name}
         told = group.assign_attrs({f"import_{name}": value for name, value in said.items()})
+        found += [Finding("unit", "velocities", text) for text in table.odd]
         return with_findings(told, found)
 
 

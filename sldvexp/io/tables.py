@@ -14,7 +14,7 @@ import io
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -43,12 +43,15 @@ class TextTable:
         Of the header, if there is one, and of the rows.
     rows : list of list of str
         Cells without blanks around them, the numbers among them with decimal points.
+    comments : list of (int, str)
+        With the numbers of their lines.
     """
 
     path: Path
     header: list[str]
     lines: list[int]
     rows: list[list[str]]
+    comments: list[tuple[int, str]] = field(default_factory=list)
 
     def __repr__(self) -> str:
         return f"<TextTable of {len(self.rows)} rows: {', '.join(self.header)}>"
@@ -189,6 +192,11 @@ def read_table(path: Path, inline_comments: bool = False) -> TextTable:
     """
     require_file(path)
     text = read_text(path)
+    comments = [
+        (i, line.partition("#")[2].strip())
+        for i, line in enumerate(text.splitlines(), 1)
+        if "#" in line and (inline_comments or line.strip(' "').startswith("#"))
+    ]
     if inline_comments:
         text = "\n".join(line.partition("#")[0] for line in text.splitlines())
     reader = csv.reader(io.StringIO(text), delimiter=_delimiter(text), skipinitialspace=True)
@@ -200,7 +208,7 @@ def read_table(path: Path, inline_comments: bool = False) -> TextTable:
                 rows.append([cell.strip() for cell in cells])
     except csv.Error as error:
         raise UserError(f"{path}, line {reader.line_num}: is not CSV: {error}") from None
-    table = TextTable(path, rows[0] if rows else [], lines, rows[1:])
+    table = TextTable(path, rows[0] if rows else [], lines, rows[1:], comments)
     return replace(table, rows=_with_points(table))
 
 

@@ -26,7 +26,7 @@ from sldvexp.reconstruction.rows import RowChoice, RowSet, check, parse
 from sldvexp.reconstruction.solve import solve
 from sldvexp.reconstruction.system import Model, ReconstructionSettings
 from sldvexp.reconstruction.views import Views
-from sldvexp.typing import Array
+from sldvexp.typing import Array, IndexArray
 
 
 @dataclass
@@ -103,22 +103,47 @@ class Reconstruction(ReconstructionSettings):
         ----------
         line_of_sight : xarray.Dataset
             ``direction_cosines``, ``velocity`` and perhaps ``velocity_std``; point and frequency
-            dimensions are optional and stay as they are. Where a velocity is NaN, results are too.
+            dimensions are optional and stay as they are. Where a view has no velocity
+            the others are used, if they are three or more; else results are NaN.
         """
-        lost = gaps_of(line_of_sight)
-        if bool(lost.any()):
-            return solved_around(self.group, line_of_sight, lost)
+        if not bool(gaps_of(line_of_sight).any()):
+            return self._group(line_of_sight)
+        names = [str(v) for v in line_of_sight["view"].values]
+
+        def of_some(part: xr.Dataset, views: IndexArray) -> xr.Dataset:
+            """Solve from some views, with those of the rows that need no other."""
+            return self._group(part, self._rows_of_some(names, views))
+
+        return solved_around(of_some, line_of_sight)
+
+    def _group(self, line_of_sight: xr.Dataset, rows: RowSet | None = None) -> xr.Dataset:
+        """Make the group of views without gaps, by default with the method's own rows of them."""
         velocity, std = line_of_sight["velocity"], line_of_sight.get("velocity_std")
-        result = self.reconstruct(
+        views = Views.checked(
             line_of_sight["direction_cosines"].transpose("view", ..., "axis").values,
             velocity.values,
             None if std is None else std.values,
             [str(v) for v in line_of_sight["view"].values],
         )
+        result = solve(views, rows or self.row_set(views.directions, views.names), self)
         point, frequency = (
             velocity[d].values if d in velocity.dims else None for d in ("point", "frequency")
         )
         return result.to_dataset(point, frequency)
+
+    def _rows_of_some(self, names: Sequence[str], views: IndexArray) -> RowSet | None:
+        """Keep the rows that are written and need no other views; None if none are written.
+
+        Numbers count all views, so that a row is of the same view wherever one is missing.
+        """
+        if self.rows.strip() in ("best", "all"):
+            return None
+        written = parse(self.rows, names)
+        others = np.setdiff1d(np.arange(len(names)), views)
+        kept = written.take(np.flatnonzero(~written.matrix[:, others].any(axis=1)))
+        some = RowSet(kept.matrix[:, views], kept.labels)
+        check(some, self.row_choice([names[k] for k in views]), _needed(self))
+        return some
 
 
 def select_rows(method: Reconstruction, directions: ArrayLike, view_names: Sequence[str]) -> RowSet:
@@ -136,8 +161,6 @@ def select_rows(method: Reconstruction, directions: ArrayLike, view_names: Seque
     """
     choice = method.row_choice(view_names)
     intercept = method.model is Model.full
-    # Fewer than three views still determine some components; an intercept needs them all.
-    needed = 4 if intercept else 1
     text = method.rows.strip()
     if text == "best":
         cosines = np.asarray(directions, float)
@@ -149,13 +172,21 @@ def select_rows(method: Reconstruction, directions: ArrayLike, view_names: Seque
         rows = parse(text, view_names)
     if not len(rows):
         raise UserError("a difference needs two views, but there is only one")
-    check(rows, choice, needed)
+    check(rows, choice, _needed(method))
     if intercept and not rows.has_views:
         raise UserError(
             f"the full model cannot be fitted to {rows}: an intercept cancels in every difference; "
             "use model=partial or add a single view"
         )
     return rows
+
+
+def _needed(method: Reconstruction) -> int:
+    """Count the rows needed: fewer than three views still determine some components.
+
+    An intercept needs them all.
+    """
+    return 4 if method.model is Model.full else 1
 
 
 #: Sets beyond this number are not searched: it would take longer than reading the data.

@@ -251,7 +251,7 @@ ASKED = {
     "words between rows": (with_line("Scan 2"), "line 5: 'Scan 2' stands between rows"),
     "other names of columns": (
         with_line(HEAD.splitlines()[1].replace("mm/s", "m/s")),
-        "stands between rows of the table and is not understood",
+        "line 5: is a second head, in which column 5 is in m/s and not in mm/s as in the first",
     ),
     "a frequency in words of its own": (with_line("now 440 Hz"), "line 5: 'now 440 Hz' states a"),
     "a frequency without rows": (

@@ -6,6 +6,7 @@ functions costs no more memory than the one that is looked at.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -17,7 +18,7 @@ from sldvexp.errors import UserError
 from sldvexp.io.uff.fortran import TextLines, columns, integers, number, table
 from sldvexp.io.uff.source import ASCII_LINES, DataSet, Source, decoded, shown
 from sldvexp.typing import Array
-from sldvexp.unit_labels import SpectralForm, UnitNotUnderstoodError, read_unit
+from sldvexp.unit_labels import SpectralForm, UnitNotUnderstoodError, read_unit, same_unit
 
 #: Types of functions by their number in the file, as far as they are spoken of; and of those that
 #: values at nodes, one data set a frequency, are put together to.
@@ -388,11 +389,42 @@ class Units:
         One of the file's units of length in m.
     force : float
         One of the file's units of force in N; NaN if the factor says nothing.
+    contradiction : str
+        Sentence on a code or a name of units of other lengths than the factor; empty if they agree.
     """
 
     name: str
     length: float
     force: float = float("nan")
+    contradiction: str = ""
+
+
+#: Units of length, m, of the systems of units by their code; others are the user's own.
+LENGTHS = {1: 1.0, 2: 0.3048, 3: 1.0, 4: 0.3048, 5: 1e-3, 6: 0.01, 7: 0.0254, 8: 1e-3, 10: 1e-3}
+#: Names of such units.
+NAMED = {
+    1.0: r"m|met(?:er|re)s?",
+    1e-3: r"mm|milli-?met(?:er|re)s?",
+    0.01: r"cm|centi-?met(?:er|re)s?",
+    0.0254: r"in|inch(?:es)?",
+    0.3048: r"ft|foot|feet",
+}
+
+
+def _contradiction(place: str, code: int, name: str, length: float) -> str:
+    """Tell if the code or the name of a system of units is of another length than the factor."""
+    by_name = [one for one, words in NAMED.items() if re.search(rf"\b(?:{words})\b", name, re.I)]
+    named = by_name[0] if len(by_name) == 1 else length
+    for what, stated in (
+        (f"the code {code}", LENGTHS.get(code, length)),
+        (f"the name {name!r}", named),
+    ):
+        if not same_unit(stated, length):
+            return (
+                f"{place}: {what} is of units of {stated:g} m, but the factor of lengths of units "
+                f"of {length:g} m"
+            )
+    return ""
 
 
 def read_units(source: Source, entries: list[DataSet]) -> Units | None:
@@ -412,7 +444,9 @@ def read_units(source: Source, entries: list[DataSet]) -> Units | None:
         if not factor > 0:
             raise lines.wrong(f"the factor of lengths must be a positive number, not {factor:g}")
         force = 1.0 / factors[1] if len(factors) > 1 and factors[1] > 0 else float("nan")
-        units = Units(decoded(head[10:30]).strip(), 1.0 / factor, force)
+        name, code = decoded(head[10:30]).strip(), (integers(head[:10], 10) or [0])[0]
+        place = entry.at(source, entry.first)
+        units = Units(name, 1.0 / factor, force, _contradiction(place, code, name, 1.0 / factor))
         if found is not None and found.length != units.length:
             raise lines.wrong(
                 f"states one unit of length as {units.length:g} m, an earlier data set 164 as "

@@ -8,7 +8,7 @@ from __future__ import annotations
 import codecs
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -17,6 +17,7 @@ from pathlib import Path
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
+from sldvexp.io.uff.fortran import TextLines
 from sldvexp.io.uff.functions import (
     NODAL,
     Function,
@@ -30,7 +31,16 @@ from sldvexp.io.uff.functions import (
 from sldvexp.io.uff.geometry import UniversalGeometry, read_geometry
 from sldvexp.io.uff.nodal import ANALYSIS, ShapeFunctions, read_nodal
 from sldvexp.io.uff.seal import require_seal
-from sldvexp.io.uff.source import ASCII_LINES, CHUNK, Binary, DataSet, Source, opened, shown
+from sldvexp.io.uff.source import (
+    ASCII_LINES,
+    CHUNK,
+    Binary,
+    DataSet,
+    Source,
+    decoded,
+    opened,
+    shown,
+)
 
 #: The line that begins and ends every data set: -1 in columns 5 and 6, blanks up to its end.
 MARK = b"    -1"
@@ -262,6 +272,8 @@ def _line(source: Source, start: int) -> tuple[bytes, int]:
     return piece[:stop].rstrip(b"\r"), start + stop + 1
 
 
+#: Lines before the identifying ones, by the data set's kind, and those of data set 151.
+BEFORE_TEXT, ABOUT = {ANALYSIS: 3}, 3
 #: Names of data sets by their number.
 NAMES = {
     15: "nodes",
@@ -346,6 +358,29 @@ class UniversalFile:
             f"{n} data set{'s' * (n > 1)} {kind}" + (f" ({NAMES[kind]})" if kind in NAMES else "")
             for kind, n in count.items()
         )
+
+    def texts(self, functions: Sequence[Function]) -> list[tuple[DataSet, int, str]]:
+        """List identifying lines of functions: data set, its line from 0, and text."""
+        return [
+            (function.entry, i, line)
+            for function in functions
+            for i, line in enumerate(function.text, BEFORE_TEXT.get(function.entry.kind, 0))
+        ]
+
+    @cached_property
+    def about(self) -> list[tuple[DataSet, int, str]]:
+        """Lines of the data sets 151, which are about the file, as of `texts`."""
+        entries = [entry for entry in self.entries if entry.kind == 151]
+        return [
+            (entry, i, decoded(line).strip())
+            for entry in entries
+            for i, line in enumerate(TextLines(self.source, entry).text[:ABOUT])
+        ]
+
+    def at(self, entry: DataSet, line: int) -> str:
+        """Name the place of a line, from 0, of a data set, for a message."""
+        text = self.source.peek(entry.first, LONGEST_LINE).splitlines(keepends=True)
+        return entry.at(self.source, entry.first + sum(map(len, text[:line])))
 
     def wrong(self, function: Function, message: str) -> UserError:
         """Word the error of a function as a whole."""

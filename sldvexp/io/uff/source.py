@@ -141,11 +141,15 @@ class DataSet(NamedTuple):
 
     def wrong(self, source: Source, byte: int, message: str) -> UserError:
         """Word the error of something wrong at a byte of this data set."""
+        return UserError(f"{self.at(source, byte)}: {message}")
+
+    def at(self, source: Source, byte: int) -> str:
+        """Name the place of a byte of this data set, for a message."""
         in_values = self.binary is not None and byte >= self.data
         counted = not (self.after_binary or in_values)
         place = f"line {source.line(byte)}" if counted else f"byte {byte}"
         kind = f"{self.kind}{'b' if self.binary else ''}" if self.kind else "unknown"
-        return UserError(f"{source.path}, data set {self.number} ({kind}), {place}: {message}")
+        return f"{source.path}, data set {self.number} ({kind}), {place}"
 
 
 @contextmanager

@@ -24,6 +24,7 @@ from sldvexp.io.velocities.attributes import (
     frequency_factor,
     length_factor,
     require_errors_alike,
+    stated_length,
     velocity_units,
 )
 from sldvexp.io.velocities.headings import HeadingUnits, read_headings
@@ -39,6 +40,7 @@ from sldvexp.io.velocities.table import (
     FileLayout,
     LineOfSight,
 )
+from sldvexp.io.velocities.texts import compare_texts, texts_of_arrays, texts_of_attributes
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
 from sldvexp.units import VelocityUnit
@@ -89,7 +91,8 @@ def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
     with questions.noting(path):
         factor, amplitude = velocity_units(data["velocity"], unit, units, layout, path)
         require_errors_alike(data, factor, amplitude, unit, layout, path)
-        units = replace(units, amplitude=amplitude)
+        stated = factor if data["velocity"].attrs.get("units") else units.velocity
+        units = replace(units, velocity=stated, amplitude=amplitude)
     values: dict[str, Any] = {}
     for name, key in (
         ("direction_cosines", "direction_cosines"),
@@ -105,7 +108,10 @@ def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
         hertz = frequency_factor(data["frequency"], units.frequency, path)
         values["frequency"] = hertz * _numbers(values, "frequency", path)
     values |= _places(data, theirs, layout, path, units.length)
-    return _asked(questions, values, path, factor, layout, units)
+    units = replace(units, length=stated_length(data, path) or units.length)
+    texts = texts_of_attributes(data.assign_attrs(raw.attrs))
+    odd = compare_texts(texts, unit, units, layout, path, questions)
+    return replace(_asked(questions, values, path, factor, layout, units), odd=odd)
 
 
 def _asked(
@@ -189,7 +195,8 @@ def read_matlab(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
     for name in set(JOINED) & set(values):
         values[name] = np.atleast_2d(_numbers(values, name, path)) - 1
     factor = units.velocity or UNSTATED_VELOCITY.value
-    return _asked(questions, values, path, factor, layout, units)
+    odd = compare_texts(texts_of_arrays(found, names), unit, units, layout, path, questions)
+    return replace(_asked(questions, values, path, factor, layout, units), odd=odd)
 
 
 def _names(values: Any) -> list[str]:

@@ -90,6 +90,13 @@ def length_factor(
     return stated.value
 
 
+def stated_length(data: xr.Dataset, path: Path) -> float | None:
+    """Find one of the positions' unit in m by their attribute; None if there is none."""
+    texts = [str(data[name].attrs.get("units", "")) for name in ("position", "x") if name in data]
+    stated = next(filter(None, texts), "")
+    return unit_named(LengthUnit, stated, f"{path}, position").value if stated else None
+
+
 def require_length(stated: LengthUnit, unit: LengthUnit | None, said: str) -> None:
     """Complain unless the unit of lengths that is set, if one is, is the file's; `said` says it."""
     if unit not in (None, stated):

@@ -35,6 +35,7 @@ from sldvexp.io.velocities.table import (
     FileLayout,
     LineOfSight,
 )
+from sldvexp.io.velocities.texts import compare_texts
 from sldvexp.typing import Array, IndexArray
 from sldvexp.units import LengthUnit, VelocityUnit
 
@@ -98,6 +99,8 @@ def read_csv(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) ->
     columns = {c: _checked(table, c, layout, questions) for c in table.header}
     keys = {c: columns[c] for c in ORDER if c in columns}
     labels, shape, where = _cells(table, keys, layout, questions)
+    texts = ((f", line {line}", text) for line, text in table.comments)
+    odd = compare_texts(texts, unit, units, layout, path, questions)
     questions.done()
 
     def cube(column: str) -> Array:
@@ -129,6 +132,7 @@ def read_csv(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) ->
         missing=missing if missing.any() else None,
         position=position,
         amplitude=units.amplitude,
+        odd=odd,
     )
 
 

@@ -56,6 +56,8 @@ class LineOfSight:
         Places of points that a surface or a line joins.
     amplitude : Amplitude or None
         Measure of a sine that the file says its velocities are; None if it says nothing.
+    odd : tuple of str
+        Sentences on text of the file that settings win over.
 
     Raises
     ------
@@ -82,6 +84,7 @@ class LineOfSight:
     triangle: IntArray | None = None
     line: IntArray | None = None
     amplitude: Amplitude | None = None
+    odd: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         names = ("views", "points", "frequencies")
@@ -262,6 +265,8 @@ class FileLayout:
         Whether velocities may be missing.
     amplitude : Amplitude or None
         Measure of a sine that velocities are said to be.
+    senses : mapping of str to str
+        Values of the settings `phase` and `positive`, which text of the file may contradict.
     """
 
     mapping: Mapping[str, str] = field(default_factory=dict)
@@ -270,6 +275,7 @@ class FileLayout:
     length: LengthUnit | None = None
     gaps: bool = False
     amplitude: Amplitude | None = None
+    senses: Mapping[str, str] = field(default_factory=dict)
 
     def require(self, names: Iterable[Hashable], path: Path) -> None:
         """Complain about names that the file does not have."""
