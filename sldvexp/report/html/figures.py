@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import matplotlib
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure as Drawn
 
 from sldvexp.dataset import RunData
@@ -52,8 +51,8 @@ PARTS: dict[str, dict[str, str]] = {
 SWEEP_CAPTION = "The runs by what was varied."
 #: Of one figure as SVG, with text as text.
 MOST_BYTES = 300_000
-#: Settings that a figure does not keep, and that decide its bytes.
-OF_FILES = {key: SETTINGS[key] for key in ("svg.hashsalt", "svg.fonttype")}
+#: Settings of the style that a figure does not keep, and that decide its bytes.
+OF_FILES = ("svg.hashsalt", "svg.fonttype")
 #: Characters of an SVG that are spelt in an address.
 SPELT = {"%": "%25", "#": "%23", "&": "%26", "<": "%3C", ">": "%3E", "\n": " ", '"': "'"}
 #: Dots per inch of a PNG.
@@ -94,13 +93,9 @@ def _figure(
 
 def _address(drawn: Drawn) -> str:
     """Write a picture as a ``data:`` address, the same from the same data."""
-    content = io.BytesIO()
-    settings: dict[Any, Any] = OF_FILES
+    settings: dict[Any, Any] = {name: SETTINGS[name] for name in OF_FILES}
     with matplotlib.rc_context(settings):
-        # As savefig does, which would draw twice to arrange the axes.
-        metadata = {"Date": None, "Creator": None}
-        FigureCanvasSVG(drawn).print_svg(content, metadata=metadata)
-        svg = slim(content.getvalue().decode())
+        svg = slim(drawn)
         if len(svg) <= MOST_BYTES:
             return f"data:image/svg+xml,{_as_address(svg)}"
         content = io.BytesIO()
