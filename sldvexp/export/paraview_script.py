@@ -1,4 +1,8 @@
-"""A script that opens the exported period in ParaView, warped, coloured and ready to play."""
+"""A script that opens the exported period in ParaView, warped, coloured and ready to play.
+
+ParaView tells a script where it lies if it is loaded as a state, and pvpython does; both were tried
+with 5.11.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +16,13 @@ from sldvexp.typing import ComplexArray
 
 #: ParaView 5.10 gave "Threshold" the settings that this uses.
 SCRIPT = Template('''\
-"""Opens $file in ParaView 5.10 or later: File, Load State, or paraview <this file>."""
+"""Opens $file in ParaView 5.10 or later: File, Load State, or paraview --state=<this file>."""
 
 import os
 
 from paraview import simple
 
-FOLDER = os.path.dirname(os.path.abspath(globals().get("__file__", "here")))
+FOLDER = os.path.dirname(os.path.abspath(__file__))
 # Drawn deflection over the $vector in the file.
 SCALE = $scale
 # Largest velocity, m/s.

@@ -42,10 +42,10 @@ class Vtu(Export):
     ``<name>_phase.pvd`` plays a period of one frequency: ``velocity`` and ``displacement`` (m) at
     each instant, and ``determined``; ``<name>_paraview.py`` opens it in ParaView, warped as far
     as the report's page does, coloured by the velocity and ready to play (File, Load State, or
-    ``paraview <name>_paraview.py``). The files that they collect lie in a folder, ``<name>``, each
-    with the arrays set active that are looked at first. What is not determined is NaN.
-    ``<name>_strain.pvd`` steps through the frequencies with everything known of strain, stress and
-    force resultants at the nodes of the surface; their components are along t1 and t2,
+    ``paraview --state=<name>_paraview.py``). The files that they collect lie in a folder,
+    ``<name>``, each with the arrays set active that are looked at first. What is not determined is
+    NaN. ``<name>_strain.pvd`` steps through the frequencies with everything known of strain, stress
+    and force resultants at the nodes of the surface; their components are along t1 and t2,
     ``principal_vector`` is the largest extension in the world, and ``displacement_real`` and
     ``_imag`` (m) are those of the surface.
 
