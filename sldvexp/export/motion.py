@@ -113,9 +113,7 @@ class Motion:
     @property
     def scale(self) -> float:
         """Drawn metres for 1 m/s; 0 if nothing moves."""
-        diagonal = float(np.linalg.norm(np.ptp(self.position, axis=0)))
-        most = float(amplitude(np.nan_to_num(self.velocity)).max())
-        return DRAWN_SHARE * diagonal / most if most > 0 else 0.0
+        return drawn_scale(self.position, np.nan_to_num(self.velocity))
 
     @property
     def enlarged(self) -> float | None:
@@ -131,6 +129,13 @@ class Motion:
 def amplitude(velocity: ComplexArray) -> Array:
     """Compute the root of the sum of the squared components' amplitudes, shape (node,)."""
     return np.sqrt((np.abs(velocity) ** 2).sum(axis=1))
+
+
+def drawn_scale(position: Array, velocity: ComplexArray) -> float:
+    """Choose how many metres are drawn for 1 m/s; 0 if nothing moves."""
+    most = float(amplitude(velocity).max())
+    diagonal = float(np.linalg.norm(np.ptp(position, axis=0)))
+    return DRAWN_SHARE * diagonal / most if most > 0 else 0.0
 
 
 def motion_of(

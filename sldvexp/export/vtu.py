@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from sldvexp.config.registry import register
 from sldvexp.dataset.run_data import RunData
-from sldvexp.errors import Checks, UserError
+from sldvexp.errors import Checks
 from sldvexp.export.base import Export
+from sldvexp.export.motion import frequency_index
+from sldvexp.export.paraview_script import paraview_script
 from sldvexp.export.strains import at_frequency, beside, strain_of
 from sldvexp.export.velocities import (
     PrismMesh,
@@ -25,7 +27,7 @@ from sldvexp.export.velocities import (
 )
 from sldvexp.io import pvd, vtu
 from sldvexp.lazy import xarray as xr
-from sldvexp.typing import Array, ComplexArray
+from sldvexp.typing import ComplexArray
 from sldvexp.writing import require_no_link, whole_or_nothing
 
 
@@ -38,11 +40,14 @@ class Vtu(Export):
     imaginary part, amplitude and phase (rad) along x, y, z in m/s, and standard error, confidence
     and ``observable`` of the components as they were found; ``real`` and ``imag`` are local ones.
     ``<name>_phase.pvd`` plays a period of one frequency: ``velocity`` and ``displacement`` (m) at
-    each instant, the latter for "Warp By Vector". The files that they collect lie in a folder,
-    ``<name>``. What is not determined is NaN. ``<name>_strain.pvd`` steps through the frequencies
-    with everything known of strain, stress and force resultants at the nodes of the surface; their
-    components are along t1 and t2, ``principal_vector`` is the largest extension in the world, and
-    ``displacement_real`` and ``_imag`` (m) are those of the surface.
+    each instant, and ``determined``; ``<name>_paraview.py`` opens it in ParaView, warped as far
+    as the report's page does, coloured by the velocity and ready to play (File, Load State, or
+    ``paraview --state=<name>_paraview.py``). The files that they collect lie in a folder,
+    ``<name>``, each with the arrays set active that are looked at first. What is not determined is
+    NaN. ``<name>_strain.pvd`` steps through the frequencies with everything known of strain, stress
+    and force resultants at the nodes of the surface; their components are along t1 and t2,
+    ``principal_vector`` is the largest extension in the world, and ``displacement_real`` and
+    ``_imag`` (m) are those of the surface.
 
     Parameters
     ----------
@@ -75,7 +80,7 @@ class Vtu(Export):
         """
         found, mesh = velocities_of(run), mesh_of(run, "vtu")
         frequency, world = frequencies_of(found), velocity_in_world(found, mesh)
-        index = self._animated(found["velocity"].values, frequency)
+        index = frequency_index(world[mesh.surface_layer], frequency, self.animated, "vtu")
         folder = path.with_suffix("")
         require_no_link(folder)
         folder.mkdir(exist_ok=True)
@@ -83,37 +88,34 @@ class Vtu(Export):
         own = ("observable", *bounds_of(found), "real", "imag")
         components = dict.fromkeys(own, found["component"].values.tolist())
 
-        def put(name: str, arrays: dict[str, NDArray], time: float) -> Path:
-            text = vtu(mesh.position, mesh.cells, arrays, components, time, comment)
+        def put(name: str, arrays: dict[str, NDArray], time: float, *active: str) -> Path:
+            first = dict(zip(("Scalars", "Vectors"), active, strict=True))
+            text = vtu(mesh.position, mesh.cells, arrays, components, time, comment, first)
             _put(folder / name, text)
             return (folder / name).relative_to(path.parent)
 
         files = {}
         for i, time in enumerate([0.0] if frequency is None else frequency.tolist()):
-            files[time] = put(f"frequency_{i + 1:05d}.vtu", _spectral(found, mesh, world, i), time)
+            arrays, first = (
+                _spectral(found, mesh, world, i),
+                ("velocity_amplitude", "velocity_real"),
+            )
+            files[time] = put(f"frequency_{i + 1:05d}.vtu", arrays, time, *first)
         if self.phases:
             played = {}
             hertz = None if frequency is None else float(frequency[index])
             for k in range(self.phases):
                 arrays, time = _instant(world[..., index], hertz, k / self.phases)
-                played[time] = put(f"phase_{k + 1:05d}.vtu", arrays, time)
+                moved = "displacement" if "displacement" in arrays else "velocity"
+                played[time] = put(f"phase_{k + 1:05d}.vtu", arrays, time, "velocity", moved)
             _put(path.with_name(f"{path.stem}_phase.pvd"), pvd(played, comment))
+            text = paraview_script(path.stem, mesh, world[..., index], hertz)
+            _put(path.with_name(f"{path.stem}_paraview.py"), text)
         if (strain := strain_of(run)) is not None:
             moving = np.allclose(mesh.position[mesh.surface_layer], strain["position"].values)
             seen = world[mesh.surface_layer] if moving else None
             _put(beside(path), pvd(_strains(strain, folder, comment, seen), comment))
         _put(path, pvd(files, comment))
-
-    def _animated(self, velocity: ComplexArray, frequency: Array | None) -> int:
-        """Find the frequency whose period is played: the one that is set, or the strongest."""
-        if self.animated is None:
-            return int(np.nansum(np.abs(velocity) ** 2, axis=(0, 1)).argmax())
-        known = [] if frequency is None else frequency.tolist()
-        if self.animated not in known:
-            nearest = min(known, key=lambda f: abs(f - self.animated), default=None)
-            told = "it knows no frequency" if nearest is None else f"the nearest is {nearest}"
-            raise UserError(f"export=vtu: the run has nothing at {self.animated} Hz; {told}")
-        return known.index(self.animated)
 
 
 def _strains(
@@ -135,8 +137,12 @@ def _strains(
                 "displacement_real": displacement.real,
                 "displacement_imag": displacement.imag,
             }
+        active = {"Scalars": "von_mises" if "von_mises" in arrays else "principal_strain"}
+        active["Vectors"] = (
+            "displacement_real" if "displacement_real" in arrays else "principal_vector"
+        )
         path = folder / f"strain_{i + 1:05d}.vtu"
-        _put(path, vtu(position, [triangles], arrays, components, hertz, comment))
+        _put(path, vtu(position, [triangles], arrays, components, hertz, comment, active))
         files[hertz] = path.relative_to(folder.parent)
     return files
 
@@ -166,11 +172,11 @@ def _instant(
 ) -> tuple[dict[str, NDArray], float]:
     """Find the motion after a part of the period, and when that is in s, or the part itself."""
     turned = velocity * np.exp(2j * np.pi * part)
-    if hertz is None or hertz <= 0:
-        return {"velocity": turned.real}, part
-    omega = 2 * np.pi * hertz
-    arrays = {"velocity": turned.real, "displacement": (turned / (1j * omega)).real}
-    return arrays, part / hertz
+    known = np.isfinite(velocity).all(axis=1).astype(np.uint8)
+    arrays = {"velocity": turned.real, "determined": known}
+    if not hertz:
+        return arrays, part
+    return arrays | {"displacement": (turned / (2j * np.pi * hertz)).real}, part / hertz
 
 
 def _put(path: Path, text: str) -> None:

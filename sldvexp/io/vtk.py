@@ -6,6 +6,7 @@ import base64
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
@@ -25,6 +26,7 @@ def vtu(
     components: Mapping[str, Sequence[str]],
     time: float | None,
     comment: str,
+    active: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
     """Write the text of a VTU file.
 
@@ -42,6 +44,8 @@ def vtu(
         What the file is an instant of.
     comment : str
         At the file's head.
+    active : mapping of str to str
+        Names of the arrays that programs show at first, as ``Scalars`` and ``Vectors``.
 
     Examples
     --------
@@ -58,7 +62,7 @@ def vtu(
         "<UnstructuredGrid>",
         *(["<FieldData>", *instant, "</FieldData>"] if instant else []),
         f'<Piece NumberOfPoints="{len(position)}" NumberOfCells="{len(corners)}">',
-        "<PointData>",
+        "<PointData" + "".join(f" {k}={quoteattr(n)}" for k, n in active.items()) + ">",
         *(_array(name, values, components.get(name, ())) for name, values in arrays.items()),
         "</PointData>",
         "<Points>",

@@ -46,7 +46,8 @@ def test_nothing_optional_is_needed_to_import_a_module(loaded_by):
     """A plain installation has none of the extras; every module must load all the same."""
     code = (
         "import importlib, pkgutil, sys, sldvexp\n"
-        "for extra in ('dask', 'distributed', 'meshio', 'cholespy', 'cv2'): sys.modules[extra] = None\n"
+        "extras = ('dask', 'distributed', 'meshio', 'cholespy', 'cv2')\n"
+        "for extra in extras: sys.modules[extra] = None\n"
         "found = [m.name for m in pkgutil.walk_packages(sldvexp.__path__, 'sldvexp.')]\n"
         "for name in found: importlib.import_module(name)\n"
         "print(len(found))"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import runpy
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -267,7 +269,7 @@ def test_frequency_that_is_not_known(name, world, tmp_path):
     elif name == "vtu":
         np.testing.assert_array_equal(read_vtu(path).velocity[..., 0], known)
         last = meshio.read(tmp_path / "mine" / "phase_00001.vtu").point_data
-        assert set(last) == {"velocity"}
+        assert set(last) == {"velocity", "determined"}
     elif name == "mat":
         assert np.isnan(read_mat(path).frequency).all()
     else:
@@ -362,6 +364,52 @@ def test_period_of_one_frequency_is_played(local, tmp_path):
     text = (tmp_path / "mine_phase.pvd").read_text()
     assert text.count("<DataSet") == 8
     assert f'timestep="{1 / 440 / 8!r}"' in text
+
+
+class Spoken:
+    """A module that notes what is asked of it, in place of ParaView's."""
+
+    def __init__(self, name, notes):
+        self.__dict__.update(name=name, notes=notes)
+
+    def __getattr__(self, part):
+        return Spoken(f"{self.name}.{part}", self.notes)
+
+    def __call__(self, *words, **named):
+        self.notes[self.name] = (words, named)
+        return Spoken(f"{self.name}()", self.notes)
+
+    def __setattr__(self, part, value):
+        self.notes[f"{self.name}.{part}"] = value
+
+
+@pytest.mark.parametrize("hertz", [440.0, None])
+def test_script_for_paraview_opens_the_period(hertz, local, tmp_path, monkeypatch):
+    tree = dict(local.tree)
+    if hertz is None:
+        tree["field"] = tree["field"].isel(frequency=1, drop=True)
+    Vtu(phases=3, animated=hertz).export(RunData(tree, local.attributes), tmp_path, "my 'own'")
+    notes: dict[str, object] = {}
+    monkeypatch.setitem(sys.modules, "paraview", Spoken("paraview", notes))
+    runpy.run_path(str(tmp_path / "my 'own'_paraview.py"))
+    _, opened = notes["paraview.simple.PVDReader"]
+    assert Path(opened["FileName"]) == tmp_path / "my 'own'_phase.pvd"
+    assert Path(opened["FileName"]).is_file()
+    vector = "displacement" if hertz else "velocity"
+    assert notes["paraview.simple.WarpByVector().Vectors"] == ["POINTS", vector]
+    data = meshio.read(tmp_path / "my 'own'" / "phase_00001.vtu").point_data
+    assert {"velocity", "determined", vector} == set(data)
+    velocity = velocity_in_world(velocities_of(local.run), mesh_of(local.run, "vtu"))[..., 1]
+    unknown = np.isnan(velocity).any(axis=1)
+    assert np.flatnonzero(unknown).tolist() == [5, 7]
+    np.testing.assert_array_equal(data["determined"], (~unknown).astype(int))
+    largest = np.sqrt(np.nansum(np.abs(velocity) ** 2, axis=1)).max()
+    diagonal = np.linalg.norm(np.ptp(local.tree["field"]["position"].values, axis=0))
+    away = largest / (2 * np.pi * hertz) if hertz else largest
+    scale = notes["paraview.simple.WarpByVector().ScaleFactor"]
+    assert scale * away == pytest.approx(0.08 * diagonal)
+    [least, most] = notes["paraview.simple.GetColorTransferFunction().RescaleTransferFunction"][0]
+    assert (least, most) == (0.0, pytest.approx(largest))
 
 
 def test_strongest_frequency_is_played_unless_another_is_named(world, tmp_path):

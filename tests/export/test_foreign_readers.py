@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from sldvexp.export.uff import ShapeNames, UffExport
 from sldvexp.export.ugrid import Ugrid
 from sldvexp.export.velocities import mesh_of, velocity_in_world
 from sldvexp.export.vtu import Vtu
+from tests.shell.made_strain import made_strain
 
 RUNS = ["world", "local"]
 
@@ -96,6 +99,52 @@ def test_paraview_steps_through_frequencies_and_phases(made, tmp_path):
     ).real
     np.testing.assert_allclose(instant.point_data["velocity"], turned, atol=1e-15)
     assert np.isfinite(instant.warp_by_vector("displacement").points).any()
+    assert (instant.active_scalars_name, instant.active_vectors_name) == (
+        "velocity",
+        "displacement",
+    )
+    assert (mesh.active_scalars_name, mesh.active_vectors_name) == (
+        "velocity_amplitude",
+        "velocity_real",
+    )
+
+
+def test_period_is_drawn_as_the_script_for_paraview_says(made, tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    Vtu(phases=4, animated=440.0).export(made.run, tmp_path, "mine")
+    script = (tmp_path / "mine_paraview.py").read_text()
+    scale, largest = (
+        float(re.search(rf"^{name} = (.*)$", script, re.MULTILINE)[1])
+        for name in ("SCALE", "LARGEST")
+    )
+    played = pyvista.get_reader(str(tmp_path / "mine_phase.pvd"))
+    played.set_active_time_point(1)
+    [instant] = played.read()
+    known = instant.threshold((0.5, 1.5), scalars="determined", all_scalars=True)
+    moved = known.warp_by_vector("displacement", factor=scale)
+    rest = np.ptp(instant.points, axis=0)
+    away = np.linalg.norm(moved.points - known.points, axis=1)
+    assert 0.01 < away.max() / np.linalg.norm(rest) < 0.081  # of the largest, at another phase
+    plotter = pyvista.Plotter(off_screen=True, window_size=(320, 240))
+    plotter.add_mesh(moved, clim=(0, largest), show_scalar_bar=False)  # coloured by what is active
+    picture = plotter.screenshot(return_img=True)
+    plotter.close()
+    assert moved.active_scalars_name == "velocity"
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
+
+
+def test_strain_has_its_stress_active(made, tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    strain = made_strain(made.tree["volume"], tuple(known(made, "frequency")))
+    run = replace(made, tree=made.tree | {"strain": strain}).run
+    Vtu(phases=0).export(run, tmp_path, "mine")
+    assert not (tmp_path / "mine_paraview.py").exists()
+    surface = pyvista.read(tmp_path / "mine" / "strain_00001.vtu")
+    assert (surface.active_scalars_name, surface.active_vectors_name) == (
+        "von_mises",
+        "displacement_real",
+    )
+    np.testing.assert_array_equal(surface.active_scalars, strain["von_mises"].values[:, 0])
 
 
 def test_xugrid_finds_the_mesh_and_its_layers(made, tmp_path):

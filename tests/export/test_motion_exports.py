@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from matplotlib import colormaps
 from PIL import Image
 from scipy import ndimage
 
+from sldvexp.config.paths import HANDBOOK
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.export.gif import Gif
@@ -20,6 +21,7 @@ from sldvexp.export.glb import Glb
 from sldvexp.export.motion import DRAWN_SHARE, MotionColour, motion_of
 from sldvexp.export.mp4 import Mp4
 from sldvexp.export.velocities import mesh_of, velocities_of, velocity_in_world
+from sldvexp.export.vtu import Vtu
 from sldvexp.plot import MovingShape
 from sldvexp.plot.style import SIZE_MAP
 from tests.shell.made_strain import made_strain
@@ -384,3 +386,13 @@ def test_command_makes_a_moving_picture_and_says_what_a_film_needs(sldvexp, worl
     monkeypatch.setattr("sldvexp.export.mp4.find_spec", lambda name: None)
     missing = sldvexp("export", str(world.folder), "mp4")
     assert "command line: mp4 needs the package opencv-python-headless: pip" in missing.err
+
+
+def test_handbook_tells_every_setting_of_a_motion():
+    table = (HANDBOOK / "motion.md").read_text(encoding="utf-8").split("| setting |")[1]
+    told: dict[str, set[str]] = {}
+    for names, formats in re.findall(r"^\| (`.*?`) \| (`.*?`) \|", table, re.MULTILINE):
+        for name in re.findall(r"`(\w+)`", formats):
+            told.setdefault(name, set()).update(re.findall(r"`(\w+)`", names))
+    kinds = {"glb": Glb, "gif": Gif, "mp4": Mp4, "vtu": Vtu}
+    assert told == {name: {f.name for f in fields(kind)} for name, kind in kinds.items()}

@@ -162,7 +162,8 @@ def wrong(line: str) -> str:
     known = {"handbook": PAGES, "plot": FIGURES, "export": registry.names("export")}.get(command)
     if known is not None:
         given = words if command == "handbook" else words[1:]
-        return ", ".join(word for word in given if word not in known)
+        named = (word.partition(".")[0] if "=" in word else word for word in given)
+        return ", ".join(word for word in named if word not in known)
     for key, _, value in (word.partition("=") for word in words if "=" in word):
         root = re.split("[./]", key.lstrip("~+"))[0]
         if root not in (*registry.GROUPS, *SETTINGS):
@@ -181,6 +182,7 @@ def test_mistakes_in_calls_of_the_command_are_seen():
         "sldvexp rerunn outputs/<day>/<time>",
         "sldvexp handbook glosary",
         "sldvexp export outputs/<day>/<time> vtuu",
+        "sldvexp export outputs/<day>/<time> vtu vtuu.phases=3",
         "sldvexp show check=truths",
         "sldvexp pose=edgy seed=1",
         "sldvexp poze.path=mine.reg",
