@@ -62,6 +62,7 @@ FIGURES: dict[str, FigureEntry] = {
     "images": FigureEntry(velocity_images.images, velocity_images.unavailable_because),
     "point": FigureEntry(point_spectra.point, point_spectra.unavailable_because),
     "volume": FigureEntry(volume_views.volume, volume_views.unavailable_because),
+    "stands": FigureEntry(volume_views.stands, volume_views.stands_unavailable_because),
     "field": FigureEntry(field_maps.field, field_unavailable_because),
     "surface": FigureEntry(shape.surface, shape.unavailable_because),
     "nodal": FigureEntry(nodal_values.nodal, field_unavailable_because),

@@ -20,6 +20,8 @@ NO_VOLUME = (
     "in experiment=plate"
 )
 
+NO_POSE = "the run has no poses (group pose); see experiment=pose"
+
 #: Length of the drawn axis of an instrument, as a fraction of its distance from the volume.
 AXIS_LENGTH = 0.25
 
@@ -110,6 +112,36 @@ def _panels(names: list[str], title: str) -> tuple[Figure, NDArray[Any], Any]:
     return made, axes, made.add_axes(box, projection="3d")
 
 
+def stands_unavailable_because(run: RunData) -> str:
+    """Explain why no stands can be shown; empty if they can."""
+    if not run.has("pose", "origin", "rotation"):
+        return NO_POSE
+    return "" if unavailable_because(run) else "the figure volume has the instrument's places"
+
+
+@style.styled
+def stands(source: Source | RunData) -> Figure:
+    """Draw where the instrument stood and the way it looked, of a run without a volume.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> pose = group("pose", {"view": ["front"]}, origin=np.zeros((1, 3)), rotation=[np.eye(3)])
+    >>> stands({"pose": pose}).get_suptitle()
+    'Where the instrument stood'
+    """
+    run = RunData.from_source(source)
+    require("stands", stands_unavailable_because(run))
+    names = [str(v) for v in run.groups["pose"]["view"].values]
+    width = style.inches()
+    made = style.figure((0.8 if style.narrow() else 0.55) * width, "Where the instrument stood")
+    made.set_layout_engine("none")
+    axes: Any = made.add_axes((0.05, 0.02, 0.9, 0.88), projection="3d")
+    _scene(axes, run, names)
+    style.legend(made, axes)
+    return made
+
+
 def _surface(group: xr.Dataset) -> IndexArray:
     """Find nodes of the layer nearest to the given surface."""
     depth = group["depth"].values if "depth" in group else np.zeros(1)
@@ -137,13 +169,16 @@ def seen(pose: xr.Dataset, position: Array) -> Array:
 
 def _scene(axes: Axes3D, run: RunData, names: list[str]) -> None:
     """Draw the world with the volume's outline, the object's points, the instrument's places."""
-    pose, group = run.groups["pose"], run.groups["volume"]
-    position = group["position"].values
-    middle = position.mean(axis=0)
-    edges = _apart(position[outline(group)])
-    axes.plot(*edges.T, color=style.COLOURS[1], linewidth=0.6, label="volume")
-    if run.has("target", "position"):
-        points = run.groups["target"]["position"].values
+    pose = run.groups["pose"]
+    points = object_points(run)
+    middle = points.mean(axis=0) if len(points) else np.zeros(3)
+    if run.has("volume", "position", "element"):
+        group = run.groups["volume"]
+        position = group["position"].values
+        middle = position.mean(axis=0)
+        edges = _apart(position[outline(group)])
+        axes.plot(*edges.T, color=style.COLOURS[1], linewidth=0.6, label="volume")
+    if len(points):
         axes.plot(*points.T, "x", color=style.COLOURS[3], markersize=4, label="object's points")
     for name in names:
         one = pose.sel(view=name)
@@ -165,6 +200,17 @@ def _scene(axes: Axes3D, run: RunData, names: list[str]) -> None:
         axis.set_label_text(f"{name}, {VARIABLES['pose']['origin'].units}")
     # the height of most worlds is y; looked at from beside the instruments
     axes.view_init(elev=20, azim=-60, vertical_axis="y")
+
+
+def object_points(run: RunData) -> Array:
+    """Find the points of the calibration object, (n, 3), m; of points of the structure without."""
+    for group, name in (("target", "position"), ("registration", "object_point")):
+        if run.has(group, name):
+            found = np.asarray(run.groups[group][name].values, float).reshape(-1, 3)
+            return found[np.isfinite(found).all(axis=1)]
+    if run.has("line_of_sight", "position"):
+        return np.asarray(run.groups["line_of_sight"]["position"].values, float).reshape(-1, 3)
+    return np.empty((0, 3))
 
 
 def _apart(edges: Array) -> Array:
