@@ -24,7 +24,7 @@ from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.shell.around_holes import HoleFunctions
 from sldvexp.shell.calibration import CalibrationError, calibration_errors
-from sldvexp.shell.least_stretch import least_stretch
+from sldvexp.shell.least_stretch import wall_stretch
 from sldvexp.shell.linear_form import summed
 from sldvexp.shell.love import STRAINS, ThinShell
 from sldvexp.shell.material import Isotropic
@@ -468,20 +468,20 @@ def _heights(method: SurfaceReconstruction, material: Isotropic | None) -> tuple
 def _splines(
     outline: Outline, method: SurfaceReconstruction, longest: float, nu: float | None
 ) -> ThinShell:
-    """Lay splines over the structure; with Poisson's ratio a closed shell's follow its bending."""
+    """Lay splines over the structure; those of a closed shell know its stretch, with nu."""
     rim = BEYOND * longest
     low, high, unit = outline.low - rim, outline.high + rim, UNIT * longest
     closed = outline.closed
     if closed:
         low[0], high[0] = outline.low[0], outline.high[0]
     bending = TensorSplines.over(low, high, method.cells, 5, unit, closed)
-    following = None if nu is None or not closed else least_stretch(outline.chart, bending, nu)
+    membrane = TensorSplines.over(low, high, method.membrane_cells, 3, unit, closed)
     return ThinShell(
         bending,
-        TensorSplines.over(low, high, method.membrane_cells, 3, unit, closed),
+        membrane,
         outline.chart,
         HoleFunctions.of(outline.holes, longest / method.cells),
-        following,
+        wall_stretch(outline.chart, bending, membrane, nu) if closed and nu is not None else None,
     )
 
 

@@ -12,8 +12,9 @@ splines u and v of the same kind as w the energy is ``c' K c``, and
 
     c_uv = T c_w,      T = -K_uv,uv^-1 K_uv,w .
 
-A shell that is open along both directions need not follow: its edges decide what it does, and T is
-left out there. What u0 and v0 have beside T w is small, and their prior shrinks it.
+What u0 and v0 are beside T w costs energy of its own, nothing of it together with w's: a prior by
+this energy shrinks it, and leaves free what ends that are held or loaded do to a shell, since that
+stretches the inside least. A shell that is open along both directions need not follow at all.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from __future__ import annotations
 import numpy as np
 
 from sldvexp.shell.chart import Chart
-from sldvexp.shell.love import ThinShell
+from sldvexp.shell.love import ThinShell, WallStretch
 from sldvexp.shell.splines import Splines, TensorSplines
 from sldvexp.typing import Array
 
@@ -31,11 +32,15 @@ POINTS = 4
 HELD = 1e-10
 
 
-def least_stretch(chart: Chart, splines: TensorSplines, nu: float) -> Array:
-    """Compute T, the coefficients of u and v over those of w, shape (2, function, function).
+def wall_stretch(
+    chart: Chart, bending: TensorSplines, membrane: TensorSplines, nu: float
+) -> WallStretch:
+    """Find how u0 and v0 follow w, and what it takes to stretch the surface otherwise.
 
     Parameters
     ----------
+    bending, membrane : TensorSplines
+        Of w, and of u0 and v0.
     nu : float
         Poisson's ratio.
 
@@ -52,22 +57,27 @@ def least_stretch(chart: Chart, splines: TensorSplines, nu: float) -> Array:
     >>> splines = TensorSplines.over(-high, high, 16, 5, 0.1, around=True)
     >>> place = np.random.default_rng(0).uniform(-high, high, (400, 2))
     >>> w = np.linalg.lstsq(splines(place), np.cos(2 * place[:, 0] / 0.1))[0]
-    >>> u, v = ((splines(place) @ of) @ w for of in least_stretch(chart, splines, 0.3))
+    >>> found = wall_stretch(chart, splines, splines, 0.3)
+    >>> u, v = ((splines(place) @ of) @ w for of in found.following)
     >>> half = np.sin(2 * place[:, 0] / 0.1) / 2
     >>> bool(np.abs(u + half).max() < 1e-3), bool(np.abs(v).max() < 1e-3)
     (True, True)
     """
-    place, weight = _gauss(splines)
-    bare = ThinShell(splines, splines, chart)
-    forms = chart.forms(place)
-    area = weight / np.abs(np.linalg.det(forms.rate))
-    ss, tt, st = bare.strain(place, 0.0)
-    parts = ((1 - nu, ss), (1 - nu, tt), (nu, ss + tt), (2 * (1 - nu), st))
-    stiff = sum(factor * rows.T @ (area[:, None] * rows) for factor, rows in parts)
-    n = splines.count
+    n, m = bending.count, membrane.count
+    stiff = stretch_energy(chart, bending, nu)
     own, crossed = stiff[: 2 * n, : 2 * n], stiff[: 2 * n, 2 * n :]
     held = HELD * np.trace(own) / (2 * n) * np.eye(2 * n)
-    return np.asarray(-np.linalg.solve(own + held, crossed).reshape(2, n, n))
+    following = -np.linalg.solve(own + held, crossed).reshape(2, n, n)
+    return WallStretch(following, stretch_energy(chart, membrane, nu)[: 2 * m, : 2 * m])
+
+
+def stretch_energy(chart: Chart, splines: TensorSplines, nu: float) -> Array:
+    """Integrate the energy of stretch over the surface: K, of the coefficients of u, v and w."""
+    place, weight = _gauss(splines)
+    area = weight / np.abs(np.linalg.det(chart.forms(place).rate))
+    ss, tt, st = ThinShell(splines, splines, chart).strain(place, 0.0)
+    parts = ((1 - nu, ss), (1 - nu, tt), (nu, ss + tt), (2 * (1 - nu), st))
+    return np.asarray(sum(factor * e.T @ (area[:, None] * e) for factor, e in parts))
 
 
 def _gauss(splines: TensorSplines) -> tuple[Array, Array]:

@@ -44,6 +44,22 @@ STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
+class WallStretch:
+    """Stretch of the middle surface of a closed shell; see `sldvexp.shell.least_stretch`.
+
+    Attributes
+    ----------
+    following : ndarray, shape (2, function, function)
+        Coefficients of u0 and v0, in splines of w's own kind, over those of w.
+    energy : ndarray, shape (2 function, 2 function)
+        Of what u0 and v0 are beside that, in the membrane's splines.
+    """
+
+    following: Array
+    energy: Array
+
+
+@dataclass(frozen=True, eq=False)
 class ThinShell:
     """Splines of the middle surface's motion.
 
@@ -57,16 +73,16 @@ class ThinShell:
         Of the middle surface.
     around_holes : HoleFunctions
         What w has beside its splines.
-    following : ndarray, shape (2, function, function), optional
-        Coefficients of u0 and v0, in splines of w's own kind, over those of w: how the middle moves
-        along itself as the walls of a closed shell bend. Its membrane splines come beside.
+    stretch : WallStretch, optional
+        Of a closed shell, whose walls move along themselves as they bend: u0 and v0 follow w, and
+        their membrane splines are what they are beside that.
     """
 
     bending: TensorSplines
     membrane: TensorSplines
     chart: Chart
     around_holes: HoleFunctions = NONE
-    following: Array | None = None
+    stretch: WallStretch | None = None
 
     @property
     def coefficients(self) -> int:
@@ -182,10 +198,10 @@ class ThinShell:
                 row[:, places[field]] += _product(factor, *bases[field, i, j])
                 if field == 2:
                     row[:, self._splines :] += factor[:, None] * singular[i, j]
-                elif self.following is not None:
+                elif self.stretch is not None:
                     followed[field] += _product(factor, *bases[2, i, j])
-            if self.following is not None:
-                row[:, places[2]] += (followed @ self.following).sum(axis=0)
+            if self.stretch is not None:
+                row[:, places[2]] += (followed @ self.stretch.following).sum(axis=0)
             found.append(row)
         return found
 
@@ -211,8 +227,8 @@ class ThinShell:
                     known[field, i, j] = _evaluated(parts[field], *bases[field, i, j])
                     if field == 2:
                         known[field, i, j] += singular[i, j] @ around
-                    elif self.following is not None:
-                        followed = self.following[field] @ parts[2]
+                    elif self.stretch is not None:
+                        followed = self.stretch.following[field] @ parts[2]
                         known[field, i, j] += _evaluated(followed, *bases[2, i, j])
                 found[:, k] += factor[:, None] * known[field, i, j]
         return found
@@ -238,7 +254,7 @@ class ThinShell:
             return known[key]
 
         terms = {term for form in forms for term in form.terms}
-        if self.following is not None:
+        if self.stretch is not None:
             terms |= {(2, i, j) for _, i, j in terms}
         return {(f, i, j): (along(f, 0, i), along(f, 1, j)) for f, i, j in terms}
 
@@ -262,7 +278,9 @@ class ThinShell:
         ----------
         length : float, m, optional
             Over which u0 and v0 vary: ``1 + 2 l^2 |grad|^2 + l^4 |grad grad|^2``, a proper prior
-            that shrinks to no motion. Without it squares of their third derivatives are integrated.
+            that shrinks to no motion; of a closed shell that of what they are beside following w,
+            ``1 + l^2`` times its energy of stretch. Without it squares of their third derivatives
+            are integrated.
         """
         of_w = np.zeros((self.coefficients, self.coefficients))
         of_uv = np.zeros_like(of_w)
@@ -270,10 +288,14 @@ class ThinShell:
         of_w[2 * n : self._splines, 2 * n : self._splines] = self.bending.penalty(4)
         if length is None:
             each = own.penalty(3)
+        elif self.stretch is not None:
+            each = own.penalty(0)
+            of_uv[: 2 * n, : 2 * n] = (length / own.unit) ** 2 * self.stretch.energy
         else:
             reach = length / own.unit
             each = own.penalty(0) + 2 * reach**2 * own.penalty(1) + reach**4 * own.penalty(2)
-        of_uv[:n, :n] = of_uv[n : 2 * n, n : 2 * n] = each
+        of_uv[:n, :n] += each
+        of_uv[n : 2 * n, n : 2 * n] += each
         return [of_w, of_uv]
 
 

@@ -45,7 +45,7 @@ class FieldAround(SmoothField):
         width = size.max() / intervals
         cells = max(int(np.ceil(2 * np.pi * r.mean() / width)), 2 * DEGREE)
         step = 2 * np.pi / cells
-        around = -np.pi + step * np.arange(-DEGREE, cells + DEGREE + 1)
+        around: Array = -np.pi + step * np.arange(-DEGREE, cells + DEGREE + 1)
         knots = (around, straight.knots[about])
         return cls(straight.middle, straight.axes[order], knots)
 
