@@ -10,7 +10,6 @@ import inspect
 import pkgutil
 import re
 from collections.abc import Iterator
-from dataclasses import fields
 from typing import Any
 
 from omegaconf import OmegaConf
@@ -20,6 +19,10 @@ from sldvexp.cli import help as help_pages
 from sldvexp.config import docs, registry
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import choices, conf_dir
+
+#: Settings of no group, and the groups.
+RUN = "run"
+GROUPS = (RUN, *(group for group in registry.GROUPS if registry.BUILT_IN[group]))
 
 #: Heading of a section of a numpydoc docstring.
 SECTION = re.compile(r"^(\w[\w ]*)\n-{3,}\n", re.MULTILINE)
@@ -43,15 +46,15 @@ def settings(groups: tuple[str, ...] = ()) -> str:
     Parameters
     ----------
     groups : tuple of str
-        All, and what belongs to none, if it is empty.
+        Of `GROUPS`; all if it is empty.
     """
     parts = ["# Settings", "Every setting with its value, type, unit and meaning, group by group."]
-    if not groups:
-        root = {field.name: "" for field in fields(Experiment)}
-        parts += ["## Of every run", _parameters(Experiment, root, flat=True)]
-    for group in groups or registry.GROUPS:
+    for group in groups or GROUPS:
         parts.append(f"## {group}")
-        for name in registry.BUILT_IN[group]:
+        if group == RUN:
+            node = OmegaConf.to_container(OmegaConf.structured(Experiment), enum_to_str=True)
+            parts.append(_parameters(Experiment, dict(node)))  # type: ignore[arg-type]
+        for name in registry.BUILT_IN.get(group, ()):
             plugin = registry.get(group, name)
             parts.append(f"### `{group}={name}`")
             parts += [_prose(paragraph) for paragraph in docs.description(plugin)]
@@ -71,13 +74,11 @@ def _files(group: str, plugin: str) -> list[str]:
     return [f.stem for f in found if f"schema/{plugin}" in choices(f).get(group, [])]
 
 
-def _parameters(plugin: type, values: dict[str, Any], flat: bool = False) -> str:
+def _parameters(plugin: type, values: dict[str, Any]) -> str:
     """Write a list of settings."""
     lines = []
     for one in docs.parameters_of(plugin, values):
-        if flat and ("." in one.key or not one.meaning):
-            continue
-        value = f" `{one.value}`" if one.value and not flat else ""
+        value = f" `{one.value}`" if one.value else ""
         told = ". ".join(filter(None, [_prose(one.kind), _prose(one.meaning)]))
         lines.append(f"- `{one.key}`:{value} {told}".rstrip())
     return "\n".join(lines)
@@ -176,9 +177,8 @@ def _prose(text: str) -> str:
     """Escape what Markdown would take for marks, outside of code."""
     text = re.sub(r"``([^`]+)``", r"`\1`", text)
     parts = re.split(r"(`[^`]*`)", text)
-    return "".join(
-        p if p.startswith("`") else re.sub(r"([<>*_\[\]|{}$])", r"\\\1", p) for p in parts
-    )
+    marks = re.compile(r"([<*]|(?<!\w)_|_(?!\w))")
+    return "".join(p if p.startswith("`") else marks.sub(r"\\\1", p) for p in parts)
 
 
 #: Pages that are made, by name.

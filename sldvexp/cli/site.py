@@ -16,7 +16,7 @@ from io import StringIO
 from pathlib import Path
 
 from sldvexp.cli import handbook, in_process, reference
-from sldvexp.config import docs, registry
+from sldvexp.config import docs
 from sldvexp.config.paths import HANDBOOK, conf_dir
 from sldvexp.errors import UserError
 from sldvexp.plot import figures_of, save
@@ -56,6 +56,10 @@ class Shown:
     experiment: str
     figures: tuple[str, ...]
 
+
+INTRODUCTION = (
+    "3-D vibration velocity fields, with bounds, from one scanning laser Doppler vibrometer."
+)
 
 GALLERY = (
     Shown("plate_strain", ("field", "strain", "hot_spots")),
@@ -108,19 +112,23 @@ def write_sources(source: Path, gallery: Iterable[Shown]) -> None:
         (source / f"{name}.md").write_text(for_sphinx(page.read_text(encoding="utf-8")))
     if (HANDBOOK / "pictures").is_dir():
         shutil.copytree(HANDBOOK / "pictures", source / "pictures")
-    (source / "commands.md").write_text(reference.commands())
-    made = {"settings": registry.GROUPS, "functions": reference.rooms()}
-    for kind, parts in made.items():
-        title, told, *_ = getattr(reference, kind)((parts[0],)).split("\n\n")
-        names = []
-        for part in parts:
-            text = getattr(reference, kind)((part,)).split("\n\n", 2)[2]
-            text = re.sub(r"^#(#+ )", r"\1", text, flags=re.MULTILINE)
-            names.append(f"{kind}_{part.replace('.', '_')}")
-            (source / f"{names[-1]}.md").write_text(text)
-        (source / f"{kind}.md").write_text(f"{title}\n\n{told}\n\n{_contents('', names)}")
+    write_reference(source)
     write_gallery(source, gallery)
-    (source / "index.md").write_text(_index())
+    write_chapters(source)
+
+
+def write_reference(source: Path) -> None:
+    """Write the pages that are made of the program, of settings and functions one for each part."""
+    (source / "commands.md").write_text(reference.commands())
+    parts = {"settings": reference.GROUPS, "functions": reference.rooms()}
+    for kind, names in parts.items():
+        files = [f"{kind}_{name.replace('.', '_')}" for name in names]
+        for name, file in zip(names, files, strict=True):
+            title, told, text = getattr(reference, kind)((name,)).split("\n\n", 2)
+            text = re.sub(r"^#(#+ )", r"\1", text, flags=re.MULTILINE)  # a part is a page here
+            (source / f"{file}.md").write_text(text)
+        links = "\n".join(f"- [{n}]({file}.md)" for n, file in zip(names, files, strict=True))
+        (source / f"{kind}.md").write_text(f"{title}\n\n{told}\n\n{links}\n\n{_contents(files)}\n")
 
 
 def for_sphinx(text: str) -> str:
@@ -136,21 +144,31 @@ def for_sphinx(text: str) -> str:
     )
 
 
-def _index() -> str:
-    """Write the first page: chapters with their pages."""
-    parts = [
-        "# sldvexp",
-        "3-D vibration velocity fields, with bounds, from one scanning laser Doppler vibrometer.",
-    ]
+def write_chapters(source: Path) -> None:
+    """Write the first page and one for each chapter, which lists its pages with a sentence each."""
+    told = {name: handbook.first_sentence(page) for name, page in handbook.pages().items()}
+    told |= {**handbook.MADE, "gallery": "Experiments and figures of what they find"}
     chapters = {**handbook.chapters(), "Reference": [*reference.PAGES, "gallery"]}
+    first = ["# sldvexp", INTRODUCTION]
     for title, names in chapters.items():
-        parts.append(_contents(title, names))
-    return "\n\n".join(parts) + "\n"
+        lines = "\n".join(
+            f"- [{name.replace('_', ' ')}]({name}.md): {told[name]}." for name in names
+        )
+        first += [f"## {title}", lines]
+        text = f"# {title}\n\n{lines}\n\n{_contents(names)}\n"
+        (source / f"{_chapter(title)}.md").write_text(text)
+    first.append(_contents(map(_chapter, chapters)))
+    (source / "index.md").write_text("\n\n".join(first) + "\n")
 
 
-def _contents(title: str, names: Iterable[str]) -> str:
-    caption = f":caption: {title}\n" if title else ""
-    return f"```{{toctree}}\n:maxdepth: 1\n{caption}\n" + "\n".join(names) + "\n```"
+def _chapter(title: str) -> str:
+    """Name the file of a chapter."""
+    return f"chapter_{title.lower().replace(' ', '_')}"
+
+
+def _contents(names: Iterable[str]) -> str:
+    """Write the part of a page that makes others its parts, without showing them."""
+    return "```{toctree}\n:maxdepth: 1\n:hidden:\n\n" + "\n".join(names) + "\n```"
 
 
 def write_gallery(source: Path, gallery: Iterable[Shown]) -> None:
