@@ -6,6 +6,8 @@ from . import handbook as handbook
 from . import help as help
 from . import list as list
 from . import plot as plot
+from . import reference as reference
 from . import report as report
 from . import rerun as rerun
 from . import show as show
+from . import site as site

@@ -15,11 +15,11 @@ from hydra._internal.utils import get_args_parser
 from hydra.plugins.completion_plugin import DefaultCompletionPlugin
 from omegaconf import OmegaConf
 
+from sldvexp.cli import handbook
 from sldvexp.cli.commands import COMMANDS
 from sldvexp.cli.list import EXPERIMENT
 from sldvexp.config import Origins, registry
 from sldvexp.config.experiment import NAMED_GROUPS, SINGLE_GROUPS, Experiment
-from sldvexp.config.paths import HANDBOOK
 
 GROUPS = (*registry.GROUPS, EXPERIMENT)
 
@@ -56,7 +56,7 @@ def _all(words: list[str], word: str) -> Iterable[str]:
     if command == "list":
         return GROUPS
     if command == "handbook":
-        return [page.stem for page in HANDBOOK.glob("*.md")]
+        return [*handbook.pages(), *handbook.MADE]
     if command == "show":
         return _choices(word, GROUPS, origins) or [f"{group}=" for group in GROUPS]
     if command == "check":

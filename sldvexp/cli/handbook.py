@@ -9,14 +9,41 @@ from pathlib import Path
 from rich.console import Console
 from rich.markdown import Markdown
 
+from sldvexp import cli
 from sldvexp.cli.layout import columns, wrapped
 from sldvexp.config import docs
 from sldvexp.config.paths import HANDBOOK
 from sldvexp.errors import UserError, nearest
 
+#: Pages in the order in which they are read.
+CHAPTERS = {
+    "Begin": ("first_hour", "own_plate", "own_files", "other_instruments", "first_instrument"),
+    "Work": ("own_experiments", "sweeps", "figures", "formats", "python", "how_to"),
+    "Methods": (
+        "choosing_a_method",
+        "poses",
+        "velocity_images",
+        "fields",
+        "shell",
+        "theory",
+        "virtual_lab",
+    ),
+    "Results": ("reading_a_result", "verdict", "reproduced", "printed"),
+    "Look up": ("conventions", "glossary", "extending", "threats"),
+}
+
+#: Pages that `reference` makes of the program itself.
+MADE = {
+    "commands": "Every command with examples, as sldvexp <command> --help has it",
+    "settings": "Every setting with its value, type, unit and meaning; long",
+    "functions": "Every public function and class with its example; long",
+}
+
+SITE = "site="
+
 
 def run(words: list[str], config_dir: str | None) -> int:
-    """Print the pages with one line each, or one page, or where a word is found.
+    """Print the pages with one line each, or one page, or where a word is found, or make a site.
 
     A terminal gets the page with headings and tables set; a file or a pipe gets the text as it is.
 
@@ -25,25 +52,62 @@ def run(words: list[str], config_dir: str | None) -> int:
     UserError
         If there is more than one word, or it is in no page.
     """
-    pages = {page.stem: page for page in sorted(HANDBOOK.glob("*.md"))}
     if len(words) > 1:
         raise UserError(f"command line: handbook takes one page or word, not {' '.join(words)}")
     if not words:
-        print("\n".join(columns([(name, first_sentence(page)) for name, page in pages.items()])))
-        print("\nsldvexp handbook page shows one of them, sldvexp handbook word finds a word.")
-        return 0
-    alike = [name for name in pages if words[0] == name] or [
-        name for name in pages if len(words[0]) > 2 and words[0] in name
-    ]
-    if len(alike) == 1:
-        _show(pages[alike[0]].read_text(encoding="utf-8"))
-        return 0
-    found = list(_places_of(words[0], pages))
-    if not found:
-        told = nearest(words[0], pages)
-        raise UserError(f"command line: there is no page {words[0]}, and none has the word; {told}")
-    print("\n".join([*wrapped(f"{words[0]} is in"), *columns(found)]))
+        print("\n".join(_list()))
+    elif words[0].startswith(SITE):
+        print(cli.site.build(Path(words[0].removeprefix(SITE) or "site")))
+    elif words[0] in MADE:
+        _show(cli.reference.PAGES[words[0]]())
+    elif page := _page_of(words[0]):
+        _show(page.read_text(encoding="utf-8"))
+    else:
+        found = list(_places_of(words[0]))
+        if not found:
+            told = nearest(words[0], [*pages(), *MADE])
+            raise UserError(
+                f"command line: there is no page {words[0]}, and none has the word; {told}"
+            )
+        print("\n".join([*wrapped(f"{words[0]} is in"), *columns(found)]))
     return 0
+
+
+def pages() -> dict[str, Path]:
+    """Find the pages by name."""
+    return {page.stem: page for page in sorted(HANDBOOK.glob("*.md"))}
+
+
+def chapters() -> dict[str, list[str]]:
+    """List the pages of each chapter in their order; a page of no chapter is one to look up."""
+    found = pages()
+    named = {title: [n for n in names if n in found] for title, names in CHAPTERS.items()}
+    known = {name for names in named.values() for name in names}
+    *_, last = named
+    named[last] += [name for name in found if name not in known]
+    return named
+
+
+def _list() -> Iterator[str]:
+    """Yield the chapters with a line for each page."""
+    files = pages()
+    for title, names in chapters().items():
+        yield title
+        yield from columns([(name, first_sentence(files[name])) for name in names])
+        yield ""
+    yield "Made of the program"
+    yield from columns(list(MADE.items()))
+    yield ""
+    yield "sldvexp handbook page shows one of them, sldvexp handbook word finds a word."
+
+
+def _page_of(word: str) -> Path | None:
+    """Find the page of a name, or of a part of one name only."""
+    files = pages()
+    if word in files:
+        return files[word]
+    alike = [name for name in files if len(word) > 2 and word in name]
+    return files[alike[0]] if len(alike) == 1 else None
 
 
 def _show(text: str) -> None:
@@ -54,9 +118,9 @@ def _show(text: str) -> None:
         print(text, end="")
 
 
-def _places_of(word: str, pages: dict[str, Path]) -> Iterator[tuple[str, str]]:
+def _places_of(word: str) -> Iterator[tuple[str, str]]:
     """Yield pages that have a word, with the headings of the sections that have it."""
-    for name, page in pages.items():
+    for name, page in pages().items():
         text = re.sub(
             r"^```.*?^```$", _indented, page.read_text(encoding="utf-8"), flags=re.M | re.S
         )

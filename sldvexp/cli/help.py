@@ -83,15 +83,18 @@ COMMAND_HELP = {
         ),
     ),
     "handbook": CommandHelp(
-        "[page or word]",
+        "[page, word or site=folder]",
         "pages that explain the program, conventions, words, and how a result is read",
         (
             "Shows a page of the handbook in the terminal, lists all pages, or finds a word in "
-            "them.",
+            "them. With site= the whole handbook becomes a folder of pages for a browser, offline; "
+            "that needs sldvexp[docs].",
         ),
         (
             ("handbook", "the pages with a line each"),
+            ("handbook first_hour", "where to begin"),
             ("handbook bitangent", "pages and sections that have this word"),
+            ("handbook site=manual", "all of it, to open in a browser"),
         ),
     ),
     "check": CommandHelp(

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
+from sldvexp.cli import handbook
 from sldvexp.config.paths import HANDBOOK
 
 TOPICS = sorted(page.stem for page in HANDBOOK.glob("*.md"))
@@ -13,7 +16,8 @@ def test_list_has_a_line_for_every_topic(sldvexp):
     done = sldvexp("handbook")
     assert (done.status, done.err) == (0, "")
     *lines, empty, last = done.out.splitlines()
-    assert sorted(line.split()[0] for line in lines if line.strip() and line[2] != " ") == TOPICS
+    named = [line.split()[0] for line in lines if re.match("  [a-z]", line)]
+    assert sorted(named) == sorted([*TOPICS, *handbook.MADE])
     assert (empty, last.split(",")[0]) == ("", "sldvexp handbook page shows one of them")
     assert max(map(len, lines)) <= 100
 
@@ -72,8 +76,8 @@ def test_command_loads_neither_numpy_nor_other_heavy_libraries(loaded_by, argume
 
 
 def test_help_and_completion_know_it(sldvexp, monkeypatch):
-    assert "  handbook [page or word] " in sldvexp("--help").out
+    assert "  handbook [page, word or site=folder]" in sldvexp("--help").out
     monkeypatch.setenv("COMP_LINE", "sldvexp handbook ")
-    assert sldvexp("-sc", "query=bash").out.split() == TOPICS
+    assert sldvexp("-sc", "query=bash").out.split() == sorted([*TOPICS, *handbook.MADE])
     monkeypatch.setenv("COMP_LINE", "sldvexp hand")
     assert sldvexp("-sc", "query=bash").out.split() == ["handbook"]

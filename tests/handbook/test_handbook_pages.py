@@ -9,7 +9,7 @@ from dataclasses import fields
 import pytest
 from handbook_pages import FENCE, PAGES, group_of, sections
 
-from sldvexp.cli import main
+from sldvexp.cli import main, reference
 from sldvexp.cli.commands import COMMANDS
 from sldvexp.config import Origins, registry
 from sldvexp.config.experiment import Experiment
@@ -159,7 +159,11 @@ def wrong(line: str) -> str:
     command = words.pop(0) if words and not re.search("[=~]", words[0]) else ""
     if command and command not in COMMANDS:
         return f"there is no command {command}"
-    known = {"handbook": PAGES, "plot": FIGURES, "export": registry.names("export")}.get(command)
+    known = {
+        "handbook": [*PAGES, *reference.PAGES],
+        "plot": FIGURES,
+        "export": registry.names("export"),
+    }.get(command)
     if known is not None:
         given = words if command == "handbook" else words[1:]
         named = (word.partition(".")[0] if "=" in word else word for word in given)

@@ -66,7 +66,7 @@ MISTAKES = {
     "code": (
         "RATE {rate}",
         "RATE {rate.__class__}",
-        r"commands.configure.lab\[0\] has the unknown placeholder {rate.__class__}; Valid: amp",
+        r"commands.configure.lab\[0\] has the unknown placeholder {rate.__class__}; did you mean",
     ),
     "unfinished": (
         "POS {up_down},",
