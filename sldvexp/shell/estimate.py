@@ -408,9 +408,9 @@ def _estimate(
     outline = Outline.of(volume, prisms, given)
     require_no_crossing(outline)
     longest = float((outline.high - outline.low).max())
-    length = None
+    length, level = None, 1.0
     if isinstance(method, Shell):
-        length = method.membrane_length or LENGTH * longest
+        length, level = method.membrane_length or LENGTH * longest, method.membrane_level
     notes = []
     joint = pose_covariance(views, covariance)
     if joint is None:
@@ -425,7 +425,7 @@ def _estimate(
         method.poses is PoseTreatment.adjust,
     )
     shell = _splines(outline, method, longest)
-    found = fit(views, images, std, laser, outline, shell, face, length, errors)
+    found = fit(views, images, std, laser, outline, shell, face, length, level, errors)
     return SurfaceField(found, prisms, volume, method, material, frequency, [*notes, *_told(found)])
 
 
