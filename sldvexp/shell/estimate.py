@@ -409,9 +409,9 @@ def _estimate(
     outline = Outline.of(volume, prisms, given)
     require_no_crossing(outline)
     longest = float((outline.high - outline.low).max())
-    length = None
+    length, level = None, 1.0
     if isinstance(method, Shell):
-        length = method.membrane_length or LENGTH * longest
+        length, level = method.membrane_length or LENGTH * longest, method.membrane_level
     notes = []
     joint = pose_covariance(views, covariance)
     if joint is None:
@@ -427,7 +427,7 @@ def _estimate(
     )
     nu = material.nu if method.of_middle and material is not None else None
     shell = _splines(outline, method, longest, nu)
-    found = fit(views, images, std, laser, outline, shell, face, length, errors)
+    found = fit(views, images, std, laser, outline, shell, face, length, level, errors)
     return SurfaceField(found, prisms, volume, method, material, frequency, [*notes, *_told(found)])
 
 

@@ -30,7 +30,7 @@ All columns of data share these factors.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -146,11 +146,14 @@ class WeightedFit:
         ``A'y``.
     share : list of ndarray, shape (weight, column)
         Of each level's combinations in the average; all together they add up to 1.
+    density : list of ndarray, shape (weight, column)
+        Logarithms of likelihood and prior of each level's combinations, but for a constant.
     """
 
     levels: list[Level]
     reduced: Array
     share: list[Array]
+    density: list[Array]
 
     @classmethod
     def of(
@@ -205,12 +208,29 @@ class WeightedFit:
             density.append(-twice / 2 + of_tau[:, None])
         if not levels:
             raise np.linalg.LinAlgError("the data and both priors leave coefficients open")
-        share = np.exp(np.array(density) - np.max(density, axis=(0, 1)))
-        share /= share.sum(axis=(0, 1))
-        share[share < NEGLIGIBLE] = 0
-        share /= share.sum(axis=(0, 1))
+        share = _shares(np.array(density))
         used = np.flatnonzero(share.any(axis=(1, 2)))
-        return cls([levels[i] for i in used], reduced, [share[i] for i in used])
+        levels, density = [levels[i] for i in used], [density[i] for i in used]
+        return cls(levels, reduced, [share[i] for i in used], density)
+
+    def with_most(self, gained: Sequence[Array], part: float) -> WeightedFit:
+        """Keep the combinations that let the second's coefficients be largest.
+
+        An average shrinks what is too small to be found, and its variance falls with it. Bounds of
+        what may have been overlooked are those of the largest that the data do not speak against.
+
+        Parameters
+        ----------
+        gained : sequence of ndarray, shape (weight, column)
+            Added to the density of each level's combinations.
+        part : float
+            Share of all combinations that is kept, those of the smallest lam_2.
+        """
+        share = _shares(np.array(self.density) + np.array(gained))
+        by_weight = share.sum(axis=0)
+        before = np.cumsum(by_weight, axis=0) - by_weight
+        kept = np.clip(part - before, 0.0, by_weight) / np.where(by_weight > 0, by_weight, 1.0)
+        return replace(self, share=list(share * kept / part))
 
     @property
     def condition(self) -> float:
@@ -273,6 +293,14 @@ class WeightedFit:
                     variance = least + (scale @ others**2)[:, None]
                     spread += share * (variance + (here - mean) ** 2)
         return mean, spread
+
+
+def _shares(density: Array) -> Array:
+    """Compute shares of combinations, (level, weight, column), from logarithms of densities."""
+    share = np.exp(density - np.max(density, axis=(0, 1)))
+    share /= share.sum(axis=(0, 1))
+    share[share < NEGLIGIBLE] = 0
+    return np.asarray(share / share.sum(axis=(0, 1)))
 
 
 def _first_root(schur: Array, penalty: Array, weights: Array) -> tuple[Array, int]:

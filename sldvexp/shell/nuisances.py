@@ -8,6 +8,15 @@ Their errors d have the prior ``d = L x`` with ``x ~ N(0, 1)``. The data of all 
 
 where A and J are those at the errors d0. Every result g of the field changes with them by
 ``-g H_c^-1 A'J_c (d - d0)``.
+
+Likelihoods of the field's weights are taken at d0 there. Where the errors are not held, but
+integrated over with their prior, a column of data alone gives each combination of weights
+
+    -2 log L gains d0'(2 J'R y + N d0) - F'(1 + L' N L)^-1 F + log|1 + L' N L|,
+    R = 1 - A H^-1 A', N = J'R J, F = L'(J'R y + N d0)
+
+(the determinant lemma; Rasmussen and Williams 2006, 2.7): errors that were found anew have taken up
+whatever motion of the middle looks like them, and at them nothing speaks for it any more.
 """
 
 from __future__ import annotations
@@ -17,7 +26,76 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.lazy import scipy
+from sldvexp.shell.evidence import WeightedFit
 from sldvexp.typing import Array
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorEquations:
+    """Equations of the errors, of every column of data.
+
+    Attributes
+    ----------
+    prior : ndarray, shape (error, any)
+        L.
+    at : ndarray, shape (error,)
+        d0.
+    crossed : ndarray, shape (coefficient, error, column)
+        ``A'J_c``.
+    products : ndarray, shape (error, column)
+        ``J_c' y_c``.
+    squares : ndarray, shape (column, error, error)
+        ``J_c' J_c``.
+    """
+
+    prior: Array
+    at: Array
+    crossed: Array
+    products: Array
+    squares: Array
+
+    def solved(self, posterior: WeightedFit) -> list[Array]:
+        """Compute ``H_c^-1 A'J_c`` of every column, shape (coefficient, error) each."""
+        return [posterior.solve(self.crossed[:, :, c], c) for c in range(len(self.squares))]
+
+    def known(self, posterior: WeightedFit, solved: list[Array]) -> Nuisances:
+        """Combine the prior with what all columns tell."""
+        told = [
+            square - self.crossed[:, :, c].T @ solved[c] for c, square in enumerate(self.squares)
+        ]
+        return Nuisances.posterior(
+            self.prior, self.at, self.products, told, solved, posterior.reduced
+        )
+
+    def gained(self, posterior: WeightedFit) -> list[Array]:
+        """Compute what densities of weights gain if the errors are not held at d0.
+
+        Returns
+        -------
+        list of ndarray, shape (weight, column)
+            Of each level.
+        """
+        gained = []
+        for level in posterior.levels:
+            own = np.empty((level.scale.shape[1], len(self.squares)))
+            of_data, to_data = level.whitened(posterior.reduced)
+            for c, square in enumerate(self.squares):
+                inner, outer = level.whitened(self.crossed[:, :, c])
+                for k, scale in enumerate(level.scale.T):
+                    scaled = outer.T * scale
+                    told = square - inner.T @ inner - scaled @ outer
+                    left = self.products[:, c] - inner.T @ of_data[:, c] - scaled @ to_data[:, c]
+                    own[k, c] = -self._twice(told, left) / 2
+            gained.append(own)
+        return gained
+
+    def _twice(self, told: Array, left: Array) -> float:
+        """Compute what -2 log L gains, from N and ``J'R y``."""
+        force = self.prior.T @ (left + told @ self.at)
+        precision = np.eye(self.prior.shape[1]) + self.prior.T @ told @ self.prior
+        explained = force @ np.linalg.solve(precision, force)
+        held = self.at @ (2 * left + told @ self.at)
+        return float(held - explained + np.linalg.slogdet(precision)[1])
 
 
 @dataclass(frozen=True, eq=False)

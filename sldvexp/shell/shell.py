@@ -25,6 +25,10 @@ class Shell(SurfaceReconstruction):
     membrane_length : float, m, optional
         Over which the middle surface's own motion along itself varies; two thirds of the longer
         side without it.
+    membrane_level : float
+        Level at which images reject a motion of the middle surface along itself: where poses are
+        adjusted, bounds hold the largest one that they do not reject. With 1 bounds are those of
+        an average over all such motions, which takes what is too small to be found for none.
 
     Examples
     --------
@@ -34,9 +38,12 @@ class Shell(SurfaceReconstruction):
     """
 
     membrane_length: float | None = None
+    membrane_level: float = 0.01
 
     of_middle: ClassVar[bool] = True
 
     def _check(self, checks: Checks) -> None:
         if self.membrane_length is not None:
             checks.positive("membrane_length", self.membrane_length)
+        message = f"must be above 0 and at most 1, not {self.membrane_level}"
+        checks.require(0 < self.membrane_level <= 1, "membrane_level", message)

@@ -24,7 +24,7 @@ from sldvexp.shell.columns import SignalColumns
 from sldvexp.shell.evidence import WeightedFit
 from sldvexp.shell.linear_form import LinearForm
 from sldvexp.shell.love import ThinShell
-from sldvexp.shell.nuisances import Nuisances
+from sldvexp.shell.nuisances import ErrorEquations, Nuisances
 from sldvexp.shell.outline import Outline
 from sldvexp.shell.pixels import ViewPixels, beams_by_step
 from sldvexp.shell.refusals import too_few_pixels
@@ -183,6 +183,9 @@ class SurfaceFit:
     pointed : list of ndarray, shape (coefficient, field)
         Of every reduced column: what pointing errors with random signs at all pixels make of the
         coefficients, over the root of the number of such fields; empty if none are known of.
+    bounding : SurfaceFit, optional
+        With the largest motion of the middle that the data do not speak against, by which bounds
+        are made; this one's own without it.
     """
 
     shell: ThinShell
@@ -199,6 +202,7 @@ class SurfaceFit:
     laser: TwoMirror
     calibration: slice
     pointed: list[Array]
+    bounding: SurfaceFit | None = None
 
     @cached_property
     def size(self) -> Array:
@@ -255,23 +259,40 @@ class SurfaceFit:
 
         Those from height and thickness count as those from poses.
         """
-        mean, variance = self.posterior.evaluate(rows)
-        gain = -np.stack([rows @ s for s in self.solved], axis=-1)  # (functional, error, column)
-        if thicker is not None:
-            gain[:, -1] += thicker @ self.posterior.mean()
-        mean = mean + np.einsum("fec,e->fc", gain, self.nuisances.mean - self.at)
+        mean, variance, gain = self._by_column(rows, thicker)
+        bounding = self.bounding or self
+        if bounding is not self:
+            other, variance, gain = bounding._by_column(rows, thicker)
+            variance += (other - mean) ** 2
         values, own = self.columns.lines(mean, variance)
 
         def squares(spread: Array) -> Array:
             return self.columns.quadratic(np.einsum("fmc,fmd->fcd", spread, spread))
 
-        goes_along, rest = self.nuisances.by_source(self.calibration)
+        goes_along, rest = bounding.nuisances.by_source(self.calibration)
         found = {"noise": own, "pose": squares(np.einsum("fec,em->fmc", gain, rest))}
         if self.pointed:
             found["pointing"] = squares(np.stack([rows @ p for p in self.pointed], axis=-1))
         if goes_along.shape[1]:
             found["calibration"] = squares(np.einsum("fec,em->fmc", gain, goes_along))
         return values, found
+
+    def _by_column(self, rows: Array, thicker: Array | None) -> tuple[Array, Array, Array]:
+        """Evaluate every reduced column.
+
+        Returns
+        -------
+        mean, variance : ndarray, shape (functional, column)
+            With the errors as they were found, and from noise and smoothing alone.
+        gain : ndarray, shape (functional, error, column)
+            Change of the mean by the errors.
+        """
+        mean, variance = self.posterior.evaluate(rows)
+        gain = -np.stack([rows @ s for s in self.solved], axis=-1)
+        if thicker is not None:
+            gain[:, -1] += thicker @ self.posterior.mean()
+        found = np.einsum("fec,e->fc", gain, self.nuisances.mean - self.at)
+        return mean + found, variance, gain
 
 
 def fit(
@@ -283,6 +304,7 @@ def fit(
     shell: ThinShell,
     face: float,
     length: float | None,
+    level: float,
     errors: PriorErrors,
 ) -> SurfaceFit:
     """Fit splines to the pixels of all views.
@@ -296,6 +318,9 @@ def fit(
         Height of the measured face above the splines' surface.
     length : float, m, optional
         Of the prior of the motion along the surface; see `ThinShell.penalties`.
+    level : float
+        At which data speak against a motion of the middle that bounds then need not hold; 1 has
+        the average over all. Only errors that are adjusted can have taken such a motion up.
 
     Raises
     ------
@@ -307,7 +332,7 @@ def fit(
     if count < FEWEST:
         raise too_few_pixels(count, FEWEST, views, outline, face)
     measured = Measured.of(images, std, pixels, shell, face)
-    equations = _Equations(laser, outline, shell, face, length, errors, pixels, measured)
+    equations = _Equations(laser, outline, shell, face, length, level, errors, pixels, measured)
     found = equations.at(np.zeros(len(errors.factor)))
     for _ in range(REPEATED if errors.adjusted else 0):
         moved = found.nuisances.mean.copy()
@@ -327,6 +352,7 @@ class _Equations:
     shell: ThinShell
     face: float
     length: float | None
+    level: float
     errors: PriorErrors
     pixels: list[ViewPixels]
     measured: Measured
@@ -368,8 +394,9 @@ class _Equations:
             [grid - 2 * np.log(size) for grid in WEIGHTS],
             np.inf if self.length is None else MEMBRANE * size,
         )
-        solved, nuisances = self._nuisances(at, posterior, moved, face, height)
-        return SurfaceFit(
+        equations = self._of_errors(at, posterior, moved, face, height)
+        solved = equations.solved(posterior)
+        found = SurfaceFit(
             self.shell,
             self.outline,
             face,
@@ -378,28 +405,44 @@ class _Equations:
             self.columns,
             posterior,
             solved,
-            nuisances,
+            self._nuisances(equations, posterior, solved),
             at,
             self.errors,
             self.laser,
             self.errors.own,
             [],
         )
+        if not self.errors.adjusted or self.level == 1:
+            return found
+        most = posterior.with_most(equations.gained(posterior), self.level)
+        solved = equations.solved(most)
+        nuisances = self._nuisances(equations, most, solved)
+        bounding = replace(found, posterior=most, solved=solved, nuisances=nuisances)
+        return replace(found, bounding=bounding)
 
     def _nuisances(
+        self, equations: ErrorEquations, posterior: WeightedFit, solved: list[Array]
+    ) -> Nuisances:
+        """Find the errors, if they may move."""
+        prior = self.errors.factor
+        if self.errors.adjusted and prior.size:
+            return equations.known(posterior, solved)
+        return Nuisances(np.zeros(len(prior)), prior)
+
+    def _of_errors(
         self,
         at: Array,
         posterior: WeightedFit,
         moved: list[ViewPixels],
         face: float,
         height: float,
-    ) -> tuple[list[Array], Nuisances]:
-        """Solve for what the errors do to the coefficients, and find the errors if they may move.
+    ) -> ErrorEquations:
+        """Make the equations of the errors.
 
         With derivatives J of each view's whitened predictions by its pose, height and thickness.
         """
-        right, theta = posterior.reduced, posterior.mean()
-        errors, columns = len(at), right.shape[1]
+        theta = posterior.mean()
+        errors, columns = len(at), theta.shape[1]
         crossed = np.zeros((self.shell.coefficients, errors, columns))
         products = np.zeros((errors, columns))
         squares = np.zeros((columns, errors, errors))
@@ -413,11 +456,7 @@ class _Equations:
             products[own] += np.einsum("pec,pc->ec", j, self.columns.data[some])
             of_view = np.einsum("pec,pfc->cef", j, j, optimize=True)
             squares[np.ix_(range(columns), own, own)] += of_view
-        solved = [posterior.solve(crossed[:, :, c], c) for c in range(columns)]
-        if not self.errors.adjusted or not self.errors.factor.size:
-            return solved, Nuisances(np.zeros(errors), self.errors.factor)
-        told = [squares[c] - crossed[:, :, c].T @ solved[c] for c in range(columns)]
-        return solved, Nuisances.posterior(self.errors.factor, at, products, told, solved, right)
+        return ErrorEquations(self.errors.factor, at, crossed, products, squares)
 
     def pointed(self, found: SurfaceFit) -> list[Array]:
         """Make coefficients of fields of pointing errors, as `SurfaceFit.pointed` has them."""
@@ -425,6 +464,7 @@ class _Equations:
         if not any(steps):
             return []
         theta, rng = found.posterior.mean(), np.random.default_rng(0)
+        posterior = (found.bounding or found).posterior
         crossed = np.zeros((self.shell.coefficients, FIELDS, theta.shape[1]))
         for k, some, block in blocks(found.pixels):
             weight = 1 / self.measured.pixel_std[some, None]
@@ -434,7 +474,7 @@ class _Equations:
             errors = signs @ (slope * weight[:, None])
             a = block.design(self.shell, found.face) * weight
             crossed += (a.T @ errors.reshape(len(a), -1)).reshape(crossed.shape)
-        solved = [found.posterior.solve(crossed[:, :, c], c) for c in range(theta.shape[1])]
+        solved = [posterior.solve(crossed[:, :, c], c) for c in range(theta.shape[1])]
         return [each / np.sqrt(FIELDS) for each in solved]
 
     def _changes(

@@ -56,6 +56,8 @@ class Case:
         Of a view.
     stretch : float, m/s
         Of the lab's modes along the surface.
+    in_phase : float, m/s
+        Of the middle along itself in phase with the bending.
     """
 
     radius: float | None = None
@@ -64,6 +66,7 @@ class Case:
     worse: float = 1.0
     pixels: tuple[int, int] = (39, 46)
     stretch: float = 0.2
+    in_phase: float = 0.0
 
 
 CASES = {
@@ -73,6 +76,8 @@ CASES = {
     "fifth": Case(smaller=5.0),
     "poses": Case(worse=20.0),
 }
+#: Motions of the middle in phase with the bending, from such that nobody finds to such that all do.
+IN_PHASE = {f"in_phase_{um}": Case(in_phase=um * 1e-6) for um in (3, 9, 13, 19, 30, 45, 90)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +102,11 @@ class Session:
     gage_bound: np.ndarray
 
 
-def session(case: Case, seed: int) -> Session:
-    """Simulate and reconstruct one."""
-    truth = lab.plate(case.radius, case.stretch / case.smaller, 0.003 / case.smaller)
+def session(case: Case, seed: int, **settings) -> Session:
+    """Simulate one and reconstruct it, with settings of the method."""
+    truth = lab.plate(
+        case.radius, case.stretch / case.smaller, 0.003 / case.smaller, in_phase=case.in_phase
+    )
     rng = np.random.default_rng(1000 + seed)
     std = case.worse * np.tile([ROTATION] * 3 + [ORIGIN] * 3, len(lab.PLACES))
     errors = (std * rng.normal(size=len(std))).reshape(-1, 6)
@@ -109,7 +116,7 @@ def session(case: Case, seed: int) -> Session:
         views,
         lab.LASER,
         lab.volume(case.radius),
-        lab.method(),
+        lab.method(**settings),
         sheet,
         frequency=[case.frequency],
         covariance=np.diag(std**2),
@@ -212,4 +219,4 @@ def told(name: str, sessions: list[Session]) -> str:
 if __name__ == "__main__":
     case, count = sys.argv[1], int(sys.argv[2])
     first = int(sys.argv[3]) if len(sys.argv) > 3 else 0
-    print(told(case, [session(CASES[case], first + seed) for seed in range(count)]))
+    print(told(case, [session((CASES | IN_PHASE)[case], first + seed) for seed in range(count)]))

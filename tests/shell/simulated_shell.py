@@ -33,10 +33,11 @@ BEHIND = np.diag([1.0, -1.0, -1.0])
 BACK_POSES = tuple((r @ BEHIND, CENTER + BEHIND @ (o - CENTER)) for r, o in FACE_POSES)
 
 
-def plate(radius=None, stretch=0.2, thickness=0.003, shear=0.0):
+def plate(radius=None, stretch=0.2, thickness=0.003, shear=0.0, in_phase=0.0):
     """The plate of the lab; stretch is the velocity of its modes along itself, m/s.
 
-    Shear takes such a part of the slope of the mode of one half wave along each side.
+    Shear takes such a part of the slope of the mode of one half wave along each side. In phase with
+    that mode, the middle moves along itself with a velocity of its own, m/s.
     """
     modes = {
         "bending": Mode(1, 1, 197.0, velocity=0.02),
@@ -44,6 +45,9 @@ def plate(radius=None, stretch=0.2, thickness=0.003, shear=0.0):
         "x": Mode(1, 0, 9000.0, velocity=stretch, direction=Direction.x),
         "y": Mode(0, 1, 10800.0, velocity=stretch, direction=Direction.y),
     }
+    if in_phase:
+        modes["x_in_phase"] = Mode(1, 0, 197.0, velocity=in_phase, direction=Direction.x)
+        modes["y_in_phase"] = Mode(0, 1, 197.0, velocity=in_phase / 1.2, direction=Direction.y)
     return VibratingPlate.built(
         Plate(
             center=CENTER.tolist(),

@@ -7,7 +7,7 @@ import pytest
 
 from sldvexp.shell import WeightedFit
 from sldvexp.shell.columns import SignalColumns
-from sldvexp.shell.nuisances import Nuisances
+from sldvexp.shell.nuisances import ErrorEquations, Nuisances
 
 ROWS, COEFFICIENTS = 60, 12
 
@@ -152,3 +152,45 @@ def test_errors_beside_the_field_by_one_regression():
     inverse = np.linalg.inv(whole)
     assert got.mean == pytest.approx((inverse @ right)[size:])
     assert got.factor @ got.factor.T == pytest.approx(inverse[size:, size:])
+
+
+def test_likelihood_of_weights_with_the_errors_integrated_over():
+    """Differences of it between weights are those of the data's own normal distribution."""
+    rng, design, penalties = problem(6)
+    proper = 1e-2 * np.diag([1.0, 1.0, *np.zeros(COEFFICIENTS - 2)])
+    jacobian, prior, at = rng.normal(size=(ROWS, 3)), rng.normal(size=(3, 3)), rng.normal(size=3)
+    data = (design @ rng.normal(size=COEFFICIENTS) + rng.normal(size=ROWS))[:, None]
+    grids = [np.array([-1.0, 0.5]), np.array([0.0, 1.0, 3.0])]
+    normal = design.T @ design + proper
+    found = WeightedFit.of(normal, design.T @ data, (data**2).sum(axis=0), penalties, grids)
+    crossed = (design.T @ jacobian)[:, :, None]
+    square = (jacobian.T @ jacobian)[None]
+    equations = ErrorEquations(prior, at, crossed, jacobian.T @ data, square)
+    got = np.array(found.density) + np.array(equations.gained(found))
+    # Data from everything: y + J d0 = A theta + J L x + e.
+    moved, spread = data[:, 0] + jacobian @ at, jacobian @ prior
+    wanted = np.empty((2, 3))
+    for i, a in enumerate(grids[0]):
+        for k, b in enumerate(grids[1]):
+            inverse = np.linalg.inv(proper + np.exp(a) * penalties[0] + np.exp(b) * penalties[1])
+            covariance = np.eye(ROWS) + spread @ spread.T + design @ inverse @ design.T
+            chi2 = moved @ np.linalg.solve(covariance, moved)
+            wanted[i, k] = -(chi2 + np.linalg.slogdet(covariance)[1]) / 2 - b / 2
+    assert got[:, :, 0] - got[0, 0, 0] == pytest.approx(wanted - wanted[0, 0], rel=1e-9)
+
+
+def test_the_largest_that_data_allow_are_kept():
+    """Of each column, a part of all shares from the smallest weight on."""
+    rng, design, penalties = problem(7)
+    data = rng.normal(size=(ROWS, 2)) + design[:, 6:8]
+    grids = [np.array([0.0, 2.0]), np.arange(-2.0, 9.0)]
+    found = fitted(design, data, penalties, grids)
+    nothing = [np.zeros_like(own) for own in found.density]
+    whole, tenth = (np.array(found.with_most(nothing, part).share) for part in (1.0, 0.1))
+    assert whole == pytest.approx(np.array(found.share))
+    assert tenth.sum(axis=(0, 1)) == pytest.approx(1.0)
+    assert np.all(tenth <= 10 * whole * (1 + 1e-12))
+    for c in range(2):
+        cut = int(np.searchsorted(np.cumsum(whole[:, :, c].sum(axis=0)), 0.1))
+        assert tenth[:, :cut, c] == pytest.approx(10 * whole[:, :cut, c])
+        assert not tenth[:, cut + 1 :, c].any()

@@ -233,6 +233,7 @@ def test_a_volume_beside_the_structure_is_told():
         ({"cells": 1}, "cells: must be 2 or more"),
         ({"confidence": 1.0}, "confidence: must lie between 0 and 1"),
         ({"membrane_length": 0.0}, "membrane_length: must be a positive"),
+        ({"membrane_level": 0.0}, "membrane_level: must be above 0 and at most 1, not 0"),
     ],
 )
 def test_settings_that_cannot_be(settings, told):
