@@ -1,6 +1,6 @@
 """Meridian of a surface of revolution: the curve that turns about an axis.
 
-Its points are (r, y), the distance from the axis and the place along it. A cubic spline through
+Its points are (r, y), the distance from the axis and the place along it. A quintic spline through
 them runs over the parameter t, the length of the chords, from minus half to half of it; beyond its
 ends the curve goes on straight.
 """
@@ -16,6 +16,8 @@ import numpy as np
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array
 
+#: Degree of its splines, so that its curvature changes smoothly.
+DEGREE = 5
 #: Parts of a bent curve between which places near it are looked for.
 PARTS = 64
 #: Steps to the nearest place, and the change of the parameter that ends them, over the length.
@@ -55,7 +57,7 @@ class Meridian:
 
     @cached_property
     def _spline(self) -> Any:
-        degree = min(3, len(self.corners) - 1)
+        degree = min(DEGREE, len(self.corners) - 1)
         return scipy.interpolate.make_interp_spline(self.knots, self.corners, degree)
 
     def __call__(self, t: Array, order: int = 0) -> Array:

@@ -30,7 +30,7 @@ class FieldAround(SmoothField):
     @classmethod
     def on(cls, surface: Array, intervals: int) -> SmoothField:
         """Lay knots over a surface that is closed around an axis, and along axes over any other."""
-        straight = super().on(surface, intervals)
+        straight = SmoothField.on(surface, intervals)
         if any(k is None for k in straight.knots):
             return straight
         along = (surface - straight.middle) @ straight.axes.T
@@ -45,7 +45,7 @@ class FieldAround(SmoothField):
         width = size.max() / intervals
         cells = max(int(np.ceil(2 * np.pi * r.mean() / width)), 2 * DEGREE)
         step = 2 * np.pi / cells
-        around: Array = -np.pi + step * np.arange(-DEGREE, cells + DEGREE + 1)
+        around = np.asarray(-np.pi + step * np.arange(-DEGREE, cells + DEGREE + 1), float)
         knots = (around, straight.knots[about])
         return cls(straight.middle, straight.axes[order], knots)
 

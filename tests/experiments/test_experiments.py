@@ -24,6 +24,7 @@ SLOW = {
     "plate_faces",
     "plate_frf",
     "plate_hole",
+    "tube_strain",
 }
 BOUNDS = ("at_least", "at_most")
 #: Has its other side by itself: no more than all.

@@ -6,14 +6,20 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import UserError
-from sldvexp.geometry import rotation_from_euler
-from sldvexp.shell import CylinderChart, HeightChart, TensorSplines, ThinShell
+from sldvexp.geometry import Meridian, rotation_from_euler
+from sldvexp.shell import CylinderChart, HeightChart, RevolutionChart, TensorSplines, ThinShell
 from sldvexp.shell.chart import Chart
 from sldvexp.shell.outline import fitted_chart
 from tests.shell.simulated_surface import HEIGHTS, RADIUS, mesh, sphere
 
 AXES, CENTER = rotation_from_euler([0.3, 1.1, -0.7]), np.array([1.0, -2.0, 0.5])
 LOW, HIGH = np.array([-0.13, -0.105]), np.array([0.13, 0.105])
+#: (r, y) of shells of revolution, upwards; a cup widens and bends both ways.
+MERIDIANS = {
+    "tube": [[0.2, -0.11], [0.2, 0.11]],
+    "cone": [[0.25, -0.1], [0.15, 0.1]],
+    "cup": [[0.15, -0.1], [0.19, -0.04], [0.21, 0.02], [0.22, 0.08], [0.22, 0.12]],
+}
 
 
 def charts() -> dict[str, Chart]:
@@ -22,6 +28,8 @@ def charts() -> dict[str, Chart]:
         name: CylinderChart(CENTER, AXES, k)
         for name, k in (("plane", 0.0), ("cylinder", 2.0), ("trough", -2.0))
     }
+    for name, points in MERIDIANS.items():
+        made[name] = RevolutionChart(CENTER, AXES, Meridian(np.array(points)))
     for name, height in HEIGHTS.items():
         made[name] = HeightChart.fitted(mesh(height, rotation=AXES, center=CENTER))
     return made | {f"below the {name}": chart.lowered(0.003) for name, chart in made.items()}
@@ -85,7 +93,7 @@ def test_axes_turn_as_the_forms_say(chart):
 def test_beams_meet_the_surface(chart):
     place, height = places(), 0.002
     point = chart.points(place, height)
-    begin = chart.center + np.array([0.1, -0.2, 1.7]) @ AXES
+    begin = CENTER + np.array([0.1, -0.2, 1.7]) @ AXES
     way = (point - begin) / np.linalg.norm(point - begin, axis=1)[:, None]
     found, cosine, meets = chart.met(np.broadcast_to(begin, way.shape), way, height)
     assert meets.all()
