@@ -70,7 +70,7 @@ class Gif(MovingPicture):
 def _with_few_colours(pictures: list[NDArray[np.uint8]]) -> list[Image.Image]:
     """Give all frames the same colours, so that nothing flickers."""
     greys = np.linspace(0, 255, GREYS).repeat(3)
-    scale = 255 * plot.size_colours(np.linspace(0.0, 1.0, SCALE))
+    scale = 255 * plot.size_colours(np.linspace(0.0, 1.0, SCALE), np.zeros(SCALE, bool))
     some = Image.fromarray(np.concatenate(pictures[:: max(1, len(pictures) // 8)]))
     own = np.array(some.quantize(OWN, dither=Image.Dither.NONE).getpalette())
     own[own > ALMOST] = 255  # or white becomes what is next to it

@@ -34,7 +34,8 @@ class Glb(MovingExport):
     part of the velocity as they are drawn, and an animation of their weights over one period, which
     players repeat. Positions are those of the run, in m; the file's only node turns z upwards.
     Drawn metres for 1 m/s, the frequency, what the colours say with their range and unit, and the
-    conventions are in the mesh's ``extras``. What is not determined is grey and rests.
+    conventions are in the mesh's ``extras``. What is not determined is grey and rests; what is
+    below its bound is pale.
     """
 
     suffix = ".glb"
@@ -53,7 +54,7 @@ class Glb(MovingExport):
             motion.position,
             motion.cells,
             {"real": motion.drawn.real, "imaginary": motion.drawn.imag},
-            plot.size_colours(motion.value),
+            plot.size_colours(motion.value, motion.faint),
             self.seconds * turn / (2 * np.pi),
             np.column_stack([np.cos(turn), -np.sin(turn)]),
             "motion" if motion.hertz is None else f"{motion.hertz:g} Hz",
@@ -72,4 +73,5 @@ def _told(motion: Motion) -> dict[str, Any]:
         "colour": motion.title,
         "colour_unit": motion.unit,
         "colour_range": [0.0, float(np.nan_to_num(motion.value).max())],
+        "pale_below_their_bound": int(motion.faint.sum()),
     }

@@ -14,6 +14,7 @@ from enum import Enum
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sldvexp.dataset import FREQUENCY, VARIABLES
 from sldvexp.dataset.run_data import RunData
@@ -22,12 +23,14 @@ from sldvexp.export.base import Export
 from sldvexp.export.strains import strain_of
 from sldvexp.export.velocities import (
     PrismMesh,
+    bounds_of,
     frequencies_of,
     mesh_of,
     velocities_of,
     velocity_in_world,
 )
-from sldvexp.typing import Array, ComplexArray, IntArray
+from sldvexp.lazy import xarray as xr
+from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 #: Largest drawn deflection, as a share of the surface's diagonal; that of the report's page.
 DRAWN_SHARE = 0.08
@@ -100,6 +103,8 @@ class Motion:
         That the colours tell; NaN where there is none.
     title, unit : str
         What that is.
+    faint : ndarray of bool, shape (node,)
+        Where it is below its bound.
     """
 
     position: Array
@@ -109,6 +114,7 @@ class Motion:
     value: Array
     title: str
     unit: str
+    faint: BoolArray
 
     @property
     def scale(self) -> float:
@@ -126,7 +132,7 @@ class Motion:
         return self.scale * np.nan_to_num(self.velocity)
 
 
-def amplitude(velocity: ComplexArray) -> Array:
+def amplitude(velocity: NDArray) -> Array:
     """Compute the root of the sum of the squared components' amplitudes, shape (node,)."""
     return np.sqrt((np.abs(velocity) ** 2).sum(axis=1))
 
@@ -168,17 +174,20 @@ def motion_of(
     index = frequency_index(world, frequencies, hertz, format_name)
     position, velocity = mesh.position[layer], world[..., index]
     own = None if frequencies is None else float(frequencies[index])
-    title, unit = "amplitude", VARIABLES["field"]["velocity"].units
-    value = amplitude(velocity)
-    strain = None if colour is MotionColour.amplitude else _extension(run, position, own)
+    strain = None if colour is MotionColour.amplitude else _strain_here(run, position, own)
     if colour is MotionColour.strain and strain is None:
         raise UserError(
             f"export={format_name}: the run has no strain of this surface; choose "
             "reconstruction=shell or spline, as in experiment=plate_strain, or colour=amplitude"
         )
     if strain is not None:
-        value, title, unit = strain, "largest extension", "strain"
-    return Motion(position, _cells(mesh), velocity, own, value, title, unit)
+        value, bound = (strain[f"principal_{n}"].values for n in ("strain", "confidence"))
+        title, unit = "largest extension", "strain"
+    else:
+        value, title, unit = amplitude(velocity), "amplitude", VARIABLES["field"]["velocity"].units
+        known = bounds_of(found).get("confidence", np.zeros(found["velocity"].shape))
+        bound = amplitude(known[layer][..., index])
+    return Motion(position, _cells(mesh), velocity, own, value, title, unit, value < bound)
 
 
 def frequency_index(
@@ -213,13 +222,12 @@ def _cells(mesh: PrismMesh) -> list[IntArray]:
     return [mesh.triangles] if len(mesh.prisms) else mesh.cells
 
 
-def _extension(run: RunData, position: Array, hertz: float | None) -> Array | None:
-    """Take the largest extension at a frequency, if it is that of this surface."""
+def _strain_here(run: RunData, position: Array, hertz: float | None) -> xr.Dataset | None:
+    """Take the largest extension and its bound at a frequency, if they are of this surface."""
     strain = strain_of(run)
     if strain is None or hertz is None or "principal_strain" not in strain:
         return None
     place, known = strain["position"].values, strain["frequency"].values
     if place.shape != position.shape or not np.allclose(place, position) or hertz not in known:
         return None
-    largest = strain["principal_strain"].isel(principal=0, frequency=known.tolist().index(hertz))
-    return np.asarray(largest.values)
+    return strain.isel(principal=0, frequency=known.tolist().index(hertz))

@@ -15,9 +15,9 @@ from sldvexp.errors import Checks
 from sldvexp.export.motion import Motion, MovingExport, motion_of
 
 #: Pixels of a side: fewer leave no room for the scale, more take minutes.
-FEWEST_PIXELS, MOST_PIXELS = 160, 4096
+FEWEST_PIXELS, MOST_PIXELS = 160, 2160
 #: Frames of a period: fewer show no direction, more take minutes.
-FEWEST_FRAMES, MOST_FRAMES = 4, 1000
+FEWEST_FRAMES, MOST_FRAMES = 4, 250
 
 
 @dataclass
@@ -77,6 +77,7 @@ class MovingPicture(MovingExport):
             motion.cells,
             motion.drawn,
             motion.value,
+            motion.faint,
             _title(motion),
             motion.title,
             motion.unit,

@@ -19,10 +19,12 @@ from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from sldvexp.plot import style
-from sldvexp.typing import Array, ComplexArray, IntArray
+from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 #: Colour of what has no value, and of what lies at rest.
 UNKNOWN, REST = (0.6, 0.6, 0.6), "#999999"
+#: Grey that pale colours are mixed with, and its share, as on the report's page.
+PALE, VEIL = 0.93, 0.75
 #: Pixels of an inch, so that letters of 9 points are 12 pixels high.
 DPI = 100
 #: Where shape and scale are, as shares of the picture: left, bottom, width, height.
@@ -33,17 +35,27 @@ EYE = 2.5
 DARKEST = 0.55
 
 
-def size_colours(value: Array) -> Array:
-    """Colour values from 0 to the largest, shape (n, 3) of 0 to 1; grey where there is none.
+def size_colours(value: Array, faint: BoolArray) -> Array:
+    """Colour values from 0 to the largest, shape (n, 3) of 0 to 1.
+
+    Parameters
+    ----------
+    value : ndarray, shape (n,)
+        Grey where it is NaN.
+    faint : ndarray of bool, shape (n,)
+        Where colours are pale.
 
     Examples
     --------
-    >>> size_colours(np.array([np.nan, 2.0])).round(2).tolist()
-    [[0.6, 0.6, 0.6], [0.99, 0.91, 0.14]]
+    >>> value = np.array([np.nan, 2.0, 2.0])
+    >>> size_colours(value, np.array([False, False, True])).round(2).tolist()
+    [[0.6, 0.6, 0.6], [0.99, 0.91, 0.14], [0.95, 0.92, 0.73]]
     """
     known = np.isfinite(value)
     share = np.where(known, value, 0.0) / (np.nan_to_num(value).max() or 1.0)
-    return np.where(known[:, None], colormaps[style.SIZE_MAP](share)[:, :3], UNKNOWN)
+    full = colormaps[style.SIZE_MAP](share)[:, :3]
+    seen = np.where(faint[:, None], full + VEIL * (PALE - full), full)
+    return np.where(known[:, None], seen, UNKNOWN)
 
 
 class MovingShape:
@@ -59,6 +71,8 @@ class MovingShape:
         As it is drawn, in the unit of the positions.
     value : ndarray, shape (node,)
         That colours say; NaN where there is none.
+    faint : ndarray of bool, shape (node,)
+        Where the value is below its bound, and colours are pale.
     title, label, unit : str
         Above the shape, and of the scale, whose unit gets the prefix that suits it.
     pixels : tuple of (int, int)
@@ -69,8 +83,8 @@ class MovingShape:
     Examples
     --------
     >>> corner, up = np.eye(3), np.array([[0, 0, 0.0], [0, 0, 0], [0, 0, 0.1j]])
-    >>> shape = MovingShape(corner, [np.arange(3)[None]], up, np.arange(3.0), "197 Hz",
-    ...                     "amplitude", "m/s", (160, 120), 20.0, 30.0)
+    >>> shape = MovingShape(corner, [np.arange(3)[None]], up, np.arange(3.0), np.zeros(3, bool),
+    ...                     "197 Hz", "amplitude", "m/s", (160, 120), 20.0, 30.0)
     >>> shape.picture(0.0).shape
     (120, 160, 3)
     """
@@ -81,6 +95,7 @@ class MovingShape:
         cells: Sequence[IntArray],
         deflection: ComplexArray,
         value: Array,
+        faint: BoolArray,
         title: str,
         label: str,
         unit: str,
@@ -90,7 +105,7 @@ class MovingShape:
     ) -> None:
         self.middle = (position.min(axis=0) + position.max(axis=0)) / 2
         self.position, self.deflection = position - self.middle, deflection
-        self.colour = size_colours(value)
+        self.colour = size_colours(value, faint)
         self.diagonal = float(np.linalg.norm(np.ptp(position, axis=0))) or 1.0
         a, e = np.radians([azimuth, elevation])
         toward = [np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)]
@@ -107,7 +122,9 @@ class MovingShape:
             self.figure = Figure((pixels[0] / DPI, pixels[1] / DPI), DPI, facecolor="#ffffff")
             self.canvas = FigureCanvasAgg(self.figure)
             self.axes: Any = self.figure.add_axes(SHAPE_PLACE)
-            self._label(title, label, unit, value)
+            notes = {"grey: unknown": ~np.isfinite(value), "pale: below\nits bound": faint}
+            told = [f"{label},\n{{unit}}", *(note for note, where in notes.items() if where.any())]
+            self._label(title, ";\n".join(told), unit, value)
             self._draw_rest()
 
     def picture(self, phase: float) -> NDArray[np.uint8]:
@@ -148,8 +165,7 @@ class MovingShape:
         most = float(factor * np.nan_to_num(value).max()) or 1.0
         self.figure.text(0.02, 0.98, title, va="top", fontsize=9)
         above, beside = SCALE_PLACE[1] + SCALE_PLACE[3] + 0.03, 0.98
-        own = f"{label},\n{unit}" + ("" if np.isfinite(value).all() else ";\ngrey: unknown")
-        self.figure.text(beside, above, own, ha="right", fontsize=9)
+        self.figure.text(beside, above, label.format(unit=unit), ha="right", fontsize=9)
         scale: Any = self.figure.add_axes(SCALE_PLACE)
         colours = np.linspace(0.0, most, 256)[:, None]
         look: dict[str, Any] = {"origin": "lower", "aspect": "auto", "cmap": style.SIZE_MAP}

@@ -23,10 +23,11 @@ from sldvexp.export.mp4 import Mp4
 from sldvexp.export.velocities import mesh_of, velocities_of, velocity_in_world
 from sldvexp.export.vtu import Vtu
 from sldvexp.plot import MovingShape
+from sldvexp.plot.moving_shape import PALE, VEIL
 from sldvexp.plot.style import SIZE_MAP
 from tests.shell.made_strain import made_strain
 
-PAGE = Path(__file__).parents[2] / "sldvexp/report/html/shape.js"
+PAGE = Path(__file__).parents[2] / "sldvexp/report/html"
 PHASES = (0.0, 0.7, np.pi / 2, 4.0)
 
 
@@ -171,9 +172,12 @@ def test_colours_are_those_of_the_amplitude_and_grey_where_nothing_is_known(loca
 
 def test_colours_are_those_of_the_strain_if_the_run_has_it(strained, tmp_path):
     found = Opened(Glb(frequency=440.0).export(strained.run, tmp_path, "mine"))
-    value = strained.tree["strain"]["principal_strain"].isel(frequency=1, principal=0).values
+    strain = strained.tree["strain"].isel(frequency=1, principal=0)
+    value = strain["principal_strain"].values
+    clear = value >= strain["principal_confidence"].values
+    assert 0 < clear.sum() < len(clear)
     expected = colormaps[SIZE_MAP](value / value.max())[:, :3]
-    np.testing.assert_allclose(colours(found), expected, atol=1e-3)
+    np.testing.assert_allclose(colours(found)[clear], expected[clear], atol=1e-3)
     assert (found.extras["colour"], found.extras["colour_unit"]) == ("largest extension", "strain")
     plain = Glb(colour=MotionColour.amplitude).export(strained.run, tmp_path, "plain")
     assert Opened(plain).extras["colour"] == "amplitude"
@@ -196,9 +200,35 @@ def test_points_are_drawn_by_what_joins_them(points, tmp_path):
     assert modes == {"lines": [1], "both": [4, 1], "points": [0]}
 
 
-def test_deflection_is_that_of_the_report(world):
-    [told] = re.findall(r"DRAWN_SHARE = ([\d.]+)", PAGE.read_text())
+def test_picture_is_that_of_the_report():
+    """Deflection, where it is seen from, and colours of what is below its bound."""
+    [told] = re.findall(r"DRAWN_SHARE = ([\d.]+)", (PAGE / "shape.js").read_text())
     assert float(told) == DRAWN_SHARE
+    camera = (PAGE / "camera.js").read_text()
+    [seen] = re.findall(r"azimuth: (-?[\d.]+), elevation: (-?[\d.]+)", camera)
+    assert tuple(map(float, seen)) == (Gif().azimuth, Gif().elevation)
+    pale = re.findall(r"vec3\(([\d.]+)\), ([\d.]+) \* fading", (PAGE / "viewer.js").read_text())
+    assert [(float(a), float(b)) for a, b in pale] == [(PALE, VEIL)]
+
+
+@pytest.mark.parametrize("colour", MotionColour)
+def test_values_below_their_bounds_are_pale(colour, strained, tmp_path):
+    tree = dict(strained.tree)
+    layer, few = mesh_of(strained.run, "glb").surface_layer, [2, 5]
+    tree["field"] = tree["field"].copy(deep=True)
+    tree["strain"] = tree["strain"].copy(deep=True)
+    tree["field"]["confidence"].values[:] *= 1e-9
+    tree["field"]["confidence"].values[layer[few]] = 1.0
+    tree["strain"]["principal_confidence"].values[:] *= 1e-9
+    tree["strain"]["principal_confidence"].values[few] = 1.0
+    run = RunData(tree, strained.attributes)
+    motion = motion_of(run, "glb", 440.0, colour)
+    assert np.flatnonzero(motion.faint & (motion.value > 0)).tolist() == few
+    found = Opened(Glb(frequency=440.0, colour=colour).export(run, tmp_path, "mine"))
+    full = colormaps[SIZE_MAP](motion.value / motion.value.max())[:, :3]
+    expected = np.where(motion.faint[:, None], 0.25 * full + 0.75 * 0.93, full)
+    np.testing.assert_allclose(colours(found), expected, atol=1e-3)
+    assert found.extras["pale_below_their_bound"] == motion.faint.sum()
 
 
 def test_strongest_frequency_of_the_surface_moves_unless_another_is_named(world):
@@ -286,6 +316,7 @@ def test_gif_has_a_period_of_frames_that_is_repeated(strained, tmp_path):
         motion.cells,
         motion.drawn,
         motion.value,
+        motion.faint,
         "440 Hz, displacement × " + f"{float(f'{2 * np.pi * 440 * motion.scale:.2g}'):g}",
         "largest extension",
         "strain",
@@ -323,9 +354,8 @@ def test_picture_shows_nodes_where_they_are(phase):
     place = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 1.0]])
     away = np.zeros((4, 3), complex)
     away[1] = [0.2, 0, 0.5j]
-    value = np.array([1.0, 1.0, 1.0, 1.0])
-    dots = [np.arange(4)[:, None]]
-    shape = MovingShape(place, dots, away, value, "", "amplitude", "m/s", (800, 400), -90.0, 0.0)
+    values, dots = (np.ones(4), np.zeros(4, bool)), [np.arange(4)[:, None]]
+    shape = MovingShape(place, dots, away, *values, "", "amplitude", "m/s", (800, 400), -90.0, 0.0)
     seen = marked(shape.picture(phase))
     assert len(seen) == 4
     metre = (seen[3] - seen[0])[0] / 3
@@ -340,7 +370,7 @@ def test_nearer_triangles_hide_those_behind():
     near, behind = np.array([[0, 1, 2], [0, 2, 3]]), np.array([[4, 5, 6], [4, 6, 7]])
     value, still = np.repeat([1.0, 0.2], 4), np.zeros((8, 3), complex)
     for order in ([near, behind], [behind, near]):
-        look = ("", "amplitude", "m/s", (300, 300), -90.0, 0.0)
+        look = (np.zeros(8, bool), "", "amplitude", "m/s", (300, 300), -90.0, 0.0)
         shape = MovingShape(place, [np.concatenate(order)], still, value, *look)
         red, green, blue = shape.picture(0.0)[150, 120].astype(int)
         assert red > 1.5 * blue  # yellow
