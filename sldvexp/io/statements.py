@@ -316,8 +316,8 @@ SPELLINGS = {Amplitude.rms: "rms", Amplitude.peak: "pk", Amplitude.peak_to_peak:
 SHOWN = {one: one.name.replace("_", " ") for one in Amplitude}
 
 
-#: Different lines that are looked at.
-MOST_LINES = 1000
+#: Different lines that are looked at, and characters of a line that may state something.
+MOST_LINES, LONGEST = 1000, 400
 Place = TypeVar("Place")
 
 
@@ -355,6 +355,8 @@ def statement_in(line: str) -> Statement:
     >>> bool(statement_in("RMS averaging, velocity range 50 mm/s/V"))
     False
     """
+    if len(line) > LONGEST:
+        return NOTHING
     if match := POSITIVE.search(line):
         at_instrument = match["what"].lower() not in ON_SURFACE
         towards = match["way"].lower().startswith("toward") is at_instrument

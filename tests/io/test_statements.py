@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 
 from sldvexp.io.statements import Known, statement_in
@@ -219,3 +221,11 @@ def test_statements_that_contradict_what_is_known_are_named_by_the_setting() -> 
         assert known.contradictions(statement_in(line)) == {setting: stated}
     assert not known.contradictions(statement_in("Velocity [m/s] pk, phase in degrees, exp(iwt)"))
     assert not Known().contradictions(statement_in("Velocity [mm/s] RMS"))
+
+
+@pytest.mark.parametrize("piece", ["a/", "rms-", "1e", "(", "[", "\\", "peak to ", "=:", "m/s "])
+def test_work_on_a_line_is_bounded(piece: str) -> None:
+    start = time.perf_counter()
+    for length in (40, 130, 400, 1_000_000):
+        statement_in((piece * length)[:length])
+    assert time.perf_counter() - start < 1.0
