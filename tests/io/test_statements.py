@@ -73,6 +73,11 @@ HEEDED: list[tuple[str, str, str, Amplitude | None]] = [
     ("FRF\tVelocity [mm/s] RMS\tAveraging: 16", "velocity", "mm/s", RMS),
     ("displacement in mils peak to peak", "displacement", "mil", P_P),
     ("Schwingweg [nm]", "displacement", "nm", None),
+    ("Signal: FFT - Vib Velocity - Magnitude", "velocity", "", None),
+    ("Vib\tVelocity\tm/s", "velocity", "m/s", None),
+    ("Amplitude format: RMS", "", "", RMS),
+    ("scaled to peak", "", "", PEAK),
+    ("Acc [g]", "", "g", None),
 ]
 
 #: Lines that state nothing of the values.
@@ -149,6 +154,13 @@ LEFT_ALONE = [
     "not rms but see manual",
     "Crest factor (peak/rms) 1.4",
     "Point 12",
+    "Phase at 0 deg",
+    "origin of coordinates at corner, mm",
+    "Length of the beam in mm: 300",
+    "dB re 1 um/s",
+    "Average RMS velocity over all points",
+    "Displacement computed from velocity",
+    "true peak detector off",
     "The true velocities are (0.1+0.2i, -0.3, 5-1i), (-0.2, 0.1-0.1i, 2+1i) mm/s.",
     "Peter Grad, Weg 3",
 ]
@@ -197,6 +209,9 @@ def test_line_that_states_a_phase_or_sense_is_heeded(line: str, what: str, value
         ("Coordinates in inches", 0.0254),
         ("Koordinaten [mm]", 1e-3),
         ("geometry units: mm", 1e-3),
+        ("Length unit: mm", 1e-3),
+        ("Unit of length = inch", 0.0254),
+        ("Position units: mm; Velocity units: mm/s", 1e-3),
         ("position_units: cm", 1e-2),
         ("coordinates in mm, velocity in m/s rms", 1e-3),
     ],
