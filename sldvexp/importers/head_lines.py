@@ -61,10 +61,21 @@ class HeadLines:
             said = statement_in(line)
             if loose and not (said.unit or said.amplitude):
                 said = Statement(length=said.length, phase=said.phase, positive=said.positive)
+            self._hint(place, line, said, questions)
             for setting, stated in self.known.contradictions(said).items():
                 if (setting, stated) not in self._seen:
                     self._seen.add((setting, stated))
                     self._tell(place(), shown(line), setting, stated, questions)
+
+    def _hint(
+        self, place: Callable[[], str], line: str, said: Statement, questions: ViewQuestions
+    ) -> None:
+        """Add what a line states to a question for a sense, whose example may be another."""
+        for setting, stated in (("phase", said.phase), ("positive", said.positive)):
+            if stated and questions.asked(setting) and (setting, stated) not in self._seen:
+                self._seen.add((setting, stated))
+                message = f"{shown(line)} states {stated}; if so, say instrument.{setting}={stated}"
+                questions.note(UserError(f"{place()}: {message}"), self.path)
 
     def _tell(
         self, place: str, line: str, setting: str, stated: str, questions: ViewQuestions

@@ -39,7 +39,9 @@ from sldvexp.units import LengthUnit
 class PointwiseImport(PointImporter):
     """Velocities that were measured point by point. A strategy implements the hook `measured`.
 
-    What a file does not say, and a setting does not either, is asked for.
+    What a file does not say, and a setting does not either, is asked for. Coordinates are in the
+    axes of the world in all views; those in an instrument's own axes, p, are brought there before,
+    as ``R^T p + o`` with the rotation R and the origin o of its pose.
 
     Parameters
     ----------

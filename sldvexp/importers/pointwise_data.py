@@ -309,7 +309,8 @@ def _positions(views: list[PointwiseData], node: IntArray) -> Array | None:
             raise UserError(
                 f"{view.source}: the {called(view.names, int(node[worst]))} of view {view.name} is "
                 f"{apart[worst]:.3g} m from where view {views[0].name} has it; the views must have "
-                f"one geometry{_way_on(views)}"
+                "one geometry in the axes of the world, not of each instrument"
+                f"{_way_on(views)}"
             )
         found = np.where(np.isnan(found), own, found)
     return found

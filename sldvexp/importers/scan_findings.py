@@ -118,9 +118,9 @@ def contradicted_lines(
         settings.phase.name if settings.phase else None,
         settings.positive.name if settings.positive else None,
     )
-    by = dict.fromkeys(("quantity", "unit", "amplitude"), f"the column of values {text}")
-    by["length_unit"] = f"the columns of coordinates {table.units[roles['x']]}"
-    by["angle"] = f"the column of phases {table.units[roles.get('phase', 0)]}"
+    by = dict.fromkeys(("quantity", "unit", "amplitude"), f"the column of values says {text}")
+    by["length_unit"] = f"the columns of coordinates say {table.units[roles['x']]}"
+    by["angle"] = f"the column of phases says {table.units[roles.get('phase', 0)]}"
     lines = HeadLines(settings, str(table.path), known, by)
     places = (partial(f"{table.path}, line {{}}".format, i) for i, _ in table.said)
     lines.compare(zip(places, (line for _, line in table.said), strict=True), questions)

@@ -16,7 +16,7 @@ from sldvexp.importers.base import PointImporter
 from sldvexp.importers.conventions import Amplitude, Phase, Positive
 from sldvexp.importers.incomplete import Incomplete, check_incomplete, incomplete_by
 from sldvexp.io.velocities import FileLayout, LineOfSight, read
-from sldvexp.io.velocities.table import DIMENSIONS, KNOWN
+from sldvexp.io.velocities.table import DIMENSIONS, IGNORED, KNOWN
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.units import LengthUnit, VelocityUnit
@@ -45,7 +45,8 @@ class File(PointImporter):
         What a velocity gives of a sine; if none is set, as headings of columns say, or its peak.
     mapping : dict of str to str
         From the file's names of variables, dimensions or columns to the program's, ``{vlos:
-        velocity, head: view}``; complex velocities may come as ``real`` and ``imag``.
+        velocity, head: view}``; complex velocities may come as ``real`` and ``imag``, and what is
+        of no use is called ``ignore``.
     order : list of str
         Dimensions of the arrays of a ``.mat``, if not view, point, frequency, axis; each array has
         those that it needs, and the axis comes last unless it is named.
@@ -74,10 +75,12 @@ class File(PointImporter):
     def __post_init__(self) -> None:
         checks = Checks()
         for theirs, own in self.mapping.items():
-            turned = theirs in KNOWN and own not in KNOWN
+            turned = theirs in KNOWN and own not in (*KNOWN, IGNORED)
             message = f"the file's name comes first: write {{{own}: {theirs}}}"
-            message = message if turned else f"there is no {own} here; {nearest(own, KNOWN)}"
-            checks.require(own in KNOWN, f"mapping.{theirs}", message)
+            message = (
+                message if turned else f"there is no {own} here; {nearest(own, (*KNOWN, IGNORED))}"
+            )
+            checks.require(own in (*KNOWN, IGNORED), f"mapping.{theirs}", message)
         known = set(self.order) <= set(DIMENSIONS) and len(set(self.order)) == len(self.order)
         message = f"must be each once of {', '.join(DIMENSIONS)}, with view among them"
         checks.require(not self.order or (known and "view" in self.order), "order", message)
@@ -111,6 +114,9 @@ class File(PointImporter):
         said = senses | {"amplitude": amplitude.name}
         told = group.assign_attrs({f"import_{name}": value for name, value in said.items()})
         found += [Finding("unit", "velocities", text) for text in table.odd]
+        if table.ignored:
+            text = f"{table.source}: instrument.mapping leaves out {', '.join(table.ignored)}"
+            found.append(Finding("left_out", "velocities", text, Severity.note))
         return with_findings(told, found)
 
 

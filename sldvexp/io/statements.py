@@ -118,7 +118,17 @@ FILLING = {
     *("shape", "mode", "deflection", "operating", "ods", "time", "record", "histories", "history"),
     *("plate", "beam", "disc", "disk", "shell", "panel", "platte", "balken", "front", "back"),
     *("frequency", "frequenz", "hz", "khz", "si", "view", "left", "right", "top", "bottom"),
-    *("exported", "export", "ascii", "file", "measure", "detector", "expressed", "written"),
+    *(
+        "format",
+        "exported",
+        "export",
+        "ascii",
+        "file",
+        "measure",
+        "detector",
+        "expressed",
+        "written",
+    ),
 }
 #: Words with which a measure or a unit is of something else than the values, by their beginnings.
 ELSEWHERE = (
@@ -185,7 +195,7 @@ AMOUNT = re.compile(
     r"(?<![\w^])[+-]?\d[\d.,]*(?:e[+-]?\d+)?[ij]?\s*[)\]]*\s*(?P<unit>[^\W\d_][^\s,;:()\[\]]*|%)",
     re.I,
 )
-AMOUNTS = {"voltage", "current", "force", "pressure", "power", "velocity", "acceleration"}
+AMOUNTS = {"angle", "voltage", "current", "force", "pressure", "power", "velocity", "acceleration"}
 #: Beginning of what may be a unit of a motion, an angle, or of `AMOUNTS`.
 LIKE_A_UNIT = re.compile(
     r"\W*(?:\S*[/²³⁻^*·√]|(?:[nµμumck]?m|in|inch(?:es)?|ft|feet|foot|mils?|thou|microns?"
@@ -199,6 +209,8 @@ OTHER = re.compile(
     r"\bpeaks?\W+(?:at|freq\w*|no|nr|\d+|near|around|of|power|list|table|is|was)\b"
     r"|\b(?:first|second|third|main|highest|this)\s+peak\b|\bphase\s+velocit", re.I,
 )  # fmt: skip
+#: Words for the unit of coordinates.
+LENGTH_UNIT = re.compile(r"\blength[\s-]+units?\b|\bunits?\s+of\s+length\b|\blängeneinheit\b", re.I)
 #: Blanks around the stroke of a unit.
 STROKE = re.compile(
     r"(?<![^\W_])((?:[nµμumck]?m|in|inch|ft|mils?))\s*/\s*(s(?:ec)?[²2]?|s\^2)(?![^\W_])"
@@ -316,8 +328,8 @@ SPELLINGS = {Amplitude.rms: "rms", Amplitude.peak: "pk", Amplitude.peak_to_peak:
 SHOWN = {one: one.name.replace("_", " ") for one in Amplitude}
 
 
-#: Different lines that are looked at.
-MOST_LINES = 1000
+#: Different lines that are looked at, and characters of a line that may state something.
+MOST_LINES, LONGEST = 1000, 400
 Place = TypeVar("Place")
 
 
@@ -355,6 +367,8 @@ def statement_in(line: str) -> Statement:
     >>> bool(statement_in("RMS averaging, velocity range 50 mm/s/V"))
     False
     """
+    if len(line) > LONGEST:
+        return NOTHING
     if match := POSITIVE.search(line):
         at_instrument = match["what"].lower() not in ON_SURFACE
         towards = match["way"].lower().startswith("toward") is at_instrument
@@ -385,7 +399,7 @@ def _of_part(text: str) -> Statement:
     """Tell what a part of a line states."""
     text = FILE_NAME.sub(" ", text).replace("_", " ").replace("'", " ")
     text = OVER.split(REFERENCES.split(text)[0])[0]
-    text = STROKE.sub(r"\1/\2", text)
+    text = STROKE.sub(r"\1/\2", LENGTH_UNIT.sub("coordinates unit", text))
     if OTHER.search(text) or any(_is_amount(match["unit"]) for match in AMOUNT.finditer(text)):
         return NOTHING
     words = list(_words(text))
@@ -481,6 +495,8 @@ def _of_words(words: Iterable[tuple[str, object]]) -> Statement:
         elif kind == "angle" and subject == "phase" and isinstance(value, UnitLabel):
             found = replace(found, angle="degree" if value.factor != 1.0 else "radian")
         elif kind == "unit" and isinstance(value, UnitLabel):
+            if subject == "places" and strangers and beside not in ("places", "key"):
+                continue
             found = _with_unit(found, value, subject, near and (bool(subject) or not strangers))
             subject = "quantity" if found.unit is value else subject
             if found.unit is value and quantities:

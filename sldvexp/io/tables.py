@@ -13,7 +13,7 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -55,6 +55,15 @@ class TextTable:
 
     def __repr__(self) -> str:
         return f"<TextTable of {len(self.rows)} rows: {', '.join(self.header)}>"
+
+    def without(self, names: Collection[str]) -> TextTable:
+        """Leave columns out, of rows that have as many cells as there are columns."""
+        if not names:
+            return self
+        kept = [k for k, name in enumerate(self.header) if name not in names]
+        whole = len(self.header)
+        rows = [[r[k] for k in kept] if len(r) == whole else r for r in self.rows]
+        return replace(self, header=[self.header[k] for k in kept], rows=rows)
 
     def where(self, row: int) -> str:
         """Name file and line of a row, for a message."""

@@ -21,7 +21,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.typing import BoolArray, IndexArray
 
 #: Solution of a group of some views, whose places among all views are given.
-Solve = Callable[[xr.Dataset, IndexArray], xr.Dataset]
+Solve = Callable[["xr.Dataset", IndexArray], "xr.Dataset"]
 #: Views that determine a velocity, which has three components.
 LEAST = 3
 #: Variables of points whose components are not all determined, and of rows, which each set has.

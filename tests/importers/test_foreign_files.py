@@ -99,12 +99,12 @@ MISTAKES = {
     "several not named": (
         {"node": None, "xyz": None},
         {},
-        "say which is which, as in instrument.mapping={node: point, xyz: axis}",
+        "say which is which of axis, point with instrument.mapping={node: point, xyz: axis}",
     ),
     "needed ones first": (
         {"head": None, "heads": None, "xyz": None},
         {},
-        "say which is which, as in instrument.mapping={xyz: axis, head: view}",
+        "say which is which of view, axis with instrument.mapping={xyz: axis, head: view}",
     ),
     "a dimension as a variable": (
         {"head": "velocity", "heads": None},
@@ -178,10 +178,11 @@ def test_mistakes_of_a_mapping(truth, tmp_path, name):
 REMEDIES = [
     ({"head": 3, "xyz": 3}, {}, "{head: view, xyz: axis}"),
     ({"xyz": 3, "head": 4}, {}, "{xyz: axis, head: view}"),
-    ({"a": 4, "b": 3}, {}, "{a: view, b: axis}"),
-    ({"a": 3, "b": 3}, {"a": ["ux", "uy", "uz"]}, "{a: axis, b: view}"),
+    ({"a": 4, "b": 3}, {}, "{a: , b: axis}"),
+    ({"a": 3, "b": 3}, {"a": ["ux", "uy", "uz"]}, "{a: axis, b: }"),
     ({"node": 5, "head": 3, "component": 3}, {}, "{node: point, head: view, component: axis}"),
-    ({"a": 4, "b": 5}, {}, "{a: view, b: point}"),
+    ({"position": 4, "b": 5}, {}, "{position: , b: }"),
+    ({"a": 4, "b": 5}, {}, "{a: , b: }"),
 ]
 
 
@@ -190,7 +191,7 @@ def test_the_mapping_that_is_proposed(tmp_path, sizes, labels, proposed):
     path = tmp_path / "other.nc"
     los = xr.DataArray(np.ones(list(sizes.values())), dims=list(sizes), coords=labels)
     xr.Dataset({"los": los, "velocity": ("view", np.ones(3))}).to_netcdf(path, engine="netcdf4")
-    said = f"as in instrument.mapping={proposed}"
+    said = f"which is which of view, axis, point with instrument.mapping={proposed}"
     refused(path, said, mapping={"los": "direction_cosines"})
 
 

@@ -32,13 +32,13 @@ def findings(group):
 @pytest.mark.parametrize(
     ("head", "said"),
     [
-        ("Velocity RMS", "line 1: 'Velocity RMS' states rms, but the column of values m/s pk; say "
-         "which with instrument.amplitude"),
+        ("Velocity RMS", "line 1: 'Velocity RMS' states rms, but the column of values says m/s pk; "
+         "say which with instrument.amplitude"),
         ("Signal: Displacement", "line 1: 'Signal: Displacement' states displacement, but the "
-         "column of values m/s pk; say which with instrument.quantity"),
-        ("units: in/s", "states in/s, but the column of values m/s pk; say which with "
+         "column of values says m/s pk; say which with instrument.quantity"),
+        ("units: in/s", "states in/s, but the column of values says m/s pk; say which with "
          "instrument.unit"),
-        ("coordinates in mm", "states mm, but the columns of coordinates m; say which with "
+        ("coordinates in mm", "states mm, but the columns of coordinates say m; say which with "
          "instrument.length_unit"),
     ],
 )  # fmt: skip
@@ -87,7 +87,8 @@ def test_unit_of_phases_that_a_head_line_contradicts_makes_the_run_doubtful(tmp_
     names = "Index\tX [m]\tY [m]\tZ [m]\tMagn. [m/s pk]\tPhase [deg]"
     (found,) = findings(table(tmp_path, "phase in radians", names))
     assert (
-        "'phase in radians' states radian, but the column of phases deg, which wins" in found.text
+        "'phase in radians' states radian, but the column of phases says deg, which wins"
+        in found.text
     )
     assert not findings(table(tmp_path, "phase in degrees", names))
 
@@ -110,3 +111,11 @@ def test_comment_between_rows_and_text_below_are_compared_too(tmp_path):
         path.write_text(head + text)
         with pytest.raises(UserError, match=rf"line {line}: .* states rms"):
             ScanExport(views={"a": view}, **SAID).read()
+
+
+def test_question_for_a_sense_names_what_a_line_states_of_it(tmp_path):
+    with pytest.raises(UserError) as error:
+        table(tmp_path, "time dependence exp(-iwt)", phase=None)
+    assert "2 questions are open" in str(error.value)
+    said = "line 1: 'time dependence exp(-iwt)' states exp_minus; if so, say instrument.phase=exp_m"
+    assert said in str(error.value)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 
 from sldvexp.io.statements import Known, statement_in
@@ -71,6 +73,11 @@ HEEDED: list[tuple[str, str, str, Amplitude | None]] = [
     ("FRF\tVelocity [mm/s] RMS\tAveraging: 16", "velocity", "mm/s", RMS),
     ("displacement in mils peak to peak", "displacement", "mil", P_P),
     ("Schwingweg [nm]", "displacement", "nm", None),
+    ("Signal: FFT - Vib Velocity - Magnitude", "velocity", "", None),
+    ("Vib\tVelocity\tm/s", "velocity", "m/s", None),
+    ("Amplitude format: RMS", "", "", RMS),
+    ("scaled to peak", "", "", PEAK),
+    ("Acc [g]", "", "g", None),
 ]
 
 #: Lines that state nothing of the values.
@@ -147,6 +154,13 @@ LEFT_ALONE = [
     "not rms but see manual",
     "Crest factor (peak/rms) 1.4",
     "Point 12",
+    "Phase at 0 deg",
+    "origin of coordinates at corner, mm",
+    "Length of the beam in mm: 300",
+    "dB re 1 um/s",
+    "Average RMS velocity over all points",
+    "Displacement computed from velocity",
+    "true peak detector off",
     "The true velocities are (0.1+0.2i, -0.3, 5-1i), (-0.2, 0.1-0.1i, 2+1i) mm/s.",
     "Peter Grad, Weg 3",
 ]
@@ -195,6 +209,9 @@ def test_line_that_states_a_phase_or_sense_is_heeded(line: str, what: str, value
         ("Coordinates in inches", 0.0254),
         ("Koordinaten [mm]", 1e-3),
         ("geometry units: mm", 1e-3),
+        ("Length unit: mm", 1e-3),
+        ("Unit of length = inch", 0.0254),
+        ("Position units: mm; Velocity units: mm/s", 1e-3),
         ("position_units: cm", 1e-2),
         ("coordinates in mm, velocity in m/s rms", 1e-3),
     ],
@@ -219,3 +236,11 @@ def test_statements_that_contradict_what_is_known_are_named_by_the_setting() -> 
         assert known.contradictions(statement_in(line)) == {setting: stated}
     assert not known.contradictions(statement_in("Velocity [m/s] pk, phase in degrees, exp(iwt)"))
     assert not Known().contradictions(statement_in("Velocity [mm/s] RMS"))
+
+
+@pytest.mark.parametrize("piece", ["a/", "rms-", "1e", "(", "[", "\\", "peak to ", "=:", "m/s "])
+def test_work_on_a_line_is_bounded(piece: str) -> None:
+    start = time.perf_counter()
+    for length in (40, 130, 400, 1_000_000):
+        statement_in((piece * length)[:length])
+    assert time.perf_counter() - start < 1.0

@@ -29,6 +29,17 @@ from sldvexp.io.velocities.attributes import (
 )
 from sldvexp.io.velocities.headings import HeadingUnits, read_headings
 from sldvexp.io.velocities.matlab import read_arrays
+from sldvexp.io.velocities.orders import (
+    ALLOWED,
+    all_agree,
+    cubes,
+    fitting_orders,
+    in_order,
+    orders_that_fit,
+    require_plausible,
+    shapes_agree,
+    told_shapes,
+)
 from sldvexp.io.velocities.table import (
     DIMENSIONS,
     KNOWN,
@@ -46,13 +57,6 @@ from sldvexp.typing import Array
 from sldvexp.units import VelocityUnit
 
 REQUIRED = ("direction_cosines", "velocity")
-#: Dimensions that each variable may have; the first is needed.
-ALLOWED = {
-    "direction_cosines": ("view", "point", "axis"),
-    "velocity": ("view", "point", "frequency"),
-    "velocity_std": ("view", "point", "frequency"),
-    "position": ("point", "axis"),
-}
 JOINED = ("triangle", "line")
 #: Arrays that a message lists.
 MOST_LISTED = 12
@@ -61,7 +65,7 @@ LIKE = {
     "axis": "xyz|ax[ie]s|comp|dir|coord|dim|cart",
     "frequency": "freq|^n?f$|hz|omega|line",
     "point": "point|node|grid|pixel|^p$|^n$",
-    "view": "view|head|scan|look|station|pos",
+    "view": "view|head|look|station",
 }
 #: Variables that must go together, and what they make.
 PARTS = {"velocity": ("real", "imag"), "direction_cosines": ("dx", "dy", "dz")}
@@ -74,6 +78,9 @@ def read_netcdf(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
     dimensions. The file's own unit of velocity must agree with `unit`, if that is set.
     """
     raw = _group(path, layout)
+    layout.require([*raw.variables, *raw.dims], path)
+    raw = raw.drop_vars(layout.ignored, errors="ignore")
+    layout = replace(layout, mapping=_used(layout))
     data, theirs = _renamed(raw, layout, path)
     names = {str(k): layout.mapping.get(str(k), str(k)) for k in raw.variables}
     units, questions = HeadingUnits(), Questions()
@@ -166,6 +173,8 @@ def read_matlab(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
     """
     found = read_arrays(path)
     layout.require(found, path)
+    found = {name: array for name, array in found.items() if name not in layout.ignored}
+    layout = replace(layout, mapping=_used(layout))
     values: dict[str, Any] = _with_parts({layout.mapping.get(k, k): v for k, v in found.items()})
     names = {k: layout.mapping.get(k, k) for k in found}
     if not any(name in values for name in REQUIRED):
@@ -181,8 +190,14 @@ def read_matlab(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
     units, questions = HeadingUnits(), Questions()
     with questions.noting(path):
         units = read_headings(names, unit, layout, path)
+    stored = values
     if layout.order:
-        values = _ordered(values, layout.order, path)
+        values = in_order(values, layout.order, path)
+    if not shapes_agree(values) or (not all_agree(values) and orders_that_fit(stored)):
+        raise UserError(f"{path}: {told_shapes(values)}: {fitting_orders(stored, layout.order)}")
+    if not layout.order and "view" not in values:
+        with questions.noting(path, "order"):
+            require_plausible(values, stored, path)
     if "frequency" in values:
         values["frequency"] = np.asarray(values["frequency"]).ravel()
         hertz = units.frequency or UNSTATED_FREQUENCY
@@ -197,6 +212,11 @@ def read_matlab(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN)
     factor = units.velocity or UNSTATED_VELOCITY.value
     odd = compare_texts(texts_of_arrays(found, names), unit, units, layout, path, questions)
     return replace(_asked(questions, values, path, factor, layout, units), odd=odd)
+
+
+def _used(layout: FileLayout) -> dict[str, str]:
+    """List the names that are of use."""
+    return {k: v for k, v in layout.mapping.items() if k not in layout.ignored}
 
 
 def _names(values: Any) -> list[str]:
@@ -261,24 +281,17 @@ def from_arrays(
     cosines = _numbers(values, "direction_cosines", path)
     velocity = _numbers(values, "velocity", path)
     several = cosines.ndim == 3
-    cosines = cosines if several else cosines[:, None]
-
-    def cube(array: NDArray) -> NDArray:
-        array = array if several else np.expand_dims(array, 1)
-        return array if array.ndim == 3 else array[..., None]
-
-    velocity = cube(velocity)
+    if not shapes_agree(values):
+        raise UserError(f"{path}: {told_shapes(values)}")
+    cosines, velocity = cubes(cosines, velocity)
     views, points = cosines.shape[:2]
-    if velocity.shape[:2] != (views, points) or cosines.shape[2:] != (3,) or velocity.ndim != 3:
-        raise UserError(
-            f"{path}: velocity has the shape {velocity.shape} and direction_cosines "
-            f"{cosines.shape}; they must agree in views and points, and directions need 3 numbers: "
-            "say how the file's arrays lie, as in instrument.order=[point,frequency,axis,view]"
-        )
     frequency = _frequencies(values, velocity.shape[2], path)
     std = None
     if "std" in values:
-        std = cube(_numbers(values, "std", path).astype(float)) * unit
+        std = (
+            cubes(values["direction_cosines"], _numbers(values, "std", path).astype(float))[1]
+            * unit
+        )
         try:
             std = np.broadcast_to(std, velocity.shape)
         except ValueError:
@@ -378,7 +391,6 @@ def _renamed(data: xr.Dataset, layout: FileLayout, path: Path) -> tuple[xr.Datas
         If the mapping names what is not there, calls two the same, or calls a dimension what is
         none.
     """
-    layout.require([*data.variables, *data.dims], path)
     dims = {k: v for k, v in layout.mapping.items() if k in data.dims}
     others = {k: "velocity_std" if v == "std" else v for k, v in layout.mapping.items()}
     others = {k: v for k, v in others.items() if k in data.variables and k not in dims}
@@ -513,15 +525,19 @@ def _remedy(array: xr.DataArray, strange: list[str], free: list[str]) -> str:
     if not free:
         return f"; leave {', '.join(strange)} out of the file"
     pairs = _pairs(array, strange, free)
-    example = ", ".join(f"{a}: {pairs[a]}" for a in strange if a in pairs)
-    if not example:
-        return f"; {' and '.join(strange)} cannot be {' or '.join(free)}, which has the length 3"
-    which = "" if len(strange) == len(free) == 1 else "which is which, as in "
-    return f"; say {which}instrument.mapping={{{example}}}"
+    if not any(own == "axis" for own in pairs.values()) and free == ["axis"]:
+        return f"; {' and '.join(strange)} cannot be axis, which has the length 3"
+    example = ", ".join(f"{a}: {pairs.get(a, '')}" for a in strange)
+    if len(strange) == len(free) == 1:
+        return f"; say instrument.mapping={{{example}}}"
+    return f"; say which is which of {', '.join(free)} with instrument.mapping={{{example}}}"
 
 
 def _pairs(array: xr.DataArray, strange: list[str], free: list[str]) -> dict[str, str]:
-    """Guess each strange dimension by its name and length, else as they stand."""
+    """Find which dimension each strange one is, if its name, entries or length leave no other.
+
+    Others are for the user to say, as an example that somebody copied would be a guess.
+    """
     pairs: dict[str, str] = {}
     for own in (d for d in LIKE if d in free):
         alike = [d for d in strange if d not in pairs and re.search(LIKE[own], d.lower())]
@@ -530,12 +546,13 @@ def _pairs(array: xr.DataArray, strange: list[str], free: list[str]) -> dict[str
             labelled = [d for d in of_three if d in array.coords and _tells_xyz(array[d].values)]
             named = [d for d in of_three if d in alike]
             alike = labelled or named or (of_three if len(of_three) == 1 else [])
-        if alike:
+        if len(alike) == 1:
             pairs[alike[0]] = own
     left = [d for d in strange if d not in pairs]
-    three = any(array.sizes[d] == 3 for d in left)
-    others = [d for d in free if d not in pairs.values() and (d != "axis" or three)]
-    return pairs | dict(zip(left, others, strict=False))
+    others = [d for d in free if d not in pairs.values()]
+    if len(left) == len(others) == 1 and (others != ["axis"] or array.sizes[left[0]] == 3):
+        pairs[left[0]] = others[0]
+    return pairs
 
 
 def _ends(labels: NDArray) -> list[str]:
@@ -557,28 +574,3 @@ def _sizes(array: xr.DataArray, theirs: dict[str, str] | None = None) -> str:
     """List dimensions with their lengths, by the file's names."""
     names = [(theirs or {}).get(str(dim), str(dim)) for dim in array.dims]
     return ", ".join(f"{n} ({s})" for n, s in zip(names, array.shape, strict=True)) or "none"
-
-
-def _ordered(values: dict[str, Any], order: tuple[str, ...], path: Path) -> dict[str, Any]:
-    """Put dimensions in the order (view, point, frequency), or (.., axis).
-
-    MATLAB leaves dimensions of length one out at the end.
-    """
-    values = dict(values)
-    named = order if "axis" in order else (*order, "axis")
-    for name in ("velocity", "std", "direction_cosines", "position"):
-        whole = ALLOWED["velocity" if name == "std" else name]
-        if name not in values:
-            continue
-        own = [d for d in named if d in whole]
-        array = np.asarray(values[name])
-        array = array.reshape(array.shape + (1,) * (len(own) - array.ndim))
-        if name == "position":
-            own = own if "point" in own else ["point", "axis"]
-        if array.ndim != len(own):
-            raise UserError(
-                f"{path}: {name} has {array.ndim} dimensions, but instrument.order says "
-                f"{len(own)}: {', '.join(own)}"
-            )
-        values[name] = array.transpose([own.index(d) for d in whole if d in own])
-    return values

@@ -26,6 +26,7 @@ from sldvexp.io.velocities.headings import (
     require_bracket_understood,
 )
 from sldvexp.io.velocities.table import (
+    IGNORED,
     ORDER,
     OWN,
     REMEDY,
@@ -82,7 +83,8 @@ def read(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) -> Lin
     require_file(path)
     if path.suffix.lower() not in READERS:
         raise UserError(f"{path}: the ending must be one of {', '.join(READERS)}")
-    return READERS[path.suffix.lower()](path, unit, layout)
+    found = READERS[path.suffix.lower()](path, unit, layout)
+    return replace(found, ignored=tuple(layout.ignored))
 
 
 def read_csv(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) -> LineOfSight:
@@ -232,6 +234,7 @@ def _table(
     if not table.header:
         raise UserError(f"{path}: is empty; needed are the columns {', '.join(REQUIRED)}")
     layout.require(table.header, path)
+    table = table.without(layout.ignored)
     headings = {c: layout.mapping.get(c, c) for c in table.header}
     table = replace(table, header=[layout.mapping.get(c, c) for c in table.header])
     known = REQUIRED + OPTIONAL + WITH_UNIT
@@ -241,15 +244,19 @@ def _table(
         missing = f", and lacks {', '.join(lost)}" if lost else ""
         message = (
             f"{path}: has the unknown columns {', '.join(unknown)}{missing}; say which is what "
-            f"with instrument.mapping={{{': , '.join(unknown)}: }}, and leave others out; Valid: "
-            f"{', '.join(REQUIRED + OPTIONAL)}"
+            f"with instrument.mapping={{{': , '.join(unknown)}: }}, {IGNORED} if a column is of no "
+            f"use; Valid: {', '.join((*REQUIRED, *OPTIONAL, IGNORED))}"
         )
         questions.note(UserError(message), path)
         _ask_the_rest(table, headings, unknown, unit, layout, questions)
         questions.done()
     for column in table.header:
         if column in unknown:
-            raise UserError(f"{path}: unknown column {column!r}; {nearest(column, known)}")
+            theirs = next(h for h, own in headings.items() if own == column)
+            raise UserError(
+                f"{path}: unknown column {column!r}; say what it is with instrument.mapping="
+                f"{{{theirs}: }}, {IGNORED} if it is of no use; {nearest(column, known)}"
+            )
         if table.header.count(column) > 1:
             raise UserError(f"{path}: the column {column} stands twice")
     table.require(REQUIRED, f"needed are {', '.join(REQUIRED)}")

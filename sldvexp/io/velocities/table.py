@@ -58,6 +58,8 @@ class LineOfSight:
         Measure of a sine that the file says its velocities are; None if it says nothing.
     odd : tuple of str
         Sentences on text of the file that settings win over.
+    ignored : tuple of str
+        Names of columns or arrays that were left out as the settings say.
 
     Raises
     ------
@@ -85,6 +87,7 @@ class LineOfSight:
     line: IntArray | None = None
     amplitude: Amplitude | None = None
     odd: tuple[str, ...] = ()
+    ignored: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         names = ("views", "points", "frequencies")
@@ -241,6 +244,8 @@ KNOWN = (
     "triangle",
     "line",
 )
+#: Name of what a file has that is of no use.
+IGNORED = "ignore"
 #: Units of files that state none, by nobody told; that of frequencies in Hz.
 UNSTATED_VELOCITY, UNSTATED_LENGTH, UNSTATED_FREQUENCY = VelocityUnit.m_per_s, LengthUnit.m, 1.0
 ORDER = ("view", "point", "frequency")
@@ -254,7 +259,7 @@ class FileLayout:
     Parameters
     ----------
     mapping : mapping of str to str
-        From the file's names of variables, dimensions or columns to the program's.
+        From the file's names of variables, dimensions or columns to the program's, or `IGNORED`.
     order : tuple of str
         Dimensions of the velocities where they have no names; all of `ORDER` that there are.
     group : str
@@ -276,6 +281,11 @@ class FileLayout:
     gaps: bool = False
     amplitude: Amplitude | None = None
     senses: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def ignored(self) -> list[str]:
+        """Names of the file that are left out."""
+        return [theirs for theirs, own in self.mapping.items() if own == IGNORED]
 
     def require(self, names: Iterable[Hashable], path: Path) -> None:
         """Complain about names that the file does not have."""

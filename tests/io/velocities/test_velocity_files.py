@@ -111,11 +111,14 @@ def test_blanks_around_names_mean_nothing(tmp_path):
 
 BAD = [
     ("view,dx,dy,dz\n1,0,0,1\n", "the column real is missing"),
-    ("view,dx,dy,dz,real,phase\n", "unknown column 'phase'"),
+    (
+        "view,dx,dy,dz,real,phase\n",
+        "unknown column 'phase'; say what it is with instrument.mapping={phase: }, ignore if ",
+    ),
     (
         "head,dx,dy,dz,vlos,real\n",
         "has the unknown columns head, vlos, and lacks view; say which is what with "
-        "instrument.mapping={head: , vlos: }, and leave others out; Valid: view, dx,",
+        "instrument.mapping={head: , vlos: }, ignore if a column is of no use; Valid: view, dx,",
     ),
     (HEAD, "the table has no rows"),
     (
