@@ -38,6 +38,13 @@ def begins(arguments: Sequence[str]) -> bool:
     return next(iter(arguments), None) in COMMANDS
 
 
+def add_options(parser: ArgumentParser, arguments: Sequence[str]) -> None:
+    """Let a parser take the options of the command that a line names, if it has some of its own."""
+    name = next((a for a in arguments if a in COMMANDS), None)
+    for option, told in getattr(getattr(cli, name), "OPTIONS", {}).items() if name else ():
+        parser.add_argument(f"--{option}", help=told)
+
+
 def in_order(arguments: Sequence[str], parser: ArgumentParser) -> list[str]:
     """Put settings first and options behind them, wherever they stand on the line.
 
@@ -120,13 +127,16 @@ def run(options: Namespace) -> int:
         If the command does not take these options or words.
     """
     name, *words = options.overrides
-    others = [o for o, given in vars(options).items() if given and o not in TAKEN]
+    command = getattr(cli, name)
+    own = {option: getattr(options, option) for option in getattr(command, "OPTIONS", {})}
+    others = [o for o, given in vars(options).items() if given and o not in (*TAKEN, *own)]
     if others:
         option = others[0].replace("_", "-")
-        raise UserError(f"command line: {name} takes no option --{option}, only --config-dir")
+        only = ", ".join(f"--{o.replace('_', '-')}" for o in ("config_dir", *own))
+        raise UserError(f"command line: {name} takes no option --{option}, only {only}")
     if options.config_dir and not Path(options.config_dir).is_dir():
         raise UserError(f"command line: there is no folder {options.config_dir}")
-    status: int = getattr(cli, name).run(words, options.config_dir)
+    status: int = command.run(words, options.config_dir, **own)
     sys.stdout.flush()
     return status
 

@@ -342,6 +342,7 @@ class Command:
         """
         config.security.require_bounded_line("command line", self.arguments)
         parser = get_args_parser()
+        commands.add_options(parser, self.arguments)
 
         def refuse(message: str) -> NoReturn:
             raise UserError(f"command line: {message}; sldvexp --hydra-help lists the options")

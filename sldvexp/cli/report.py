@@ -1,4 +1,7 @@
-"""`sldvexp report <run or sweep>`: make the page of a run or of a sweep anew, from its dataset."""
+"""`sldvexp report <run or sweep>`: make the page of a run or of a sweep anew, from its dataset.
+
+Also of a run that was interrupted or failed, from what is in its folder.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from sldvexp.config import registry
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
+from sldvexp.report.html import unfinished
 from sldvexp.report.html.page import Html
 from sldvexp.sweep import ranking
 from sldvexp.sweep.summary import SWEEP_FILE
@@ -34,6 +38,9 @@ def run(words: list[str], config_dir: str | None) -> int:
     given = Path(words[0])
     found = [given / SWEEP_FILE, given / RUN_FILE] if given.is_dir() else [given]
     path = next((file for file in found if file.is_file()), None)
+    if path is None and given.is_dir() and not unfinished.unfinished_because(given):
+        print(Html().of_unfinished(given))
+        return 0
     if path is None:
         for file in filter(Path.exists, found):
             require_file(file)  # it says what is there instead

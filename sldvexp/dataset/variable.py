@@ -53,7 +53,7 @@ class Variable(NamedTuple):
     @property
     def factor(self) -> float:
         """Number by which values of the dataset are multiplied for the shown unit."""
-        return FACTORS.get(self.shown_unit, 1.0)
+        return 1.0 if self.shown_unit == self.units else FACTORS.get(self.shown_unit, 1.0)
 
     def titled(self, text: str = "") -> str:
         """Join a text, or the label, and the shown unit, as headings and axes have it."""

@@ -62,7 +62,7 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "dac_std": _V("edge", "1", f"its standard error along the scan line, {DAC}", DAC),
         "direction": _V("edge mirror", "1", "unit vector along the scan line"),
         "width": _V("edge", "1", f"width of the edge's profile along the scan line, {DAC}", DAC),
-        "phase": _V("edge", "rad", "phase of the motion on the scan line"),
+        "phase": _V("edge", "rad", "phase of the motion on the scan line", "deg"),
         "circle": _V("edge", "1", "which rough centre the line belongs to"),
     },
     "image": {
@@ -88,7 +88,7 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "origin_std": _V("view axis", "m", "standard error of the origin"),
         "origin_confidence": _V("view axis", "m", "half-width of the origin's interval"),
         "rotation": _V("view laser_axis axis", "1", "rotation from world to laser axes"),
-        "euler": _V("view angle_index", "rad", "Euler angles, world to laser", "mrad"),
+        "euler": _V("view angle_index", "rad", "Euler angles, world to laser", "deg"),
         "euler_std": _V("view angle_index", "rad", "standard error of the Euler angles"),
         "euler_confidence": _V("view angle_index", "rad", "half-width of the angles' interval"),
         "covariance": _V("view parameter parameter2", "m and rad", "covariance of the pose"),
@@ -254,7 +254,7 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "principal_direction_std": _V(
             "place [frequency]", "deg", "its standard error at most; 52 where it is unknown"
         ),
-        "principal_phase": _V("place [frequency]", "rad", "moment of the largest extension"),
+        "principal_phase": _V("place [frequency]", "rad", "moment of the largest extension", "deg"),
         "stress": _V(_STRAIN, "Pa", "plane stress of the face"),
         "stress_std": _V(_STRAIN, "Pa", "its standard error, of the larger part"),
         "von_mises": _V(

@@ -83,7 +83,8 @@ def run(
     )
     rng = np.random.default_rng(experiment.seed)
     run = Run(experiment, rng, Path(folder), Operator(lambda: _paused(bar)))
-    with bar, _told_how_to_go_on(run.folder):
+    page = experiment.report if share is None else None
+    with bar, _page_if_unfinished(page, run.folder), _told_how_to_go_on(run.folder):
         whole = _do(steps, run, bar, share or (lambda step, run: step.perform(run)))
     run.conclude()
     verdict = run.verdict
@@ -169,6 +170,19 @@ def _told_how_to_go_on(folder: Path) -> Iterator[None]:
     except KeyboardInterrupt as stop:
         if (folder / JOURNAL).is_dir():
             stop.args = (f"interrupted; {how_to_go_on(folder)}",)
+        raise
+
+
+@contextmanager
+def _page_if_unfinished(report: Report | None, folder: Path) -> Iterator[None]:
+    """Leave a page of a run that ends before it is done; that of a finished one stays."""
+    try:
+        yield
+    except BaseException as end:
+        if report is not None and folder.is_dir() and not (folder / RUN_FILE).is_file():
+            known = isinstance(end, UserError | KeyboardInterrupt)
+            reason = str(end) if known else "the program has a fault, of which the log tells"
+            attempt(lambda: report.of_unfinished(folder, reason), folder)
         raise
 
 

@@ -21,4 +21,5 @@ from .sweep_comparison import sweep as sweep
 from .velocity_images import images as images
 from .velocity_images import phase_correction as phase_correction
 from .view_residuals import residuals as residuals
+from .volume_views import stands as stands
 from .volume_views import volume as volume

@@ -7,7 +7,7 @@ line in `FIGURES`.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from sldvexp.dataset import RunData, Source, is_void
-from sldvexp.errors import UserError
+from sldvexp.errors import UserError, nearest
 from sldvexp.plot import (
     circle_edges,
     field_maps,
@@ -32,7 +32,7 @@ from sldvexp.plot import (
     volume_views,
 )
 from sldvexp.plot.layer import field_unavailable_because
-from sldvexp.plot.style import SETTINGS
+from sldvexp.plot.style import settings_of
 from sldvexp.writing import whole_or_nothing
 
 
@@ -62,6 +62,7 @@ FIGURES: dict[str, FigureEntry] = {
     "images": FigureEntry(velocity_images.images, velocity_images.unavailable_because),
     "point": FigureEntry(point_spectra.point, point_spectra.unavailable_because),
     "volume": FigureEntry(volume_views.volume, volume_views.unavailable_because),
+    "stands": FigureEntry(volume_views.stands, volume_views.stands_unavailable_because),
     "field": FigureEntry(field_maps.field, field_unavailable_because),
     "surface": FigureEntry(shape.surface, shape.unavailable_because),
     "nodal": FigureEntry(nodal_values.nodal, field_unavailable_because),
@@ -120,11 +121,25 @@ def _marked_void(draw: Callable[..., Figure], run: RunData, **options: Any) -> F
 
 
 #: Formats with what each would say of the moment and the program, which is left out.
-FORMATS = {"png": {"Software": None}, "svg": {"Date": None, "Creator": None}}
+FORMATS: dict[str, dict[str, None]] = {
+    "png": {"Software": None},
+    "svg": {"Date": None, "Creator": None},
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+}
+#: Those that a figure is written in unless others are asked for.
+USUAL = ("png", "svg")
 
 
-def save(figure: Figure, path: str | Path, title: str = "") -> list[Path]:
-    """Write a figure as PNG and SVG beside each other.
+def save(
+    figure: Figure,
+    path: str | Path,
+    title: str = "",
+    formats: Sequence[str] = USUAL,
+    dpi: float | None = None,
+) -> list[Path]:
+    """Write a figure as files of several formats beside each other.
+
+    Letters stay letters in SVG and PDF, which can be searched and edited.
 
     Parameters
     ----------
@@ -132,11 +147,15 @@ def save(figure: Figure, path: str | Path, title: str = "") -> list[Path]:
         Without suffix; its folder is made.
     title : str
         What the files say of themselves; without it the file's name.
+    formats : sequence of str
+        Of ``png``, ``svg`` and ``pdf``.
+    dpi : float, optional
+        Dots per inch of a PNG and of what is painted in the others; without it 300.
 
     Returns
     -------
     list of Path
-        The files, PNG first.
+        The files, in the order of the formats.
 
     Raises
     ------
@@ -151,14 +170,20 @@ def save(figure: Figure, path: str | Path, title: str = "") -> list[Path]:
     ['empty.png', 'empty.svg']
     """
     path = Path(path)
-    files = [path.with_name(f"{path.name}.{suffix}") for suffix in FORMATS]
+    for suffix in formats:
+        if suffix not in FORMATS:
+            raise UserError(f"plot: there is no format {suffix}; {nearest(suffix, FORMATS)}")
+    files = [path.with_name(f"{path.name}.{suffix}") for suffix in formats]
+    look = settings_of(figure)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with matplotlib.rc_context(SETTINGS), _laid_out(figure):
-            for file, (suffix, metadata) in zip(files, FORMATS.items(), strict=True):
-                about = {**metadata, "Title": title or path.name}
+        with matplotlib.rc_context(look), _laid_out(figure):
+            for file, suffix in zip(files, formats, strict=True):
+                about = {**FORMATS[suffix], "Title": title or path.name}
                 with whole_or_nothing(file) as beside:
-                    figure.savefig(beside, format=suffix, metadata=about)
+                    figure.savefig(
+                        beside, format=suffix, metadata=about, dpi=dpi or look["savefig.dpi"]
+                    )
     except OSError as error:
         raise UserError(f"{path}: cannot be written: {error.strerror or error}") from None
     return files

@@ -68,16 +68,15 @@ def edges(source: Source | RunData, view: str | None = None) -> Figure:
         view = one_of(view, views, "edges", "view")
         views = {view: views[view]}
     ratio = ratio_of([group["dac"].values for group in views.values()])
-    made, axes = panels_of_views(len(views), ratio, "Edge points of the circles")
-    for axis, (name, group) in zip(axes.ravel(), views.items(), strict=False):
+    titles = [_edges_told(name, group) for name, group in views.items()]
+    made, axes = panels_of_views(ratio, "Edge points of the circles", titles)
+    for axis, group in zip(axes.ravel(), views.values(), strict=False):
         numbers = np.unique(group["circle"].values)
         for number, look in zip(numbers, style.looks(len(numbers)), strict=True):
             own = group["circle"].values == number
             up_down, left_right = group["dac"].values[own].T
             look |= {"linestyle": "none", "markersize": 2, "markeredgewidth": 0.5}
             axis.plot(left_right, up_down, label=str(number), fillstyle="none", **look)
-        error = float(np.median(group["dac_std"]))
-        axis.set_title(f"view {name}: {len(group['circle'])} edges ± {error:.2g} steps (median)")
         axis.set_aspect("equal", adjustable="datalim")
     style.outer_labels(axes, len(views), *ACROSS_AND_UP)
     style.legend(made, *axes.ravel()[: len(views)], title="circle", markerscale=2)
@@ -90,15 +89,19 @@ def ratio_of(dac: Sequence[Array]) -> float:
     return float(np.clip(np.median(high / np.maximum(wide, 1)), 0.5, 1.2))
 
 
+def _edges_told(name: str, group: Any) -> str:
+    error = float(np.median(group["dac_std"]))
+    return f"view {name}: {len(group['circle'])} edges ± {error:.2g} steps (median)"
+
+
 def panels_of_views(
-    number: int, ratio: float, title: str, **shared: Any
+    ratio: float, title: str, titles: Sequence[str], least: float = 1.6, **shared: Any
 ) -> tuple[Figure, NDArray[Any]]:
-    """Make a sheet with a panel for each view, and room below for a legend with a title."""
-    columns = min(number, COLUMNS)
-    width = style.LEFT + (3.4 if number > 1 else 4.8) * columns
-    below = 1.5 * style.LEGEND_BELOW
-    size = (-(-number // columns), columns, width, ratio)
-    made, axes = style.sheet(*size, title, style.NUMBERS, below, right=0.15, **shared)
+    """Make a sheet with a titled panel for each view, at least so many inches wide."""
+    number = len(titles)
+    columns = style.fitting(min(number, COLUMNS), least)
+    size = (-(-number // columns), columns, ratio)
+    made, axes = style.sheet(*size, title, titles, style.NUMBERS, right=0.15, **shared)
     for axis in axes.ravel()[number:]:
         axis.remove()
     return made, axes
@@ -126,25 +129,31 @@ def conics(source: Source | RunData, view: str | None = None) -> Figure:
     ...              width=2 * one, phase=0 * one, circle=one.astype(int))
     >>> edge.attrs["summary"] = "circle 1: 12 edges"
     >>> conics({"edge/front": edge}).axes[1].get_title()
-    'χ² 0 of 7 degrees of freedom'
+    'χ² 0, 7 dof'
     """
     run = RunData.from_source(source)
     require("conics", unavailable_because(run))
     view = one_of(view, run.below("edge", "dac", "circle"), "conics", "view")
     fits = fitted(run, view)
-    columns = len(fits)
-    made = style.figure(1.0 + 2.8 * columns, 6.4, f"Ellipses through the edges of view {view}")
-    axes = made.subplots(2, columns, squeeze=False, height_ratios=[1.2, 1.0])
-    for column, (number, (fit, turn, points, curve)) in zip(axes.T, fits.items(), strict=True):
-        _ellipse(column[0], points, curve, fit)
-        column[0].set_title(f"circle {number}")
-        _residuals(column[1], turn, fit)
-    axes[0, 0].set_ylabel(ACROSS_AND_UP[1])
-    axes[1, 0].set_ylabel(DAC.titled("distance from the ellipse"))
-    low = min(axis.get_ylim()[0] for axis in axes[1])
-    high = max(axis.get_ylim()[1] for axis in axes[1])
-    for axis in axes[1]:
-        axis.set_ylim(low, high)
+    columns = style.fitting(len(fits), 1.5)
+    blocks = -(-len(fits) // columns)
+    high = 0.7 + 3.7 * blocks
+    made = style.figure(high, f"Ellipses through the edges of view {view}")
+    ratios = [1.2, 1.0] * blocks
+    grid = made.subplots(2 * blocks, columns, squeeze=False, height_ratios=ratios)
+    above, below = grid[::2].ravel(), grid[1::2].ravel()
+    for upper, lower, (number, fit) in zip(above, below, fits.items(), strict=False):
+        _ellipse(upper, fit[2], fit[3], fit[0])
+        upper.set_title(f"circle {number}")
+        _residuals(lower, fit[1], fit[0])
+    for axis in (*above[len(fits) :], *below[len(fits) :]):
+        axis.remove()
+    for axis in grid[::2, 0]:
+        axis.set_ylabel(ACROSS_AND_UP[1])
+    for axis in grid[1::2, 0]:
+        axis.set_ylabel(DAC.titled("distance"))
+    style.alike(below[: len(fits)])
+    style.legend_below(made, *above[: len(fits)], *below[: len(fits)])
     return made
 
 
@@ -172,18 +181,22 @@ def conic_residuals(source: Source | RunData) -> Figure:
     views = run.below("edge", "dac", "circle")
     shared = {"sharex": True, "sharey": True}
     title = "Edges around every circle: distances from the ellipse"
-    made, axes = panels_of_views(len(views), 0.62, title, **shared)
-    for axis, name in zip(axes.ravel(), views, strict=False):
-        fits = fitted(run, name)
+    found = {name: fitted(run, name) for name in views}
+    titles = [f"view {name}: {_fits_told(fits)}" for name, fits in found.items()]
+    made, axes = panels_of_views(0.62, title, titles, **shared)
+    for axis, fits in zip(axes.ravel(), found.values(), strict=False):
         axis.axhline(0.0, color=style.COLOURS[-1], linewidth=0.8)
         for number, (fit, turn, _, _) in fits.items():
             _distances(axis, number + turn / TURN_BESIDE, fit, {"capsize": 0, "elinewidth": 0.6})
         axis.set_xticks(list(fits))
-        square, dof = (sum(getattr(f[0], n) for f in fits.values()) for n in ("chi_square", "dof"))
-        axis.set_title(f"view {name}: χ² {square:.0f} of {dof} degrees of freedom")
     style.outer_labels(axes, len(views), "circle", DAC.titled("distance"))
     style.legend(made, *axes.ravel()[: len(views)])
     return made
+
+
+def _fits_told(fits: dict[int, tuple[ConicFit, Array, Array, Array]]) -> str:
+    square, dof = (sum(getattr(f[0], n) for f in fits.values()) for n in ("chi_square", "dof"))
+    return f"χ² {square:.0f} of {dof} degrees of freedom"
 
 
 def fitted(run: RunData, view: str) -> dict[int, tuple[ConicFit, Array, Array, Array]]:
@@ -217,7 +230,7 @@ def _ellipse(axes: Axes, points: Array, curve: Array, fit: ConicFit) -> None:
             axes.plot(some[:, 1], some[:, 0], marker, label=name, **look)
     axes.set_aspect("equal")
     axes.set_xlabel(ACROSS_AND_UP[0])
-    axes.legend(loc="center")
+    axes.xaxis.set_major_locator(style.ticks(3))
 
 
 def _distances(axes: Axes, place: Array, fit: ConicFit, look: dict[str, Any]) -> None:
@@ -238,5 +251,5 @@ def _distances(axes: Axes, place: Array, fit: ConicFit, look: dict[str, Any]) ->
 def _residuals(axes: Axes, turn: Array, fit: ConicFit) -> None:
     axes.axhline(0.0, color=style.COLOURS[-1], linewidth=0.8)
     _distances(axes, turn, fit, {})
-    axes.set_title(f"χ² {fit.chi_square:.0f} of {fit.dof} degrees of freedom")
-    axes.set(xlabel="direction from the centre, deg", xticks=[-180, -90, 0, 90, 180])
+    axes.set_title(f"χ² {fit.chi_square:.0f}, {fit.dof} dof")
+    axes.set(xlabel="direction, deg", xticks=[-180, 0, 180])

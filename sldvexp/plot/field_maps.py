@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from sldvexp.dataset import RunData, Source
 from sldvexp.plot import style
 from sldvexp.plot.layer import field_unavailable_because, layer_of
-from sldvexp.plot.maps import PHASES, map_of, phase_map
+from sldvexp.plot.maps import FAINT, PHASES, map_of, phase_map, scale_of
 from sldvexp.plot.selection import require
 
 
@@ -21,7 +23,8 @@ def field(
 ) -> Figure:
     """Draw size, phase and bound of every component of the velocity on one layer.
 
-    Where a velocity is smaller than its bound its phase means nothing and is hatched.
+    Components have one scale. Where a velocity is smaller than its bound its size is pale, and its
+    phase means nothing and is hatched.
 
     Parameters
     ----------
@@ -48,22 +51,32 @@ def field(
     run = RunData.from_source(source)
     require("field", field_unavailable_because(run))
     layer = layer_of(run, "field", frequency, depth, name)
-    rows = len(layer.components)
-    wide, high = (np.ptp(layer.position[:, i]) for i in layer.plane)
-    ratio = min(max(high / wide, 0.35), 1.4)
+    names = layer.components
     title = style.joined(f"Velocity {layer.where}", layer.frequency)
-    shared = {"sharex": True, "sharey": True}
-    made, axes = style.sheet(rows, 3, 10.5, ratio, title, style.SCALE_BESIDE, **shared)
-    for row, component in zip(axes, layer.components, strict=True):
-        velocity, mesh = layer.values("velocity", component), layer.mesh()
-        bound, seen = layer.bound(component), layer.values("observable", component) != 0
-        map_of(row[0], mesh, np.abs(velocity), style.SPEED, 0.0, seen)
-        phases = phase_map(row[1], mesh, velocity, bound)
-        map_of(row[2], mesh, bound, style.SPEED, known=seen)
-        row[0].set_title(f"{component}: size")
-        row[1].set_title(f"{component}: {PHASES}")
-        row[2].set_title(f"{component}: {layer.bound_name}")
-    style.in_turns(style.scale_beside(axes[:, 1], phases, style.PHASE))
+    level = layer.bound_name
+    titles = [f"{c}: {what}" for c in names for what in ("size", PHASES, level)]
+    title = f"{title} ({FAINT})"
+    shared = {"sharex": True, "sharey": True, "below": style.SCALE_BELOW, "right": 0.15}
+    room = {"beside": 0.16, "between": style.LOW}
+    made, axes = style.sheet(len(names), 3, layer.ratio, title, titles, **room, **shared)
+    velocity = [layer.values("velocity", c) for c in names]
+    bound = [layer.bound(c) for c in names]
+    seen = [layer.values("observable", c) != 0 for c in names]
+    size, unit = scale_of([np.abs(v[s]) for v, s in zip(velocity, seen, strict=True)], style.SPEED)
+    widths = [b[s] for b, s in zip(bound, seen, strict=True)]
+    width, _ = scale_of(widths, style.SPEED, factor=size[0])
+    mesh = layer.mesh()
+    scales: dict[tuple[int, str], Any] = {}
+    for row, v, b, s in zip(axes, velocity, bound, seen, strict=True):
+        scales[0, unit] = map_of(row[0], mesh, np.abs(v), size, s, b) or scales.get((0, unit))
+        scales[1, style.PHASE] = phase_map(row[1], mesh, v, b)
+        scales[2, unit] = map_of(row[2], mesh, b, width, s) or scales.get((2, unit))
+    for (column, label), mapped in scales.items():
+        if mapped is not None:
+            scale = style.scale_below(axes[:, column], mapped, label)
+            if column == 1:
+                style.in_turns(scale)
+    style.inner_ticks(axes)
     for one in axes.ravel():
         layer.label(one)
         one.label_outer()

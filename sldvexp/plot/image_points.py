@@ -11,6 +11,7 @@ from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
 from sldvexp.plot.circle_edges import ACROSS_AND_UP, COLUMNS, DAC, fitted, panels_of_views, ratio_of
+from sldvexp.plot.paper import broken
 from sldvexp.plot.selection import one_of, require
 
 NO_POINTS = (
@@ -75,7 +76,8 @@ def bitangents(source: Source | RunData, view: str | None = None) -> Figure:
     if view is not None:
         views = [one_of(view, views, "bitangents", "view")]
     ratio = ratio_of([group["dac"].sel(view=name).values for name in views])
-    made, axes = panels_of_views(len(views), ratio, "Bitangent points of the circles")
+    titles = [f"view {name}" for name in views]
+    made, axes = panels_of_views(ratio, "Bitangent points of the circles", titles, 2.6)
     for axis, name in zip(axes.ravel(), views, strict=False):
         _touching(axis, run, name)
     style.outer_labels(axes, len(views), *ACROSS_AND_UP)
@@ -95,7 +97,6 @@ def _touching(axes: Axes, run: RunData, view: str) -> None:
             axes.plot(ends[:, 1], ends[:, 0], "--", color=style.COLOURS[-1], label="bitangent")
     axes.plot(dac[:, 1], dac[:, 0], "o", color=style.COLOURS[3], label="bitangent point")
     _number(axes, dac, points["point"].values)
-    axes.set_title(f"view {view}")
     axes.margins(0.12)
     axes.set_aspect("equal", adjustable="datalim")
 
@@ -109,11 +110,11 @@ def _number(axes: Axes, dac: np.ndarray, numbers: np.ndarray) -> None:
         axes.annotate(
             str(number),
             place[::-1],
-            xytext=tuple(10.0 * away),
+            xytext=tuple(8.5 * away),
             textcoords="offset points",
             ha="center",
             va="center",
-            fontsize=8,
+            fontsize="small",
             gid=f"point-{k}",
         )
 
@@ -140,10 +141,9 @@ def pose_residuals(source: Source | RunData) -> Figure:
 def _by_point(pose: xr.Dataset) -> Figure:
     """Draw residuals of both mirrors, a panel for each view."""
     names = [str(v) for v in pose["view"].values]
-    columns = min(len(names), COLUMNS)
+    columns = style.fitting(min(len(names), COLUMNS), 2.1)
     rows = -(-len(names) // columns)
-    width, height = (7.0, 3.6) if len(names) == 1 else (1.0 + 3.6 * columns, 0.8 + 2.3 * rows)
-    made = style.figure(width, height, "Residuals of the pose: observed minus predicted")
+    made = style.figure(0.8 + 1.7 * rows, "Residuals of the pose: observed minus predicted")
     axes = made.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     numbers = np.arange(pose.sizes["point"]) + 1
     labels = pose["point"].values if "point" in pose.coords else numbers
@@ -159,7 +159,8 @@ def _by_point(pose: xr.Dataset) -> Figure:
             error = None if np.isnan(s) else np.full(len(values), s)
             axis.errorbar(numbers + shift, values, error, label=text, **look)
         rms = float(one["residual_rms"]) if "residual_rms" in one else np.nan
-        axis.set_title(f"view {name}: r.m.s. {rms:.3g}, s {s:.3g} steps")
+        told = f"view {name}: r.m.s. {rms:.3g}, s {s:.3g} steps"
+        axis.set_title(broken(told, 0.8 * style.inches() / columns))
         axis.xaxis.set_major_locator(style.whole_numbers())
         if not np.array_equal(labels, numbers) and len(labels) <= 30:
             axis.set_xticks(numbers, [str(n) for n in labels])
@@ -173,7 +174,7 @@ def _by_point(pose: xr.Dataset) -> Figure:
 def _by_view(pose: xr.Dataset) -> Figure:
     """Draw root mean square residual of each view, where no points are known."""
     names = [str(v) for v in pose["view"].values]
-    made = style.figure(max(5.0, 1.8 + 0.5 * len(names)), 3.4, "Residuals of the poses by view")
+    made = style.figure(3.0, "Residuals of the poses by view")
     axes = made.subplots()
     place = np.arange(len(names))
     known = {"residual_rms": "r.m.s. residual", "s": "s, of a mirror reading"}
@@ -205,8 +206,8 @@ def repeatability(source: Source | RunData) -> Figure:
     >>> std = dac.std(axis=0, ddof=1)
     >>> found = group("examined/repeatability", {"point": [1, 2]}, dac_std=std, largest=std.max())
     >>> figure = repeatability({"registration": points, "examined/again": found})
-    >>> figure.axes[2].get_ylabel()
-    'standard deviation, DAC steps'
+    >>> figure.axes[2].get_ylabel().split()
+    ['standard', 'deviation,', 'DAC', 'steps']
     """
     run = RunData.from_source(source)
     require("repeatability", repeats_unavailable_because(run))
@@ -214,7 +215,7 @@ def repeatability(source: Source | RunData) -> Figure:
     examined = next(iter(run.below("examined", "dac_std").values()))
     names = [str(v) for v in group["view"].values]
     numbers = np.arange(group.sizes["point"]) + 1
-    made = style.figure(8.0, 8.4, f"Image points of {len(names)} repeated scans of one pose")
+    made = style.figure(6.6, f"Image points of {len(names)} repeated scans of one pose")
     axes = made.subplots(3, 1, sharex=True)
     for axis, (mirror, text) in zip(axes, MIRRORS.items(), strict=False):
         dac = group["dac"].sel(mirror=mirror)
@@ -223,12 +224,15 @@ def repeatability(source: Source | RunData) -> Figure:
         shift = np.linspace(-0.3, 0.3, len(names))
         for name, look, aside in zip(names, style.looks(len(names)), shift, strict=True):
             look["linestyle"] = "none"
-            axis.plot(numbers + aside, away.sel(view=name).values, label=name, **look)
-        axis.set_ylabel(DAC.titled(f"{text} minus mean"))
+            told = name if "scan" in name else f"scan {name}"
+            axis.plot(numbers + aside, away.sel(view=name).values, label=told, **look)
+        axis.set_ylabel(broken(DAC.titled(f"{text} minus mean"), 1.4))
     _scatter(axes[2], examined, len(names), numbers)
-    axes[2].set_xticks(numbers, [str(n) for n in group["point"].values])
+    every = 2 if style.narrow() and len(numbers) > 9 else 1
+    labels = [str(n) for n in group["point"].values]
+    axes[2].set_xticks(numbers[::every], labels[::every])
     axes[2].set_xlabel("point")
-    style.legend_below(made, axes[0], title="scan")
+    style.legend_below(made, axes[0], axes[2])
     return made
 
 
@@ -243,6 +247,5 @@ def _scatter(axes: Axes, examined: xr.Dataset, repeats: int, numbers: np.ndarray
         look["linestyle"] = "none"
         error = np.stack([std * (1.0 - low), std * (high - 1.0)])
         axes.errorbar(numbers + shift, std, error, label=f"{text}, 95% interval", **look)
-    axes.set_ylabel(DAC.titled("standard deviation"))
+    axes.set_ylabel(broken(DAC.titled("standard deviation"), 1.4))
     axes.set_ylim(bottom=0.0)
-    axes.legend(loc="upper left", bbox_to_anchor=(0.0, 1.16), ncols=2)

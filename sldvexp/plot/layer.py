@@ -1,4 +1,9 @@
-"""One layer of a field's volume, as a plane map and with its nodes' values."""
+"""One layer of a field's volume, as a plane map and with its nodes' values.
+
+A layer that is flat is seen along two axes of the world. One that bends in one direction is rolled
+out, so that lengths on the map are those on the surface: the place along its axis stays, and across
+it stands the length of the arc. Another is seen along two axes too.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +27,10 @@ PLACE = VARIABLES["field"]["position"]
 #: Height of the true surface over a layer, in layer spacings, that makes no difference.
 IN_LAYER = 0.02
 
+#: Deviation of unit normals from one another up to which a surface is flat, and share of the
+#: second singular value of normals up to which they lie in a plane.
+FLAT, BENT = 1e-6, 1e-3
+
 NO_FIELD = (
     "the run has no velocity field (group field); choose a volume and a reconstruction, as in "
     "experiment=plate"
@@ -43,6 +52,10 @@ class VolumeLayer:
         By the layer's own nodes.
     plane : tuple of (int, int)
         The two axes of the world along which the layer is seen best.
+    place : ndarray, shape (n, 2), m
+        On the map.
+    labels : tuple of (str, str)
+        Names of the map's axes, without unit.
     depth : float, m
     frequency : str
         Such as ``197 Hz``.
@@ -57,6 +70,8 @@ class VolumeLayer:
     position: Array
     triangle: IndexArray
     plane: tuple[int, int]
+    place: Array
+    labels: tuple[str, str]
     depth: float
     frequency: str
     truth: dict[str, ComplexArray]
@@ -96,14 +111,20 @@ class VolumeLayer:
 
     def mesh(self) -> Triangulation:
         """Make the layer's triangles in its plane, in the shown unit."""
-        x, y = PLACE.factor * self.position[:, self.plane].T
+        x, y = PLACE.factor * self.place.T
         return Triangulation(x, y, self.triangle)
 
     def label(self, axes: Axes) -> None:
         """Name the axes of a map of this layer."""
-        first, second = (AXES[i] for i in self.plane)
-        axes.set(xlabel=PLACE.titled(first), ylabel=PLACE.titled(second))
+        first, second = map(PLACE.titled, self.labels)
+        axes.set(xlabel=first, ylabel=second)
         axes.set_aspect("equal")
+
+    @property
+    def ratio(self) -> float:
+        """Height of a map over its width, within limits."""
+        wide, high = np.ptp(self.place, axis=0)
+        return float(min(max(high / wide, 0.2), 1.6)) if wide > 0 else 1.0
 
 
 def field_unavailable_because(run: RunData) -> str:
@@ -157,16 +178,73 @@ def layer_of(
     first, second = sorted(np.argsort(np.ptp(here, axis=0))[1:])
     plane = int(first), int(second)
     truth = _truth(run, whole, node, depths, plane) if chosen == "field" else {}
+    frame = run.groups["volume"].get("frame") if "volume" in run.groups else None
+    normals = None if frame is None else frame.values[node % len(frame), 2]
+    place, labels = rolled_out(here, normals, plane)
     return VolumeLayer(
         whole.isel(node=node),
         node,
         here,
         below[(below < per_layer).all(axis=1)],
         plane,
+        place,
+        labels,
         float(depths[index]),
         hertz,
         truth,
     )
+
+
+def rolled_out(
+    position: Array, normals: Array | None, plane: tuple[int, int]
+) -> tuple[Array, tuple[str, str]]:
+    """Lay a surface into a plane.
+
+    Parameters
+    ----------
+    position, normals : ndarray, shape (n, 3)
+        None if the normals are not known.
+    plane : tuple of (int, int)
+        Axes of the world along which it is seen if it cannot be rolled out.
+
+    Returns
+    -------
+    place : ndarray, shape (n, 2), m
+    labels : tuple of (str, str)
+
+    Examples
+    --------
+    >>> turn = np.linspace(-0.5, 0.5, 40)
+    >>> normals = np.column_stack([np.sin(turn), 0 * turn, np.cos(turn)])
+    >>> place, labels = rolled_out(2.0 * normals, normals, (0, 1))
+    >>> labels, round(float(np.ptp(place[:, 0])), 4)
+    (('arc', 'y'), 1.9999)
+    """
+    flat = position[:, plane], (AXES[plane[0]], AXES[plane[1]])
+    if normals is None or np.ptp(normals, axis=0).max() <= FLAT:
+        return flat
+    _, size, ways = np.linalg.svd(normals, full_matrices=False)
+    axis = ways[2] * np.sign(ways[2][np.abs(ways[2]).argmax()])
+    named = int(np.abs(axis).argmax())
+    if size[2] > BENT * size[1] or axis[named] < 1 - FLAT or named not in plane:
+        return flat
+    middle = normals.mean(axis=0)
+    across = np.cross(axis, middle / np.linalg.norm(middle))
+    across *= np.sign(across[np.abs(across).argmax()])
+    # along the surface the normal turns one way, so that its direction orders the places
+    turn = np.arctan2(normals @ across, normals @ middle / np.linalg.norm(middle))
+    _, first, back = np.unique(turn.round(9), return_index=True, return_inverse=True)
+    rim = position[first] - np.outer(position[first] @ axis, axis)
+    steps = np.linalg.norm(np.diff(rim, axis=0), axis=1)
+    arc = np.append(0.0, np.cumsum(steps))
+    arc -= np.interp(0.0, turn[first], arc)
+    arc = arc * np.sign((position @ across - (position @ across).mean()) @ turn or 1.0)
+    place = np.empty((len(position), 2))
+    own = plane.index(named)
+    place[:, own], place[:, 1 - own] = position @ axis, arc[np.ravel(back)]
+    labels = ["arc", "arc"]
+    labels[own] = AXES[named]
+    return place, (labels[0], labels[1])
 
 
 def _truth(

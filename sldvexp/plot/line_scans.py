@@ -18,6 +18,7 @@ from sldvexp.instrument import Status
 from sldvexp.instrument.recording import JOURNAL, read_line
 from sldvexp.lazy import scipy
 from sldvexp.plot import style
+from sldvexp.plot.paper import broken
 from sldvexp.plot.selection import one_of, plugin, require, settings
 from sldvexp.scan.calibration import EdgeMethod
 from sldvexp.session.circles import PLACE
@@ -89,25 +90,39 @@ def scan_lines(
     number = one_of(str(circle), circles, "scan_lines", "circle")
     taken = {kind: _take(run, view, number, kind) for kind in KINDS}
     title = f"Scan lines across circle {number} of {len(circles)}, view {view}"
-    made = style.figure(10.5, 9.5, title)
+    made = style.figure(7.4, title)
     axes = made.subplots(4, 2, sharex="col")
+    factor, unit = style.prefixed(
+        np.concatenate([one.raw.magnitude.ravel() for one in taken.values()]), style.SPEED
+    )
     for column, (kind, one) in zip(axes.T, taken.items(), strict=True):
-        _column(column, kind, one)
+        _column(column, kind, one, factor)
+    for axis, what in zip(
+        axes[:, 0], ("velocity", "velocity", "gradient", "velocity"), strict=True
+    ):
+        per = " per step" * (what == "gradient")
+        axis.set_ylabel(f"{what}, {unit}{per}")
+    for axis in axes[-1]:
+        along = VARIABLES["edge"]["dac"].titled("place along the line")
+        axis.set_xlabel(broken(along, 0.4 * style.inches()))
     return made
 
 
-def _column(axes: Any, kind: str, taken: Taken) -> None:
+def _column(axes: Any, kind: str, taken: Taken, factor: float) -> None:
     """Draw four panels of one kind of lines."""
-    factor, unit = style.prefixed(taken.raw.magnitude, style.SPEED)
+
+    def name(axis: Any, text: str) -> None:
+        axis.set_title(broken(f"{count}: {text}", 0.4 * style.inches()))
+
     along = taken.raw.along
     count = f"{len(along)} {kind} lines"
     raw = np.where(taken.raw.flag, np.nan, taken.raw.magnitude)
     _lines(axes[0], along, factor * raw, error=factor * taken.raw.std)
-    axes[0].set_title(f"{count}: in phase with the motion, as measured")
+    name(axes[0], "in phase with the motion, as measured")
     _lines(axes[1], along, factor * taken.filtered)
-    axes[1].set_title(f"{count}: median of {taken.window} pixels")
+    name(axes[1], f"median of {taken.window} pixels")
     _lines(axes[2], along, factor * taken.gradient)
-    axes[2].set_title(f"{count}: gradient of the median")
+    name(axes[2], "gradient of the median")
     _lines(axes[3], along, factor * taken.filtered, faint=True)
     place, height = edge_heights(taken)
     axes[3].errorbar(
@@ -117,11 +132,7 @@ def _column(axes: Any, kind: str, taken: Taken) -> None:
         fmt="o",
         color=style.COLOURS[3],
     )
-    axes[3].set_title(f"{count}: {len(place)} edges ± standard error")
-    for axis in (axes[0], axes[1], axes[3]):
-        axis.set_ylabel(f"velocity, {unit}")
-    axes[2].set_ylabel(f"gradient, {unit} per step")
-    axes[3].set_xlabel(VARIABLES["edge"]["dac"].titled("place along the line"))
+    name(axes[3], f"{len(place)} edges ± standard error")
 
 
 def edge_heights(taken: Taken) -> tuple[np.ndarray, np.ndarray]:

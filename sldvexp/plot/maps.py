@@ -5,47 +5,58 @@ Linear inside of a triangle. What a map does not tell is hatched.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.tri import Triangulation
 
 from sldvexp.plot import style
 from sldvexp.typing import Array, BoolArray, ComplexArray
 
 #: Title of a map of phases.
-PHASES = "phase (hatched: below its bound)"
+PHASES = "phase"
+#: Part of a title that says how values below their bounds look.
+FAINT = "pale or hatched: below the bound"
+#: Share of white over values below their bounds.
+VEIL = 0.72
 
 
 def map_of(
     axes: Axes,
     mesh: Triangulation,
     values: Array,
-    unit: str,
-    low: float | None = None,
+    scale: tuple[float, float, float],
     known: BoolArray | None = None,
-) -> None:
-    """Draw values at nodes, and their scale in the prefixed unit that suits them.
+    bound: Array | None = None,
+) -> Any:
+    """Draw values at nodes.
 
     Parameters
     ----------
     values : ndarray, shape (node,)
         NaN where there is none.
-    unit : str
-        Without prefix.
-    low : float, optional
-        Lower end of the scale; without it the smallest value.
+    scale : tuple of float
+        Factor of the shown unit, and the least and largest value of the colours in that unit.
     known : ndarray of bool, shape (node,), optional
         Which values mean something.
+    bound : ndarray, shape (node,), optional
+        Of the values; where they are below it, they are pale.
+
+    Returns
+    -------
+    ScalarMappable or None
+        For the scale; None if there is nothing to draw.
     """
     style.hatched(axes)
-    factor, shown_unit = style.prefixed(values, unit)
+    factor, low, high = scale
     there = np.isfinite(values) & (True if known is None else known)
     if not there.any():
         axes.triplot(mesh, color="none")
         style.not_determined(axes)
-        return
+        return None
     shown = Triangulation(mesh.x, mesh.y, mesh.triangles)
     shown.set_mask(~there[mesh.triangles].all(axis=1))
     mapped = axes.tripcolor(
@@ -54,13 +65,60 @@ def map_of(
         shading="gouraud",
         cmap=style.SIZE_MAP,
         vmin=low,
+        vmax=high,
         rasterized=True,
     )
-    style.scale_beside(axes, mapped, shown_unit)
+    if bound is not None:
+        faint = there & ~(np.abs(values) > np.nan_to_num(bound))
+        veil(axes, mesh, faint[mesh.triangles].sum(axis=1) > 1)
+    return mapped
+
+
+def veil(axes: Axes, mesh: Triangulation, faint: BoolArray) -> None:
+    """Lay white over triangles whose values are not above their bounds."""
+    if faint.any():
+        over = Triangulation(mesh.x, mesh.y, mesh.triangles[faint])
+        look: dict[str, Any] = {
+            "alpha": VEIL,
+            "antialiased": False,
+            "linewidth": 0.0,
+            "rasterized": True,
+        }
+        axes.tripcolor(over, facecolors=np.ones(faint.sum()), cmap=WHITE, **look)
+
+
+#: A map of one colour.
+WHITE = ListedColormap(["#ffffff"])
+
+
+def scale_of(
+    values: Sequence[Array], unit: str, factor: float | None = None
+) -> tuple[tuple[float, float, float], str]:
+    """Choose the unit and the ends of one scale from zero for several maps.
+
+    Parameters
+    ----------
+    values : sequence of ndarray
+    unit : str
+        Without prefix.
+    factor : float, optional
+        Of the unit of another scale of the figure, which is then this one's too.
+
+    Returns
+    -------
+    scale : tuple of float
+        As `map_of` takes it.
+    unit : str
+        With a prefix.
+    """
+    sizes = np.abs(np.concatenate([np.ravel(v) for v in values]))
+    largest = float(sizes[np.isfinite(sizes)].max(initial=0.0))
+    own, shown = style.prefixed(largest if factor is None else 1.0 / factor, unit)
+    return (own, 0.0, own * largest or 1.0), shown
 
 
 def phase_map(axes: Axes, mesh: Triangulation, values: ComplexArray, bound: Array) -> Any:
-    """Draw phases of triangles, where values are larger than their bound.
+    """Draw phases of triangles, deg, where values are larger than their bound.
 
     Parameters
     ----------
@@ -79,9 +137,9 @@ def phase_map(axes: Axes, mesh: Triangulation, values: ComplexArray, bound: Arra
         known[0], mean[0] = True, np.nan
     return axes.tripcolor(
         Triangulation(mesh.x, mesh.y, mesh.triangles[known]),
-        facecolors=np.ma.masked_invalid(np.angle(mean[known])),
+        facecolors=np.ma.masked_invalid(np.degrees(np.angle(mean[known]))),
         cmap=style.PHASE_MAP,
-        vmin=-np.pi,
-        vmax=np.pi,
+        vmin=-180.0,
+        vmax=180.0,
         rasterized=True,
     )

@@ -13,7 +13,8 @@ from sldvexp.dataset import RunData, Source
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
-from sldvexp.plot.layer import AXES, PLACE, VolumeLayer, field_unavailable_because, layer_of
+from sldvexp.plot.layer import PLACE, VolumeLayer, field_unavailable_because, layer_of
+from sldvexp.plot.paper import broken
 from sldvexp.plot.selection import require
 from sldvexp.typing import Array, IndexArray
 
@@ -56,7 +57,7 @@ def nodal(
     >>> solved = group("field", {}, velocity=place + 0j, position=place, element=prisms,
     ...                confidence=0.1 * place, observable=np.ones((8, 3), int))
     >>> nodal({"volume": depth, "field": solved}, nodes="all", component="x").axes[0].get_ylabel()
-    'x, real, mm/s'
+    'x, mm/s'
     """
     run = RunData.from_source(source)
     require("nodal", field_unavailable_because(run))
@@ -68,19 +69,27 @@ def nodal(
             f"plot: nodal: there is no component {component}, only {', '.join(layer.components)}"
         )
     title = style.joined(f"Nodal velocities {layer.where}", layer.frequency, layer.bound_name)
-    room: dict[str, Any] = {
-        "beside": style.LEFT,
-        "below": style.LEGEND_BELOW if layer.truth else 0.0,
-    }
-    size = (len(components), 2, 11.0, 0.4)
-    made, axes = style.sheet(*size, title, **room, right=0.15, sharex=True)
-    for row, one in zip(axes, components, strict=True):
+    columns = 1 if style.narrow() else 2
+    ratio = 0.45
+    titles = [f"{one}: {part} part" for one in components for part in PARTS]
+    room: dict[str, Any] = {"right": 0.15, "between": style.LOW}
+    shared: dict[str, Any] = {"sharex": True, "sharey": False if columns == 1 else "row"}
+    rows = 2 * len(components) // columns
+    made, axes = style.sheet(rows, columns, ratio, title, titles, **room, **shared)
+    factor, unit = style.prefixed(
+        np.concatenate([layer.values("velocity", c)[own] for c in components]), style.SPEED
+    )
+    panels = axes.reshape(len(components), 2)
+    for row, one in zip(panels, components, strict=True):
         for axis, (part, take) in zip(row, PARTS.items(), strict=True):
-            _values(axis, layer, own, place, one, part, take)
+            _values(axis, layer, own, place, one, part, take, factor)
+            axis.set_ylabel(f"{one}, {unit}")
+            axis.label_outer()
+        style.alike(row)
     for axis in axes[-1]:
-        axis.set_xlabel(label)
+        axis.set_xlabel(broken(label, style.inches() / columns))
     if layer.truth:
-        style.legend(made, axes[0, 0], axes[-1, 0])
+        style.legend(made, *axes[:, 0])
     return made
 
 
@@ -103,7 +112,7 @@ def _chosen(layer: VolumeLayer, nodes: str | Sequence[int]) -> tuple[IndexArray,
 
 def line_nodes(layer: VolumeLayer) -> tuple[IndexArray, Array]:
     """Find nodes along the layer's longer side through its largest velocity, and their place, m."""
-    flat = layer.position[:, layer.plane]
+    flat = layer.place
     longer = int(np.ptp(flat, axis=0).argmax())
     size = np.nansum(np.abs(layer.group["velocity"].values) ** 2, axis=-1)
     peak = flat[int(size.argmax())]
@@ -117,12 +126,12 @@ def line_nodes(layer: VolumeLayer) -> tuple[IndexArray, Array]:
 
 
 def _line_label(layer: VolumeLayer, own: IndexArray) -> str:
-    flat = layer.position[own][:, layer.plane]
+    flat = layer.place[own]
     longer = int(np.ptp(flat, axis=0).argmax())
-    other = layer.plane[1 - longer]
     unit = PLACE.shown_unit
     beside = PLACE.factor * float(np.median(flat[:, 1 - longer]))
-    return f"{PLACE.titled(AXES[layer.plane[longer]])} (at {AXES[other]} = {beside:.1f} {unit})"
+    across = layer.labels[1 - longer]
+    return f"{PLACE.titled(layer.labels[longer])} (at {across} = {beside:.1f} {unit})"
 
 
 def part_bound(group: xr.Dataset, component: str, part: str, own: IndexArray) -> Array | None:
@@ -154,10 +163,10 @@ def _values(
     component: str,
     part: str,
     take: Any,
+    factor: float,
 ) -> None:
     velocity = layer.values("velocity", component)[own]
     bound = part_bound(layer.group, component, part, own)
-    factor, unit = style.prefixed(velocity, style.SPEED)
     many = len(own) > 150
     axes.axhline(0.0, color=style.COLOURS[-1], linewidth=0.7)
     if component in layer.truth:
@@ -174,6 +183,5 @@ def _values(
         linewidth=0.5 if many else 1.0,
         label=f"velocity ± {layer.bound_name}",
     )
-    axes.set_ylabel(f"{component}, {part}, {unit}")
     if not np.isfinite(velocity).any():
         style.not_determined(axes)

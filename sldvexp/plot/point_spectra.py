@@ -14,6 +14,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
 from sldvexp.plot.layer import AXES, PLACE
 from sldvexp.plot.selection import one_of, require
+from sldvexp.typing import Array
 
 NO_POINT = "the run has no velocity of a point (group point); see experiment=point"
 NO_SPECTRUM = "the run has no velocity field at several frequencies; see experiment=plate_frf"
@@ -126,37 +127,67 @@ def _spectrum(group: xr.Dataset, title: str) -> Figure:
     names = [str(c) for c in group["component"].values]
     hertz = group["frequency"].values
     bound, meaning = bound_of(group)
-    made = style.figure(11.0, 0.9 + 1.9 * len(names), title)
-    axes = made.subplots(len(names), 2, squeeze=False, sharex=True, sharey="col")
+    columns = 1 if style.narrow() else 2
+    made = style.figure(0.7 + (2 / columns) * 1.3 * len(names), title)
+    axes = made.subplots(2 * len(names) // columns, columns, squeeze=False, sharex=True)
+    axes = axes.reshape(len(names), 2)
     factor, unit = style.prefixed(group["velocity"].values, style.SPEED)
+    runs = style.runs_of(np.asarray(hertz, float))
     for (left, right), name in zip(axes, names, strict=True):
         velocity = group["velocity"].sel(component=name).values
         size, known = factor * np.abs(velocity), np.ones(len(hertz), bool)
+        half = None if bound is None else factor * bound.sel(component=name).values
+        _sizes(left, hertz, size, half, runs, f"± {meaning}")
         error = None
-        left.plot(hertz, size, color=style.COLOURS[0], linewidth=0.9, label="size")
-        if bound is not None:
-            half = factor * bound.sel(component=name).values
-            low = np.maximum(size - half, 1e-3 * half)
-            band = {"color": style.COLOURS[4], "alpha": 0.5, "linewidth": 0}
-            left.fill_between(hertz, low, size + half, label=f"± {meaning}", **band)
+        if half is not None:
             known = size > half
             # a circle of the bound around the velocity is seen from zero under twice this angle
-            error = np.arcsin(half[known] / size[known])
+            error = np.degrees(np.arcsin(half[known] / size[known]))
         look = {"fmt": "o", "color": "#000000", "markersize": 1.8, "capsize": 0, "linewidth": 0.6}
-        right.errorbar(hertz[known], np.angle(velocity[known]), error, **look)
+        right.errorbar(hertz[known], np.degrees(np.angle(velocity[known])), error, **look)
+        if not known.any():
+            style.note(right, "not above its bound at any frequency")
         left.set_ylabel(f"{name}, size, {unit}")
         right.set_ylabel(f"{name}, {style.PHASE}")
+        right.set_ylim(-200.0, 200.0)
+        right.set_yticks([-180.0, 0.0, 180.0], ["−180", "0", "180"])
     sizes = factor * np.abs(group["velocity"].values)
-    axes[0, 0].set_yscale("log")
-    axes[0, 0].set_ylim(0.5 * np.nanmin(sizes[sizes > 0]), 3.0 * np.nanmax(sizes))
-    axes[0, 1].set_ylim(-3.5, 3.5)
-    axes[0, 1].set_yticks([-np.pi, 0.0, np.pi], ["−π", "0", "π"])
-    axes[0, 1].set_title("phase where the size is above its bound")
-    for axis in axes[-1]:
+    for left in axes[:, 0]:
+        left.set_yscale("log")
+        ends = 0.5 * np.nanmin(sizes[sizes > 0]), 3.0 * np.nanmax(sizes)
+        left.set_ylim(*ends)
+        style.decades(left.yaxis, *ends)
+    for axis in axes[-1] if columns == 2 else axes[-1, 1:]:
         axis.set_xlabel(FREQUENCY.titled())
-        axis.margins(x=0.01)
+    for axis in axes.ravel():
+        axis.margins(x=0.02)
+    axes[0, 1].set_title("phase where the size is above its bound")
     style.legend_below(made, axes[0, 0])
     return made
+
+
+def _sizes(
+    axes: Axes, hertz: Array, size: Array, half: Array | None, runs: list[slice], meaning: str
+) -> None:
+    """Draw sizes over the frequency, joined where lines are neighbours; else bars of bounds."""
+    band: dict[str, Any] = {
+        "color": style.COLOURS[4],
+        "alpha": 0.5,
+        "linewidth": 0,
+    }
+    dark = style.COLOURS[0]
+    for run in runs:
+        alone = run.stop - run.start == 1
+        mark: Any = {"marker": "o", "linestyle": "none", "markersize": 2.5} if alone else {}
+        if half is not None and alone:
+            low = np.maximum(size[run] - half[run], 1e-3 * half[run])
+            error = np.array([size[run] - low, half[run]])
+            look: Any = {"fmt": "none", "ecolor": style.COLOURS[1], "elinewidth": 1.2}
+            axes.errorbar(hertz[run], size[run], error, label=meaning, **look)
+        elif half is not None:
+            low = np.maximum(size[run] - half[run], 1e-3 * half[run])
+            axes.fill_between(hertz[run], low, size[run] + half[run], label=meaning, **band)
+        axes.plot(hertz[run], size[run], color=dark, linewidth=0.9, label="size", **mark)
 
 
 def _methods(found: dict[str, xr.Dataset], title: str) -> Figure:
@@ -165,12 +196,15 @@ def _methods(found: dict[str, xr.Dataset], title: str) -> Figure:
     hertz = first["frequency"].values if "frequency" in first.coords else [None]
     components = [str(c) for c in first["component"].values]
     meaning = bound_of(first)[1]
-    made = style.figure(9.0, 1.2 + 2.2 * len(hertz), f"{title}, {meaning}")
+    made = style.figure(0.9 + 1.7 * len(hertz), f"{title}, {meaning}")
     axes = made.subplots(len(hertz), 2, squeeze=False, sharex=True)
+    every = np.concatenate([g["velocity"].values.ravel() for g in found.values()])
+    factor, unit = style.prefixed(every, style.SPEED)
     for k, (row, at) in enumerate(zip(axes, hertz, strict=True)):
         here = {n: g.isel(frequency=k) if "frequency" in g.dims else g for n, g in found.items()}
         for axis, (part, take) in zip(row, PARTS.items(), strict=True):
-            _values(axis, here, components, part, take)
+            _values(axis, here, components, take, factor)
+            axis.set_ylabel(f"{part}, {unit}")
             axis.set_title("" if at is None else f"{at:g} {FREQUENCY.units}")
     for axis in axes[-1]:
         axis.set_xticks(np.arange(len(components)), components)
@@ -182,10 +216,8 @@ def _methods(found: dict[str, xr.Dataset], title: str) -> Figure:
 
 
 def _values(
-    axes: Axes, found: dict[str, xr.Dataset], components: list[str], part: str, take: Any
+    axes: Axes, found: dict[str, xr.Dataset], components: list[str], take: Any, factor: float
 ) -> None:
-    values = np.concatenate([g["velocity"].values.ravel() for g in found.values()])
-    factor, unit = style.prefixed(values, style.SPEED)
     axes.axhline(0.0, color=style.COLOURS[-1], linewidth=0.7)
     shift = np.linspace(-0.3, 0.3, len(found)) if len(found) > 1 else np.zeros(1)
     for (name, group), look, aside in zip(
@@ -196,4 +228,3 @@ def _values(
         error = None if bound is None else factor * bound.sel(component=components).values
         look["linestyle"] = "none"
         axes.errorbar(np.arange(len(components)) + aside, own, error, label=name, **look)
-    axes.set_ylabel(f"{part}, {unit}")

@@ -17,6 +17,9 @@ from sldvexp.dataset import FREQUENCY, RunData
 from sldvexp.errors import UserError, nearest
 from sldvexp.lazy import xarray as xr
 
+#: Relative difference of a frequency from one that was asked for, up to which it is that one.
+SAME = 1e-4
+
 
 def require(figure: str, missing: str) -> None:
     """Refuse a figure whose data is missing, in a sentence that is empty if nothing is."""
@@ -51,7 +54,8 @@ def at_frequency(
     figure : str
         For messages.
     frequency : float, Hz, optional
-        The nearest that there is; without it the one of the largest r.m.s. value.
+        The nearest that there is, which the text then says; without it the one of the largest
+        r.m.s. value.
     of : str
         Variable whose value that is.
 
@@ -70,6 +74,7 @@ def at_frequency(
     if "frequency" not in group.dims:
         return group, ""
     hertz, unit = group["frequency"].values, FREQUENCY.units
+    asked = ""
     if frequency is None:
         others = [d for d in group[of].dims if d != "frequency"]
         index = int(np.argmax(np.nan_to_num((abs(group[of]) ** 2).mean(others).values)))
@@ -80,7 +85,9 @@ def at_frequency(
         )
     else:
         index = int(np.abs(hertz - frequency).argmin())
-    return group.isel(frequency=index), f"{hertz[index]:g} {unit}"
+        if not np.isclose(hertz[index], frequency, rtol=SAME, atol=0.0):
+            asked = f", the nearest to {frequency:g} {unit}"
+    return group.isel(frequency=index), f"{hertz[index]:g} {unit}{asked}"
 
 
 def settings(run: RunData, figure: str) -> dict[str, Any]:

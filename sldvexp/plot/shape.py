@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
@@ -13,10 +15,12 @@ from numpy.typing import NDArray
 from sldvexp.dataset import RunData, Source
 from sldvexp.errors import UserError
 from sldvexp.geometry import joined_points
+from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
-from sldvexp.plot.layer import AXES, PLACE, layer_of
+from sldvexp.plot.layer import AXES, PLACE, VolumeLayer, layer_of
+from sldvexp.plot.maps import VEIL
 from sldvexp.plot.selection import at_frequency, require
-from sldvexp.typing import Array, ComplexArray, IntArray
+from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 NO_SHAPE = (
     "the run has no velocity field (group field), as in experiment=plate, and no velocities of "
@@ -43,8 +47,9 @@ def surface(
 ) -> Figure:
     """Draw one component of the velocity over the layer, at the moment when it is largest.
 
-    Without a field, many points whose positions are known are drawn where their velocity, as a
-    deflection, brings them; triangles and lines join them.
+    The layer is drawn where the velocity, as a deflection, brings it, on its true shape and with
+    equal scales along all axes; where the velocity is below its bound it is pale. Without a field,
+    many points whose positions are known are drawn so; triangles and lines join them.
 
     Parameters
     ----------
@@ -68,7 +73,7 @@ def surface(
     >>> solved = group("field", {}, velocity=place + 0j, position=place, element=prisms,
     ...                confidence=0.1 * place, observable=np.ones((8, 3), int))
     >>> surface({"volume": depth, "field": solved}, component="x").axes[0].get_zlabel()
-    'velocity, mm/s'
+    'z, mm'
     """
     run = RunData.from_source(source)
     require("surface", unavailable_because(run))
@@ -83,34 +88,58 @@ def surface(
     if component is None:
         size = np.nansum(np.abs(layer.group["velocity"].values) ** 2, axis=0)
         component = known[int(size.argmax())]
-    velocity = layer.values("velocity", component)
+    velocity, bound = layer.values("velocity", component), layer.bound(component)
     moment, values = at_largest(velocity, velocity)
     factor, unit = style.prefixed(values, style.SPEED)
-    mesh, fine = layer.mesh(), np.isfinite(values)
-    title = style.joined(f"Velocity along {component} {layer.where}", layer.frequency, moment)
-    made, axes, scale = style.scene(title)
-    limit = float(np.nanmax(np.abs(factor * values))) or 1.0
-    mapped = axes.plot_trisurf(
-        mesh.x,
-        mesh.y,
-        np.where(fine, factor * values, 0.0),
-        triangles=mesh.triangles[fine[mesh.triangles].all(axis=1)],
-        cmap=style.SIGN_MAP,
-        vmin=-limit,
-        vmax=limit,
-        edgecolor="#00000040",
-        linewidth=0.2,
-        antialiased=True,
+    way = _directions(run, layer, component)
+    high = _height(values, bound)
+    share = float(DRAWN_SHARE * np.linalg.norm(np.ptp(layer.position, axis=0)) / high)
+    place = layer.position + share * np.nan_to_num(values)[:, None] * way
+    faint = ~(np.abs(velocity) > np.nan_to_num(bound))
+    title = style.joined(
+        f"Velocity along {component} {layer.where}",
+        layer.frequency,
+        moment,
+        _enlarged(layer.group, share),
+        "pale: below its bound" if faint.any() else "",
     )
-    mapped.set_rasterized(True)
-    first, second = (AXES[i] for i in layer.plane)
-    axes.set(xlabel=PLACE.titled(first), ylabel=PLACE.titled(second), zlabel=f"velocity, {unit}")
-    wide, deep = np.ptp(mesh.x), np.ptp(mesh.y)
-    axes.set_box_aspect((wide, deep, 0.5 * max(wide, deep)), zoom=1.0)
-    bottom, top = axes.get_zlim()
-    axes.set_zlim(min(bottom, 0.0), max(top, 0.0))  # where nothing moves is in the picture
-    scale(mapped, unit)
+    made, axes, scale = style.scene(title)
+    fine = np.isfinite(values)[layer.triangle].all(axis=1)
+    both = PLACE.factor * layer.position, PLACE.factor * place
+    drawn = _draw(axes, *both, layer.triangle[fine], NO_LINES, factor * values, faint, dots=False)
+    scale(drawn, f"velocity along {component}, {unit}")
     return made
+
+
+#: Pairs of points that are joined, where none are.
+NO_LINES = np.empty((0, 2), np.intp)
+
+
+def _directions(run: RunData, layer: VolumeLayer, component: str) -> Array:
+    """Find the unit vector of a component at every node, shape (n, 3)."""
+    if component in AXES:
+        return np.tile(np.eye(3)[AXES.index(component)], (len(layer.node), 1))
+    frame = run.groups["volume"]["frame"].values
+    return np.asarray(frame[layer.node % len(frame), layer.components.index(component)], float)
+
+
+def _height(values: Array, bound: Array) -> float:
+    """Tell the velocity that is drawn at full height: noise is not.
+
+    Where no velocity is as large as bounds are, that is the size of the bounds.
+    """
+    known = bound[np.isfinite(bound)]
+    least = float(np.median(known)) if known.size else 0.0
+    return max(float(np.nanmax(np.abs(values))), least) or 1.0
+
+
+def _enlarged(group: xr.Dataset, share: float) -> str:
+    """Tell by how much displacements are enlarged, if the frequency is known."""
+    if "frequency" not in group.coords or not float(group["frequency"]) > 0:
+        return ""
+    # a velocity v is a displacement of v / (2 pi f)
+    times = float(f"{share * 2 * np.pi * float(group['frequency']):.2g}")
+    return f"displacements × {times:.0f}" if times >= 10 else f"displacements × {times:g}"
 
 
 def _only(component: str | None, known: Iterable[str]) -> None:
@@ -123,7 +152,7 @@ def _only(component: str | None, known: Iterable[str]) -> None:
 def at_largest(velocity: ComplexArray, of: ComplexArray) -> tuple[str, Array]:
     """Take velocities at the moment when the largest one of some is as positive as it gets."""
     phase = float(np.angle(of[int(np.nanargmax(np.abs(of)))]))
-    return f"ωt = {-phase:+.2f} rad", (velocity * np.exp(-1j * phase)).real
+    return f"ωt = {-np.degrees(phase):+.0f}°", (velocity * np.exp(-1j * phase)).real
 
 
 def points_unavailable_because(run: RunData) -> bool:
@@ -162,16 +191,25 @@ def points_surface(run: RunData, frequency: float | None, component: str | None)
     group, hertz = at_frequency(run.groups["point"], "surface", frequency)
     position, triangles, lines = joined_points(run.groups["line_of_sight"])
     known = [str(c) for c in group["component"].values]
-    velocity = group["velocity"].transpose("point", "component").values
+    order = ("point", "component")
+    velocity = group["velocity"].transpose(*order).values
+    bound = group["confidence"].transpose(*order).values if "confidence" in group else None
     index = known.index(component) if component is not None else _largest(velocity)
     moment, now = at_largest(velocity, velocity[:, index])
-    size = np.linalg.norm(np.nan_to_num(now), axis=1).max()
-    diagonal = np.linalg.norm(np.ptp(position, axis=0))
-    place = PLACE.factor * (position + DRAWN_SHARE * diagonal / (size or 1.0) * np.nan_to_num(now))
+    own_bound = np.full(len(now), np.nan) if bound is None else bound[:, index]
+    size = max(np.linalg.norm(np.nan_to_num(now), axis=1).max(), _height(now[:, index], own_bound))
+    share = float(DRAWN_SHARE * np.linalg.norm(np.ptp(position, axis=0)) / (size or 1.0))
+    place = PLACE.factor * (position + share * np.nan_to_num(now))
     factor, unit = style.prefixed(now[:, index], style.SPEED)
-    title = style.joined(f"Velocity of {len(place)} points", hertz, moment)
+    faint = np.zeros(len(now), bool)
+    if bound is not None:
+        faint = ~(np.abs(velocity[:, index]) > np.nan_to_num(own_bound))
+    told = "pale: below its bound" if faint.any() else ""
+    enlarged = _enlarged(group, share)
+    title = style.joined(f"Velocity of {len(place)} points", hertz, moment, enlarged, told)
     made, axes, scale = style.scene(title)
-    dots = _draw(axes, PLACE.factor * position, place, triangles, lines, factor * now[:, index])
+    rest = PLACE.factor * position
+    dots = _draw(axes, rest, place, triangles, lines, factor * now[:, index], faint)
     scale(dots, f"velocity along {known[index]}, {unit}")
     return made
 
@@ -181,27 +219,47 @@ def _largest(velocity: NDArray) -> int:
 
 
 def _draw(
-    axes: Any, rest: Array, place: Array, triangles: IntArray, lines: IntArray, values: Array
+    axes: Any,
+    rest: Array,
+    place: Array,
+    triangles: IntArray,
+    lines: IntArray,
+    values: Array,
+    faint: BoolArray,
+    dots: bool = True,
 ) -> Any:
-    """Draw surface, lines and points, coloured by their values; grey lines where they rest."""
+    """Draw surface, lines and points, coloured by their values; grey lines where they rest.
+
+    Colours of what is faint are mixed with white.
+    """
     limit = float(np.nanmax(np.abs(values))) or 1.0
-    look = {"cmap": style.SIGN_MAP, "clim": (-limit, limit)}
-    ends = lines if len(lines) else _sides(triangles)
+    mapped = ScalarMappable(Normalize(-limit, limit), style.SIGN_MAP)
+
+    def colours(of: Array, pale: BoolArray) -> Array:
+        found = np.asarray(mapped.to_rgba(of))
+        found[pale, :3] += VEIL * (1 - found[pale, :3])
+        return found
+
     if len(triangles):
-        faces = Poly3DCollection(place[triangles], edgecolor="#00000040", linewidth=0.2, **look)
-        faces.set_array(values[triangles].mean(axis=1))
+        own = colours(values[triangles].mean(axis=1), faint[triangles].sum(axis=1) > 1)
+        look: dict[str, Any] = {"edgecolor": "#00000030", "linewidth": 0.2, "facecolors": own}
+        faces = Poly3DCollection(place[triangles], **look)
         faces.set_rasterized(True)
         axes.add_collection3d(faces)
-    if len(ends):
-        axes.add_collection3d(Line3DCollection(rest[ends], colors="#999999", linewidths=0.7))
+    ends = lines if len(lines) else _sides(triangles)
+    at_rest = ends if dots else _rim(triangles)
+    if len(at_rest):
+        axes.add_collection3d(Line3DCollection(rest[at_rest], colors="#999999", linewidths=0.7))
+    if dots and len(ends):
         axes.add_collection3d(Line3DCollection(place[ends], colors="#000000", linewidths=0.6))
-    found = np.isfinite(values)
-    dots = axes.scatter(
-        *place[found].T, c=values[found], s=14, edgecolors="#000000", linewidths=0.3, **look
-    )
-    if not found.all():
-        axes.scatter(*place[~found].T, marker="x", color="#000000", s=16, label="not determined")
-        axes.legend()
+    if dots:
+        found = np.isfinite(values)
+        look = {"s": 14, "edgecolors": "#000000", "linewidths": 0.3, "depthshade": False}
+        axes.scatter(*place[found].T, c=colours(values[found], faint[found]), **look)
+        if not found.all():
+            cross = {"marker": "x", "color": "#000000", "s": 16, "label": "not determined"}
+            axes.scatter(*place[~found].T, **cross)
+            axes.legend()
     both = np.concatenate([rest, place])
     middle, span = (both.min(axis=0) + both.max(axis=0)) / 2, np.ptp(both, axis=0)
     span = np.maximum(span, THINNEST * span.max())
@@ -209,9 +267,24 @@ def _draw(
         axes.set(**{f"{name}lim": (centre - width / 2, centre + width / 2)})
         axes.set(**{f"{name}label": PLACE.titled(name)})
         axis = getattr(axes, f"{name}axis")
-        axis.set_major_locator(style.ticks(round(3 + 3 * width / span.max())))
-    axes.set_box_aspect(span, zoom=0.85)
-    return dots
+        most = (
+            round(1 + 2 * width / span.max())
+            if style.narrow()
+            else round(2 + 3 * width / span.max())
+        )
+        axis.set_major_locator(style.ticks(most))
+    axes.set_box_aspect(span, zoom=0.8 if style.narrow() else 1.05)
+    axes.tick_params(pad=-1)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.labelpad = 6.0 if style.narrow() else 4.0
+    return mapped
+
+
+def _rim(triangles: IntArray) -> IntArray:
+    """Find the sides that only one triangle has."""
+    three = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    sides, count = np.unique(np.sort(three, axis=1), axis=0, return_counts=True)
+    return np.asarray(sides[count == 1], np.intp)
 
 
 def _sides(triangles: IntArray) -> IntArray:

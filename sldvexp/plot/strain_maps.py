@@ -21,7 +21,7 @@ from sldvexp.geometry import peaks
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
 from sldvexp.plot.layer import AXES
-from sldvexp.plot.maps import PHASES, map_of, phase_map
+from sldvexp.plot.maps import FAINT, PHASES, map_of, phase_map, scale_of
 from sldvexp.plot.selection import at_frequency, one_of, require
 from sldvexp.typing import Array, IndexArray
 
@@ -90,7 +90,7 @@ class StrainMap:
     @property
     def ratio(self) -> float:
         """Height of a panel over its width."""
-        return float(min(max(np.ptp(self.mesh.y) / np.ptp(self.mesh.x), 0.35), 1.4))
+        return float(min(max(np.ptp(self.mesh.y) / np.ptp(self.mesh.x), 0.2), 1.6))
 
     @property
     def level(self) -> str:
@@ -99,6 +99,7 @@ class StrainMap:
 
     def label(self, panels: NDArray[Any]) -> None:
         """Name the axes of maps."""
+        style.inner_ticks(panels)
         for one in panels.ravel():
             one.set(xlabel=self.labels[0], ylabel=self.labels[1])
             one.set_aspect("equal")
@@ -136,7 +137,7 @@ class StrainMap:
                 where,
                 (beside, above),
                 textcoords="offset points",
-                fontsize=7,
+                fontsize="small",
                 bbox=look,
             )
 
@@ -196,7 +197,8 @@ def strain(
 ) -> Figure:
     """Draw size, phase and bound of every component of the strain of the face.
 
-    Where a strain is smaller than its bound its phase means nothing and is hatched.
+    Components have one scale. Where a strain is smaller than its bound its size is pale, and its
+    phase means nothing and is hatched.
 
     Parameters
     ----------
@@ -218,17 +220,24 @@ def strain(
     """
     shown, hertz = _chosen(RunData.from_source(source), "strain", frequency, name)
     title = style.joined("Strain of the face", hertz)
-    size = (3, 3, 11.0, shown.ratio)
-    made, axes = style.sheet(*size, title, style.SCALE_BESIDE, sharex=True, sharey=True)
-    for row, component in zip(axes, shown.group["strain_component"].values, strict=True):
-        one = shown.group.sel(strain_component=component)
-        value, bound = one["strain"].values, one["confidence"].values
-        map_of(row[0], shown.mesh, np.abs(value), STRAIN_UNIT, 0.0)
+    names = [str(c) for c in shown.group["strain_component"].values]
+    titles = [f"e_{c}: {what}" for c in names for what in ("size", PHASES, shown.level)]
+    shared: dict[str, Any] = {"sharex": True, "sharey": True, "below": style.SCALE_BELOW}
+    room: dict[str, Any] = {"beside": 0.16, "right": 0.15, "between": style.LOW}
+    title = f"{title} ({FAINT})"
+    made, axes = style.sheet(len(names), 3, shown.ratio, title, titles, **room, **shared)
+    values = shown.group["strain"].transpose("strain_component", ...).values
+    bounds = shown.group["confidence"].transpose("strain_component", ...).values
+    size, unit = scale_of([np.abs(values)], STRAIN_UNIT)
+    width, _ = scale_of([bounds], STRAIN_UNIT, factor=size[0])
+    for row, value, bound in zip(axes, values, bounds, strict=True):
+        sizes = map_of(row[0], shown.mesh, np.abs(value), size, bound=bound)
         phases = phase_map(row[1], shown.mesh, value, bound)
-        map_of(row[2], shown.mesh, bound, STRAIN_UNIT)
-        for panel, what in zip(row, ("size", PHASES, shown.level), strict=True):
-            panel.set_title(f"e_{component}: {what}")
-    style.in_turns(style.scale_beside(axes[:, 1], phases, style.PHASE))
+        widths = map_of(row[2], shown.mesh, bound, width)
+    for column, mapped, label in ((0, sizes, unit), (2, widths, unit)):
+        if mapped is not None:
+            style.scale_below(axes[:, column], mapped, label)
+    style.in_turns(style.scale_below(axes[:, 1], phases, style.PHASE))
     shown.label(axes)
     return made
 
@@ -262,14 +271,18 @@ def hot_spots(
     shown, hertz = _chosen(RunData.from_source(source), "hot_spots", frequency, name)
     rows = 1 + ("von_mises" in shown.group)
     title = style.joined("Largest extension and stress of a cycle, face", hertz)
-    size = (rows, 2, 8.5, shown.ratio)
-    made, axes = style.sheet(*size, title, style.SCALE_BESIDE, sharex=True, sharey=True)
-    for row, (name, bound, what, unit) in zip(axes, QUANTITIES, strict=False):
+    kinds = QUANTITIES[:rows]
+    titles = [t for _, _, what, _ in kinds for t in (what, f"{what}: {shown.level}")]
+    shared: dict[str, Any] = {"sharex": True, "sharey": True}
+    made, axes = style.sheet(rows, 2, shown.ratio, title, titles, style.SCALE_BESIDE, **shared)
+    for row, (name, bound, _, unit) in zip(axes, kinds, strict=True):
         values, width = (_first(shown.group[n]) for n in (name, bound))
-        map_of(row[0], shown.mesh, values, unit, 0.0)
-        map_of(row[1], shown.mesh, width, unit)
-        row[0].set_title(what)
-        row[1].set_title(f"{what}: {shown.level}")
+        factor = None
+        for panel, own, own_bound in zip(row, (values, width), (width, None), strict=True):
+            scale, label = scale_of([own], unit, factor=factor)
+            factor = scale[0]
+            if mapped := map_of(panel, shown.mesh, own, scale, bound=own_bound):
+                style.scale_beside(panel, mapped, label)
     shown.directions(axes[0, 0])
     shown.spots(axes[-1, 0])
     shown.label(axes)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import functools
+import inspect
 import io
 import itertools
 import math
-from collections.abc import Callable, Iterator
-from typing import Any, ParamSpec
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -16,13 +18,15 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.container import Container
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.dataset import AXES, VARIABLES, Variable
+from sldvexp.plot.paper import POINTS, Paper, Style, broken, long, on_paper, paper
+from sldvexp.plot.paper import fitting as fitting
+from sldvexp.plot.paper import inches as inches
+from sldvexp.plot.paper import narrow as narrow
 from sldvexp.typing import Array
-
-P = ParamSpec("P")
 
 #: Colours of Okabe and Ito, which the colour-blind tell apart, in an order in which neighbours
 #: differ in lightness too.
@@ -31,8 +35,8 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">")
 LINES = ("-", "--", "-.", ":")
 HATCHES = ("", "///", "...", "\\\\\\", "xxx", "+++", "ooo", "---")
 
-#: Perceptually uniform: sizes, values with a sign (dark is below zero), and phases (cyclic).
-SIZE_MAP, SIGN_MAP, PHASE_MAP = "viridis", "cividis", "twilight_shifted"
+#: Sizes, values with a sign (white where nothing moves), and phases (cyclic).
+SIZE_MAP, SIGN_MAP, PHASE_MAP = "viridis", "RdBu_r", "twilight_shifted"
 
 #: Velocities and what is of their kind, whose unit gets the prefix that suits their size.
 VELOCITY = VARIABLES["field"]["velocity"]
@@ -43,62 +47,66 @@ PHASE = VARIABLES["edge"]["phase"].titled("phase")
 #: Behind what a map does not tell.
 UNKNOWN = {"facecolor": "#ffffff", "hatch": "////", "edgecolor": "#bbbbbb"}
 
-SETTINGS: Any = {
-    "font.family": "DejaVu Sans",
-    "font.size": 9.0,
-    "axes.titlesize": 9.0,
-    "axes.labelsize": 9.0,
-    "axes.titley": 1.0,  # nothing above the axes has to be made room for, which takes long
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.7,
-    "axes.formatter.useoffset": False,
-    "axes.formatter.limits": (-4, 5),
-    "axes.unicode_minus": True,
-    "grid.color": "#dddddd",
-    "grid.linewidth": 0.5,
-    "lines.linewidth": 1.2,
-    "lines.markersize": 4.0,
-    "errorbar.capsize": 2.0,
-    "legend.fontsize": 8.0,
-    "legend.frameon": False,
-    "xtick.labelsize": 8.0,
-    "ytick.labelsize": 8.0,
-    "figure.facecolor": "#ffffff",
-    "figure.titlesize": 10.0,
-    "hatch.linewidth": 0.6,
-    "svg.hashsalt": "sldvexp",
-    "svg.fonttype": "none",
-    "figure.dpi": 110.0,
-    "savefig.dpi": 150.0,
-}
+
+#: What every figure takes besides its own options.
+OPTIONS = """
+    width : float, m, optional
+        Of the figure when it is printed; letters have their size there, and panels that do not fit
+        beside each other stand below. Without it that of a page of two columns.
+    style : str, Path or mapping, optional
+        One's own look: a file of matplotlib's settings, a name of its styles, or settings.
+"""
 
 
-def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Decorate a figure to be drawn in this style, whatever the user's own is."""
+def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Decorate a figure to be drawn in this style, whatever the user's own is.
+
+    It then takes ``width`` and ``style`` too.
+    """
 
     @functools.wraps(draw)
-    def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        with matplotlib.rc_context():
-            matplotlib.rcdefaults()
-            matplotlib.rcParams.update(SETTINGS)
+    def drawn(*args: Any, width: float | None = None, style: Style = None, **kwargs: Any) -> Figure:
+        with on_paper(width, style):
             return draw(*args, **kwargs)
 
+    own = inspect.signature(draw)
+    only = inspect.Parameter.KEYWORD_ONLY
+    more = [
+        inspect.Parameter("width", only, default=None, annotation="float | None"),
+        inspect.Parameter("style", only, default=None, annotation="Style"),
+    ]
+    drawn.__signature__ = own.replace(parameters=[*own.parameters.values(), *more])  # type: ignore[attr-defined]
+    drawn.__doc__ = _with_options(draw.__doc__ or "")
     return drawn
 
 
-def figure(width: float, height: float, title: str = "") -> Figure:
-    """Make an empty figure that keeps its labels apart and inside; sizes in inch.
+def _with_options(told: str) -> str:
+    """Add what every figure takes to the parameters of a docstring."""
+    text = OPTIONS.strip("\n")
+    if "    Parameters\n" not in told:
+        text = f"Parameters\n    ----------\n{text}"
+        start, mark, rest = told.partition("    Examples\n")
+        return f"{start}    {text}\n\n{mark}{rest}"
+    ends = re.search(r"\n\n    (?=Returns\n|Raises\n|Examples\n)", told)
+    at = ends.start() if ends else len(told)
+    return f"{told[:at]}\n{text}{told[at:]}"
+
+
+def figure(height: float, title: str = "") -> Figure:
+    """Make an empty figure as wide as the sheet, that keeps its labels apart; height in inch.
 
     It belongs to no window, so that none has to be closed; a notebook shows it all the same.
     """
     layout = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06)
-    made: Figure = _picture()(figsize=(width, height), layout=layout)
+    made: Figure = _picture()(figsize=(inches(), height), layout=layout)
     if title:
-        made.suptitle(title)
+        made.suptitle(_heading(title))
     return made
+
+
+def _heading(title: str) -> str:
+    """Break the title of a whole figure into lines."""
+    return broken(title, inches() - 4 * EDGE, matplotlib.rcParams["font.size"] * HEADING)
 
 
 @functools.cache
@@ -106,9 +114,13 @@ def _picture() -> type[Figure]:
     """Make a figure that a notebook can show without pyplot, and that keeps its style."""
 
     class Picture(Figure):
+        def __init__(self, *args: Any, **kwargs: Any) -> None:
+            self.paper = paper()
+            super().__init__(*args, **kwargs)
+
         def draw(self, renderer: Any) -> None:
             # what is arranged as it is drawn, such as ticks, is of this style too
-            with matplotlib.rc_context(SETTINGS):
+            with matplotlib.rc_context(self.paper.settings):
                 super().draw(renderer)
 
         def _repr_png_(self) -> bytes:
@@ -119,11 +131,24 @@ def _picture() -> type[Figure]:
     return Picture
 
 
-def not_determined(axes: Axes) -> None:
+def settings_of(made: Figure) -> Any:
+    """Tell the settings of matplotlib that a figure was drawn with."""
+    own: Paper = getattr(made, "paper", Paper())
+    return own.settings
+
+
+def note(axes: Axes, text: str) -> None:
     """Say in an empty panel why it is empty."""
-    note = {"facecolor": "#ffffff", "edgecolor": "none"}
+    behind = {"facecolor": "#ffffff", "edgecolor": "none"}
     where: dict[str, Any] = {"transform": axes.transAxes, "ha": "center", "va": "center"}
-    axes.text(0.5, 0.5, "not determined", bbox=note, **where)
+    made: Any = axes.figure
+    wide = axes.get_position().width * made.get_figwidth()
+    axes.text(0.5, 0.5, broken(text, 0.9 * wide), bbox=behind, **where)
+
+
+def not_determined(axes: Axes) -> None:
+    """Say in an empty panel that nothing is determined."""
+    note(axes, "not determined")
 
 
 def looks(number: int) -> Iterator[dict[str, Any]]:
@@ -177,9 +202,23 @@ def joined(*parts: str) -> str:
     return ", ".join(part for part in parts if part)
 
 
-def ticks(number: int) -> Any:
-    """Set at most so many intervals between ticks."""
-    return MaxNLocator(nbins=number)
+def ticks(number: int, inside: bool = False) -> Any:
+    """Set at most so many intervals between ticks; those inside have none at the very ends."""
+    return MaxNLocator(nbins=number, prune="both" if inside else None)
+
+
+def inner_ticks(panels: NDArray[Any]) -> None:
+    """Set ticks of panels beside each other, whose numbers must not meet."""
+    for axes in panels.ravel():
+        axes.xaxis.set_major_locator(ticks(3 if narrow() else 6, inside=True))
+
+
+def decades(axis: Any, low: float, high: float) -> None:
+    """Set ticks of a logarithmic axis, with plain numbers."""
+    few = high < 300 * low
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=8))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def whole_numbers() -> Any:
@@ -187,24 +226,58 @@ def whole_numbers() -> Any:
     return MaxNLocator(integer=True)
 
 
-def legend_below(made: Any, *axes: Any, title: str = "", columns: int = 9, **look: Any) -> None:
+def alike(panels: Iterable[Any]) -> None:
+    """Give panels one range of values, that of all of them."""
+    panels = list(panels)
+    low, high = np.array([axes.get_ylim() for axes in panels]).T
+    for axes in panels:
+        axes.set_ylim(low.min(), high.max())
+
+
+def legend_below(made: Figure, *axes: Any, title: str = "", columns: int = 9, **more: Any) -> Any:
     """Make the legend of some panels below all of them, in which every name stands once.
 
     What has error bars or is a bar was measured, and stands before what it is compared with.
+    Entries beside each other are as many as fit.
     """
     once: dict[str, Any] = {}
     for one in axes:
         handles, labels = one.get_legend_handles_labels()
         once |= dict(zip(labels, handles, strict=True))
     once = dict(sorted(once.items(), key=lambda named: not isinstance(named[1], Container)))
-    look = {"loc": "outside lower center", "ncols": min(len(once), columns)} | look
-    made.legend(once.values(), once.keys(), title=title or None, **look)
+    size = float(matplotlib.rcParams["legend.fontsize"])
+    room = made.get_figwidth() - 4 * EDGE
+    names = [broken(name, room - HANDLE * size / POINTS, size) for name in once]
+    longest = max((long(line, size) for n in names for line in n.split("\n")), default=0.0)
+    fit = max(1, int(room / (longest + HANDLE * size / POINTS)))
+    look: dict[str, Any] = {"loc": "outside lower center", "ncols": min(len(once), columns, fit)}
+    look |= more
+    return made.legend(once.values(), names, title=title or None, **look)
 
 
 def mirror_labels(variable: Variable) -> tuple[str, str]:
     """Name the axes of a picture as the instrument sees it, across and up."""
     up_down, left_right = (variable.titled(n.replace("_", "-")) for n in AXES["mirror"])
     return left_right, up_down
+
+
+def across_below(made: Figure, row: NDArray[Any], label: str) -> None:
+    """Name the common axis of a row of panels once, below its middle."""
+    _, box = _around(row)
+    foot = box[1] - TICKS / made.get_figheight()
+    size = matplotlib.rcParams["axes.labelsize"]
+    where: dict[str, Any] = {"ha": "center", "va": "top", "fontsize": size}
+    made.text(0.5 * (box[0] + box[2]), foot, label, **where)
+
+
+def up_beside(made: Figure, column: NDArray[Any], label: str) -> None:
+    """Name the common axis of a column of panels once, beside its middle, at the left edge."""
+    _, box = _around(column)
+    room = (box[3] - box[1]) * made.get_figheight()
+    size = float(matplotlib.rcParams["axes.labelsize"])
+    where: dict[str, Any] = {"ha": "left", "va": "center", "rotation": 90, "fontsize": size}
+    edge = EDGE / made.get_figwidth()
+    made.text(edge, 0.5 * (box[1] + box[3]), broken(label, max(room, 0.8), size), **where)
 
 
 def outer_labels(axes: NDArray[Any], used: int, x: str, y: str) -> None:
@@ -218,52 +291,71 @@ def outer_labels(axes: NDArray[Any], used: int, x: str, y: str) -> None:
         axes[lowest, column].tick_params(labelbottom=True)
 
 
-#: Inches for the names and numbers of axes at the left and below, and for titles.
-LEFT, BOTTOM, TOP, BETWEEN = 0.82, 0.55, 0.6, 0.5
+#: Inches for the names and numbers of axes at the left and below, for titles, and between panels
+#: with a title and numbers.
+LEFT, BOTTOM, TOP, BETWEEN = 0.62, 0.46, 0.47, 0.45
+#: Inches between rows of panels with a title alone.
+LOW = 0.24
 #: An image whose values stay cells of one colour each, the first row below.
 AS_IT_IS: Any = {"interpolation": "none", "origin": "lower"}
 #: Cells of a scale.
 SCALE_COLOURS = 256
-#: Inches of a figure in space across and high.
-SCENE = 7.4, 4.6
-#: Inches above everything.
-EDGE = 0.08
+#: Inches for the numbers below a panel.
+TICKS = 0.19
+#: Inches above everything, and at the sides of a title.
+EDGE = 0.06
+#: Height of a line over its letters, and of the heading's letters over others.
+LINE, HEADING = 1.25, 8.5 / 8.0
+#: Width of what stands before a name of a legend, over the size of its letters.
+HANDLE = 5.0
 #: Inches of a scale across, and from the map to it.
-SCALE, AWAY = 0.13, 0.1
+SCALE, AWAY = 0.11, 0.07
 #: Inches for a scale with its numbers and unit.
-SCALE_BESIDE, SCALE_BELOW = 0.95, 0.7
-#: Inches for a legend below everything, and for numbers at the left of inner panels.
-LEGEND_BELOW, NUMBERS = 0.35, 0.5
+SCALE_BESIDE, SCALE_BELOW = 0.72, 0.55
+#: Inches for numbers at the left of inner panels.
+NUMBERS = 0.42
+
+
+def line_height() -> float:
+    """Tell how high a line of text is, inch."""
+    return LINE * float(matplotlib.rcParams["font.size"]) / POINTS
 
 
 def sheet(
     rows: int,
     columns: int,
-    width: float,
     ratio: float,
     title: str,
-    beside: float = 0.3,
+    titles: Sequence[str] = (),
+    beside: float = 0.18,
     below: float = 0.0,
     before: float = 0.0,
+    above: float = 0.0,
     right: float | None = None,
+    between: float = BETWEEN,
+    left: float = LEFT,
     **shared: Any,
 ) -> tuple[Figure, NDArray[Any]]:
     """Make a figure with panels of equal size.
 
     Parameters
     ----------
-    width : float, inch
-        Of the figure.
     ratio : float
         Height of a panel over its width.
+    titles : sequence of str
+        Of the panels, row by row; room is made for all of their lines.
     beside : float, inch
         At the right of every panel.
-    below : float, inch
-        Below all panels and their labels.
+    below, above : float, inch
+        Below all panels and their labels, and between them and the figure's title.
     before : float, inch
         At the left of all panels and their labels.
     right : float, inch, optional
         At the right of the last panel; without it as of every panel.
+    between : float, inch
+        Between rows.
+    left : float, inch
+        For names and numbers at the left.
     **shared
         Which axes are shared, as of ``Figure.subplots``.
 
@@ -272,17 +364,40 @@ def sheet(
     figure : matplotlib.figure.Figure
     axes : ndarray of Axes, shape (rows, columns)
     """
-    left, right = before + LEFT, beside if right is None else right
+    width = inches()
+    left, right = before + left, beside if right is None else right
     wide = (width - left - right + beside) / columns - beside
     high = ratio * wide
-    height = TOP + rows * high + (rows - 1) * BETWEEN + BOTTOM + below
-    made = figure(width, height)
+    names = [broken(name, wide + min(beside, 0.3)) for name in titles]
+    more = max((name.count("\n") for name in names), default=0) * line_height()
+    heading = _heading(title)
+    top = TOP + more + above + heading.count("\n") * HEADING * line_height()
+    gap = between + more * (len(titles) > columns)
+    height = top + rows * high + (rows - 1) * gap + BOTTOM + below
+    made = figure(height)
     made.set_layout_engine("none")
-    made.suptitle(title, y=1 - EDGE / height)
+    made.suptitle(heading, y=1 - EDGE / height, va="top")
     where = {"left": left / width, "right": 1 - right / width, "wspace": beside / wide}
-    where |= {"bottom": (BOTTOM + below) / height, "top": 1 - TOP / height}
-    where["hspace"] = BETWEEN / high
-    return made, made.subplots(rows, columns, squeeze=False, gridspec_kw=where, **shared)
+    where |= {"bottom": (BOTTOM + below) / height, "top": 1 - top / height}
+    where["hspace"] = gap / high
+    axes = made.subplots(rows, columns, squeeze=False, gridspec_kw=where, **shared)
+    for axis, name in zip(axes.ravel(), names, strict=False):
+        axis.set_title(name)
+    return made, axes
+
+
+def widen_below(made: Figure, by: float) -> None:
+    """Make a figure higher by so many inches at its foot."""
+    width, height = made.get_size_inches()
+    taller = height + by
+    for axes in made.axes:
+        x, y, wide, high = axes.get_position().bounds
+        box = (x, (y * height + by) / taller, wide, high * height / taller)
+        axes.set_position(box)
+    made.set_size_inches(width, taller)
+    heading = getattr(made, "_suptitle", None)
+    if heading is not None:
+        heading.set_y(1 - EDGE / taller)
 
 
 def scene(title: str) -> tuple[Figure, Any, Callable[[Any, str], Any]]:
@@ -295,17 +410,31 @@ def scene(title: str) -> tuple[Figure, Any, Callable[[Any, str], Any]]:
     scale : callable
         Takes what is coloured and the scale's label.
     """
-    made = figure(*SCENE)
+    heading = _heading(title)
+    above = EDGE + (1 + heading.count("\n")) * HEADING * line_height()
+    width = inches()
+    high = SCENE_RATIO * width + 0.3
+    height = high + above
+    made = figure(height)
     made.set_layout_engine("none")
-    made.suptitle(title, y=1 - EDGE / SCENE[1])
-    axes = made.add_axes((0.0, 0.0, 0.87, 0.93), projection="3d")
-    place = (1 - SCALE_BESIDE / SCENE[0], 0.25, SCALE / SCENE[0], 0.5)
+    made.suptitle(heading, y=1 - EDGE / height, va="top")
+    room = SCALE_BESIDE / width
+    axes = made.add_axes((0.0, 0.0, 1 - room, high / height), projection="3d")
+    place = (1 - room, 0.22, SCALE / width, 0.5)
     return made, axes, functools.partial(_scale, made, place, upright=True)
 
 
+#: Height of a figure in space over its width.
+SCENE_RATIO = 0.55
+
+
 def legend(made: Figure, *axes: Any, title: str = "", **look: Any) -> None:
-    """Make the legend of some panels below all of them, where `LEGEND_BELOW` was left free."""
-    legend_below(made, *axes, title=title, loc="lower center", **look)
+    """Make the legend of some panels below all of them, where the figure gets room for it."""
+    shown = legend_below(made, *axes, title=title, **({"loc": "lower center"} | look))
+    size = float(matplotlib.rcParams["legend.fontsize"])
+    rows = -(-len(shown.get_texts()) // max(shown._ncols, 1))
+    more = max((t.get_text().count("\n") for t in shown.get_texts()), default=0)
+    widen_below(made, (rows + more + bool(title) + 0.8) * 1.35 * size / POINTS)
 
 
 def scale_beside(axes: Any, mapped: Any, label: str) -> Any:
@@ -347,10 +476,41 @@ def _scale(made: Figure, place: Any, mapped: Any, label: str, upright: bool) -> 
     axes.spines[:].set(visible=True, linewidth=0.5)
     other.set_visible(False)
     axes.grid(False)
+    own.set_major_locator(ticks(4 if upright else 2 if narrow() else 3))
     own.set_label_text(label)
     return own
 
 
 def in_turns(scale: Any) -> None:
     """Set numbers at the scale of phases."""
-    scale.set_ticks([-np.pi, 0.0, np.pi], labels=["−π", "0", "π"])
+    box = scale.axes.get_position()
+    short = scale.axis_name == "x" and box.width * scale.figure.get_figwidth() < 0.75
+    scale.set_ticks([-180.0, 0.0, 180.0], labels=["−180", "" if short else "0", "180"])
+    if scale.axis_name == "x":  # the next scale begins where this one ends
+        first, _, last = scale.get_ticklabels()
+        first.set_horizontalalignment("left")
+        last.set_horizontalalignment("right")
+
+
+def runs_of(hertz: Array, gap: float = 2.5, fewest: int = 8) -> list[slice]:
+    """Find the runs of neighbouring frequencies; a curve between two far lines tells nothing.
+
+    Parameters
+    ----------
+    hertz : ndarray, shape (n,), ascending
+    gap : float
+        A step so many times wider than one beside it parts two runs.
+    fewest : int
+        Fewer frequencies than this are lines, each for itself.
+
+    Examples
+    --------
+    >>> runs_of(np.array([1.0, 2, 3, 4, 5, 6, 7, 50, 51, 52]))
+    [slice(0, 7, None), slice(7, 10, None)]
+    """
+    if len(hertz) < fewest:
+        return [slice(i, i + 1) for i in range(len(hertz))]
+    step = np.diff(hertz)
+    beside = np.fmin(np.append(step[1:], np.inf), np.append(np.inf, step[:-1]))
+    ends = [0, *(np.flatnonzero(step > gap * beside) + 1), len(hertz)]
+    return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]

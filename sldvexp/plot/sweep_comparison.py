@@ -81,7 +81,7 @@ def sweep(source: Source | RunData, quantity: str | None = None) -> Figure:
     empty = int(_empty(table[quantity], keys).sum())
     title = f"{quantity} of {table['state'].size} runs"
     title += f" ({empty} without a result)" if empty else ""
-    made = style.figure(8.0, 1.5 + 2.3 * len(panels), title)
+    made = style.figure(1.1 + 1.7 * len(panels), title)
     axes = made.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]
     for axis, panel in zip(axes, panels, strict=True):
         _curves(axis, panel, keys, table["state"] == "missed")

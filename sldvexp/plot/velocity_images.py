@@ -62,7 +62,7 @@ def images(
     >>> velocity = 0.01 * np.exp(0.1j * dac[:, 1])
     >>> image = group("image", {}, velocity=velocity, dac=dac)
     >>> images({"image/front": image}).axes[0].get_title()
-    'view front: real part'
+    'real part'
     """
     run = RunData.from_source(source)
     require("images", unavailable_because(run))
@@ -100,7 +100,7 @@ def phase_correction(
     >>> velocity = 0.01 * np.exp(0.1j * dac[:, 1])
     >>> image = group("image", {}, velocity=velocity, uncorrected=velocity * 1j, dac=dac)
     >>> phase_correction({"image/front": image}).axes[0].get_title()
-    'raw: real part'
+    'real part'
     """
     run = RunData.from_source(source)
     require("phase_correction", raw_unavailable_because(run))
@@ -114,31 +114,37 @@ def phase_correction(
 
 def _rows(groups: dict[str, xr.Dataset], velocities: dict[str, ComplexArray], title: str) -> Figure:
     """Draw a row of four maps for each image, with a common scale for each column."""
-    dac = next(iter(groups.values()))["dac"].values
-    tall = np.clip(np.ptp(dac[:, 0]) / max(np.ptp(dac[:, 1]), 1), 0.4, 1.6)
+    extents = np.array([np.ptp(group["dac"].values, axis=0) for group in groups.values()])
+    tall = float(np.clip((extents[:, 0] / np.maximum(extents[:, 1], 1)).max(), 0.25, 1.6))
     told = ["×: flagged pixel"] * any(not _good(group).all() for group in groups.values())
     if all("velocity_std" in group for group in groups.values()):
         told.append(f"phase hatched: below {CERTAIN:g} standard deviations")
     title = f"{title} ({'; '.join(told)})" if told else title
+    room: dict[str, Any] = {"below": style.SCALE_BELOW, "beside": 0.12, "between": 0.27}
+    room |= {"left": style.LEFT + 0.16}
     shared: dict[str, Any] = {"sharex": "row", "sharey": "row"}
-    size = (len(groups), len(PARTS), 12.0, 0.8 * tall)
-    made, axes = style.sheet(*size, title, below=style.SCALE_BELOW, **shared)
+    made, axes = style.sheet(len(groups), len(PARTS), tall, title, PARTS, **room, **shared)
     largest = max(np.abs(v[_good(groups[k])]).max(initial=0.0) for k, v in velocities.items())
     factor, unit = style.prefixed(largest, style.SPEED)
     across, up = style.mirror_labels(VARIABLES["image"]["dac"])
+    mapped = {}
     for column, part in zip(axes.T, PARTS, strict=True):
         for axis, (name, group) in zip(column, groups.items(), strict=True):
-            mapped = _part(axis, group, velocities[name], part, factor, factor * largest or 1.0)
-            axis.set_title(f"{name}: {part}")
-            axis.xaxis.set_major_locator(style.ticks(4))
-            axis.yaxis.set_major_locator(style.ticks(4))
-        column[-1].set_xlabel(across)
-        is_phase = part == "phase"
-        scale = style.scale_below(column, mapped, style.PHASE if is_phase else unit)
-        if is_phase:
-            style.in_turns(scale)
-    for axis in axes[:, 0]:
-        axis.set_ylabel(up)
+            mapped[part] = _part(
+                axis, group, velocities[name], part, factor, factor * largest or 1.0
+            )
+            axis.xaxis.set_major_locator(style.ticks(2))
+            axis.yaxis.set_major_locator(style.ticks(3))
+            axis.set_aspect("equal")
+            axis.tick_params(labelleft=column is axes.T[0])
+    for axis, name in zip(axes[:, 0], groups, strict=True):
+        axis.set_ylabel(name)
+    style.up_beside(made, axes[:, 0], up)
+    parts = "" if style.narrow() else "real and imaginary part, "
+    style.scale_below(axes[:, :2], mapped["real part"], f"{parts}{unit}")
+    style.scale_below(axes[:, 2], mapped["magnitude"], unit)
+    style.in_turns(style.scale_below(axes[:, 3], mapped["phase"], style.PHASE))
+    style.across_below(made, axes[-1], across)
     return made
 
 
@@ -155,17 +161,23 @@ def _part(
     """Draw one map of an image, in the unit that the factor makes."""
     style.hatched(axes)
     take: dict[str, Any] = {"real part": np.real, "imaginary part": np.imag, "magnitude": np.abs}
-    values = take.get(part, np.angle)(factor * velocity)
+    values = take.get(part, _degrees)(factor * velocity)
     good = _good(group)
     if part == "phase" and "velocity_std" in group:
         good = good & (np.abs(velocity) > CERTAIN * group["velocity_std"].values)
     low, high, colours = {
         "magnitude": (0.0, limit, style.SIZE_MAP),
-        "phase": (-np.pi, np.pi, style.PHASE_MAP),
+        "phase": (-180.0, 180.0, style.PHASE_MAP),
     }.get(part, (-limit, limit, style.SIGN_MAP))
     up_down, left_right = group["dac"].values[~_good(group)].T
-    axes.plot(left_right, up_down, "x", color=style.COLOURS[3], markersize=3, label="flagged")
+    axes.plot(left_right, up_down, "x", color="#000000", markersize=2.5, label="flagged")
     return _pixels(axes, group, values, good, {"vmin": low, "vmax": high, "cmap": colours})
+
+
+def _degrees(values: ComplexArray) -> NDArray:
+    """Take phases, deg."""
+    phases: NDArray = np.degrees(np.angle(values))
+    return phases
 
 
 def _even(steps: NDArray) -> bool:

@@ -51,17 +51,21 @@ def residuals(source: Source | RunData) -> Figure:
     first = next(iter(found.values()))
     count = first.sizes.get("frequency", 1)
     many = count > FEW
-    wide = max(6.0, 1.5 + first.sizes["view"] * 0.35 * (1 + len(found)))
     rows = len(found) if many else count
-    made = style.figure(wide, 1.0 + 2.7 * rows, "Residuals by view")
+    made = style.figure(0.8 + 1.9 * rows, "Residuals by view")
     axes = made.subplots(rows, 1, squeeze=False, sharex=True)[:, 0]
+    every = np.concatenate([f.values.ravel() for f in found.values()])
+    factor, unit = style.prefixed(every, style.SPEED)
     if many:
         for axis, (name, array) in zip(axes, found.items(), strict=True):
-            _curves(axis, array)
+            _curves(axis, array, factor)
+            axis.set_ylabel(f"{RESIDUAL.label}, {unit}")
             axis.set_title(name)
     else:
         for k, axis in enumerate(axes):
-            _bars(axis, {n: v.isel(frequency=k, missing_dims="ignore") for n, v in found.items()})
+            here = {n: v.isel(frequency=k, missing_dims="ignore") for n, v in found.items()}
+            _bars(axis, here, factor)
+            axis.set_ylabel(f"{RESIDUAL.label}, {unit}")
             if "frequency" in first.coords:
                 axis.set_title(f"{float(first['frequency'][k]):g} {FREQUENCY.units}")
     axes[-1].set_xlabel(FREQUENCY.titled() if many else "view")
@@ -74,11 +78,10 @@ def _of(run: RunData) -> dict[str, xr.DataArray]:
     return {k: g[NAME] for k, g in run.fields().items() if NAME in g}
 
 
-def _bars(axes: Axes, found: dict[str, xr.DataArray]) -> None:
+def _bars(axes: Axes, found: dict[str, xr.DataArray], factor: float) -> None:
     """Draw a bar for each view and field; a field that leaves a view out has none there."""
     names = list(dict.fromkeys(str(v) for f in found.values() for v in f["view"].values))
     width = 0.8 / len(found)
-    factor, unit = style.prefixed(np.concatenate([f.values for f in found.values()]), style.SPEED)
     for k, (name, array) in enumerate(found.items()):
         place = [
             names.index(str(v)) + (k - (len(found) - 1) / 2) * width for v in array["view"].values
@@ -95,14 +98,13 @@ def _bars(axes: Axes, found: dict[str, xr.DataArray]) -> None:
         )
     axes.set_xticks(np.arange(len(names)), names)
     axes.grid(False, axis="x")
-    axes.set_ylabel(f"{RESIDUAL.label}, {unit}")
 
 
-def _curves(axes: Axes, array: xr.DataArray) -> None:
+def _curves(axes: Axes, array: xr.DataArray, factor: float) -> None:
     """Draw a curve for each view over the frequency."""
-    factor, unit = style.prefixed(array.values, style.SPEED)
     hertz = array["frequency"].values
     for name, look in zip(array["view"].values, style.looks(array.sizes["view"]), strict=True):
         values = factor * array.sel(view=name).values
-        axes.plot(hertz, values, label=str(name), markevery=max(1, len(hertz) // 12), **look)
-    axes.set_ylabel(f"{RESIDUAL.label}, {unit}")
+        for run in style.runs_of(np.asarray(hertz, float)):
+            every = max(1, len(hertz) // 12)
+            axes.plot(hertz[run], values[run], label=str(name), markevery=every, **look)

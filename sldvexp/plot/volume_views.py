@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.axes3d import Axes3D
+from numpy.typing import NDArray
 
 from sldvexp.dataset import VARIABLES, RunData, Source
 from sldvexp.lazy import xarray as xr
@@ -19,11 +20,13 @@ NO_VOLUME = (
     "in experiment=plate"
 )
 
+NO_POSE = "the run has no poses (group pose); see experiment=pose"
+
 #: Length of the drawn axis of an instrument, as a fraction of its distance from the volume.
 AXIS_LENGTH = 0.25
 
-#: Inches of the figure across, and of the scene in it.
-WIDTH, SCENE = 11.5, 4.6
+#: Width of the scene, and its height where it is above, over the width of the sheet.
+SCENE, SCENE_ABOVE = 0.42, 0.75
 
 #: Fewer pixels or nodes than this are drawn as larger spots.
 FEW = 500
@@ -58,20 +61,8 @@ def volume(source: Source | RunData) -> Figure:
     require("volume", unavailable_because(run))
     pose, group = run.groups["pose"], run.groups["volume"]
     names = [str(v) for v in pose["view"].values]
-    columns = min(len(names), COLUMNS)
-    rows = -(-len(names) // columns)
     middle, rim = _surface(group), outline(group)
-    room: dict[str, Any] = {
-        "beside": style.NUMBERS,
-        "below": style.LEGEND_BELOW,
-        "before": SCENE,
-        "right": 0.15,
-    }
-    ratio = 0.95 if rows > 1 else min(2.6 / (WIDTH - SCENE) * columns, 1.6)
-    made, axes = style.sheet(rows, columns, WIDTH, ratio, _title(group), **room)
-    share, low, high = SCENE / WIDTH, style.BOTTOM + style.LEGEND_BELOW, made.get_figheight()
-    box = (0.0, low / high, share, 1.0 - (low + 0.5 * style.TOP) / high)
-    scene: Any = made.add_axes(box, projection="3d")
+    made, axes, scene = _panels(names, _title(group))
     _scene(scene, run, names)
     spot = 1.0 if len(middle) > FEW else 2.0
     for axis, name in zip(axes.ravel(), names, strict=False):
@@ -87,18 +78,67 @@ def volume(source: Source | RunData) -> Figure:
         look = {"color": style.COLOURS[3], "linewidth": 0.8}
         edges = _apart(np.stack([left_right, up_down], axis=1)[rim])
         axis.plot(*edges.T, label="edge of the volume", **look)
-        axis.set_title(f"view {name}")
         axis.set_aspect("equal", adjustable="datalim")
+        for own in (axis.xaxis, axis.yaxis):
+            own.set_major_locator(style.ticks(3))
+    style.outer_labels(axes, len(names), *style.mirror_labels(VARIABLES["image"]["angle"]))
+    style.legend(made, scene, axes[0, 0])
+    handles: Any = made.legends[0].legend_handles
+    for shown in handles:
+        shown.set_markersize(4.0)
+    return made
+
+
+def _panels(names: list[str], title: str) -> tuple[Figure, NDArray[Any], Any]:
+    """Make panels of the views beside the scene, or below it on a narrow sheet."""
+    narrow, width = style.narrow(), style.inches()
+    columns = min(len(names), 2 if narrow else COLUMNS)
+    rows = -(-len(names) // columns)
+    titles = [f"view {name}" for name in names]
+    before = 0.0 if narrow else SCENE * width
+    above = SCENE_ABOVE * width if narrow else 0.0
+    ratio = 0.95 if narrow else 1.2 if rows > 1 else 1.6
+    room: dict[str, Any] = {"beside": style.NUMBERS, "right": 0.15, "before": before}
+    made, axes = style.sheet(rows, columns, ratio, title, titles, above=above, **room)
     for axis in axes.ravel()[len(names) :]:
         axis.remove()
-    style.outer_labels(axes, len(names), *style.mirror_labels(VARIABLES["image"]["angle"]))
-    style.legend_below(
-        made,
-        axes[0, 0],
-        markerscale=5 / spot**2,
-        loc="lower center",
-        bbox_to_anchor=(0.5 + 0.5 * share, 0.0),
-    )
+    high = made.get_figheight()
+    if narrow:
+        foot = 1 - (above + 0.3) / high
+        box = (0.0, foot, 1.0, above / high)
+    else:
+        foot = 0.5 * style.BOTTOM / high
+        box = (0.0, foot, SCENE, 1.0 - 0.6 * style.TOP / high - foot)
+    return made, axes, made.add_axes(box, projection="3d")
+
+
+def stands_unavailable_because(run: RunData) -> str:
+    """Explain why no stands can be shown; empty if they can."""
+    if not run.has("pose", "origin", "rotation"):
+        return NO_POSE
+    return "" if unavailable_because(run) else "the figure volume has the instrument's places"
+
+
+@style.styled
+def stands(source: Source | RunData) -> Figure:
+    """Draw where the instrument stood and the way it looked, of a run without a volume.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> pose = group("pose", {"view": ["front"]}, origin=np.zeros((1, 3)), rotation=[np.eye(3)])
+    >>> stands({"pose": pose}).get_suptitle()
+    'Where the instrument stood'
+    """
+    run = RunData.from_source(source)
+    require("stands", stands_unavailable_because(run))
+    names = [str(v) for v in run.groups["pose"]["view"].values]
+    width = style.inches()
+    made = style.figure((0.8 if style.narrow() else 0.55) * width, "Where the instrument stood")
+    made.set_layout_engine("none")
+    axes: Any = made.add_axes((0.05, 0.02, 0.9, 0.88), projection="3d")
+    _scene(axes, run, names)
+    style.legend(made, axes)
     return made
 
 
@@ -129,13 +169,16 @@ def seen(pose: xr.Dataset, position: Array) -> Array:
 
 def _scene(axes: Axes3D, run: RunData, names: list[str]) -> None:
     """Draw the world with the volume's outline, the object's points, the instrument's places."""
-    pose, group = run.groups["pose"], run.groups["volume"]
-    position = group["position"].values
-    middle = position.mean(axis=0)
-    edges = _apart(position[outline(group)])
-    axes.plot(*edges.T, color=style.COLOURS[1], linewidth=0.6, label="volume")
-    if run.has("target", "position"):
-        points = run.groups["target"]["position"].values
+    pose = run.groups["pose"]
+    points = object_points(run)
+    middle = points.mean(axis=0) if len(points) else np.zeros(3)
+    if run.has("volume", "position", "element"):
+        group = run.groups["volume"]
+        position = group["position"].values
+        middle = position.mean(axis=0)
+        edges = _apart(position[outline(group)])
+        axes.plot(*edges.T, color=style.COLOURS[1], linewidth=0.6, label="volume")
+    if len(points):
         axes.plot(*points.T, "x", color=style.COLOURS[3], markersize=4, label="object's points")
     for name in names:
         one = pose.sel(view=name)
@@ -150,14 +193,24 @@ def _scene(axes: Axes3D, run: RunData, names: list[str]) -> None:
         side = "top" if origin[1] < middle[1] else "bottom"
         axes.text(*origin, f"{name}  ", ha="right", va=side)
     length = np.ptp([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()], axis=1)
-    axes.set_box_aspect(length, zoom=0.88)
-    axes.tick_params(labelsize=7, pad=0)
+    axes.set_box_aspect(length, zoom=0.8)
+    axes.tick_params(pad=-1)
     for axis, name, own in zip((axes.xaxis, axes.yaxis, axes.zaxis), "xyz", length, strict=True):
-        axis.set_major_locator(style.ticks(2 if own < 0.6 * length.max() else 4))
+        axis.set_major_locator(style.ticks(1 if own < 0.6 * length.max() else 3))
         axis.set_label_text(f"{name}, {VARIABLES['pose']['origin'].units}")
     # the height of most worlds is y; looked at from beside the instruments
     axes.view_init(elev=20, azim=-60, vertical_axis="y")
-    style.legend_below(axes.figure, axes, columns=2, loc="lower left")
+
+
+def object_points(run: RunData) -> Array:
+    """Find the points of the calibration object, (n, 3), m; of points of the structure without."""
+    for group, name in (("target", "position"), ("registration", "object_point")):
+        if run.has(group, name):
+            found = np.asarray(run.groups[group][name].values, float).reshape(-1, 3)
+            return found[np.isfinite(found).all(axis=1)]
+    if run.has("line_of_sight", "position"):
+        return np.asarray(run.groups["line_of_sight"]["position"].values, float).reshape(-1, 3)
+    return np.empty((0, 3))
 
 
 def _apart(edges: Array) -> Array:

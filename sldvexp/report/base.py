@@ -62,6 +62,23 @@ class Report(ABC):
             Of the page, if there is one.
         """
 
+    def of_unfinished(self, folder: Path, reason: str = "") -> Path | None:
+        """Make the page of a run that was interrupted or failed, and has no dataset.
+
+        Parameters
+        ----------
+        folder : Path
+            Of the run; the page is put there.
+        reason : str
+            The sentence that it ended with.
+
+        Returns
+        -------
+        Path or None
+            Of the page, if there is one: a kind of report need not have one.
+        """
+        return None
+
     @abstractmethod
     def of_sweep(self, path: Path, ranking: Sequence[Mapping[str, Any]]) -> Path | None:
         """Make the page of a sweep.

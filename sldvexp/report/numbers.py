@@ -39,6 +39,19 @@ def number(value: complex, digits: int = 4) -> str:
     return f"{value.real:.{digits}g}{value.imag:+.{digits}g}i"
 
 
+def bound_text(bound: float) -> str:
+    """Write a bound alone, with two digits.
+
+    Examples
+    --------
+    >>> bound_text(0.2), bound_text(12.34)
+    ('± 0.20', '± 12')
+    """
+    if not math.isfinite(bound) or bound <= 0:
+        return "(no bound)"
+    return f"± {bound:.{max(0, 1 - math.floor(math.log10(bound)))}f}"
+
+
 def with_bound(value: complex, bound: float) -> str:
     """Write ``value ± bound``, rounded to two digits of the bound.
 

@@ -16,6 +16,7 @@ from sldvexp.dataset import FREQUENCY, VARIABLES, RunData, is_void
 from sldvexp.field.bounds.budget import SOURCES
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import hottest_places, strains_of
+from sldvexp.report.key_numbers import on_surface
 from sldvexp.report.numbers import number, with_bound
 
 POSE = VARIABLES["pose"]
@@ -137,8 +138,9 @@ def field_tables(run: RunData) -> Iterator[Table]:
     if not fields:
         return
     yield _methods(fields)
-    yield _components(fields, is_void(run.groups))
-    first = next(iter(fields.values()))
+    faces = {name: on_surface(run, field) for name, field in fields.items()}
+    yield _components(faces, is_void(run.groups))
+    first = next(iter(faces.values()))
     if "variance" in first:
         yield budget_table(first)
     yield from strain_tables(run)
@@ -166,7 +168,8 @@ def _components(fields: Mapping[str, xr.Dataset], void: bool) -> Table:
     columns = (
         "component",
         FREQUENCY.units,
-        "largest",
+        "largest ± bound",
+        "above bound",
         "r.m.s.",
         "std: noise",
         "poses",
@@ -174,7 +177,7 @@ def _components(fields: Mapping[str, xr.Dataset], void: bool) -> Table:
         "elements",
         *["verdict"] * void,
     )
-    title = f"{VELOCITY.titled('Velocity')}{_some(fields.values())}"
+    title = f"{VELOCITY.titled('Velocity on the surface')}{_some(fields.values())}"
     table = Table("field", *columns, title=title, title_justify="left")
     for name, field in fields.items():
         for component in field["component"].values:
@@ -182,13 +185,26 @@ def _components(fields: Mapping[str, xr.Dataset], void: bool) -> Table:
                 one = _at(field.sel(component=component), hertz)
                 size = np.abs(one["velocity"].values)
                 cells = [name, str(component), "" if np.isnan(hertz) else f"{hertz:g}"]
-                cells += [_mm(np.nanmax(size)), _mm(_rms(size))]
+                cells += [*_above(size, one.get("confidence")), _mm(_rms(size))]
                 bounds = ("velocity_std_noise", "velocity_std_pose", "confidence")
                 cells += [_mm(_rms(one[b].values)) if b in one else "" for b in bounds]
                 elements = one.get("element_error")
                 cells.append("" if elements is None else _mm(_rms(np.abs(elements.values))))
                 table.add_row(*map(escape, cells), *["void"] * void)
     return table
+
+
+def _above(size: np.ndarray, bound: xr.DataArray | None) -> list[str]:
+    """Write the largest value with its bound, and at how many places values are above theirs."""
+    if bound is None or not np.isfinite(size).any():
+        return [_mm(np.nanmax(size)) if np.isfinite(size).any() else "-", ""]
+    own = np.asarray(bound.values, float)
+    above = np.nan_to_num(size) > np.nan_to_num(own)
+    if not above.any():
+        return ["not above its bound", "0%"]
+    at = int(np.argmax(np.where(above, size, -1.0)))
+    told = with_bound(*(VELOCITY.factor * float(v[at]) for v in (size, own)))
+    return [told, f"{above.mean():.0%}"]
 
 
 def budget_table(field: xr.Dataset) -> Table:
@@ -207,7 +223,7 @@ def budget_table(field: xr.Dataset) -> Table:
     """
     components = [str(c) for c in field["component"].values]
     titles = [t for c in components for t in (f"{c}, {VELOCITY.shown_unit}", f"share of {c}")]
-    title = "Budget (standard uncertainty of the field by source, r.m.s.)"
+    title = "Budget (standard uncertainty on the surface by source, r.m.s.)"
     table = Table("source", *titles, title=title, title_justify="left")
     rest = [d for d in field["variance"].dims if d not in ("source", "component")]
     variance = field["variance"].mean(rest).transpose("source", "component").values
@@ -347,11 +363,25 @@ def truth_table(truth: xr.Dataset, frequencies: Sequence[float]) -> Table:
         for hertz in frequencies:
             one = _at(truth.sel({axis: component}), hertz)
             cells = [str(component), "" if np.isnan(hertz) else f"{hertz:g}"]
-            cells.append(f"{float(one['relative_error']):.2%}")
+            cells.append(_relative(one))
             cells += [number(factor * float(one[n]), 3) for n in ("rms_error", "rms_bound")]
             cells.append(f"{float(one['covered']):.0%}")
             table.add_row(*map(escape, cells))
     return table
+
+
+def _relative(truth: xr.Dataset) -> str:
+    """Write the relative error, if there is anything to be relative to.
+
+    A truth of the size of the bound was not measured: how far off it is, in shares of itself, says
+    nothing.
+    """
+    relative, error, bound = (
+        float(truth[name]) for name in ("relative_error", "rms_error", "rms_bound")
+    )
+    if relative > 0 and np.isfinite(bound) and error / relative <= bound:
+        return "not above its bound"
+    return f"{relative:.2%}"
 
 
 def strongest(group: xr.Dataset, of: str = "velocity") -> list[float]:

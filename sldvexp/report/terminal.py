@@ -67,7 +67,10 @@ def closing_table(source: Source | RunData, files: Sequence[Path]) -> None:
         console.print(fitted(fields, width, (), RUN))
     if "check" in run.groups:
         console.print(fitted(published(run.groups["check"]), width, ("quantity", "met"), RUN))
+    said = {finding.text for finding in verdict_text(run)[1]}
     for note in notes(run):
+        if note in said:
+            continue
         console.print(f"[yellow]note:[/] {escape(note)}", highlight=False)
     for file in files:
         console.print(str(file), soft_wrap=True, highlight=False)
@@ -102,7 +105,7 @@ def estimates(run: RunData, most: int = MOST_VELOCITIES) -> Iterator[tuple[str, 
     >>> from sldvexp.dataset import group
     >>> found = group("point", {}, velocity=[0.01, 0.0, 0.02j], confidence=[1e-3, 1e-3, 1e-3])
     >>> next(estimates(RunData({"point": found})))
-    ('point: V_x', '0.0100 ± 0.0010', 'm/s', '')
+    ('point: V_x', '10.0 ± 1.0', 'mm/s', '')
     """
     for name, group in run.groups.items():
         if name == "pose":
@@ -130,18 +133,24 @@ def _pose_rows(view: str, pose: xr.Dataset) -> Iterator[tuple[str, str, str, str
             value = float(pose[variable].sel({dim: label}))
             bounds = pose.get(f"{variable}_confidence")
             bound = float(bounds.sel({dim: label})) if bounds is not None else np.nan
-            unit = _unit(label) if variable == "intrinsic" else POSE[variable].units
-            yield f"pose {view}: {label}", with_bound(value, bound), unit, ""
+            known = POSE[variable].factor, POSE[variable].shown_unit
+            factor, unit = shown_intrinsic(label) if variable == "intrinsic" else known
+            yield f"pose {view}: {label}", with_bound(factor * value, factor * bound), unit, ""
     if "s" in pose:
         note = f"SSE {number(float(pose['sse']))} deg²" if "sse" in pose else ""
         yield f"pose {view}: s", number(float(pose["s"])), POSE["s"].shown_unit, note
 
 
-def _unit(intrinsic: str) -> str:
-    """Tell an intrinsic's unit; a gain is relative to the calibration."""
-    return {"mirror": POSE["origin"].units, "zero": POSE["euler"].units}.get(
-        str(intrinsic).partition("_")[0], ""
-    )
+def shown_intrinsic(intrinsic: str) -> tuple[float, str]:
+    """Tell factor and unit in which an intrinsic is read; a gain is relative to the calibration.
+
+    Examples
+    --------
+    >>> shown_intrinsic("mirror_offset"), shown_intrinsic("gain_up_down")
+    ((1000.0, 'mm'), (1.0, ''))
+    """
+    like = {"mirror": "origin", "zero": "euler"}.get(str(intrinsic).partition("_")[0])
+    return (POSE[like].factor, POSE[like].shown_unit) if like else (1.0, "")
 
 
 def _point_rows(name: str, point: xr.Dataset, most: int) -> Iterator[tuple[str, str, str, str]]:
@@ -163,14 +172,21 @@ def _point_rows(name: str, point: xr.Dataset, most: int) -> Iterator[tuple[str, 
         ]
         label = ", ".join([name.replace("compare/", ""), *labels])
         for component in point["component"].values:
-            text = with_bound(
-                complex(value.sel(component=component)), float(bound.sel(component=component))
+            pair = (
+                complex(value.sel(component=component)),
+                float(bound.sel(component=component)),
             )
+            text = with_bound(VELOCITY.factor * pair[0], VELOCITY.factor * pair[1])
             at = {d: value[d].item() for d in cases} | {"component": component}
-            yield f"{label}: V_{component}", text, VELOCITY.units, _merit(point, at)
+            yield f"{label}: V_{component}", text, VELOCITY.shown_unit, _merit(point, at)
         of_point, of_frequency = divmod(i, stacked.sizes["case"] // points)
         for along, text in _observed(point, of_point, of_frequency):
-            yield f"{label}: V along {along}", text, VELOCITY.units, "determined by these views"
+            yield (
+                f"{label}: V along {along}",
+                text,
+                VELOCITY.shown_unit,
+                "determined by these views",
+            )
     if stacked.sizes["case"] > shown:
         rest = (stacked.sizes["case"] - shown) * point.sizes["component"]
         yield f"{name}: {rest} more", f"in run.nc, group {name}", "", ""
@@ -188,7 +204,7 @@ def _observed(point: xr.Dataset, number: int, frequency: int) -> Iterator[tuple[
         if np.abs(direction).max() < ALONG_AXIS:
             along = ", ".join(f"{x:.2f}" for x in direction + 0.0)
             value, bound = one["observed_velocity"].item(), one["observed_confidence"].item()
-            yield f"({along})", with_bound(value, bound)
+            yield f"({along})", with_bound(VELOCITY.factor * value, VELOCITY.factor * bound)
 
 
 def _merit(point: xr.Dataset, at: Mapping[str, Any]) -> str:

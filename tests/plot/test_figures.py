@@ -15,7 +15,8 @@ from sldvexp.errors import UserError
 from sldvexp.image import fit_circle, pinhole_edges
 from sldvexp.laser import TwoMirror
 from sldvexp.plot import FIGURES, figures_of
-from sldvexp.plot.style import SETTINGS, prefixed
+from sldvexp.plot.paper import SETTINGS
+from sldvexp.plot.style import prefixed
 from sldvexp.session.circles import edges_of
 
 SHOWN = (
@@ -28,7 +29,21 @@ SHOWN = (
 UNIT = re.compile(
     r"((, (mm|m|deg|rad|Hz|[nµmk]?m/s)| DAC steps|per step)( |\(|$))|^[nµm]?(m/s|strain)$|^[kM]?Pa$"
 )
-COUNTED = {"view", "circle", "point", "component", "node", "reconstruction", "seed"}
+#: Names of rows of images, and what is counted.
+COUNTED = {
+    "raw",
+    "corrected",
+    "view 1",
+    "view 2",
+    "view 3",
+    "view",
+    "circle",
+    "point",
+    "component",
+    "node",
+    "reconstruction",
+    "seed",
+}
 
 
 def bars(axes):
@@ -108,7 +123,8 @@ def test_images_are_of_the_pixels(figures, tree):
         good = group["flags"].values == 0
         for axes, take in zip(row, (np.real, np.imag, np.abs, np.angle), strict=True):
             drawn = axes.images[0].get_array().ravel()
-            values = take(group["velocity"].values) * (1.0 if take is np.angle else 1000.0)
+            factor = np.degrees(1.0) if take is np.angle else 1000.0
+            values = take(group["velocity"].values) * factor
             shown = good
             if take is np.angle:
                 shown = good & (abs(group["velocity"].values) > 3 * group["velocity_std"].values)
@@ -148,13 +164,17 @@ def test_labels_of_images_are_apart_wherever_the_pixels_are(tree, far):
 def test_phase_correction_has_both_stages(figures, tree):
     group = tree["image/1"].to_dataset().isel(frequency=0)
     good = group["flags"].values == 0
-    stages = {"raw: phase": "uncorrected", "corrected: phase": "velocity"}
-    panels = figures["phase_correction"].axes[3:8:4]
-    for axes, (title, name) in zip(panels, stages.items(), strict=True):
+    stages = {"raw": "uncorrected", "corrected": "velocity"}
+    figure = figures["phase_correction"]
+    assert [axes.get_title() for axes in figure.axes[:4]][3] == "phase"
+    for axes, first, (told, name) in zip(
+        figure.axes[3:8:4], figure.axes[0:8:4], stages.items(), strict=True
+    ):
         drawn = axes.images[0].get_array().ravel()
         shown = good & (abs(group[name].values) > 3 * group["velocity_std"].values)
-        np.testing.assert_allclose(drawn[shown], np.angle(group[name].values)[shown])
-        assert axes.get_title() == title
+        phases = np.degrees(np.angle(group[name].values))
+        np.testing.assert_allclose(drawn[shown], phases[shown])
+        assert first.get_ylabel() == told
 
 
 def test_pixels_of_a_list_are_dots(tree):
@@ -242,8 +262,8 @@ def test_distances_of_all_edges_stand_beside_their_circle(figures, tree):
 def test_one_view_is_enough(tree):
     for name in ("edges", "bitangents", "images"):
         figure = getattr(sldvexp.plot, name)(tree, view="2")
-        panels = [a for a in figure.axes if a.get_label() != "<colorbar>"]
-        assert all("view 2" in a.get_title() for a in panels), name
+        panel = figure.axes[0]
+        assert "view 2" in (panel.get_title() or "") + panel.get_ylabel(), name
         with matplotlib.rc_context(SETTINGS):
             figure.draw_without_rendering()
             labels_are_inside_and_apart(figure)
@@ -277,18 +297,21 @@ def test_the_volume_is_seen_where_the_pixels_are(figures, tree):
 def test_field_maps_are_of_the_surface_layer(figures, tree):
     field = tree["field"].to_dataset().isel(frequency=0, node=slice(42, 84))
     panels = np.reshape(figures["field"].axes[:9], (3, 3))
+    factor, unit = prefixed(np.abs(field["velocity"]), "m/s")
+    scales = [a.get_xlabel() for a in figures["field"].axes[9:]]
+    assert scales == [unit, "phase, deg", unit]  # one for each column, of all components
     for (size, _, bound), component in zip(panels, "xyz", strict=True):
         own = field.sel(component=component)
         for axes, values in ((size, np.abs(own["velocity"])), (bound, own["confidence"])):
-            factor, unit = prefixed(values, "m/s")
-            np.testing.assert_allclose(axes.collections[-1].get_array(), factor * values)
-            assert unit in [a.get_ylabel() for a in figures["field"].axes[9:]]
+            np.testing.assert_allclose(axes.collections[0].get_array(), factor * values)
+        largest = factor * np.abs(field["velocity"].values).max()
+        assert size.collections[0].get_clim() == pytest.approx((0.0, largest))
         assert "95% bound" in bound.get_title()
     phase = panels[2, 1].collections[-1].get_array()
     z = field.sel(component="z")
     three = tree["field/element"].values[:, :3]
     mean = z["velocity"].values[three[(three < 42).all(axis=1)]].mean(axis=1)
-    np.testing.assert_allclose(phase, np.angle(mean))
+    np.testing.assert_allclose(phase, np.degrees(np.angle(mean)))
 
 
 def test_nodal_values_have_their_bounds(figures, tree):
@@ -302,7 +325,9 @@ def test_nodal_values_have_their_bounds(figures, tree):
             assert len(x) == 7
             row_of_nodes = 42 + np.flatnonzero(np.isin(np.round(position[:, 0], 6), np.round(x, 6)))
             values = take(own["velocity"].values[row_of_nodes])
-            scale = 1000.0 if "mm/s" in axes.get_ylabel() else 1e6
+            scale = 1000.0
+            assert row[0].get_ylabel() == f"{component}, mm/s"
+            assert axes.get_title() == f"{component}: {part} part"
             assert np.isin(np.round(y, 6), np.round(scale * values, 6)).all()
             half = bars(axes)[0]
             bound = scale * own["confidence_by_part"].sel(part=part).values[row_of_nodes]
@@ -323,16 +348,74 @@ def test_nodal_values_of_chosen_nodes(tree):
 
 def test_surface_is_the_moment_of_the_largest_velocity(figures, tree):
     axes, scale = figures["surface"].axes
-    assert "velocity, mm/s" in axes.get_zlabel()
-    assert scale.get_ylabel() == "mm/s"
-    z = tree["field/velocity"].sel(component="z").values[42:84, 0]
-    assert f"{-np.angle(z[np.abs(z).argmax()]):+.2f} rad" in figures["surface"].get_suptitle()
-    assert axes.get_zlim()[1] >= 1000 * np.abs(z).max() * 0.999
-    assert axes.get_zlim()[0] <= 0
-    (surface,) = axes.collections
-    limit = 1000 * np.abs(np.real(z * np.exp(-1j * np.angle(z[np.abs(z).argmax()])))).max()
-    np.testing.assert_allclose(surface.get_clim(), (-limit, limit))
-    np.testing.assert_allclose(scale.get_ylim(), surface.get_clim())
+    assert axes.get_zlabel() == "z, mm"
+    assert scale.get_ylabel() == "velocity along z, mm/s"
+    field = tree["field"].to_dataset().isel(node=slice(42, 84), frequency=0)
+    z = field["velocity"].sel(component="z").values
+    phase = np.angle(z[np.abs(z).argmax()])
+    assert f"ωt = {-np.degrees(phase):+.0f}°" in figures["surface"].get_suptitle()
+    now = 1000 * np.real(z * np.exp(-1j * phase))
+    np.testing.assert_allclose(scale.get_ylim(), (-np.abs(now).max(), np.abs(now).max()))
+    surface, _ = axes.collections
+    drawn = np.asarray(surface._faces).reshape(-1, 3)  # corners of triangles
+    rest = 1000 * field["position"].values
+    assert len(drawn) >= 2 * len(rest)
+    # on the true shape: only z is moved, and by the same factor everywhere
+    factor = 0.12 * np.linalg.norm(np.ptp(rest, axis=0)) / np.abs(now).max()
+    expected = rest + factor * now[:, None] * [0, 0, 1]
+    assert {tuple(p) for p in drawn.round(6)} == {tuple(p) for p in expected.round(6)}
+    # and with equal scales: a millimetre is as long along x as along z
+    box = np.array([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()])
+    aspect = np.asarray(axes.get_box_aspect() if hasattr(axes, "get_box_aspect") else 1)
+    shares = np.asarray(axes._box_aspect) / np.ptp(box, axis=1)
+    assert aspect is not None
+    np.testing.assert_allclose(shares, shares[0])
+
+
+def test_noise_is_pale_and_not_drawn_at_full_height(tree):
+    groups = {n.path.strip("/"): n.to_dataset() for n in tree.subtree if n.has_data}
+    noise = groups["field"].copy(deep=True)
+    rng = np.random.default_rng(1)
+    noise["velocity"].values[:] = rng.normal(size=(*noise["velocity"].shape, 2)) @ [1e-6, 1e-6j]
+    for name in ("confidence", "confidence_by_part"):
+        noise[name].values[:] = 1e-5
+    groups["field"] = noise
+    figure = sldvexp.plot.surface(groups, component="z")
+    assert "pale: below its bound" in figure.get_suptitle()
+    surface, _ = figure.axes[0].collections
+    z, rest = np.asarray(surface._faces)[..., 2], 1000 * noise["position"].values[42:84]
+    full = 0.12 * np.linalg.norm(np.ptp(rest, axis=0))
+    largest = np.abs(noise["velocity"].sel(component="z").values[42:84]).max()
+    assert np.ptp(z) <= 2 * full * largest / 1e-5 * 1.001
+    assert (surface.get_facecolor()[:, :3] > 0.7).all()
+    size = sldvexp.plot.field(groups).axes[0]
+    assert len(size.collections) == 2  # the map, and white over all of it
+    assert len(size.collections[1].get_array()) == len(surface.get_facecolor())
+
+
+def test_a_panel_that_bends_is_rolled_out():
+    from sldvexp.volume import Grid
+
+    volume = Grid(size=[0.3, 0.2], shape=[13, 9], layers=3, thickness=0.01, radius=0.2).group()
+    velocity = volume["position"].values + 0j
+    solved = dataset.group(
+        "field",
+        {},
+        velocity=velocity,
+        position=volume["position"].values,
+        element=volume["element"].values,
+        confidence=np.full(velocity.shape, 1e-3),
+        observable=np.ones(velocity.shape, int),
+    )
+    figure = sldvexp.plot.field({"volume": volume, "field": solved})
+    figure.draw_without_rendering()
+    panel = figure.axes[6]
+    assert {panel.get_xlabel(), panel.get_ylabel()} == {"arc, mm", "y, mm"}
+    assert np.ptp(panel.get_xlim()) == pytest.approx(300, rel=1e-3)
+    assert np.ptp(panel.get_ylim()) == pytest.approx(200, rel=1e-9)
+    assert panel.get_window_extent().width / panel.get_window_extent().height == pytest.approx(
+        1.5, rel=0.01
+    )
 
 
 FIELDS = ("field", "compare/samplewise")

@@ -14,7 +14,7 @@ import xarray as xr
 import sldvexp.plot
 from sldvexp import dataset
 from sldvexp.errors import UserError
-from sldvexp.plot.style import COLOURS, looks, prefixed
+from sldvexp.plot.style import COLOURS, SIGN_MAP, looks, prefixed
 
 _spec = importlib.util.spec_from_file_location(
     "groups_of_runs", Path(__file__).with_name("groups_of_runs.py")
@@ -63,8 +63,9 @@ def test_many_frequencies_are_a_spectrum():
         assert top == pytest.approx(1000 * (np.abs(values) + bound).max())
     z = group.sel(component="z")
     (phases,) = figure.axes[5].containers
-    np.testing.assert_allclose(phases.lines[0].get_ydata(), np.angle(z["velocity"].values))
-    angle = np.arcsin(z["confidence"].values / np.abs(z["velocity"].values))
+    own = np.degrees(np.angle(z["velocity"].values))
+    np.testing.assert_allclose(phases.lines[0].get_ydata(), own)
+    angle = np.degrees(np.arcsin(z["confidence"].values / np.abs(z["velocity"].values)))
     np.testing.assert_allclose(half_lengths(phases), angle)
     assert left[-1].get_xlabel() == "frequency, Hz"
 
@@ -126,8 +127,16 @@ def test_points_are_a_surface_where_their_velocity_brings_them():
     velocity = groups.points()["velocity"].values[:, :, 1]
     largest = velocity[np.abs(velocity[:, 2]).argmax(), 2]
     now = 1000 * (velocity * np.conj(largest) / abs(largest)).real
-    np.testing.assert_allclose(dots.get_array(), now[:, 2])
-    np.testing.assert_allclose(faces.get_array(), now[[[0, 1, 2], [1, 3, 2]], 2].mean(axis=1))
+    limit = np.abs(now[:, 2]).max()
+    colours = matplotlib.colormaps[SIGN_MAP]
+
+    def coloured(values):
+        return colours((values / limit + 1) / 2)[:, :3]
+
+    np.testing.assert_allclose(np.asarray(dots._facecolors)[:, :3], coloured(now[:, 2]), atol=1e-9)
+    mean = now[[[0, 1, 2], [1, 3, 2]], 2].mean(axis=1)
+    np.testing.assert_allclose(faces._facecolor3d[:, :3], coloured(mean), atol=1e-9)
+    assert scale.get_ylim() == pytest.approx((-limit, limit))
     rest = 1000 * groups.joined()["position"].values
     away = np.array(dots._offsets3d).T - rest
     factor = (away * now).sum() / (now**2).sum()
@@ -182,7 +191,7 @@ def test_a_run_is_no_sweep(tree):
 def test_the_users_style_is_neither_used_nor_changed():
     with matplotlib.rc_context({"font.size": 31.0, "axes.grid": False}):
         figure = sldvexp.plot.point({"point": groups.point(1)})
-        assert figure.axes[0].xaxis.label.get_fontsize() == 9.0
+        assert figure.axes[0].xaxis.label.get_fontsize() == 8.0
         assert matplotlib.rcParams["font.size"] == 31.0
 
 

@@ -9,7 +9,7 @@ from matplotlib.collections import LineCollection
 
 from sldvexp.errors import UserError
 from sldvexp.plot import figures_of, hot_spots, hottest_places, strain
-from sldvexp.plot.style import SETTINGS
+from sldvexp.plot.paper import SETTINGS
 from sldvexp.volume import Grid
 from tests.plot.test_figures import labels_are_inside_and_apart
 from tests.shell.made_strain import made_strain

@@ -17,7 +17,8 @@ class Text:
     Parameters
     ----------
     tone : str
-        ``plain``, ``good``, ``warning`` or ``small``.
+        ``plain``, ``good``, ``warning`` or ``small``; ``verdict good`` and ``verdict warning`` for
+        the first line of a page.
     """
 
     kind: ClassVar[str] = "text"
@@ -149,11 +150,34 @@ class Beside:
 
 
 @dataclass(frozen=True)
+class Lead:
+    """The first screen: words and numbers, and beside them what is looked at."""
+
+    kind: ClassVar[str] = "lead"
+    told: Sequence[Any]
+    shown: Sequence[Any]
+
+    @property
+    def blocks(self) -> list[Any]:
+        """All of its blocks."""
+        return [*self.told, *self.shown]
+
+
+@dataclass(frozen=True)
 class Section:
-    """A part of a page with a heading."""
+    """A part of a page with a heading.
+
+    Parameters
+    ----------
+    title : str
+    blocks : sequence of blocks
+    unseen : bool
+        Whether only a screen reader has the heading.
+    """
 
     title: str
     blocks: Sequence[Any] = field(default_factory=tuple)
+    unseen: bool = False
 
     @property
     def anchor(self) -> str:

@@ -30,35 +30,57 @@ from sldvexp.report.terminal import published
 
 #: A larger share of flagged pixels is told first of all.
 MOST_FLAGGED = 0.05
-#: Numbers of one check that a page shows; the dataset has all.
-MOST_NUMBERS = 200
+#: More numbers than this of one variable are no table that anybody reads; the dataset has all.
+MOST_NUMBERS = 60
 
 
 #: Looks of a line about a verdict or a finding.
 LOOKS = {"trusted": "good", "note": "", "doubtful": "warning", "void": "warning"}
 
 
-def verdict_section(run: RunData) -> Section | None:
-    """Say the verdict, and list what it rests on with the settings that would repair it."""
+def verdict_blocks(run: RunData) -> list[Text]:
+    """Say in a line how far the results can be believed, and how much there is to mind."""
     line, findings = verdict_text(run)
+    minded = len(_minded(run))
+    told = "Nothing speaks against it." if not minded and not findings else ""
+    if minded:
+        told = f"{minded} thing{'s' * (minded > 1)} to mind, below." if minded else ""
+    elif findings:
+        told = f"{len(findings)} note{'s' * (len(findings) > 1)}, below."
     if not line:
-        return None
-    blocks: list[Any] = [Text(f"Verdict: {line}.", LOOKS[line.partition(":")[0]])]
+        look = "warning" if minded else "good"
+        first = "Not judged: the run tells of no test of its results."
+        return [Text(f"{first} {told}", f"verdict {look}")]
+    look = LOOKS[line.partition(":")[0]]
+    return [Text(f"{line[0].upper()}{line[1:]}. {told}".strip(), f"verdict {look}")]
+
+
+def findings_section(run: RunData) -> Section:
+    """List what the verdict rests on with its remedies, and what else is to be minded, once."""
+    _, findings = verdict_text(run)
     told = [
         f"{f.severity.name}: {f.text}" + (f" (remedy: {f.remedy})" if f.remedy else "")
         for f in findings
     ]
+    worst = any(f.severity is not Severity.note for f in findings)
+    others = _minded(run)
+    blocks: list[Any] = []
     if told:
-        worst = findings[0].severity is not Severity.note
-        blocks.append(Listing(told, "warning" if worst else ""))
-    return Section("Verdict", blocks)
+        blocks.append(Listing(told, "warning" if worst else "good"))
+    if others:
+        blocks.append(Listing(others, "warning"))
+    if not blocks:
+        blocks.append(Text("Nothing to mind.", "good"))
+    return Section("What to mind", blocks)
 
 
-def warnings_section(run: RunData) -> Section:
-    """List what the stages noted, what was missed, and what has no bound."""
-    found = list(dict.fromkeys(_warnings(run)))
-    block = Listing(found, "warning") if found else Text("Nothing to mind.", "good")
-    return Section("Warnings", [block])
+def _minded(run: RunData) -> list[str]:
+    """List what the stages noted, what was missed, and what has no bound, each once.
+
+    What a finding says already is not said again.
+    """
+    said = {f.text for f in verdict_text(run)[1]}
+    return [told for told in dict.fromkeys(_warnings(run)) if told not in said]
 
 
 def _warnings(run: RunData) -> Iterator[str]:
@@ -145,27 +167,32 @@ def checks_section(run: RunData) -> Section | None:
 
 
 def _numbers(name: str, group: xr.Dataset) -> Iterator[list[str]]:
-    """List a check's numbers by name, the first of many."""
-    left = MOST_NUMBERS
+    """List a check's numbers by name; of many only how they are spread."""
     for variable in group.data_vars.values():
         told = str(variable.attrs.get("long_name", variable.name))
+        unit = str(variable.attrs.get("units", ""))
+        if variable.size > MOST_NUMBERS:
+            where = " × ".join(f"{n} of {d}" for d, n in variable.sizes.items())
+            yield [told, where, _spread(variable.values), unit]
+            continue
         for index in np.ndindex(*variable.shape):
-            if not left:
-                rest = sum(v.size for v in group.data_vars.values()) - MOST_NUMBERS
-                yield [f"{rest} more", f"in run.nc, group examined/{name}", "", ""]
-                return
-            left -= 1
             at = zip(variable.dims, index, strict=True)
             where = ", ".join(
                 f"{d} {_label(variable[d].values[i])}" if d in variable.coords else f"{d} {i}"
                 for d, i in at
             )
-            yield [
-                told,
-                where,
-                _value(variable.values[index]),
-                str(variable.attrs.get("units", "")),
-            ]
+            yield [told, where, _value(variable.values[index]), unit]
+
+
+def _spread(values: np.ndarray) -> str:
+    """Tell how many numbers are spread: their quartiles of size, or that they are in the file."""
+    if values.dtype.kind not in "fciub":
+        return f"{values.size} in run.nc"
+    sizes = np.abs(values[np.isfinite(values)])
+    if not sizes.size:
+        return "none is known"
+    least, middle, most = (number(float(v), 3) for v in np.percentile(sizes, (0, 50, 100)))
+    return f"{least} to {most}, half of them below {middle}"
 
 
 def _label(label: object) -> str:

@@ -13,16 +13,19 @@ from matplotlib.figure import Figure as Drawn
 
 from sldvexp.dataset import RunData
 from sldvexp.plot import figures_of
-from sldvexp.plot.style import SETTINGS
+from sldvexp.plot.paper import SETTINGS
 from sldvexp.report.html.blocks import Figure, Text
 from sldvexp.report.html.slim import slim
 
 #: Which figures stand in which part of a page, with what they show. A page is made in seconds, so
 #: that it has none of scan lines and of single views; `sldvexp plot` has those.
 PARTS: dict[str, dict[str, str]] = {
-    "setup": {
-        "volume": "The volume among the instrument's places, and what every view sees of it."
+    "first": {"point": "Velocity of the point, or the first of several, with bounds."},
+    "stands": {
+        "volume": "The volume among the instrument's places, and what every view sees of it.",
+        "stands": "Where the instrument stood, and the way it looked.",
     },
+    "stand": {"stands": "Where the instrument stood, and the way it looked."},
     "circles": {
         "edges": "Edge points of the calibration object's circles.",
         "conic_residuals": "Distances of the edges from the ellipses through them, circle by "
@@ -36,8 +39,8 @@ PARTS: dict[str, dict[str, str]] = {
     "image": {"images": "Velocity along the line of sight, view by view."},
     "shape": {"surface": "The velocity drawn as a deflection, at the moment of its largest value."},
     "field": {
-        "point": "Velocity of the point, or the first of several, with bounds.",
-        "field": "The field with its bounds on the layer next to the given surface.",
+        "field": "The field with its bounds on the layer next to the given surface; components "
+        "have one scale, and what is not above its bound is pale.",
         "spectrum": "Velocity at the node of the largest motion, by frequency, with bounds.",
         "nodal": "Velocity with bounds along the line of nodes through its largest value.",
         "residuals": "Residuals by view.",
@@ -55,6 +58,8 @@ MOST_BYTES = 300_000
 OF_FILES = ("svg.hashsalt", "svg.fonttype")
 #: Characters of an SVG that are spelt in an address.
 SPELT = {"%": "%25", "#": "%23", "&": "%26", "<": "%3C", ">": "%3E", "\n": " ", '"': "'"}
+#: Parts of a page that stand beside words on its first screen, and the width of their figures, m.
+FIRST, BESIDE = ("first", "stand"), 0.13
 #: Dots per inch of a PNG.
 FINE = 150
 
@@ -64,7 +69,8 @@ def figures(run: RunData, part: str) -> Iterator[Figure | Text]:
     known = drawable(run)
     for name, caption in PARTS[part].items():
         if name in known:
-            yield _figure(name, known[name], caption, only_print=part == "shape")
+            draw = functools.partial(known[name], width=BESIDE) if part in FIRST else known[name]
+            yield _figure(name, draw, caption, only_print=part == "shape")
 
 
 @functools.lru_cache(maxsize=1)

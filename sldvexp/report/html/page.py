@@ -24,6 +24,11 @@ class Html(Report):
         with _uncollected():
             return html.run_page.write(path, path.with_name(REPORT_FILE))
 
+    def of_unfinished(self, folder: Path, reason: str = "") -> Path:
+        """Make the page of a run without a dataset, see `Report.of_unfinished`."""
+        with _uncollected():
+            return html.unfinished.write(folder, folder / REPORT_FILE, reason)
+
     def of_sweep(self, path: Path, ranking: Sequence[Mapping[str, Any]]) -> Path:
         """Make the page of a sweep, see `Report.of_sweep`."""
         with _uncollected():

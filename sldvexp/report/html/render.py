@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sldvexp.lazy import jinja2, markupsafe
-from sldvexp.report.html.blocks import Beside, Link, More, Section, Shape
+from sldvexp.report.html.blocks import Beside, Lead, Link, More, Section, Shape
 from sldvexp.writing import whole_or_nothing
 
 #: What draws the moving shape; each uses those before it.
@@ -46,6 +46,7 @@ def render(title: str, subtitle: str, sections: Sequence[Section]) -> str:
         sections=sections,
         style=markupsafe.Markup(_own("page.css")),
         script=markupsafe.Markup("".join(map(_own, SCRIPTS))) if moves else "",
+        heading=markupsafe.Markup(_css_text(title)),
         as_json=lambda data: markupsafe.Markup(_json(data)),
     )
 
@@ -55,6 +56,12 @@ def number_like(cell: str | Link) -> bool:
     if isinstance(cell, Link):
         return False
     return bool(cell) and (cell[0].isdigit() or (cell[0] in "-−+." and cell[1:2].isdigit()))
+
+
+def _css_text(text: str) -> str:
+    """Write a text of a style sheet: nothing in it can end the text, or the sheet."""
+    plain = (c if c.isalnum() or c in " .,:-" else f"\\{ord(c):x} " for c in text)
+    return '"' + "".join(plain) + '"'
 
 
 def _json(data: Any) -> str:
@@ -72,7 +79,7 @@ def _flat(sections: Sequence[Section]) -> Iterator[Any]:
     for section in sections:
         for block in section.blocks:
             yield block
-            if isinstance(block, More):
+            if isinstance(block, More | Lead):
                 yield from block.blocks
             if isinstance(block, Beside):
                 yield from (part for column in block.columns for part in column)

@@ -14,9 +14,12 @@ import numpy as np
 from sldvexp.dataset import FREQUENCY, VARIABLES, RunData
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.html import packing
-from sldvexp.report.html.blocks import HtmlTable, More, Section, Shape, Text, having
+from sldvexp.report.html.blocks import HtmlTable, Lead, More, Section, Shape, Text, having
+from sldvexp.report.html.diagnostics import verdict_blocks
 from sldvexp.report.html.figures import drawable, figures
+from sldvexp.report.html.setup import views_table
 from sldvexp.report.html.shape import shape_of, shape_of_points
+from sldvexp.report.key_numbers import key_numbers
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.tables import (
     MOST_FREQUENCIES,
@@ -24,7 +27,7 @@ from sldvexp.report.tables import (
     pose_methods,
     strain_tables,
 )
-from sldvexp.report.terminal import estimates
+from sldvexp.report.terminal import estimates, shown_intrinsic
 
 POSE = VARIABLES["pose"]
 RESIDUALS = ("s", "residual_rms", "pointing_std", "dof")
@@ -32,18 +35,34 @@ RESIDUALS = ("s", "residual_rms", "pointing_std", "dof")
 MOST_VELOCITIES = 30
 
 
+def result_section(run: RunData) -> Section:
+    """Show the first screen: verdict, key numbers, and the shape that moves or what else there is.
+
+    A run without anything to look at has the picture of where the instrument stood there.
+    """
+    told: list[Any] = list(verdict_blocks(run))
+    if (numbers := key_numbers(run)) is not None:
+        told.append(HtmlTable(numbers.columns, numbers.rows, numbers.title))
+    shown = shape_blocks(run) or having(figures(run, "first"))[:1]
+    if not shown and not run.below("image"):
+        shown = having(figures(run, "stand"))[:1]
+    return Section("Result", [Lead(told, shown)], unseen=True)
+
+
 def pose_section(run: RunData) -> Section | None:
-    """Show origins and angles of all views, by the chosen method and those compared with it."""
+    """Show where the instrument stood, what the views saw, and all parameters of the poses."""
     poses = {"": run.groups["pose"]} if "pose" in run.groups else {}
     poses |= run.below("compare_pose")
+    views = views_table(run)
     if not poses:
-        return None
-    blocks = []
+        return Section("Views", [views]) if views else None
+    known = run.fields() or run.groups.keys() & {"point", "image"} or run.below("image")
+    blocks = having(figures(run, "stands") if known else None, views)
     for name, pose in poses.items():
         level = f"{float(pose.attrs.get('confidence_level', 0.95)):.0%}"
         by = f" by {name}" if name else ""
         blocks += [
-            HtmlTable(*_pose_table(pose, of, more), f"{title}, with {level} bounds")
+            HtmlTable(*_pose_table(pose, of, more), _bounded(title, pose, of[0], level))
             for title, of, more in (
                 (f"Origin{by}", ("origin", "axis"), RESIDUALS),
                 (f"Euler angles{by}", ("euler", "angle_index"), ()),
@@ -55,10 +74,16 @@ def pose_section(run: RunData) -> Section | None:
         "World to laser: P_laser = R (P_world - origin), R by Euler angles of the x-convention. "
         "s is the standard deviation of one mirror reading, estimated from the residuals."
     )
+    if not any("origin_confidence" in pose for pose in poses.values()):
+        note = f"The poses were given, and have no bounds. {note.partition(' s is')[0]}"
     circles = list(figures(run, "circles"))
     seen = More("Circles of the calibration object, view by view", circles) if circles else None
     drawn = having(figures(run, "pose"), seen, _residuals(run))
-    return Section("Pose", having(blocks, Text(note, "small"), methods, drawn))
+    return Section("Views and poses", having(blocks, Text(note, "small"), methods, drawn))
+
+
+def _bounded(title: str, pose: xr.Dataset, name: str, level: str) -> str:
+    return f"{title}, with {level} bounds" if f"{name}_confidence" in pose else title
 
 
 def _pose_table(
@@ -94,9 +119,12 @@ def _adjusted(pose: xr.Dataset) -> Iterator[HtmlTable]:
         views = pose["view"].values[:1] if name in shared else pose["view"].values
         for view in views:
             one = pose.sel(view=view, adjusted=name)
-            told = with_bound(float(one["intrinsic"]), float(one["intrinsic_confidence"]))
-            rows.append([str(name), "all" if name in shared else str(view), told])
-    yield HtmlTable(["parameter", "view", "value ± bound (SI)"], rows, "Adjusted with the pose")
+            factor, unit = shown_intrinsic(str(name))
+            pair = (factor * float(one[n]) for n in ("intrinsic", "intrinsic_confidence"))
+            where = "all" if name in shared else str(view)
+            rows.append([str(name), where, with_bound(*pair), unit])
+    columns = ["parameter", "view", "value ± bound", "unit"]
+    yield HtmlTable(columns, rows, "Adjusted with the pose")
 
 
 def _residuals(run: RunData) -> More | None:
@@ -157,9 +185,7 @@ def velocity_section(run: RunData) -> Section | None:
         return None
     others = ("examined/", "strain", "compare_strain/")
     own = {k: group for k, group in run.groups.items() if not k.startswith(others)}
-    blocks = having(
-        shape_blocks(run), [HtmlTable.from_table(table) for table in field_tables(RunData(own))]
-    )
+    blocks = having([HtmlTable.from_table(table) for table in field_tables(RunData(own))])
     if points:
         shown = [row for row in points if not row[0].endswith(" more")]
         table = HtmlTable(["of", "velocity ± bound", "unit", "note"], shown, "At points", (3,))
@@ -202,7 +228,8 @@ def shape_blocks(run: RunData, name: str = "shape") -> list[Any]:
             note += " Colours of strains are those of the drawn surface, as if it were displaced."
     elif "surface" in drawable(run):
         data = shape_of_points(run.groups["point"], run.groups["line_of_sight"], pose)
-        joined = {"triangle", "line"} & set(run.groups["line_of_sight"].data_vars)
+        ends = run.groups["line_of_sight"]
+        joined = any(name in ends and ends[name].size for name in ("triangle", "line"))
         note = "Points are joined as their file says."
         if not joined:
             note = "Points are joined to triangles in their plane, as their file joins none."

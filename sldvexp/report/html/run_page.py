@@ -14,14 +14,14 @@ from sldvexp.report.html.blocks import Section
 #: Each makes a section of what a run has, or none; another part of the page is a line here. What
 #: was found comes first, then what it was found from.
 SECTIONS: tuple[Callable[[RunData], Section | None], ...] = (
-    diagnostics.verdict_section,
-    diagnostics.warnings_section,
-    results.velocity_section,
-    results.strain_section,
-    setup.setup_section,
+    results.result_section,
+    diagnostics.findings_section,
     results.pose_section,
     results.images_section,
+    results.velocity_section,
+    results.strain_section,
     diagnostics.checks_section,
+    setup.setup_section,
     diagnostics.provenance_section,
 )
 

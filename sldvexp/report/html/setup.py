@@ -12,7 +12,6 @@ from sldvexp.config.paths import conf_dir
 from sldvexp.dataset import DAC, RunData, read_yaml
 from sldvexp.errors import UserError
 from sldvexp.report.html.blocks import HtmlTable, More, Section, having
-from sldvexp.report.html.figures import figures
 
 #: What each group of the configuration is to a reader.
 STAGES = {
@@ -58,8 +57,7 @@ def setup_section(run: RunData) -> Section:
         if own
     ]
     every = More("Every setting and what it means", details)
-    blocks = having(stages, _views(run), figures(run, "setup"), every)
-    return Section("What was measured and how", blocks)
+    return Section("Settings", having(stages, every))
 
 
 def _has(run: RunData, group: str) -> bool:
@@ -127,7 +125,7 @@ def _plain(value: Any) -> str:
     return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _views(run: RunData) -> HtmlTable | None:
+def views_table(run: RunData) -> HtmlTable | None:
     """Make one row a view: what was scanned there, and what of it was of use."""
     edges, images = run.below("edge"), run.below("image")
     field = next(iter(run.fields().values()), None)

@@ -299,7 +299,7 @@ const showShape = async (root) => {
     const every = look.stands ? stands.map((one) => one.origin) : [];
     camera.around(...[[from, Math.min], [to, Math.max]].map(([box, pick]) => box.map((x, k) => pick(x, ...every.map((o) => o[k])))));
     const narrow = camera.width < 560;
-    camera.fit(narrow ? { left: 44, right: 26, top: 14, bottom: 40 } : { left: 84, right: 60, top: 12, bottom: 52 });
+    camera.fit(narrow ? { left: camera.width < 380 ? 44 : 78, right: 26, top: 14, bottom: 40 } : { left: 84, right: 60, top: 12, bottom: 52 });
     arrange();
   };
   const resize = () => {

@@ -23,6 +23,8 @@ from PIL import Image, features
 
 #: Families that have about the widths that text was laid out with, without quotes.
 FAMILIES = "DejaVu Sans, Verdana, sans-serif"
+#: The same, as matplotlib lists them.
+LISTED = "'DejaVu Sans', 'Verdana', sans-serif"
 #: Pictures of fewer values stay PNG, which is as small.
 FEW = 3_000
 #: Of WebP, of 100: gradients that no eye tells from the true ones; and how long it looks for less.
@@ -88,7 +90,7 @@ def shortened(svg: str) -> str:
     svg = QUOTED.sub(lambda text: text[0].replace('"', "&quot;"), svg)
     svg = PLACES.sub(_rounded, UPRIGHT.sub("", svg)).replace("<g></g>", "").replace("<g/>", "")
     svg = ALIKE.sub(_said_once, ALONE.sub(r"\1", svg))
-    return svg.replace("'DejaVu Sans'", FAMILIES)
+    return svg.replace(LISTED, FAMILIES).replace("'DejaVu Sans'", FAMILIES)
 
 
 def _rounded(places: re.Match[str]) -> str:

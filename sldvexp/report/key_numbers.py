@@ -1,0 +1,128 @@
+"""The few numbers that a run was made for, with their bounds: on the surface, not in the volume.
+
+Of a field or of points these are the largest amplitude of every component with the bound there, and
+root mean squares over the surface; of images the largest amplitude; of poses where the instrument
+stood. A component that is nowhere above its bound is said to be so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sldvexp.dataset import FREQUENCY, VARIABLES, RunData
+from sldvexp.lazy import xarray as xr
+from sldvexp.report.numbers import bound_text, number, with_bound
+from sldvexp.typing import Array
+
+VELOCITY = VARIABLES["field"]["velocity"]
+POSE = VARIABLES["pose"]
+#: Beyond so many views a page has them only further down.
+MOST_VIEWS = 6
+
+
+@dataclass(frozen=True)
+class KeyNumbers:
+    """A small table with a title."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+def on_surface(run: RunData, field: xr.Dataset) -> xr.Dataset:
+    """Take the layer of a field that is nearest to the given surface.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> volume = group("volume", {}, depth=[-0.01, 0.0])
+    >>> field = group("field", {}, position=[[0, 0, -0.01], [0, 0, 0.0]])
+    >>> on_surface(RunData({"volume": volume}), field).sizes["node"]
+    1
+    """
+    depths = run.groups["volume"]["depth"].values if run.has("volume", "depth") else np.zeros(1)
+    nodes = field.sizes["node"]
+    if nodes % len(depths):
+        return field
+    each, layer = nodes // len(depths), int(np.abs(depths).argmin())
+    return field.isel(node=slice(layer * each, (layer + 1) * each))
+
+
+def key_numbers(run: RunData) -> KeyNumbers | None:
+    """Find what a person looks for first; None if the run has nothing of the kind.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> found = group("point", {}, velocity=[0.02, 1e-5, 0], confidence=[1e-4, 2e-4, 1e-4])
+    >>> key_numbers(RunData({"point": found})).rows[:2]
+    [['x', '20.00 ± 0.10'], ['y', 'not above its bound, ± 0.20']]
+    """
+    for field in run.fields().values():
+        return _of_places(on_surface(run, field), "node", "Velocity on the surface")
+    point = run.groups.get("point")
+    if point is not None and "confidence" in point:
+        many = point.sizes.get("point", 1) > 1
+        return _of_places(point, "point", "Velocity of the points" if many else "Velocity")
+    if run.has("pose", "origin"):
+        return _of_poses(run.groups["pose"])
+    return None
+
+
+def _of_places(group: xr.Dataset, place: str, title: str) -> KeyNumbers:
+    """Show the largest and the usual size of every component at the strongest frequency."""
+    unit, factor = VELOCITY.shown_unit, VELOCITY.factor
+    if "frequency" in group.dims:
+        others = [d for d in group["velocity"].dims if d != "frequency"]
+        size = (abs(group["velocity"]) ** 2).sum(others).values
+        count, group = group.sizes["frequency"], group.isel(frequency=int(np.argmax(size)))
+        title += f" at {float(group['frequency']):g} {FREQUENCY.units}"
+        title += f", the strongest of {count} frequencies" * (count > 1)
+    level = f"{float(group.attrs.get('confidence_level', 0.95)):.0%} bound"
+    many = group.sizes.get(place, 1) > 1
+    names = ["component", f"largest ± {level}, {unit}" if many else f"amplitude ± {level}, {unit}"]
+    names += [f"r.m.s., {unit}", f"r.m.s. of bounds, {unit}"] * many
+    rows = []
+    for component in group["component"].values:
+        one = group.sel(component=component)
+        values = factor * np.abs(np.atleast_1d(one["velocity"].values))
+        bounds = factor * np.atleast_1d(np.asarray(one["confidence"].values, float))
+        row = [str(component), _largest(values, bounds)]
+        row += [number(_rms(values), 3), number(_rms(bounds), 2)] * many
+        rows.append(row)
+    return KeyNumbers(title, names, rows)
+
+
+def _largest(values: Array, bounds: Array) -> str:
+    """Write the largest value that is above its bound; say so if none is."""
+    if not np.isfinite(values).any():
+        return "not determined"
+    above = np.nan_to_num(values) > np.nan_to_num(bounds, nan=0.0)
+    if not above.any():
+        return f"not above its bound, {bound_text(float(np.nanmax(bounds)))}"
+    at = int(np.nanargmax(np.where(above, values, -1.0)))
+    return with_bound(float(values[at]), float(bounds[at]))
+
+
+def _rms(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+
+
+def _of_poses(pose: xr.Dataset) -> KeyNumbers:
+    """Show where the instrument stood, with bounds."""
+    views = [str(v) for v in pose["view"].values]
+    origin = POSE["origin"]
+    names = ["view", *(origin.titled(str(axis)) for axis in pose["axis"].values)]
+    rows = []
+    for view in views[:MOST_VIEWS]:
+        one = pose.sel(view=view)
+        bounds = one.get("origin_confidence", xr.full_like(one["origin"], np.nan)).values
+        pairs = zip(one["origin"].values, bounds, strict=True)
+        rows.append([view, *(with_bound(*(origin.factor * v for v in pair)) for pair in pairs)])
+    told = f"Where the instrument stood, of {len(views)} views" if len(views) > 1 else ""
+    first = f", the first {MOST_VIEWS}" * (len(views) > MOST_VIEWS)
+    return KeyNumbers((told or "Where the instrument stood") + first, names, rows)
