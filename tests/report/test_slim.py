@@ -19,7 +19,7 @@ from sldvexp.report.html.slim import slim
 @style.styled
 def drawn():
     """A figure with curves, markers, words and a picture of a gradient."""
-    made = style.figure(4, 3)
+    made = style.figure(3)
     axes = made.subplots(1, 2)
     axes[0].plot(np.linspace(0, 1, 200), np.linspace(0, 1, 200) ** 2, marker="o")
     axes[0].set_title('of 0.123456 <mm> & d="M 0.98765"')
