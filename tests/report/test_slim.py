@@ -22,7 +22,8 @@ PICTURE = r"data:image/[^\"]+"
 @pytest.fixture(autouse=True, scope="module")
 def salted():
     """Names of parts are the same of the same figure."""
-    with matplotlib.rc_context({"svg.hashsalt": "sldvexp", "svg.fonttype": "none"}):
+    look = {"svg.hashsalt": "sldvexp", "svg.fonttype": "none", "font.family": "DejaVu Sans"}
+    with matplotlib.rc_context(look):
         yield
 
 

@@ -20,7 +20,7 @@ from sldvexp.report.html.slim import slim
 #: Which figures stand in which part of a page, with what they show. A page is made in seconds, so
 #: that it has none of scan lines and of single views; `sldvexp plot` has those.
 PARTS: dict[str, dict[str, str]] = {
-    "first": {"point": "Velocity of the point, or the first of several, with bounds."},
+    "first": {"point": "Velocity of the point, or of that which moves most, with bounds."},
     "stands": {
         "volume": "The volume among the instrument's places, and what every view sees of it.",
         "stands": "Where the instrument stood, and the way it looked.",
@@ -83,7 +83,7 @@ def sweep_figures(table: Any) -> Iterator[Figure | Text]:
     """Find the figure of a sweep, if it can be drawn."""
     for name, draw in figures_of(table).items():
         if name == "sweep":
-            yield _figure(name, draw, SWEEP_CAPTION)
+            yield _figure(name, functools.partial(draw, width=BESIDE), SWEEP_CAPTION)
 
 
 def _figure(
