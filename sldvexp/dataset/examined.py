@@ -118,7 +118,7 @@ EXAMINED: dict[str, dict[str, Variable]] = {
             label="origin off by",
         ),
         "rotation_error": _V(
-            "pose_method", "rad", "root mean square angle to the true axes", "mrad", "axes by"
+            "pose_method", "rad", "root mean square angle to the true axes", "deg", "axes by"
         ),
     },
     "examined/pose_repeats": {

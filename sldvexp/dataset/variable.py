@@ -12,7 +12,7 @@ DAC = "DAC steps"
 SHOWN = {"m": "mm", "m/s": "mm/s"}
 
 #: Shown units in those of the dataset.
-FACTORS = {"mm": 1e3, "mm/s": 1e3, "mrad": 1e3, "deg": 180.0 / math.pi}
+FACTORS = {"mm": 1e3, "mm/s": 1e3, "deg": 180.0 / math.pi}
 
 
 class Variable(NamedTuple):

@@ -90,8 +90,9 @@ def ratio_of(dac: Sequence[Array]) -> float:
 
 
 def _edges_told(name: str, group: Any) -> str:
-    error = float(np.median(group["dac_std"]))
-    return f"view {name}: {len(group['circle'])} edges ± {error:.2g} steps (median)"
+    error = float(np.nanmedian(group["dac_std"])) if np.isfinite(group["dac_std"]).any() else 0.0
+    known = f" ± {error:.2g} steps (median)" if error > 0 else ""
+    return f"view {name}: {len(group['circle'])} edges{known}"
 
 
 def panels_of_views(

@@ -49,13 +49,13 @@ def _name(one: xr.Dataset, number: int) -> str:
 
 
 @style.styled
-def point(source: Source | RunData, number: int = 0) -> Figure:
+def point(source: Source | RunData, number: int | None = None) -> Figure:
     """Draw velocity of a point with its bounds, by component and method, or over many frequencies.
 
     Parameters
     ----------
-    number : int
-        Which point, from 0, if the run has several.
+    number : int, optional
+        Which point, from 0, if the run has several; without it the one that moves most.
 
     Examples
     --------
@@ -70,7 +70,11 @@ def point(source: Source | RunData, number: int = 0) -> Figure:
     found = _points(run)
     title = "Velocity of the point"
     if "point" in next(iter(found.values()))["velocity"].dims:
-        count = next(iter(found.values())).sizes["point"]
+        own = next(iter(found.values()))
+        count = own.sizes["point"]
+        if number is None:
+            others = [d for d in own["velocity"].dims if d != "point"]
+            number = int(np.nanargmax((abs(own["velocity"]) ** 2).sum(others).values))
         one_of(str(number), map(str, range(count)), "point", "point")
         found = {k: g.isel(point=number) for k, g in found.items()}
         title = f"Velocity of {_name(next(iter(found.values())), number)}"

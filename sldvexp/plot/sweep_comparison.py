@@ -114,7 +114,8 @@ def _panels(table: xr.Dataset, quantity: str, keys: list[str]) -> list[Panel]:
     """Make a panel for each entry along the result's first dimension, r.m.s. over the others."""
     result = table[quantity]
     name = f"{quantity}_std"
-    error = table.get(name)
+    # not table.get: with a coordinate pose, pose.s_std would be looked for as its attribute
+    error = table[name] if name in table.variables else None
     unit, factor = str(result.attrs.get("units", "1")), 1.0
     if np.iscomplexobj(result.values):
         result = abs(result)

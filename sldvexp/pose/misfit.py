@@ -317,7 +317,7 @@ def _size(problem: EdgeProblem, freed: Freed) -> str:
         return f"{cause}, {1e3 * more:+.2g} mm, or an object that is {object_size},"
     if cause.startswith("gain"):
         return f"{cause}, {100 * more:+.2g} %,"
-    return f"{cause}, {1e3 * more:+.2g} mrad,"
+    return f"{cause}, {np.degrees(more):+.2g} deg,"
 
 
 def _views(problem: EdgeProblem, found: EdgePoses) -> str:

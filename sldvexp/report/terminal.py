@@ -67,9 +67,9 @@ def closing_table(source: Source | RunData, files: Sequence[Path]) -> None:
         console.print(fitted(fields, width, (), RUN))
     if "check" in run.groups:
         console.print(fitted(published(run.groups["check"]), width, ("quantity", "met"), RUN))
-    said = {finding.text for finding in verdict_text(run)[1]}
+    said = [finding.text for finding in verdict_text(run)[1]]
     for note in notes(run):
-        if note in said:
+        if any(text in note for text in said):
             continue
         console.print(f"[yellow]note:[/] {escape(note)}", highlight=False)
     for file in files:
@@ -154,7 +154,7 @@ def shown_intrinsic(intrinsic: str) -> tuple[float, str]:
 
 
 def _point_rows(name: str, point: xr.Dataset, most: int) -> Iterator[tuple[str, str, str, str]]:
-    """List velocity components of the first points and frequencies, and what is behind them."""
+    """List velocities of the points and frequencies that move most, and what is behind them."""
     cases = [d for d in ("point", "frequency") if d in point["velocity"].dims]
     stacked = (
         point["velocity"].stack(case=cases) if cases else point["velocity"].expand_dims("case")
@@ -162,9 +162,9 @@ def _point_rows(name: str, point: xr.Dataset, most: int) -> Iterator[tuple[str, 
     bounds = (
         point["confidence"].stack(case=cases) if cases else point["confidence"].expand_dims("case")
     )
-    shown = min(stacked.sizes["case"], most)
     points = point.sizes["point"] if "point" in cases else 1
-    for i in range(shown):
+    shown = strongest_cases(stacked, most)
+    for i in shown:
         value, bound = stacked.isel(case=i), bounds.isel(case=i)
         labels = [
             f"{d} {value[d].item():g}" if d == "frequency" else f"{d} {value[d].item()}"
@@ -187,9 +187,15 @@ def _point_rows(name: str, point: xr.Dataset, most: int) -> Iterator[tuple[str, 
                 VELOCITY.shown_unit,
                 "determined by these views",
             )
-    if stacked.sizes["case"] > shown:
-        rest = (stacked.sizes["case"] - shown) * point.sizes["component"]
+    if stacked.sizes["case"] > len(shown):
+        rest = (stacked.sizes["case"] - len(shown)) * point.sizes["component"]
         yield f"{name}: {rest} more", f"in run.nc, group {name}", "", ""
+
+
+def strongest_cases(velocity: xr.DataArray, most: int) -> list[int]:
+    """Choose the points and frequencies of the largest velocities, in their own order."""
+    size = (abs(velocity) ** 2).sum("component").values
+    return sorted(int(i) for i in np.argsort(-size, kind="stable")[:most])
 
 
 def _observed(point: xr.Dataset, number: int, frequency: int) -> Iterator[tuple[str, str]]:

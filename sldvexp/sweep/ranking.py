@@ -57,7 +57,16 @@ def ranked_by(table: xr.Dataset, wanted: str = "") -> str:
     names = [str(n) for n in table.data_vars if n not in ABOUT]
     if wanted and wanted not in names:
         raise UserError(f"sweep.rank: no run has {wanted}; {nearest(wanted, names)}")
-    return wanted or next((n for n in (*PREFERRED, *names) if n in names), "")
+    ordered = [n for n in (*PREFERRED, *names) if n in names]
+    return wanted or next((n for n in ordered if _ranks(table[n])), next(iter(ordered), ""))
+
+
+def _ranks(result: xr.DataArray) -> bool:
+    """Tell whether a result says anything about which run is better: zeros alone do not."""
+    if result.dtype.kind not in "fciub":
+        return False
+    size = np.abs(result.values.astype(complex))
+    return bool((size[np.isfinite(size)] > 0).any())
 
 
 def rows(table: xr.Dataset, keys: Sequence[str], by: str) -> list[dict[str, Any]]:

@@ -65,7 +65,7 @@ def noise_finding(tests: ViewTests) -> Finding | None:
         return Finding(
             "noise",
             "views",
-            f"the pixels lie {np.sqrt(tests.misfit):.2f} times their stated noise off a smooth "
+            f"the velocities lie {np.sqrt(tests.misfit):.2f} times their stated noise off a smooth "
             "field of all views: the noise is larger than stated, or the field is finer than the "
             "test can follow; bounds are as much too small",
             Severity.doubtful,
@@ -77,7 +77,7 @@ def noise_finding(tests: ViewTests) -> Finding | None:
         return Finding(
             "noise",
             "views",
-            f"the pixels' noise is {np.sqrt(tests.misfit):.3g} times the stated one",
+            f"the noise of the velocities is {np.sqrt(tests.misfit):.3g} times the stated one",
             Severity.note,
             tests.misfit,
             tests.misfit_p_value,
@@ -164,16 +164,22 @@ def is_significant(of: Explanation) -> bool:
     return of.kind not in ("gain", "phase", "factor") or bool(far)
 
 
+def _give_or_take(std: float, unit: str = "") -> str:
+    """Write a standard error behind a number; nothing where it is not known."""
+    return f" +- {std:.1g}{unit}" if np.isfinite(std) else ""
+
+
 def sentence(names: Sequence[str], of: Explanation) -> str:
     """Say what is wrong with a view."""
     view, c = _views(names, of.view), of.factor
     gain, phase = abs(c) - 1, np.degrees(np.angle(c))
     gain_std, phase_std = of.factor_std[0], np.degrees(of.factor_std[1])
-    factor = f"{_complex(c)} +- {gain_std:.1g}"
+    factor = f"{_complex(c)}{_give_or_take(gain_std)}"
     if shows_nothing(of):
         return (
-            f"{view} hardly shows the motion that the others predict, {abs(c):.2g} +- "
-            f"{abs(c) * gain_std:.1g} times as much: was it blocked, or did nothing move?"
+            f"{view} hardly shows the motion that the others predict, {abs(c):.2g}"
+            f"{_give_or_take(abs(c) * gain_std)} times as much: was it blocked, or did nothing "
+            "move?"
         )
     match of.kind:
         case "sign":
@@ -188,7 +194,7 @@ def sentence(names: Sequence[str], of: Explanation) -> str:
             return f"{view} is {factor} times what the others predict: the others give r.m.s."
         case "gain" if abs(gain) < 1:
             more = "larger" if gain > 0 else "smaller"
-            size = f"{100 * abs(gain):.3g} % +- {100 * gain_std:.1g} %"
+            size = f"{100 * abs(gain):.3g} %{_give_or_take(100 * gain_std, ' %')}"
             return (
                 f"{view} is {size} {more} than the others predict: "
                 "is its range or calibration another?"
@@ -196,7 +202,7 @@ def sentence(names: Sequence[str], of: Explanation) -> str:
         case "phase":
             late = "ahead of" if phase > 0 else "behind"
             return (
-                f"{view} is {abs(phase):.3g} +- {phase_std:.1g} deg {late} what the others "
+                f"{view} is {abs(phase):.3g}{_give_or_take(phase_std)} deg {late} what the others "
                 "predict: is its reference or delay another?"
             )
         case "gain":
@@ -204,11 +210,11 @@ def sentence(names: Sequence[str], of: Explanation) -> str:
         case "factor":
             return f"{view} is {factor} times what the others predict"
         case "pose":
-            turned = 1e3 * np.linalg.norm(of.pose[:3])
+            turned = np.degrees(np.linalg.norm(of.pose[:3]))
             away = 1e3 * np.linalg.norm(of.pose[3:])
             return (
                 f"{view} was not taken from where its pose says: it fits turned by "
-                f"{turned:.2g} mrad and moved by {away:.2g} mm; was the tripod knocked?"
+                f"{turned:.2g} deg and moved by {away:.2g} mm; was the tripod knocked?"
             )
         case "direction":
             told = "looks from another direction than is stated: is the sign of an angle wrong?"

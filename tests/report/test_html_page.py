@@ -77,15 +77,17 @@ def test_page_is_in_order_and_ends_with_the_command(run_file, no_figures):
     )
     page = made(run_file(check=check))
     assert page.sections == [
-        "warnings",
+        "result",
+        "what-to-mind",
+        "views",
         "velocity-field",
-        "what-was-measured-and-how",
         "checks",
+        "settings",
         "provenance",
     ]
     assert page.text.endswith("sldvexp rerun run.nc")
     assert "not as expected: field@sse is 2, and should be = 1 (Table 5.7)" in page.text
-    assert page.text.index("not as expected") < page.text.index("mind ") < len(page.text) / 2
+    assert page.text.index("not as expected") < page.text.index("mind </") < len(page.text) / 2
     assert "Velocity field of 60 nodes from 2 views at 2 frequencies" in page.text
     assert "2026-01-02 03:04:05 UTC · took 2 s · sldvexp 0.1.0 · seed 3" in page.text
     assert "had been changed since its last commit" in page.text
@@ -127,7 +129,7 @@ def test_page_without_a_field_has_no_script(tmp_path, run_file, no_figures):
     dataset.save({"volume": whole["volume"].to_dataset()}, whole.attrs, path)
     page = made(path)
     assert page.count("script") == 0
-    assert page.sections == ["warnings", "what-was-measured-and-how", "provenance"]
+    assert page.sections == ["result", "what-to-mind", "settings", "provenance"]
     assert path.with_name("report.html").stat().st_size < 50_000
 
 
@@ -200,7 +202,7 @@ def test_a_figure_is_spelt_in_its_address_and_read_as_it_was(run_file, monkeypat
 def test_every_figure_of_a_page_is_one_that_there_is():
     names = {name for part in figures.PARTS.values() for name in part}
     assert names <= set(FIGURES)
-    left_out = {"scan_lines", "conics", "phase_correction", "sweep"}
+    left_out = {"scan_lines", "conics", "conic_residuals", "phase_correction", "sweep"}
     assert set(FIGURES) - names == left_out
 
 
@@ -212,7 +214,7 @@ def test_a_page_shows_the_setup_and_the_nodes(run_file, monkeypatch):
         "euler": np.zeros((2, 3)),
     }
     page = made(run_file(pose=dataset.group("pose", {"view": ["left", "right"]}, **pose)))
-    for part, name in (("setup", "volume"), ("field", "nodal"), ("field", "field")):
+    for part, name in (("stands", "volume"), ("field", "nodal"), ("field", "field")):
         assert figures.PARTS[part][name] in page.text
 
 
@@ -252,9 +254,11 @@ def test_flagged_pixels_do_not_count_in_the_table_of_images(run_file, no_figures
 
 
 def test_what_is_left_out_of_a_check_is_counted(run_file, no_figures):
-    many = xr.Dataset({"ratio": ("run", np.arange(250.0)), "other": ("view", np.arange(10.0))})
+    many = xr.Dataset({"ratio": ("run", np.arange(251.0)), "other": ("view", np.arange(10.0))})
     page = made(run_file(**{"examined/many": many}))
-    assert "60 more in run.nc, group examined/many" in page.text
+    assert "ratio 251 of run 0 to 250, half of them below 125" in page.text
+    assert "run 16" not in page.text
+    assert "other view 9 9" in page.text
 
 
 def test_long_figure_becomes_pixels(run_file, monkeypatch):

@@ -28,9 +28,11 @@ def test_run_leaves_a_page_that_can_be_made_anew(sldvexp, pages):
         assert (again.status, again.err, again.out) == (0, "", f"{page}\n")
         assert page.read_bytes() == first
     assert first.count(b"<section") == 6
+    assert first.index(b'class="verdict') < first.index(b"mm/s") < first.index(b"data:image/svg")
     assert b"data:image/svg+xml" in first
     text = first.decode()
-    assert text.index("Warnings</h2>") < text.index("Velocity</h2>") < text.index("Checks</h2>")
+    order = [text.index(f"{t}</h2>") for t in ("Result", "What to mind", "Velocity", "Checks")]
+    assert order == sorted(order)
     assert text.rpartition("<pre")[2].partition(">")[2].startswith("sldvexp rerun run.nc</pre>")
 
 
@@ -109,7 +111,11 @@ def test_runs_that_are_done_get_the_pages_that_they_lack(sldvexp, pages, no_figu
 def test_failed_runs_come_first_in_a_sweeps_page(sldvexp, pages, no_figures, tmp_path):
     sldvexp("-m", POINT, "reconstruction.rows='1,2,3','1,2,<b>'", "hydra.sweep.dir=sweep")
     text = (tmp_path / "sweep/report.html").read_text()
-    warned = text.partition("<h2>Warnings</h2>")[2].partition("</section>")[0]
+    warned = text.partition("<h2>What to mind</h2>")[2].partition("</section>")[0]
+    assert text.index("Of 2 runs: 1 done, 1 failed.") < text.index("What to mind</h2>")
+    states = text.partition("<h2>States</h2>")[2].partition("</section>")[0]
+    assert "<dt>failed</dt><dd>not done; " in states
+    assert "<dt>done</dt><dd>finished, " in states
     assert "failed: " in warned
     assert "1,2,&lt;b&gt;" in warned
     assert "<b>" not in text

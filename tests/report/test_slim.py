@@ -11,9 +11,9 @@ import matplotlib
 import numpy as np
 import pytest
 from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
 from PIL import Image
 
-from sldvexp.plot import style
 from sldvexp.report.html.slim import shortened, slim
 
 PICTURE = r"data:image/[^\"]+"
@@ -22,14 +22,14 @@ PICTURE = r"data:image/[^\"]+"
 @pytest.fixture(autouse=True, scope="module")
 def salted():
     """Names of parts are the same of the same figure."""
-    with matplotlib.rc_context({"svg.hashsalt": "sldvexp"}):
+    look = {"svg.hashsalt": "sldvexp", "svg.fonttype": "none", "font.family": "DejaVu Sans"}
+    with matplotlib.rc_context(look):
         yield
 
 
-@style.styled
 def drawn():
     """A figure with curves, markers, words and a picture of a gradient."""
-    made = style.figure(4, 3)
+    made = Figure(figsize=(4, 3), layout="constrained")
     axes = made.subplots(1, 2)
     axes[0].plot(np.linspace(0, 1, 200), np.linspace(0, 1, 200) ** 2, marker="o")
     axes[0].set_title('of 0.123456 <mm> & d="M 0.98765"')
@@ -38,7 +38,7 @@ def drawn():
 
 
 @pytest.fixture(scope="module")
-def svg():
+def svg(salted):
     content = io.BytesIO()
     FigureCanvasSVG(drawn()).print_svg(content)
     return content.getvalue().decode()

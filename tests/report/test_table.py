@@ -74,10 +74,10 @@ def test_what_is_determined_along_no_axis_is_told_with_its_direction():
     rows = {row[0]: row[1:] for row in estimates(RunData({"point": point}))}
     along = {label: row for label, row in rows.items() if "along" in label}
     label = "point, point b, frequency {}: V along (0.00, -0.60, 0.80)"
-    about = ("m/s", "determined by these views")
+    about = ("mm/s", "determined by these views")
     assert along == {
-        label.format(10): ("5.00 ± 0.20", *about),
-        label.format(20): ("0.00 + 6.00i ± 0.30", *about),
+        label.format(10): ("5000 ± 200", *about),
+        label.format(20): ("0 + 6000i ± 300", *about),
     }
 
 

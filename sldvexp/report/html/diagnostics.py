@@ -79,8 +79,9 @@ def _minded(run: RunData) -> list[str]:
 
     What a finding says already is not said again.
     """
-    said = {f.text for f in verdict_text(run)[1]}
-    return [told for told in dict.fromkeys(_warnings(run)) if told not in said]
+    said = [f.text for f in verdict_text(run)[1]]
+    every = dict.fromkeys(_warnings(run))
+    return [told for told in every if not any(text in told for text in said)]
 
 
 def _warnings(run: RunData) -> Iterator[str]:

@@ -94,7 +94,7 @@ const showShape = async (root) => {
       { kind: "curve", points: path.map((p) => [p.distance, p.value]), look: "curve" }] });
     const top = path.reduce((best, p) => Math.abs(p.value) > Math.abs(best.value) ? p : best);
     control("profile-told").textContent = `Cut from node ${called(state.from - 1)} to ${called(state.to - 1)}: ${profile.title}` +
-      ` with its ${data.level} bound, largest ${three(top.value)} ± ${three(top.bound)} ${data.velocity_unit}` +
+      ` with its ${data.level} bound, largest ${three(top.value)}${give_or_take(top.bound)} ${data.velocity_unit}` +
       ` at ${three(top.distance)} ${data.length_unit}.`;
   };
 
@@ -209,18 +209,21 @@ const showShape = async (root) => {
     return r + g + b > 384;
   };
   const three = (value) => written(Number(value.toPrecision(3)));
+  // What has no bound has none to be told, and not one of zero.
+  const give_or_take = (bound) => Number.isFinite(bound) && bound > 0 ? " ± " + three(bound) : " (no bound)";
   const tell = (below) => {
     const most = largest((n) => together(amplitude, n));
     const strong = strongest(), unit = data.velocity_unit;
-    const own = [...Array(nodes).keys()].map((n) => bounds(strong, n)).filter(Number.isFinite);
+    const own = [...Array(nodes).keys()].map((n) => bounds(strong, n)).filter((b) => b > 0);
     const rms = Math.sqrt(own.reduce((sum, b) => sum + b * b, 0) / Math.max(1, own.length));
     control("told").textContent =
       "Largest " + name() + " " + three(most) + " " + unit +
-      "; " + data.level + " bound of V_" + data.components[strong] + " ± " + three(rms) + " " + unit + " (r.m.s.)" +
+      (own.length ? "; " + data.level + " bound of V_" + data.components[strong] + " ± " + three(rms) + " " + unit +
+        " (r.m.s.)" : "; V_" + data.components[strong] + " has no bounds") +
       (state.component < 0 ? "; drawn: 1 " : "; drawn along the normal: 1 ") + unit + " as " + three(look.scale) + " " +
       data.length_unit + (below ? `; pale: below its bound, ${below} of ${nodes} nodes.` : ".");
     control("picked").textContent = state.node ? "Node " + called(state.node - 1) + ": " + shown().map((c) =>
-      `V_${data.components[c]} ${three(amplitude(c, state.node - 1))} ± ${three(bounds(c, state.node - 1))}`)
+      `V_${data.components[c]} ${three(amplitude(c, state.node - 1))}${give_or_take(bounds(c, state.node - 1))}`)
       .join(", ") + " " + unit + "." : "";
   };
   const called = (n) => data.names ? data.names[n] : String(n + 1);
@@ -299,7 +302,7 @@ const showShape = async (root) => {
     const every = look.stands ? stands.map((one) => one.origin) : [];
     camera.around(...[[from, Math.min], [to, Math.max]].map(([box, pick]) => box.map((x, k) => pick(x, ...every.map((o) => o[k])))));
     const narrow = camera.width < 560;
-    camera.fit(narrow ? { left: 44, right: 26, top: 14, bottom: 40 } : { left: 84, right: 60, top: 12, bottom: 52 });
+    camera.fit(narrow ? { left: camera.width < 380 ? 44 : 78, right: 26, top: 14, bottom: 40 } : { left: 84, right: 60, top: 12, bottom: 52 });
     arrange();
   };
   const resize = () => {

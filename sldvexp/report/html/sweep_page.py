@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,30 @@ from sldvexp.config.paths import RUN_FILE
 from sldvexp.dataset import VERDICT, load_table
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.html import render
-from sldvexp.report.html.blocks import Code, Facts, HtmlTable, Link, Listing, Section, Text, having
+from sldvexp.report.html.blocks import (
+    Code,
+    Facts,
+    HtmlTable,
+    Lead,
+    Link,
+    Listing,
+    Section,
+    Text,
+)
 from sldvexp.report.html.figures import sweep_figures
 from sldvexp.report.html.pair import pair_section
 from sldvexp.report.numbers import first, number
 
 GOOD = ("done",)
-MEANING = {"missed": "done, but an expectation was not met"}
+#: What each state of a run means, and what can be done.
+MEANING = {
+    "done": "finished, and all that was expected of it is met",
+    "missed": "done, but an expectation was not met; its page has the numbers",
+    "failed": "not done; the reason stands above, and the command once more tries it again",
+    "interrupted": "stopped before it was done; the command once more goes on with it",
+    "running": "at work, or killed without a word; the command once more goes on with it",
+    "waiting": "not begun; the command once more goes on with it",
+}
 
 
 def write(path: Path, ranking: Sequence[Mapping[str, Any]], page: Path) -> Path:
@@ -47,21 +65,40 @@ def write(path: Path, ranking: Sequence[Mapping[str, Any]], page: Path) -> Path:
     unit = str(table[by].attrs.get("units", "1")) if by in table else "1"
     title = f"Sweep of {', '.join(keys)}" if keys else "Comparison of runs"
     subtitle = f"{len(ranking)} runs, {done} done as expected"
+    ranked = _results(ranking, keys, by, unit, page)
+    told = [_verdict(ranking), *ranked]
     sections = [
-        Section("Warnings", _warnings(ranking, keys)),
+        Section("Result", [Lead(told, list(sweep_figures(table)))], unseen=True),
         *_shapes(table),
+        Section("What to mind", _warnings(ranking, keys)),
+        Section("States", [_states(ranking)]),
         Section("What was varied", _varied(table, ranking, keys)),
-        Section("Results", having(_results(ranking, keys, by, unit, page), sweep_figures(table))),
         Section("Provenance", list(_provenance(table, path))),
     ]
     return render.write(page, title, subtitle, sections)
 
 
+def _verdict(ranking: Sequence[Mapping[str, Any]]) -> Text:
+    """Say in a line how the runs went."""
+    states = Counter(str(row["state"]) for row in ranking)
+    verdicts = Counter(str(row.get(VERDICT, "")) for row in ranking)
+    doubted = {v: n for v, n in verdicts.items() if v not in ("", "trusted")}
+    told = ", ".join(f"{n} {state}" for state, n in states.items())
+    told += "".join(f"; verdict of {n}: {v}" for v, n in doubted.items())
+    good = set(states) <= set(GOOD) and not doubted
+    return Text(f"Of {len(ranking)} runs: {told}.", f"verdict {'good' if good else 'warning'}")
+
+
+def _states(ranking: Sequence[Mapping[str, Any]]) -> Facts:
+    """Explain every state that a run of the sweep is in."""
+    known = dict.fromkeys(str(row["state"]) for row in ranking)
+    return Facts([(state, MEANING.get(state, "")) for state in known])
+
+
 def _warnings(ranking: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> list[Listing | Text]:
     """List runs that failed or missed an expectation, with the sentence about it."""
     found = [
-        f"{_name(row, keys)}: {MEANING.get(row['state'], row['state'])}"
-        + (f": {row['reason']}" if row["reason"] else "")
+        f"{_name(row, keys)}: {row['state']}" + (f": {row['reason']}" if row["reason"] else "")
         for row in ranking
         if row["state"] not in GOOD
     ]

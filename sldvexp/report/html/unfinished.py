@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from sldvexp.config.paths import JOURNAL, displayed
+from sldvexp.config.paths import JOURNAL
 from sldvexp.dataset import read_yaml
 from sldvexp.errors import UserError
 from sldvexp.files import read_text
@@ -73,7 +73,7 @@ def write(folder: Path, page: Path, reason: str = "") -> Path:
     ]
     sections = [
         Section("Result", [Lead(told, _so_far(folder, steps))], unseen=True),
-        Section("Log", _logged(lines)),
+        Section("Log", _logged(lines, reason)),
         Section("Settings", _settings(folder)),
         Section("Provenance", _provenance(folder)),
     ]
@@ -100,16 +100,18 @@ def _ended(lines: list[Logged]) -> tuple[list[Logged], str]:
 
 def _how_to_go_on(folder: Path, stopped: bool) -> Iterator[Text | Code]:
     """Tell the next command: what was measured is not measured again."""
-    resume = f"sldvexp {shlex.quote(f'resume={displayed(folder)}')}"
+    where = folder.absolute()
+    resume = f"sldvexp {shlex.quote(f'resume={where}')}"
     if has_lines(folder):
         yield Text("What was scanned is kept. To go on from there:")
         yield Code(resume)
         if not stopped:
-            path = shlex.quote(f"instrument.path={displayed(folder)}")
+            path = shlex.quote(f"instrument.path={where}")
             yield Text("Or, with other settings, repeat the command, mended, on this scan:")
             yield Code(f"sldvexp ... instrument=replay {path}")
     elif (folder / OVERRIDES).is_file():
-        yield Text("Nothing was measured yet. To begin once more with the same settings:")
+        mended = "" if stopped else ", when what it ended with is mended"
+        yield Text(f"Nothing was measured yet. To begin once more with the same settings{mended}:")
         yield Code(resume)
 
 
@@ -139,12 +141,14 @@ def _kept(folder: Path) -> dict[str, list[str]]:
     return found
 
 
-def _logged(lines: list[Logged]) -> list[Code | Text]:
-    """Show the end of the log."""
+def _logged(lines: list[Logged], reason: str) -> list[Code | Text]:
+    """Show the end of the log, and the sentence at its end, which may be told before it is kept."""
     if not lines:
         return [Text("There is no log.")]
-    shown = lines[-MOST_LINES:]
-    return [Code("\n".join(f"{line.time}  {line.text}" for line in shown))]
+    shown = [f"{line.time}  {line.text}" for line in lines[-MOST_LINES:]]
+    if reason and reason not in (line.text for line in lines):
+        shown.append(reason)
+    return [Code("\n".join(shown))]
 
 
 #: Lines of a log that a page shows.
