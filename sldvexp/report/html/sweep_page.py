@@ -66,7 +66,7 @@ def write(path: Path, ranking: Sequence[Mapping[str, Any]], page: Path) -> Path:
     ranked = _results(ranking, keys, by, unit, page)
     told = [_verdict(ranking), *ranked]
     sections = [
-        Section("Result", [Lead(told, list(sweep_figures(table)))], unseen=True),
+        Section("Result", [Lead(told, []), *sweep_figures(table)], unseen=True),
         Section("What to mind", _warnings(ranking, keys)),
         Section("States", [_states(ranking)]),
         Section("What was varied", _varied(table, ranking, keys)),
