@@ -12,8 +12,10 @@ import pytest
 import xarray as xr
 
 from sldvexp import dataset
-from sldvexp.report.html import figures, sweep_page
+from sldvexp.report.html import figures, run_page, sweep_page
 from sldvexp.volume import Grid
+from tests.report import devtools
+from tests.report.opened import Opened
 
 COMPONENTS = {"world": ["x", "y", "z"], "local": ["t1", "t2", "n"]}
 #: What a stranger's file may have where a name is expected.
@@ -137,3 +139,25 @@ def write_run() -> Callable[..., Path]:
         return path
 
     return write
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Start a browser for the tests of a file."""
+    started = devtools.Browser()
+    yield started
+    started.close()
+
+
+@pytest.fixture(scope="module")
+def open_at(browser, write_run, tmp_path_factory):
+    """Open the page of a run with a small field, without pictures."""
+
+    def opened(size, **groups):
+        path = write_run(tmp_path_factory.mktemp("run"), **groups)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(figures, "PARTS", {part: {} for part in figures.PARTS})
+            page = run_page.write(path, path.with_name("report.html"))
+        return Opened(browser, page, size)
+
+    return opened

@@ -8,96 +8,16 @@ import numpy as np
 import pytest
 
 from sldvexp import dataset
-from sldvexp.report.html import figures, packing, run_page, shape
+from sldvexp.report.html import figures, packing, render, run_page, shape
+from sldvexp.report.html.pair import pair_section
 from tests.report import devtools
+from tests.report.opened import DESKTOP, PHONE, Opened, nothing_is_wider_than_the_window, place_of
 from tests.shell.made_strain import made_strain
 
 pytestmark = [
     pytest.mark.skipif(not devtools.PATH, reason="needs chromium"),
     pytest.mark.xdist_group("browser"),
 ]
-PHONE, DESKTOP = (390, 844), (1280, 900)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    started = devtools.Browser()
-    yield started
-    started.close()
-
-
-class Opened:
-    """A page in the browser, at a size."""
-
-    def __init__(self, driver, path, size):
-        self.driver, self.js, self.wait, self.path = driver, driver.js, driver.wait, path
-        driver.size(*size)
-        driver.open(path)
-        self.wait(lambda: self.js("return document.getElementById('shape-plot').dataset.ready"))
-
-    def set(self, name, value):
-        self.js(
-            "const e = document.getElementById('shape-' + arguments[0]); e.value = arguments[1];"
-            "e.dispatchEvent(new Event('input'))",
-            name,
-            value,
-        )
-
-    def drawn(self, offset=0):
-        """Place and value of every node, as the graphics processor has worked them out."""
-        code = "return Array.from(document.getElementById('shape-plot').shape.drawn(arguments[0]))"
-        return np.array(self.js(code, offset), float).reshape(-1, 4)
-
-    @property
-    def deflection(self):
-        return self.drawn()[:, 2]
-
-    @property
-    def colours(self):
-        return self.drawn()[:, 3]
-
-    def joined(self, name):
-        """Tell which nodes are drawn as what."""
-        code = "return Array.from(document.getElementById('shape-plot').shape.joined(arguments[0]))"
-        return self.js(code, name)
-
-    def focus(self, name):
-        self.js("document.getElementById('shape-' + arguments[0]).focus()", name)
-
-    def box(self, name):
-        """Left, top, width and height of a part that is brought into view."""
-        return self.js(
-            "const e = document.getElementById('shape-' + arguments[0]);"
-            "e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect();"
-            "return [b.left, b.top, b.width, b.height]",
-            name,
-        )
-
-    def click(self, name, across=0.5, down=0.5):
-        left, top, width, height = self.box(name)
-        at = (left + across * width, top + down * height)
-        self.driver.mouse(at, at)
-
-    def told(self, name, attribute):
-        code = "return document.getElementById('shape-' + arguments[0]).getAttribute(arguments[1])"
-        return self.js(code, name, attribute)
-
-    def text(self, name):
-        return self.js("return document.getElementById('shape-' + arguments[0]).textContent", name)
-
-
-@pytest.fixture(scope="module")
-def open_at(browser, write_run, tmp_path_factory):
-    """Open the page of a run with a small field, without pictures."""
-
-    def opened(size, **groups):
-        path = write_run(tmp_path_factory.mktemp("run"), **groups)
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(figures, "PARTS", {part: {} for part in figures.PARTS})
-            page = run_page.write(path, path.with_name("report.html"))
-        return Opened(browser, page, size)
-
-    return opened
 
 
 @pytest.fixture(scope="module")
@@ -231,13 +151,39 @@ def test_the_mouse_turns_the_shape_and_picks_a_node(shown, browser):
     assert shown.joined("picked") == [7]
 
 
-def place_of(shown, node):
-    """Find where a node is seen in the window."""
-    left, top, *_ = shown.box("stage")
-    x, y, _ = shown.js(
-        "return document.getElementById('shape-plot').shape.seen(arguments[0])", node
+def test_a_shape_follows_the_one_beside_it(browser, write_run, small_volume, small_field, tmp_path):
+    around, paths = small_volume(), []
+    for name in "ab":
+        field = small_field(around)
+        if name == "b":
+            field["velocity"].values[:] = 2 * field["velocity"].values[:, :, ::-1]
+        (tmp_path / name).mkdir()
+        paths.append(write_run(tmp_path / name, volume=around, field=field))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figures, "PARTS", {part: {} for part in figures.PARTS})
+        sections = [pair_section(paths, ["a", "b"])]
+        page = render.write(tmp_path / "report.html", "Two runs", "", sections)
+    shown = Opened(browser, page, DESKTOP)
+    browser.wait(lambda: shown.js("return document.getElementById('other-plot').dataset.ready"))
+    followed = (
+        "const s = document.getElementById('other-plot').shape;"
+        "return [s.state.component, s.state.frequency, s.camera.azimuth, s.camera.flat]"
     )
-    return left + x, top + y
+    shown.set("component", 2)
+    shown.set("frequency", 1)
+    shown.click("flat")
+    shown.focus("stage")
+    browser.key("ArrowRight")
+    assert shown.js(followed) == [2, 0, pytest.approx(-124.5), True]
+    shown.set("phase", 90)
+    other = "return Array.from(document.getElementById('other-plot').shape.drawn())"
+    colours = np.array(shown.js(other)).reshape(-1, 4)[:, 3]
+    np.testing.assert_allclose(colours, 2 * shown.colours, rtol=1e-4, atol=1e-3)
+    shown.click("play")
+    moves = "return document.getElementById('other-play').getAttribute('aria-pressed')"
+    assert shown.js(moves) == "true"
+    assert browser.said() == []
+    nothing_is_wider_than_the_window(shown)
 
 
 def test_what_lies_below_its_bound_is_pale(open_at, small_volume, small_field):
@@ -330,12 +276,3 @@ def test_without_webgl_the_page_has_its_figure(open_at, browser):
         assert browser.js(seen, ".shape") == "none"
     finally:
         browser.command("Page.removeScriptToEvaluateOnNewDocument", **added)
-
-
-def nothing_is_wider_than_the_window(shown):
-    assert shown.js("return document.documentElement.scrollWidth - innerWidth") <= 0
-    wide = shown.js(
-        "return [...document.querySelectorAll('main *')].filter(e => !e.closest('.scroll, details,"
-        " #shape-plot') && e.getBoundingClientRect().right > innerWidth + 1).map(e => e.outerHTML)"
-    )
-    assert wide == []

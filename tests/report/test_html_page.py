@@ -202,7 +202,7 @@ def test_a_figure_is_spelt_in_its_address_and_read_as_it_was(run_file, monkeypat
 def test_every_figure_of_a_page_is_one_that_there_is():
     names = {name for part in figures.PARTS.values() for name in part}
     assert names <= set(FIGURES)
-    left_out = {"scan_lines", "conics", "phase_correction", "sweep"}
+    left_out = {"scan_lines", "conics", "conic_residuals", "phase_correction", "sweep"}
     assert set(FIGURES) - names == left_out
 
 

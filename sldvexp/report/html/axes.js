@@ -31,8 +31,9 @@ const makeAxes = (labels, low, high, unit) => {
       let out = [-along[1] / length, along[0] / length];
       const mid = [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2];
       if (out[0] * (mid[0] - centre[0]) + out[1] * (mid[1] - centre[1]) < 0) out = out.map((x) => -x);
+      const inside = (x) => Math.max(24, Math.min(camera.width - 24, x));
       const put = (text, [x, y], gap, kind) =>
-        texts.push({ text, kind, x: x + gap[0] * out[0], y: y + gap[1] * out[1] });
+        texts.push({ text, kind, x: inside(x + gap[0] * out[0]), y: y + gap[1] * out[1] });
       for (const tick of spans[k]) put(written(tick), project(...at(k, tick, edge)), [20, 13], "tick");
       put("xyz"[k] + ", " + unit, mid, [62, 34], "name");
     });

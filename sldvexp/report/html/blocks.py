@@ -141,6 +141,15 @@ class More:
 
 
 @dataclass(frozen=True)
+class Beside:
+    """Columns with a title each."""
+
+    kind: ClassVar[str] = "beside"
+    titles: Sequence[str]
+    columns: Sequence[Sequence[Any]]
+
+
+@dataclass(frozen=True)
 class Lead:
     """The first screen: words and numbers, and beside them what is looked at."""
 

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import matplotlib
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure as Drawn
 
 from sldvexp.dataset import RunData
@@ -19,7 +18,7 @@ from sldvexp.report.html.blocks import Figure, Text
 from sldvexp.report.html.slim import slim
 
 #: Which figures stand in which part of a page, with what they show. A page is made in seconds, so
-#: that it has none of scan lines and of single views; `sldvexp plot` has those.
+#: that it has none of scan lines, single views and single edges; `sldvexp plot` has those.
 PARTS: dict[str, dict[str, str]] = {
     "first": {"point": "Velocity of the point, or of that which moves most, with bounds."},
     "stands": {
@@ -29,8 +28,6 @@ PARTS: dict[str, dict[str, str]] = {
     "stand": {"stands": "Where the instrument stood, and the way it looked."},
     "circles": {
         "edges": "Edge points of the calibration object's circles.",
-        "conic_residuals": "Distances of the edges from the ellipses through them, circle by "
-        "circle in the order of their direction from the centre, −180 to 180°.",
         "bitangents": "Bitangent points: where the tangents of two ellipses touch them.",
     },
     "pose": {
@@ -100,18 +97,25 @@ def _figure(
 
 def _address(drawn: Drawn) -> str:
     """Write a picture as a ``data:`` address, the same from the same data."""
-    content = io.BytesIO()
+    _leave_out_silent_axes(drawn)
     settings: dict[Any, Any] = {name: SETTINGS[name] for name in OF_FILES}
     with matplotlib.rc_context(settings):
-        # As savefig does, which would draw twice to arrange the axes.
-        metadata = {"Date": None, "Creator": None}
-        FigureCanvasSVG(drawn).print_svg(content, metadata=metadata)
-        svg = slim(content.getvalue().decode())
+        svg = slim(drawn)
         if len(svg) <= MOST_BYTES:
             return f"data:image/svg+xml,{_as_address(svg)}"
         content = io.BytesIO()
         drawn.savefig(content, format="png", dpi=FINE, metadata={"Software": None})
     return f"data:image/png;base64,{base64.b64encode(content.getvalue()).decode()}"
+
+
+def _leave_out_silent_axes(drawn: Drawn) -> None:
+    """Draw no ticks, which take long, where neither numbers nor lines belong to them."""
+    for axes in drawn.axes:
+        for axis, sides in ((axes.xaxis, ("bottom", "top")), (axes.yaxis, ("left", "right"))):
+            told = axis.get_tick_params()
+            numbers = any(told.get(f"label{side}", False) for side in sides)
+            if not (numbers or told.get("gridOn", False) or axis.get_label_text()):
+                axis.set_visible(False)
 
 
 def _as_address(svg: str) -> str:

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from sldvexp.lazy import jinja2, markupsafe
-from sldvexp.report.html.blocks import Lead, Link, More, Section, Shape
+from sldvexp.report.html.blocks import Beside, Lead, Link, More, Section, Shape
 from sldvexp.writing import whole_or_nothing
 
 #: What draws the moving shape; each uses those before it.
 SCRIPTS = (
     *("numbers.js", "mesh.js", "camera.js", "axes.js", "viewer.js", "graph.js", "picture.js"),
-    "shape.js",
+    *("shape.js", "pair.js"),
 )
 
 
@@ -81,3 +81,5 @@ def _flat(sections: Sequence[Section]) -> Iterator[Any]:
             yield block
             if isinstance(block, More | Lead):
                 yield from block.blocks
+            if isinstance(block, Beside):
+                yield from (part for column in block.columns for part in column)

@@ -43,7 +43,7 @@ def result_section(run: RunData) -> Section:
     told: list[Any] = list(verdict_blocks(run))
     if (numbers := key_numbers(run)) is not None:
         told.append(HtmlTable(numbers.columns, numbers.rows, numbers.title))
-    shown = _shape(run) or having(figures(run, "first"))[:1]
+    shown = shape_blocks(run) or having(figures(run, "first"))[:1]
     if not shown and not run.below("image"):
         shown = having(figures(run, "stand"))[:1]
     return Section("Result", [Lead(told, shown)], unseen=True)
@@ -210,8 +210,14 @@ def strain_section(run: RunData) -> Section | None:
     return Section("Strain", having(tables, Text(note, "small"), figures(run, "strain")))
 
 
-def _shape(run: RunData) -> list[Any]:
-    """Make the shape that turns and moves, or why there is none."""
+def shape_blocks(run: RunData, name: str = "shape") -> list[Any]:
+    """Make the shape that turns and moves, or why there is none.
+
+    Parameters
+    ----------
+    name : str
+        With which the names of its controls begin.
+    """
     fields = run.fields()
     pose = run.groups["pose"] if run.has("pose", "origin", "rotation") else None
     if fields and "volume" in run.groups:
@@ -238,4 +244,4 @@ def _shape(run: RunData) -> list[Any]:
     if data["left_out"]:
         shown = len(data["frequencies"])
         note += f" Of {shown + data['left_out']} frequencies the {shown} strongest are here."
-    return having(Shape(data), Text(note, "small"), figures(run, "shape"))
+    return having(Shape(data, name), Text(note, "small"), figures(run, "shape"))

@@ -257,6 +257,7 @@ const showShape = async (root) => {
     state.frequency = Math.max(0, Math.min(hertz.length - 1, frequency));
     control("frequency").value = state.frequency;
     choose();
+    if (own.tuned) own.tuned(state.frequency);
   };
 
   // A frame ----------------------------------------------------------------------------------------
@@ -301,7 +302,7 @@ const showShape = async (root) => {
     const every = look.stands ? stands.map((one) => one.origin) : [];
     camera.around(...[[from, Math.min], [to, Math.max]].map(([box, pick]) => box.map((x, k) => pick(x, ...every.map((o) => o[k])))));
     const narrow = camera.width < 560;
-    camera.fit(narrow ? { left: 44, right: 26, top: 14, bottom: 40 } : { left: 84, right: 60, top: 12, bottom: 52 });
+    camera.fit(narrow ? { left: camera.width < 380 ? 44 : 78, right: 26, top: 14, bottom: 40 } : { left: 84, right: 60, top: 12, bottom: 52 });
     arrange();
   };
   const resize = () => {
@@ -433,7 +434,8 @@ const showShape = async (root) => {
   hide("from", !triangles.length);
   hide("to", !triangles.length);
   control("cut").hidden = !triangles.length;
-  for (const key of ["component", "frequency", "shell", "size", "speed", "glyph"]) {
+  control("frequency").addEventListener("input", (event) => tune(Number(event.target.value)));
+  for (const key of ["component", "shell", "size", "speed", "glyph"]) {
     control(key).addEventListener("input", (event) => {
       state[key] = Number(event.target.value);
       choose();
@@ -509,7 +511,7 @@ const showShape = async (root) => {
   viewer.join("dots", Uint32Array.from(data.names ? [...Array(nodes).keys()] : []));
   viewer.set("beams", [Float32Array.from(beams)]);
   const seen = (n) => camera.projector()(...viewer.drawn(look).slice(4 * n, 4 * n + 3));
-  Object.assign(own, { root, camera, control, hertz, tune, play, draw, seen, state, profile, joined: viewer.joined,
+  Object.assign(own, { partners: data.partners, root, camera, look, control, hertz, tune, play, draw, seen, state, profile, joined: viewer.joined,
     count: viewer.count, drawn: (offset = 0) => viewer.drawn({ ...look, phase: state.phase, offset }),
     look_from: (other) => { Object.assign(camera, other); arrange(); } });
   plot.shape = own;

@@ -206,6 +206,26 @@ def _drawn(
     } | numbers
 
 
+def surface_values(
+    field: xr.Dataset, volume: xr.Dataset, frequencies: Sequence[Any]
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Take positions, velocities and the components' directions on the given surface.
+
+    Returns
+    -------
+    position : (node, axis) array, m
+    velocity : (frequency, component, node) array, m/s
+        At the given frequencies.
+    directions : (component, node or 1, axis) array
+    """
+    nodes, *_ = surface_layer(volume)
+    velocity, _ = _values(field.isel(node=nodes).rename(node="point"))
+    if "frequency" in field.dims:
+        velocity = velocity[np.isin(field["frequency"].values, frequencies)]
+    components = [str(c) for c in field["component"].values]
+    return field["position"].values[nodes], velocity, _directions(components, volume)
+
+
 def _values(group: xr.Dataset) -> tuple[NDArray, NDArray]:
     """Take velocities and bounds, shape (frequency, component, point)."""
     dims = ["frequency"] if "frequency" in group.dims else []

@@ -12,6 +12,7 @@ from urllib.parse import quote
 
 import numpy as np
 
+from sldvexp.config.paths import RUN_FILE
 from sldvexp.dataset import VERDICT, load_table
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.html import render
@@ -26,6 +27,7 @@ from sldvexp.report.html.blocks import (
     Text,
 )
 from sldvexp.report.html.figures import sweep_figures
+from sldvexp.report.html.pair import pair_section
 from sldvexp.report.numbers import first, number
 
 GOOD = ("done",)
@@ -67,6 +69,7 @@ def write(path: Path, ranking: Sequence[Mapping[str, Any]], page: Path) -> Path:
     told = [_verdict(ranking), *ranked]
     sections = [
         Section("Result", [Lead(told, []), *sweep_figures(table)], unseen=True),
+        *_shapes(table),
         Section("What to mind", _warnings(ranking, keys)),
         Section("States", [_states(ranking)]),
         Section("What was varied", _varied(table, ranking, keys)),
@@ -105,6 +108,17 @@ def _warnings(ranking: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> list
         if row.get(VERDICT, "") not in ("", "trusted")
     ]
     return [Listing(found, "warning") if found else Text("Nothing to mind.", "good")]
+
+
+def _shapes(table: xr.Dataset) -> Iterator[Section]:
+    """Show the shapes of two runs that are compared."""
+    paths = [Path(str(folder)) / RUN_FILE for folder in np.atleast_1d(table.attrs.get("runs", []))]
+    if len(paths) == 2 and all(path.is_file() for path in paths):
+        names = [path.parent.name or str(path.parent) for path in paths]
+        if names[0] == names[1]:
+            names = [str(path.parent) for path in paths]
+        if section := pair_section(paths, names):
+            yield section
 
 
 def _name(row: Mapping[str, Any], keys: Sequence[str]) -> str:

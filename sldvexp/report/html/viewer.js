@@ -26,7 +26,7 @@ uniform sampler2D colours;
 uniform vec2 range;
 uniform vec4 ink;
 uniform vec3 light;
-uniform float fading;
+uniform float fading, paper;
 uniform int kind;
 out vec4 shown;
 void main() {
@@ -36,7 +36,7 @@ void main() {
   float share = clamp((value - range.x) / (range.y - range.x), 0.0, 1.0);
   float texels = float(textureSize(colours, 0).x);
   vec3 colour = texture(colours, vec2((share * (texels - 1.0) + 0.5) / texels, 0.5)).rgb;
-  colour = mix(colour, vec3(0.93), 0.75 * fading * pale);
+  colour = mix(colour, vec3(paper), 0.75 * fading * pale);
   vec3 normal = cross(dFdx(place), dFdy(place));
   float lit = abs(dot(normalize(normal + 1e-20), light));
   if (kind == 0) shown = vec4(colour * (0.78 + 0.22 * lit), 1.0);
@@ -104,7 +104,7 @@ const makeViewer = (canvas, nodes) => {
     gl.useProgram(program);
     at = (name) => gl.getAttribLocation(program, name);
     uniform = uniforms(program, ["matrix", "turn", "scale", "offset", "size", "measure", "range", "ink", "light",
-      "fading", "kind"]);
+      "fading", "paper", "kind"]);
     of_glyph = uniforms(glyphs, ["matrix", "turn", "pixels", "scale", "head", "kind", "steps", "ink"]);
     [cloud, texture, told] = [gl.createVertexArray(), gl.createTexture(), gl.createBuffer()];
     [buffers, sets] = [{}, {}];
@@ -210,6 +210,7 @@ const makeViewer = (canvas, nodes) => {
     gl.uniform3fv(uniform.light, camera.toward());
     gl.uniform2f(uniform.range, look.range[0], look.range[1]);
     gl.uniform1f(uniform.fading, look.fading ? 1 : 0);
+    gl.uniform1f(uniform.paper, look.dark ? 0.25 : 0.93);
     gl.uniform1f(uniform.size, 11 * ratio);
     state({ ...look, scale: 0 });
     points(gl.LINES, "box", grey(look.dark ? 0.3 : 0.84));
