@@ -306,6 +306,8 @@ TICKS = 0.19
 EDGE = 0.06
 #: Height of a line over its letters, and of the heading's letters over others.
 LINE, HEADING = 1.25, 8.5 / 8.0
+#: Points of the letters of axes' names.
+LABEL = 8.0
 #: Width of what stands before a name of a legend, over the size of its letters.
 HANDLE = 5.0
 #: Inches of a scale across, and from the map to it.

@@ -12,6 +12,7 @@ from sldvexp.dataset.run_data import ABOUT
 from sldvexp.errors import UserError, nearest
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
+from sldvexp.plot.paper import long
 from sldvexp.plot.selection import require
 
 NO_SWEEP = "this is no sweep (a dataset sweep.nc with state and headline results of its runs)"
@@ -25,6 +26,10 @@ RING: dict[str, Any] = {
 MISSED = "missed an expectation"
 #: More curves in a panel than this cannot be told apart, nor more panels be read.
 MOST = 12
+
+
+#: Inches that the name of an axis may be long.
+LONGEST = 1.4
 
 
 class Panel(NamedTuple):
@@ -86,11 +91,17 @@ def sweep(source: Source | RunData, quantity: str | None = None) -> Figure:
     for axis, panel in zip(axes, panels, strict=True):
         _curves(axis, panel, keys, table["state"] == "missed")
         axis.set_title(panel.title)
-        axis.set_ylabel(panel.label)
+        axis.set_ylabel(_in_lines(panel.label))
     axes[-1].set_xlabel(keys[0])
     if axes[0].get_legend_handles_labels()[1]:
         style.legend_below(made, axes[0], title=", ".join(keys[1:]), columns=3)
     return made
+
+
+def _in_lines(label: str) -> str:
+    """Break a long name behind its last point, so that it is no longer than its panel."""
+    head, point, tail = label.rpartition(".")
+    return f"{head}{point}\n{tail}" if long(label, style.LABEL) > LONGEST else label
 
 
 def _empty(result: xr.DataArray, keys: list[str]) -> xr.DataArray:

@@ -42,15 +42,15 @@ def verdict_blocks(run: RunData) -> list[Text]:
     """Say in a line how far the results can be believed, and how much there is to mind."""
     line, findings = verdict_text(run)
     minded = len(_minded(run))
-    told = "Nothing speaks against it." if not minded and not findings else ""
+    told = ""
     if minded:
-        told = f"{minded} thing{'s' * (minded > 1)} to mind, below." if minded else ""
+        told = f"{minded} thing{'s' * (minded > 1)} to mind, below."
     elif findings:
         told = f"{len(findings)} note{'s' * (len(findings) > 1)}, below."
     if not line:
         look = "warning" if minded else "good"
         first = "Not judged: the run tells of no test of its results."
-        return [Text(f"{first} {told}", f"verdict {look}")]
+        return [Text(f"{first} {told}".strip(), f"verdict {look}")]
     look = LOOKS[line.partition(":")[0]]
     return [Text(f"{line[0].upper()}{line[1:]}. {told}".strip(), f"verdict {look}")]
 

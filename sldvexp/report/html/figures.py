@@ -57,7 +57,7 @@ OF_FILES = ("svg.hashsalt", "svg.fonttype")
 #: Characters of an SVG that are spelt in an address.
 SPELT = {"%": "%25", "#": "%23", "&": "%26", "<": "%3C", ">": "%3E", "\n": " ", '"': "'"}
 #: Parts of a page that stand beside words on its first screen, and the width of their figures, m.
-FIRST, BESIDE = ("first", "stand"), 0.13
+FIRST, BESIDE = ("first", "stand"), 0.105
 #: Dots per inch of a PNG.
 FINE = 150
 
@@ -81,7 +81,7 @@ def sweep_figures(table: Any) -> Iterator[Figure | Text]:
     """Find the figure of a sweep, if it can be drawn."""
     for name, draw in figures_of(table).items():
         if name == "sweep":
-            yield _figure(name, functools.partial(draw, width=BESIDE), SWEEP_CAPTION)
+            yield _figure(name, draw, SWEEP_CAPTION)
 
 
 def _figure(

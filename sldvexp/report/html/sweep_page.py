@@ -68,7 +68,7 @@ def write(path: Path, ranking: Sequence[Mapping[str, Any]], page: Path) -> Path:
     ranked = _results(ranking, keys, by, unit, page)
     told = [_verdict(ranking), *ranked]
     sections = [
-        Section("Result", [Lead(told, list(sweep_figures(table)))], unseen=True),
+        Section("Result", [Lead(told, []), *sweep_figures(table)], unseen=True),
         *_shapes(table),
         Section("What to mind", _warnings(ranking, keys)),
         Section("States", [_states(ranking)]),

@@ -1,0 +1,117 @@
+"""Pages at three widths, in dark and light: the result first, inside, and open to everybody."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sldvexp import dataset
+from sldvexp.report.html import figures, run_page, unfinished
+from tests.report import devtools
+from tests.report.test_first_screen import cut_off as cut_off
+
+axe = pytest.importorskip("axe_core_python.base", reason="needs axe-core-python")
+
+pytestmark = [
+    pytest.mark.skipif(not devtools.PATH, reason="needs chromium"),
+    pytest.mark.xdist_group("browser"),
+]
+SIZES = ((390, 844), (1280, 800), (1920, 1080))
+FAULTS = """
+return axe.run().then((found) => found.violations.map((v) =>
+  v.id + ": " + v.nodes.map((n) => n.html.slice(0, 100)).join(" | ")))
+"""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    opened = devtools.Browser()
+    yield opened
+    opened.close()
+
+
+def poses():
+    views = ["left", "right"]
+    origin = np.array([[0.0, 0.0, 1.0], [0.5, 0.0, 1.0]])
+    turned = np.tile(np.diag([1.0, -1.0, -1.0]), (2, 1, 1))
+    found = {"origin": origin, "rotation": turned, "euler": np.zeros((2, 3))}
+    bounds = {"origin_confidence": np.full((2, 3), 1e-3)}
+    return dataset.group("pose", {"view": views}, **found, **bounds)
+
+
+@pytest.fixture
+def pages(write_run, small_points, tmp_path, cut_off):
+    """Pages of a field, of points, of poses alone, and of a run that was cut off."""
+    point, ends = small_points
+    made = {}
+    for name, groups in {
+        "field": {"pose": poses()},
+        "points": {"point": point, "line_of_sight": ends},
+        "poses": {"pose": poses()},
+    }.items():
+        folder = tmp_path / name
+        folder.mkdir()
+        path = write_run(folder, **groups)
+        if name != "field":
+            with dataset.load(path) as tree:
+                attributes = dict(tree.attrs)
+            dataset.save(groups, attributes, path)
+        with pytest.MonkeyPatch.context() as patch:
+            if name == "field":
+                patch.setattr(figures, "PARTS", {part: {} for part in figures.PARTS})
+            made[name] = run_page.write(path, path.with_name("report.html"))
+    return made | {"cut": unfinished.write(cut_off, cut_off / "report.html")}
+
+
+def open_at(browser, page, size, scheme):
+    browser.size(*size)
+    feature = [{"name": "prefers-color-scheme", "value": scheme}]
+    browser.command("Emulation.setEmulatedMedia", features=feature)
+    browser.command("Page.setBypassCSP", enabled=True)
+    browser.open(page)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing(browser, pages, scheme):
+    for name, page in pages.items():
+        for size in SIZES:
+            open_at(browser, page, size, scheme)
+            browser.command("Runtime.evaluate", expression=axe.AXE_SCRIPT)
+            assert browser.js(FAULTS) == [], (name, size)
+
+
+def test_axe_finds_what_is_wrong(browser, pages):
+    open_at(browser, pages["poses"], SIZES[0], "light")
+    browser.js("document.querySelector('main').innerHTML += '<img src=\"data:,\"><th></th>'")
+    browser.command("Runtime.evaluate", expression=axe.AXE_SCRIPT)
+    assert any("image-alt" in fault for fault in browser.js(FAULTS))
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_verdict_and_shape_are_on_the_first_screen_and_nothing_is_wider(browser, pages, size):
+    for name, page in pages.items():
+        open_at(browser, page, size, "light")
+        wide, ends, top = browser.js(
+            "const box = (q) => { const e = document.querySelector(q);"
+            " return e ? e.getBoundingClientRect() : null; };"
+            "const shown = box('.shape-stage') || box('.lead img') || box('.shown');"
+            "return [document.documentElement.scrollWidth, box('.verdict').bottom, shown.top]"
+        )
+        assert wide == size[0], name
+        assert ends < 0.5 * size[1], name
+        assert top < 0.75 * size[1], name
+    assert browser.said() == []
+
+
+def test_the_contents_stay_in_sight_and_the_keyboard_reaches_them(browser, pages):
+    for size in SIZES[:2]:
+        open_at(browser, pages["field"], size, "light")
+        browser.key("Tab")
+        assert browser.js("return document.activeElement.textContent") == "Skip to the content"
+        browser.key("Tab")
+        assert browser.js("return document.activeElement.textContent") == "Result"
+        place = browser.js(
+            "document.querySelector('#provenance').scrollIntoView();"
+            "return document.querySelector('nav').getBoundingClientRect().top"
+        )
+        assert -1 <= place <= 1
