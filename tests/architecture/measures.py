@@ -30,7 +30,13 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "sldvexp"
 
 #: What is imported inside functions because it need not be installed, and the extra that brings it.
-OPTIONAL = {"cholespy": "cholesky", "dask": "dask", "distributed": "dask", "meshio": "mesh"}
+OPTIONAL = {
+    "cholespy": "cholesky",
+    "dask": "dask",
+    "distributed": "dask",
+    "meshio": "mesh",
+    "sphinx": "docs",
+}
 
 #: First words of docstrings that say neither what is done nor what something is.
 EMPTY_BEGINNINGS = ("What", "Whether", "Those", "The")
