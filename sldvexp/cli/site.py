@@ -135,7 +135,7 @@ def for_sphinx(text: str) -> str:
     """Turn names of pages into links, and names of files into captions."""
     known = "|".join([*handbook.pages(), *reference.PAGES])
     link = rf"`sldvexp handbook ({known})`"
-    text = re.sub(link, lambda found: f"[{found[1].replace('_', ' ')}]({found[1]}.md)", text)
+    text = re.sub(link, r"[](\1.md)", text)
     text = re.sub(r"^```(\w+)( long)?$", r"```\1", text, flags=re.MULTILINE)
     return (
         re.sub(r"^```(\w+) (\S+)$", r"```{code-block} \1\n:caption: \2\n", text, flags=re.MULTILINE)
@@ -151,9 +151,7 @@ def write_chapters(source: Path) -> None:
     chapters = {**handbook.chapters(), "Reference": [*reference.PAGES, "gallery"]}
     first = ["# sldvexp", INTRODUCTION]
     for title, names in chapters.items():
-        lines = "\n".join(
-            f"- [{name.replace('_', ' ')}]({name}.md): {told[name]}." for name in names
-        )
+        lines = "\n".join(f"- []({name}.md): {told[name]}." for name in names)
         first += [f"## {title}", lines]
         text = f"# {title}\n\n{lines}\n\n{_contents(names)}\n"
         (source / f"{_chapter(title)}.md").write_text(text)

@@ -31,8 +31,12 @@ PACKAGE = ROOT / "sldvexp"
 
 #: What is imported inside functions because it need not be installed, and the extra that brings it.
 OPTIONAL = {
-    **{"cholespy": "cholesky", "cv2": "video", "dask": "dask", "distributed": "dask"},
+    "cholespy": "cholesky",
+    "cv2": "video",
+    "dask": "dask",
+    "distributed": "dask",
     "meshio": "mesh",
+    "sphinx": "docs",
 }
 #: Packages that bring a library of another name.
 BROUGHT_BY = {"cv2": "opencv-python-headless"}

@@ -4,7 +4,7 @@ Kinds of blocks, by the word behind the backquotes:
 
 console
     Lines that begin with ``$`` are run in the page's folder, one after the other; lines between
-    them must be in what the command says.
+    them must be in what the command says. Behind it may stand ``# exit status 2``.
 python
     Is run in the same folder; all blocks of a page share their names.
 yaml, text and others with a file's name behind the word
@@ -51,6 +51,8 @@ UNTOLD = ("Conventions", "title")
 BARE = "sldvexp hydra.run.dir=outputs/first"
 #: Servers of this machine that a page starts with an ampersand.
 BACKGROUND = re.compile(r"(sldvexp-lab .*) &$")
+#: Comment behind a command that ends with another exit status than zero.
+STATUS = re.compile(r"# exit status (\d)")
 OUTPUT_IS_CUT = "..."
 
 
@@ -143,7 +145,8 @@ class Reader:
         program, *words = shlex.split(command, comments=True)
         if program == "sldvexp":
             done = self.call(*words)
-            assert done.status == 0, (command, done.err, done.out[-3000:])
+            status = int((STATUS.search(command) or [0, 0])[1])
+            assert done.status == status, (command, done.err, done.out[-3000:])
             return " ".join(f"{done.out} {done.err}".split())
         script = [sys.executable if program == "python" else program, *words]
         run = subprocess.run(script, capture_output=True, text=True, check=False)

@@ -52,6 +52,14 @@ def test_every_page_begins_with_a_title_and_what_it_is_for():
         assert paragraph.endswith("."), topic
 
 
+def test_pictures_exist_and_say_in_words_what_they_show():
+    shown = [found for text in PAGES.values() for found in re.findall(r"!\[(.*?)\]\((.*?)\)", text)]
+    assert len(shown) >= 3
+    for told, file in shown:
+        assert len(told) > 20
+        assert (HANDBOOK / file).is_file(), file
+
+
 def test_tables_of_variables_are_those_of_the_dataset():
     found: dict[str, set[str]] = {}
     for title, text in sections("reading_a_result").items():

@@ -56,7 +56,7 @@ def test_names_of_pages_become_links_and_names_of_files_captions():
     text = "See `sldvexp handbook theory`.\n\n```yaml lab/a.yaml\na: 1\n```\n\n"
     text += "```console long\n$ ls\n```\n"
     assert site.for_sphinx(text) == (
-        "See [theory](theory.md).\n\n```{code-block} yaml\n:caption: lab/a.yaml\n\na: 1\n```\n\n"
+        "See [](theory.md).\n\n```{code-block} yaml\n:caption: lab/a.yaml\n\na: 1\n```\n\n"
         "```console\n$ ls\n```\n"
     )
 
