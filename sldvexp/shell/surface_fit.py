@@ -257,14 +257,14 @@ class SurfaceFit:
     ) -> tuple[ComplexArray, dict[str, Array]]:
         """Do what `evaluate` does, with variances by their source as in the budget.
 
-        Those from height and thickness count as those from poses.
+        Those from height and thickness count as those from poses, and motion of the middle that
+        may have been overlooked as noise.
         """
-        mean, variance, gain = self._by_column(rows, thicker)
         bounding = self.bounding or self
-        if bounding is not self:
-            other, variance, gain = bounding._by_column(rows, thicker)
-            variance += (other - mean) ** 2
-        values, own = self.columns.lines(mean, variance)
+        mean, _ = self._mean(rows, thicker)
+        other, gain = bounding._mean(rows, thicker)
+        _, variance = bounding.posterior.evaluate(rows)
+        values, own = self.columns.lines(mean, variance + (other - mean) ** 2)
 
         def squares(spread: Array) -> Array:
             return self.columns.quadratic(np.einsum("fmc,fmd->fcd", spread, spread))
@@ -277,22 +277,20 @@ class SurfaceFit:
             found["calibration"] = squares(np.einsum("fec,em->fmc", gain, goes_along))
         return values, found
 
-    def _by_column(self, rows: Array, thicker: Array | None) -> tuple[Array, Array, Array]:
-        """Evaluate every reduced column.
+    def _mean(self, rows: Array, thicker: Array | None) -> tuple[Array, Array]:
+        """Evaluate every reduced column with the errors as they were found.
 
         Returns
         -------
-        mean, variance : ndarray, shape (functional, column)
-            With the errors as they were found, and from noise and smoothing alone.
+        mean : ndarray, shape (functional, column)
         gain : ndarray, shape (functional, error, column)
-            Change of the mean by the errors.
+            Change of it by the errors.
         """
-        mean, variance = self.posterior.evaluate(rows)
         gain = -np.stack([rows @ s for s in self.solved], axis=-1)
         if thicker is not None:
             gain[:, -1] += thicker @ self.posterior.mean()
         found = np.einsum("fec,e->fc", gain, self.nuisances.mean - self.at)
-        return mean + found, variance, gain
+        return rows @ self.posterior.mean() + found, gain
 
 
 def fit(
@@ -333,13 +331,14 @@ def fit(
         raise too_few_pixels(count, FEWEST, views, outline, face)
     measured = Measured.of(images, std, pixels, shell, face)
     equations = _Equations(laser, outline, shell, face, length, level, errors, pixels, measured)
-    found = equations.at(np.zeros(len(errors.factor)))
+    found, of_errors = equations.at(np.zeros(len(errors.factor)))
     for _ in range(REPEATED if errors.adjusted else 0):
         moved = found.nuisances.mean.copy()
         moved[errors.own] = 0.0  # small beside a pixel: linear
         if np.linalg.norm(np.linalg.lstsq(errors.factor, moved - found.at)[0]) < SETTLED:
             break
-        found = equations.at(moved)
+        found, of_errors = equations.at(moved)
+    found = equations.bounded(found, of_errors)
     return replace(found, pointed=equations.pointed(found))
 
 
@@ -369,7 +368,7 @@ class _Equations:
 
         return SignalColumns.of(white, m.scale)
 
-    def at(self, at: Array) -> SurfaceFit:
+    def at(self, at: Array) -> tuple[SurfaceFit, ErrorEquations]:
         """Fit with poses, height and thickness that are off by so much."""
         height, thickness = at[-2:]
         poses = at[: self.errors.own.start]
@@ -396,6 +395,7 @@ class _Equations:
         )
         equations = self._of_errors(at, posterior, moved, face, height)
         solved = equations.solved(posterior)
+        nuisances = self._nuisances(equations, posterior, solved)
         found = SurfaceFit(
             self.shell,
             self.outline,
@@ -405,16 +405,20 @@ class _Equations:
             self.columns,
             posterior,
             solved,
-            self._nuisances(equations, posterior, solved),
+            nuisances,
             at,
             self.errors,
             self.laser,
             self.errors.own,
             [],
         )
+        return found, equations
+
+    def bounded(self, found: SurfaceFit, equations: ErrorEquations) -> SurfaceFit:
+        """Add what bounds are made by, as `SurfaceFit.bounding` has it."""
         if not self.errors.adjusted or self.level == 1:
             return found
-        most = posterior.with_most(equations.gained(posterior), self.level)
+        most = found.posterior.with_most(equations.gained(found.posterior), self.level)
         solved = equations.solved(most)
         nuisances = self._nuisances(equations, most, solved)
         bounding = replace(found, posterior=most, solved=solved, nuisances=nuisances)
