@@ -171,7 +171,7 @@ def _components(fields: Mapping[str, xr.Dataset], void: bool) -> Table:
         "largest ± bound",
         "above bound",
         "r.m.s.",
-        "std: noise",
+        "uncertainty: noise",
         "poses",
         "bound",
         "elements",
@@ -187,9 +187,9 @@ def _components(fields: Mapping[str, xr.Dataset], void: bool) -> Table:
                 cells = [name, str(component), "" if np.isnan(hertz) else f"{hertz:g}"]
                 cells += [*_above(size, one.get("confidence")), _mm(_rms(size))]
                 bounds = ("velocity_std_noise", "velocity_std_pose", "confidence")
-                cells += [_mm(_rms(one[b].values)) if b in one else "" for b in bounds]
+                cells += [_two(_rms(one[b].values)) if b in one else "" for b in bounds]
                 elements = one.get("element_error")
-                cells.append("" if elements is None else _mm(_rms(np.abs(elements.values))))
+                cells.append("" if elements is None else _two(_rms(np.abs(elements.values))))
                 table.add_row(*map(escape, cells), *["void"] * void)
     return table
 
@@ -232,7 +232,7 @@ def budget_table(field: xr.Dataset) -> Table:
         (SOURCES[str(name)], v) for name, v in zip(field["source"].values, variance, strict=True)
     ]
     for name, row in [*rows, ("together", total)]:
-        cells = [(_mm(np.sqrt(v)), _share(v, t)) for v, t in zip(row, total, strict=True)]
+        cells = [(_two(np.sqrt(v)), _share(v, t)) for v, t in zip(row, total, strict=True)]
         table.add_row(name, *(cell for pair in cells for cell in pair))
     for name in filter(None, field.attrs.get("not_included", "").split("; ")):
         table.add_row(name, *["not included", ""] * len(components))
@@ -414,6 +414,11 @@ def _mm(value: float) -> str:
     return number(VELOCITY.factor * value, 3)
 
 
+def _two(value: float) -> str:
+    """Write an uncertainty with two digits."""
+    return number(VELOCITY.factor * value, 2)
+
+
 def image_text(run: RunData) -> str:
     """Say what the images of a run hold, a line for each view; empty if there are none.
 
@@ -426,7 +431,7 @@ def image_text(run: RunData) -> str:
     >>> image = group("image", {"frequency": [200.0]}, velocity=[[0.01], [0.02j]],
     ...               velocity_std=[[1e-4], [1e-4]], flags=[0, 0])
     >>> print(image_text(RunData({"image/front": image.assign_attrs(summary="all of use")})))
-    Image of the view front: all of use; 200 Hz: at most 20 mm/s, median std 0.1 mm/s
+    Image of the view front: all of use; 200 Hz: at most 20 mm/s, median uncertainty 0.1 mm/s
     """
     return "\n".join(_image_view_text(v, image) for v, image in run.below("image").items())
 
@@ -442,7 +447,7 @@ def _image_view_text(view: str, image: xr.Dataset) -> str:
     factor, unit = VELOCITY.factor, VELOCITY.shown_unit
     found = "; ".join(
         f"{hertz[i]:g} {FREQUENCY.units}: at most {factor * largest[i]:.4g} {unit}, "
-        f"median std {factor * _std(good, i):.2g} {unit}"
+        f"median uncertainty {factor * _std(good, i):.2g} {unit}"
         for i in shown
     )
     rest = f"; {len(hertz) - len(shown)} more frequencies" if len(shown) < len(hertz) else ""

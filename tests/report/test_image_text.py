@@ -25,10 +25,10 @@ def test_a_line_for_each_view():
     tree["image/side"] = image([100.0, 200.5])
     assert image_text(RunData(tree)).splitlines() == [
         "Image of the view front (2 x 3): 1 of 6 pixels are flagged (dropped_out 1); "
-        "450 Hz: at most 5 mm/s, median std 0.003 mm/s",
+        "450 Hz: at most 5 mm/s, median uncertainty 0.003 mm/s",
         "Image of the view side: 1 of 6 pixels are flagged (dropped_out 1); "
-        "100 Hz: at most 5 mm/s, median std 0.003 mm/s; "
-        "200.5 Hz: at most 10 mm/s, median std 0.003 mm/s",
+        "100 Hz: at most 5 mm/s, median uncertainty 0.003 mm/s; "
+        "200.5 Hz: at most 10 mm/s, median uncertainty 0.003 mm/s",
     ]
 
 

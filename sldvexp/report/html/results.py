@@ -167,7 +167,7 @@ def images_section(run: RunData) -> Section | None:
             row += [number(factor * largest[i], 3), number(factor * _median(std[:, i]), 2)]
             rows.append([*row, str(image.attrs.get("summary", ""))])
     columns = ["view", "pixels", FREQUENCY.units]
-    columns += [speed.titled("largest"), speed.titled("median std"), "pixels of use"]
+    columns += [speed.titled("largest"), speed.titled("median uncertainty"), "pixels of use"]
     table = HtmlTable(columns, rows, wide=(5,)) if rows else None
     return Section("Velocity images", having(table, pictures))
 
