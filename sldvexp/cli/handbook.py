@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -111,11 +113,16 @@ def _page_of(word: str) -> Path | None:
 
 
 def _show(text: str) -> None:
+    """Show a page: set on a terminal, screen by screen if somebody sits there, else as it is."""
     console = Console()
-    if console.is_terminal:
-        console.print(Markdown(text))
-    else:
+    if not console.is_terminal:
         print(text, end="")
+    elif sys.stdin.isatty() and sys.stdout.isatty():
+        os.environ.setdefault("LESS", "-RFX")  # colours; no waiting for a page that fits
+        with console.pager(styles=True):
+            console.print(Markdown(text))
+    else:
+        console.print(Markdown(text))
 
 
 def _places_of(word: str) -> Iterator[tuple[str, str]]:

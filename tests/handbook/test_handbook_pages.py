@@ -11,7 +11,7 @@ from handbook_pages import FENCE, PAGES, group_of, sections
 
 from sldvexp.cli import main, reference
 from sldvexp.cli.commands import COMMANDS
-from sldvexp.config import Origins, registry
+from sldvexp.config import Origins, docs, registry
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import HANDBOOK
 from sldvexp.dataset import AXES, CONVENTIONS, VARIABLES
@@ -213,3 +213,35 @@ def test_tests_that_hold_the_threats_exist():
     named = [text for text in quoted("threats") if text.startswith("tests/")]
     assert len(named) > 5
     assert all((root / text).exists() for text in named)
+
+
+def settings_of(group: str) -> set[str]:
+    """Keys of all plugins of a group, with a star for a name of the user's."""
+    plugins = [registry.get(group, name) for name in registry.BUILT_IN[group]]
+    keys = {one.key for plugin in plugins for one in docs.parameters_of(plugin, {})}
+    return {re.sub(r"<\w+>", "*", key) for key in keys}
+
+
+@pytest.mark.parametrize("group", [g for g in registry.GROUPS if registry.BUILT_IN[g]])
+def test_settings_that_pages_name_exist(group):
+    known = settings_of(group)
+    for topic in PAGES:
+        for text in quoted(topic):
+            found = re.fullmatch(rf"{group}\.(?!txt|html)([a-z_]+)((?:\.\w+)*)(?:=.*)?", text)
+            if found and not (HANDBOOK.parent / group / f"{found[1]}.py").is_file():
+                assert any(key.split(".")[0] == found[1] for key in known), (topic, text)
+
+
+def test_settings_of_an_enumeration_take_the_values_that_pages_give():
+    members: dict[str, set[str]] = {}
+    for group in registry.GROUPS:
+        for name in registry.BUILT_IN[group]:
+            for one in docs.parameters_of(registry.get(group, name), {}):
+                if one.kind.startswith("one of "):
+                    values = one.kind.removeprefix("one of ").split(", ")
+                    members.setdefault(f"{group}.{one.key}", set()).update(values)
+    texts = [text for topic in PAGES for text in quoted(topic)]
+    given = [text.split("=") for text in texts if re.fullmatch(r"[\w.]+=\w+", text)]
+    checked = [(key, value) for key, value in given if key in members]
+    assert [f"{key}={value}" for key, value in checked if value not in members[key]] == []
+    assert len(checked) > 10

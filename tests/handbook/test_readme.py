@@ -1,4 +1,4 @@
-"""The README: one screen of why, two commands, a first own run that works, and links that lead on."""
+"""The README: why, two commands, a first own run that works, and links that lead on."""
 
 from __future__ import annotations
 
