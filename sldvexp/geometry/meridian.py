@@ -2,11 +2,12 @@
 
 Its points are (r, y), the distance from the axis and the place along it. A quintic spline through
 them runs over the parameter t, the length of the chords, from minus half to half of it; beyond its
-ends the curve goes on straight.
+ends the curve goes on as a parabola, since kinks of its curvature would strain whatever moves.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -18,6 +19,8 @@ from sldvexp.typing import Array
 
 #: Degree of its splines, so that its curvature changes smoothly.
 DEGREE = 5
+#: Order of the highest derivative that goes on beyond the ends.
+BENT = 2
 #: Parts of a bent curve between which places near it are looked for.
 PARTS = 64
 #: Steps to the nearest place, and the change of the parameter that ends them, over the length.
@@ -51,7 +54,7 @@ class Meridian:
 
     @cached_property
     def samples(self) -> Array:
-        """Parameters along the whole curve, with its ends, between which it is nearly straight."""
+        """Parameters along the whole curve, with its ends, between which it bends little."""
         parts = PARTS if len(self.corners) > 2 else 1
         return np.linspace(-self.half, self.half, parts + 1)
 
@@ -71,11 +74,12 @@ class Meridian:
         [[0.1, 0.3]]
         """
         inside = np.clip(t, -self.half, self.half)
-        value = np.asarray(self._spline(inside, nu=order))
         beyond = np.asarray(t - inside)[:, None]
-        if order == 0:
-            return value + beyond * np.asarray(self._spline(inside, nu=1))
-        return value if order == 1 else np.where(beyond == 0, value, 0.0)
+        terms = [
+            beyond**k / math.factorial(k) * np.asarray(self._spline(inside, nu=order + k))
+            for k in range(max(BENT - order, 0) + 1)
+        ]
+        return np.asarray(sum(terms))
 
     def normals(self, t: Array) -> Array:
         """Compute unit normals (r, y), shape (place, 2)."""

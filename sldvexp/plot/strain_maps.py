@@ -84,7 +84,11 @@ class StrainMap:
             axes = np.broadcast_to(np.eye(2), (len(place), 2, 2))
             labels = [PLACE.titled(f"along {name}") for name in ("t1", "t2")]
         x, y = PLACE.factor * place.T
-        mesh = Triangulation(x, y, group["triangle"].values)
+        triangle = group["triangle"].values
+        # A closed surface is cut where its first coordinate comes back: there triangles turn over.
+        a, b, c = np.moveaxis(place[triangle], 1, 0)
+        area = np.linalg.det(np.stack([b - a, c - a], axis=1))
+        mesh = Triangulation(x, y, triangle[area * np.median(area) > 0])
         return cls(group, mesh, axes, (labels[0], labels[1]))
 
     @property

@@ -10,7 +10,8 @@ from matplotlib.collections import LineCollection
 from sldvexp.errors import UserError
 from sldvexp.plot import figures_of, hot_spots, hottest_places, strain
 from sldvexp.plot.paper import SETTINGS
-from sldvexp.volume import Grid
+from sldvexp.plot.strain_maps import StrainMap
+from sldvexp.volume import Grid, Revolution
 from tests.plot.test_figures import labels_are_inside_and_apart
 from tests.shell.made_strain import made_strain
 
@@ -39,6 +40,18 @@ def test_a_flat_surface_has_the_axes_of_the_world_and_a_bent_one_its_own():
     assert (flat.get_xlabel(), flat.get_ylabel()) == ("x, mm", "y, mm")
     assert flat.get_xlim() == pytest.approx((250, 550))
     assert (bent.get_xlabel(), bent.get_ylabel()) == ("along t1, mm", "along t2, mm")
+
+
+def test_a_tube_is_cut_open_where_its_first_coordinate_comes_back():
+    tube = made_strain(Revolution(profile=[[0.1, -0.1], [0.1, 0.1]], layers=2).group())
+    x, y, z = tube["position"].values.T
+    around = np.column_stack([0.1 * np.arctan2(x, z), y])
+    rolled = StrainMap.of(
+        tube.assign(coordinate=(tube["coordinate"].dims, around)).isel(frequency=0)
+    )
+    wide = np.ptp(rolled.mesh.x[rolled.mesh.triangles], axis=1)
+    assert wide.max() < 20.0
+    assert len(wide) == len(tube["triangle"]) - 2 * 8  # cells of one row
 
 
 def test_maps_are_of_the_strains_at_the_strongest_frequency(made):
