@@ -267,6 +267,7 @@ def main(*arguments):
 """
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", ADDITIONS)
 def test_an_addition_edits_no_more_than_its_files(name, tmp_path):
     files, run, prints = ADDITIONS[name]

@@ -37,6 +37,7 @@ def test_every_room_has_its_place_in_the_layers():
     assert layers["exhaustive"] is True
 
 
+@pytest.mark.whole
 def test_imports_that_the_contract_lets_pass_are_for_tests_alone(modules):
     upward = upward_imports(modules, contract("one-way")["layers"])
     assert [name for _, name in upward if not name.startswith("sldvexp.testing.")] == []

@@ -8,6 +8,7 @@ from repeated_defaults import configuration_files, repeated_defaults
 from sldvexp.config.paths import conf_dir
 
 
+@pytest.mark.whole
 def test_configuration_files_give_only_what_differs():
     repeated = [
         f"{file.relative_to(conf_dir())}: {key}"

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 LONGEST = 600
 
@@ -42,6 +44,7 @@ def test_plugins_load_nothing_heavy(loaded_by):
     assert libraries == ""
 
 
+@pytest.mark.whole
 def test_nothing_optional_is_needed_to_import_a_module(loaded_by):
     """A plain installation has none of the extras; every module must load all the same."""
     code = (

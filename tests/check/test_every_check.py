@@ -76,6 +76,7 @@ def examination(run):
     return Examination(groups, rng=np.random.default_rng(0), experiment=SimpleNamespace(**used))
 
 
+@pytest.mark.whole
 @each_check
 def test_a_check_finds_the_variables_that_are_known_of_it(name, examination, tmp_path):
     found = made(name).examine(examination)
@@ -90,6 +91,7 @@ def test_a_check_finds_the_variables_that_are_known_of_it(name, examination, tmp
     assert open_run(tmp_path)[f"examined/{name}"].to_dataset().identical(found)
 
 
+@pytest.mark.whole
 @each_check
 def test_a_check_changes_nothing_and_draws_from_the_runs_generator_alone(name, run, examination):
     first = made(name).examine(examination)

@@ -33,6 +33,7 @@ def session(seed, thickness=0.003, shear=0.0, moved=None):
     return ComparedFaces.of(estimated(views, both_sided(), sheet=sheet, covariance=covariance))
 
 
+@pytest.mark.whole
 def test_sides_of_one_sheet_agree():
     """Limits are what chance alone exceeds once in a thousand."""
     found, trials = [session(seed) for seed in range(6)], 6

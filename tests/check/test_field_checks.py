@@ -217,6 +217,7 @@ def test_errors_are_as_large_as_noise_and_poses_let_expect():
     assert np.std(square) < 0.1
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("mistake", ["sign", "gain", "rotation"])
 def test_the_wrong_view_is_named_though_it_spoils_the_predictions_of_others(mistake):
     size = {"gain": 0.03, "rotation": np.radians(1.0)}.get(mistake, 0.0)

@@ -123,6 +123,7 @@ def test_named_scans_feed_the_pose_methods_of_their_names(sldvexp):
     assert "pose" not in tree.children
 
 
+@pytest.mark.whole
 def test_a_pose_from_the_scan_equals_that_from_its_run(sldvexp):
     scan = ["scan=by_hand", "target=fiducials", "scan.views={a: {}, b: {hidden: [2]}}"]
     one = sldvexp(*SCENE, *scan, "pose=manual")

@@ -125,6 +125,7 @@ def test_file_of_a_folder_elsewhere_is_told_with_its_whole_path(
     assert done.err.startswith(f"sldvexp: {lab}/mirror/worn.yaml: laser.up_down.gian is not a kno")
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", ["spoiled/sign", "/experiment/spoiled/sign"])
 @pytest.mark.parametrize("mine", ["mine", "may/mine"])
 def test_own_experiment_extends_one_of_the_programs(sldvexp, lab, name, mine):

@@ -1,5 +1,7 @@
 """What a run in doubt says, and what is refused before anything is scanned."""
 
+import pytest
+
 from sldvexp import dataset
 from sldvexp.cli.rerun import AgreementLevel, compare
 
@@ -22,6 +24,7 @@ def test_methods_that_disagree_on_pixels_are_refused_before_the_scan(sldvexp):
     assert "the scan is kept" not in done.err
 
 
+@pytest.mark.whole
 def test_repaired_run_keeps_what_it_expects_and_repeats_to_the_bit(sldvexp):
     """What is expected of the mistake itself is not compared, which is said."""
     done = sldvexp(*SPOILED, "use_repair=[view_4.sign]", "pose.refine=images")

@@ -86,6 +86,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", REFUSED)
 def test_a_refused_command_changes_nothing(sldvexp, finished, tmp_path, name):
     arguments, told = REFUSED[name]

@@ -24,6 +24,7 @@ values = st.sampled_from(VALUES) | st.text(max_size=8)
 words = st.builds("{}{}={}".format, st.sampled_from(["", "", "", "+", "++", "~"]), keys, values)
 
 
+@pytest.mark.whole
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 @settings(
     max_examples=50,

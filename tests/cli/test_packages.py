@@ -53,6 +53,7 @@ def package(folder, name, code):
     (folder / f"{name}.py").write_text(code)
 
 
+@pytest.mark.whole
 def test_method_is_chosen_like_any_other_after_pip_install(site, tmp_path):
     arguments = "-m experiment=point,neighbours reconstruction=neighbours hydra.sweep.dir=sweep"
     done = subprocess.run(

@@ -49,6 +49,7 @@ def test_these_experiments_know_the_truth():
     assert set(KNOWING) >= {"curved_panel", "plate", "plate_frf"}
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", SMALL)
 def test_bounds_hold_in_some_small_sessions(name, sldvexp):
     """Nodes of a session share pixels: its share is one draw, whose spread the sessions tell."""

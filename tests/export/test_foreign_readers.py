@@ -28,6 +28,7 @@ def known(made, name: str) -> np.ndarray:
     return made.tree["field"][name].values
 
 
+@pytest.mark.whole
 def test_sdynpy_takes_geometry_functions_and_shapes(made, tmp_path, monkeypatch):
     monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")  # or it ends the process
     sdynpy = pytest.importorskip("sdynpy")

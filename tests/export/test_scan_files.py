@@ -123,6 +123,7 @@ def test_files_that_cannot_be_written_say_why(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.whole
 def test_the_command_exports_both_and_a_run_scans_and_solves_them_again(sldvexp):
     done = sldvexp("experiment=dissertation/velocity_image", "scan.pixels=[3,4]", "expect={}")
     sent = sldvexp("export", str(done.folder), "scanlist")

@@ -34,6 +34,7 @@ def exported(strained, name, folder):
     return strained.tree["strain"]
 
 
+@pytest.mark.whole
 def test_a_table_has_a_row_for_each_quantity_place_component_and_frequency(strained, tmp_path):
     strain = exported(strained, "csv", tmp_path)
     table = pd.read_csv(tmp_path / "results_strain.csv", keep_default_na=False, na_values=[""])

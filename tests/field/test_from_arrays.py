@@ -48,6 +48,7 @@ def views_of(tree: xr.DataTree) -> list[field.View]:
     return views
 
 
+@pytest.mark.whole
 def test_arrays_give_the_field_of_a_run(sldvexp: Callable[..., Any], tmp_path: Any) -> None:
     small = ("scan.structure.pixels=[9,11]", "volume.shape=[3,3]", "volume.layers=3", "check={}")
     run = sldvexp("experiment=plate", "expect={}", *small).tree

@@ -72,6 +72,7 @@ def require_size(p: np.ndarray) -> None:
     assert abs(p.mean() - 0.5) < 3 / np.sqrt(12 * draws)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("poses", ["exact", "drawn"])
 @pytest.mark.parametrize("layers", [1, 3])
 def test_a_true_null_is_rejected_as_often_as_stated(

@@ -208,6 +208,7 @@ def test_the_same_as_in_memory(
     assert sorted(p.name for p in streamed.folder.iterdir() if p.name.startswith(".b")) == []
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("each", [True, False])
 def test_surfaces_the_same_as_in_memory(
     sldvexp: Callable[..., Any], tmp_path: Path, each: bool
@@ -228,6 +229,7 @@ def test_surfaces_the_same_as_in_memory(
     assert sorted(p.name for p in streamed.folder.iterdir() if p.name.startswith(".b")) == []
 
 
+@pytest.mark.whole
 def test_mistakes_are_found_and_repaired_as_in_memory(
     sldvexp: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -260,6 +262,7 @@ def test_mistakes_are_found_and_repaired_as_in_memory(
     assert streamed.tree["flagged/4"].attrs["repaired"] == "view_4.sign"
 
 
+@pytest.mark.whole
 def test_view_that_is_left_out_has_no_part_in_the_blocks(
     sldvexp: Callable[..., Any], tmp_path: Path
 ) -> None:

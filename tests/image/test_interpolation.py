@@ -391,6 +391,7 @@ def test_auto_of_too_few_pixels_is_linear() -> None:
     assert Interpolation.linear.mean_error(waving(scattered(2))).nnz == 0
 
 
+@pytest.mark.whole
 @cases
 @methods
 def test_mean_error_is_what_interpolation_is_off_by_around_a_pixel(

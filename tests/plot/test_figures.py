@@ -56,6 +56,7 @@ def bars(axes):
     return found
 
 
+@pytest.mark.whole
 def test_the_session_shows_its_figures(tree):
     assert tuple(figures_of(tree)) == SHOWN
 

@@ -364,6 +364,7 @@ def check_between_views(pose, shifts):
         np.testing.assert_allclose(joint[own, own], pose["covariance"].sel(view=view))
 
 
+@pytest.mark.whole
 def test_marks_that_stand_elsewhere_move_all_views(tmp_path, poses):
     """Each coordinate of a mark is moved by its standard deviation, and every pose found anew."""
     some, numbers = first(poses, 2), np.arange(1, len(OBJECT) + 1)
@@ -410,6 +411,7 @@ def test_circles_that_stand_elsewhere_move_all_views(edge_lab, poses):
     check_between_views(known, shifts)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("method", [Edge, Bitangent])
 def test_scanned_views_share_an_offset(edge_lab, method):
     lab = edge_lab(views=3, mirrors=MirrorErrors(0.01))

@@ -47,6 +47,7 @@ def with_circle(target, number, **changes):
     return replace(target, circles={**target.circles, number: changed})
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
 def test_a_circle_beside_its_place_is_named_and_sized(edge_lab, method):
     lab = edge_lab(views=2, **SCANNED)
@@ -58,6 +59,7 @@ def test_a_circle_beside_its_place_is_named_and_sized(edge_lab, method):
     assert "views a and b" in wrong.text
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
 def test_a_wrong_gain_is_named_and_its_remedy_repairs_it(edge_lab, method):
     lab = edge_lab(views=2, mirrors=MirrorErrors(up_down=MirrorError(gain=0.02)), **SCANNED)
@@ -97,6 +99,7 @@ def test_a_misfit_that_nothing_explains_multiplies_the_bounds(edge_lab, make_cir
         np.testing.assert_allclose(found.pose[name].values, larger, rtol=1e-9)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
 def test_bounds_with_their_cause_in_them_hold_the_true_poses(edge_lab, method, monkeypatch):
     """As wide as the text of a void pose says that they would be."""
@@ -115,6 +118,7 @@ def test_conics_in_dac_steps_are_told_from_wrong_circles(edge_lab):
     assert wrong.remedy == "pose.pinhole=true"
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
 def test_a_view_that_fails_does_not_end_the_others(edge_lab, method):
     lab, rng = edge_lab(views=3, **SCANNED), np.random.default_rng(2)

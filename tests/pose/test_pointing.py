@@ -103,6 +103,7 @@ def test_residuals_that_pointing_noise_explains_are_a_note(edge_lab, method):
     assert pose["pointing_std"].attrs["units"] == "1"
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
 def test_clean_edges_are_passed_over_in_silence(edge_lab, method):
     lab, rng = edge_lab(views=2, **STATED), np.random.default_rng(6)
@@ -119,6 +120,7 @@ def test_a_circle_that_is_noisier_than_the_others_is_named_and_weighed_less(edge
     assert (pose["origin_std"] < 0.75 * wide["origin_std"]).all()
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
 def test_edges_of_a_noisy_circle_do_not_make_the_others_wrong(edge_lab, method):
     """Few edges tell a circle's own noise badly; circles that are alike share theirs."""
@@ -128,6 +130,7 @@ def test_edges_of_a_noisy_circle_do_not_make_the_others_wrong(edge_lab, method):
         assert kinds(found) == [("pointing", "view a"), ("noisy_circle", "circle 4")]
 
 
+@pytest.mark.whole
 def test_circles_with_the_same_noise_differ_no_oftener_than_said(edge_lab):
     lab, rng = edge_lab(pointing=0.5, **STATED), np.random.default_rng(8)
     each = [find_pointing(list(lab.edges(rng)["a"].values()), lab.laser)[0] for _ in range(20)]
@@ -172,6 +175,7 @@ def spread_and_coverage(lab, method, sessions, seed, every=1):
     return ratio, np.mean(np.abs(errors) <= width, axis=0)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
 def test_bounds_have_pointing_noise_in_them(edge_lab, method):
     sessions = 16

@@ -115,6 +115,7 @@ def test_every_wrong_wiring_is_named(wiring, target, offset):
         assert f"laser.{name}.gain=-25" in told
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("target", [ONE, TWO], ids=["one plane", "two planes"])
 def test_right_mirrors_are_left_in_peace_whatever_the_roll(target):
     for roll in np.linspace(-3.0, 3.0, 4):

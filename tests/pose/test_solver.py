@@ -206,6 +206,7 @@ def test_the_jacobian_is_that_of_finite_differences() -> None:
         np.testing.assert_allclose(at.jacobian[:, k], (back - ahead) / (2 * h), atol=1e-8)
 
 
+@pytest.mark.whole
 def test_the_global_optimum_is_found_without_a_start() -> None:
     rng, missed, trials = np.random.default_rng(2000), [], 0
     for points, _ in itertools.product(Scene.SIZES, range(4)):

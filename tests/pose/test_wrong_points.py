@@ -126,6 +126,7 @@ def test_clean_registrations_keep_all_their_points(views):
     assert all(f.kind == "wrong_point" for f in found.findings)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("views", VIEWS)
 @pytest.mark.parametrize(("count", "steps"), [(1, 5), (1, 200), (2, 5), (2, 20)])
 def test_wrong_points_are_named_and_cost_the_pose_nothing(views, count, steps):
@@ -275,6 +276,7 @@ def test_no_pose_at_all_ends_the_run():
         session.solve()
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     "options", [{"adjust": {"mirror_offset": 0.01}}, {"shared": {"mirror_offset": 0.01}}]
 )

@@ -133,6 +133,7 @@ def test_page_without_a_field_has_no_script(tmp_path, run_file, no_figures):
     assert path.with_name("report.html").stat().st_size < 50_000
 
 
+@pytest.mark.whole
 def test_figures_are_in_the_page_and_one_that_fails_is_told(run_file, monkeypatch):
     page = made(run_file())
     pictures = [a["src"] for tag, a in page.tags if tag == "img"]
@@ -183,6 +184,7 @@ def test_expectations_are_counted(run_file, no_figures, passed, told):
     assert told in made(run_file(check=check)).text
 
 
+@pytest.mark.whole
 def test_a_figure_is_spelt_in_its_address_and_read_as_it_was(run_file, monkeypatch):
     drawn, spelt = [], figures._as_address
     monkeypatch.setattr(figures, "_as_address", lambda svg: drawn.append(svg) or spelt(svg))

@@ -92,6 +92,7 @@ def test_each_run_of_a_sweep_may_have_a_page(sldvexp, pages, no_figures, tmp_pat
     assert len(list(tmp_path.rglob("report.html"))) == 3
 
 
+@pytest.mark.whole
 def test_runs_that_are_done_get_the_pages_that_they_lack(sldvexp, pages, no_figures, tmp_path):
     sldvexp(*SWEEP)
     done = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("run.nc")}

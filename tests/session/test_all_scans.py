@@ -64,6 +64,7 @@ def require_same(one, two):
         assert group.identical(two[name]), name
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", SCANS)
 def test_every_scan(name, composed, tmp_path, capsys):
     experiment = composed(*SCANS[name])
@@ -126,6 +127,7 @@ def assert_described(scan, found):
             assert np.isfinite(values.values).all()
 
 
+@pytest.mark.whole
 def test_both_parts_of_a_view_are_what_they_are_alone(composed, tmp_path):
     """But for the noise, which another scan line has."""
     session = composed(*SCANS["session"])
@@ -143,6 +145,7 @@ def test_both_parts_of_a_view_are_what_they_are_alone(composed, tmp_path):
         assert 0.5 < float(apart.median()) < float(apart.max()) < 6
 
 
+@pytest.mark.whole
 def test_the_instrument_is_opened_once_a_view(composed, tmp_path, monkeypatch):
     experiment = composed(*SCANS["session"])
     opened, plugin = [], type(experiment.instrument)

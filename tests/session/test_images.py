@@ -88,6 +88,7 @@ def test_refined_frequencies_stand_beside_those_that_were_set(composed, tmp_path
     assert abs(off[0]) < 5 * image["refined_frequency_std"].values[0] < 0.01
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [

@@ -173,6 +173,7 @@ def goes_on(folder, counted, whole, session):
     assert left == []  # what was not finished is gone
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(("lines", "later"), moments(KILLS))
 def test_a_killed_session_ends_the_same(tmp_path, instrument, whole, lines, later):
     counted, session, _ = instrument
@@ -188,6 +189,7 @@ def test_a_killed_session_ends_the_same(tmp_path, instrument, whole, lines, late
     goes_on(tmp_path, counted, whole, session)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("lines", "later", "number"), moments(STOPS, signal.SIGTERM, signal.SIGHUP)
 )

@@ -36,6 +36,7 @@ MARKED = [
 ]
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", MARKED)
 def test_cell_is_as_expected(name, tmp_path):
     verdict = Trials(list(CELLS.values()), [], tmp_path).judge(name)
@@ -54,6 +55,7 @@ def test_every_cell_is_in_the_matrix():
     assert set(CELLS) >= QUICK
 
 
+@pytest.mark.whole
 def test_run_that_another_needs_has_scan_lines_of_its_own(tmp_path):
     """Although one before it had the same scan, whose images it could have taken over."""
     trials = Trials(list(CELLS.values()), [], tmp_path)

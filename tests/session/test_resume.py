@@ -51,6 +51,7 @@ def test_only_a_run_can_be_resumed(sldvexp, tmp_path):
     assert "is not the folder of a run" in done.err
 
 
+@pytest.mark.whole
 def test_a_recorded_session_is_replayed_to_the_bit(sldvexp, whole):
     small = [a for a in SMALL if not a.startswith("scene")]
     again = sldvexp(*small, "instrument=replay", f"instrument.path={whole}", "~scene")
@@ -72,6 +73,7 @@ def test_scan_lines_of_another_seed_are_not_used(sldvexp, whole):
     assert before.items() <= {p: p.read_bytes() for p in whole.rglob("*") if p.is_file()}.items()
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("content", ["", "f00", None])
 def test_a_digest_that_is_lost_is_unknown_and_not_another_configuration(
     sldvexp, whole, tmp_path, content
@@ -94,6 +96,7 @@ def test_a_digest_that_is_lost_is_unknown_and_not_another_configuration(
         np.testing.assert_array_equal(values, two[name], err_msg=name)
 
 
+@pytest.mark.whole
 def test_a_line_that_a_power_cut_emptied_is_measured_again(sldvexp, whole, tmp_path):
     folder = tmp_path / "cut"
     shutil.copytree(whole, folder)

@@ -100,6 +100,7 @@ def estimated(seed, truth):
     return estimate_surface(views, lab.LASER, ring(), lab.Shell(), lab.SHEET, frequency=[FREQUENCY])
 
 
+@pytest.mark.whole
 def test_strain_at_the_edge_of_a_hole_is_not_smoothed(monkeypatch):
     truth = disc()
     error, covered = errors_at_the_hole(estimated(1, truth), truth)

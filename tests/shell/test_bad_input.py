@@ -57,6 +57,7 @@ def told(run, sldvexp):
 SHELL = ("reconstruction=shell", "material=aluminium", "material.thickness=0.003")
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
@@ -98,6 +99,7 @@ def test_a_surface_that_crosses_itself(told, tmp_path):
     assert "of 24 triangles lie over others, between" in answer
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("gage", "sentence"),
     [
@@ -109,6 +111,7 @@ def test_gages_that_are_not_on_the_surface(told, gage, sentence):
     assert told(*SHELL, CHECK.format("null", gage)).startswith(f"check.gages: {sentence}")
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [

@@ -129,6 +129,7 @@ def shares_held(seeds):
     return np.array(held)
 
 
+@pytest.mark.whole
 def test_intervals_from_both_sides_hold_in_some_sessions():
     held = shares_held(6)
     spread = held.std(axis=0, ddof=1) / np.sqrt(6)

@@ -61,6 +61,7 @@ def test_one_image_does_not_tell_what_stretches_the_middle():
     assert not [note for note in notes(five) if "bounds of" in note or "one view" in note]
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("count", [1, 2])
 def test_free_splines_name_what_few_views_leave_open(count):
     views = lab.views(lab.plate(), np.random.default_rng(2), pixels=(15, 17))

@@ -132,6 +132,7 @@ def test_both_uncertainties_bound_the_difference(examined):
     assert findings(group) == []
 
 
+@pytest.mark.whole
 def test_a_right_gage_is_seldom_called_wrong(examined):
     """Of strains that scatter as they say, at most one in 20 does not agree."""
     plain, rng, wrong = examined(), np.random.default_rng(3), 0

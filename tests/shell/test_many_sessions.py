@@ -92,6 +92,7 @@ def test_gages_of_a_middle_that_does_not_move_in_phase():
     assert np.all(gage_bound(sessions)[INNER, 1] <= 0.06)
 
 
+@pytest.mark.whole
 def test_three_sessions_of_a_plate_and_a_panel():
     """Shares of a session are one draw; three of them would not all be this low."""
     for name in ("plate", "panel"):

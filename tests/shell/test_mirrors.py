@@ -103,6 +103,7 @@ def test_intrinsics_adjusted_with_the_poses_have_them_go_along():
     assert 1e-5 < np.abs(way).max() < 1e-3
 
 
+@pytest.mark.whole
 def test_bounds_hold_what_pointing_does():
     """Pixels whose mirrors stand beside where they are sent: against fields of such errors.
 

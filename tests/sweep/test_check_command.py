@@ -46,6 +46,7 @@ def lines(done):
     return {line[8:].partition(": ")[0]: (line[:6], line.partition(": ")[2]) for line in told}
 
 
+@pytest.mark.whole
 def test_folder_of_experiments_and_matrices(sldvexp, lab, tmp_path):
     visa = "instrument: {resource: 'TCPIP::127.0.0.1::1::SOCKET'}\n"
     defaults = "override /target: dissertation"

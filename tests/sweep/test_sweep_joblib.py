@@ -12,6 +12,7 @@ pytest.importorskip("hydra_plugins.hydra_joblib_launcher")
 TWO = ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "hydra.sweep.dir=swept")
 
 
+@pytest.mark.whole
 def test_runs_of_other_processes_are_done_and_collected(sldvexp, tmp_path):
     done = sldvexp("-m", "experiment=point", "seed=1,2", "report=none", *TWO)
     assert done.status == 0, done.err

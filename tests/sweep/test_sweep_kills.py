@@ -188,6 +188,7 @@ def below(process):
     return found - {process}
 
 
+@pytest.mark.whole
 @pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="waits for the end of others' children")
 def test_workers_of_a_killed_sweep_end_themselves(tmp_path, capsys):
     """Nobody waits for them any more, nor would anybody tell them to stop."""

@@ -70,6 +70,7 @@ def test_only_new_values_are_done(sweep):
 LONG = (pytest.param(damage, marks=pytest.mark.long) for damage in ("no record", "cut off"))
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("damage", ["torn record", "no run", *LONG])
 def test_what_is_missing_is_done_again(damage, sweep, tmp_path):
     sweep(seeds="seed=1,3")

@@ -38,6 +38,7 @@ def test_hardly_a_good_pixel_is_lost():
     assert lost <= 1e-3 * total
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("share", [0.002, 0.01, 0.05, 0.1])
 def test_drop_outs_are_found(share):
     found = missed = wrong = total = 0

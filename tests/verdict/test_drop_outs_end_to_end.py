@@ -174,6 +174,7 @@ def assert_kept(sessions, chance):
     assert sum(s.kept for s in sessions) <= 1e-3 * sum(s.bad for s in sessions)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("share", [0.01, 0.1])
 def test_drop_outs_of_a_session_are_left_out_of_its_field(share):
     session = measure(1, 25, share)
@@ -181,6 +182,7 @@ def test_drop_outs_of_a_session_are_left_out_of_its_field(share):
     assert_kept([session], 3 * ONE)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("elements", [25, 50])
 def test_hole_of_a_session_is_left_out_of_its_field(elements):
     session = measure(2, elements, hole=True)

@@ -63,6 +63,7 @@ def test_views_of_nothing_but_noise_accuse_none():
     assert {f.severity.name for f in examined(changed(still, *range(5))).findings} <= {"note"}
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("change", [zero, still])
 def test_view_at_rest_is_proposed_to_be_left_out_and_not_to_be_amplified(change):
     views = changed(change, 2)
@@ -91,11 +92,13 @@ def test_images_beside_the_surface_are_told_in_one_sentence():
     assert found.subject == "views v1, v2, v3, v4, v5"
 
 
+@pytest.mark.whole
 def test_image_of_one_place_is_no_traceback():
     at_rest = changed(lambda v: replace(v, dac=0 * v.dac), 0)
     assert examined(at_rest).findings
 
 
+@pytest.mark.whole
 def test_of_many_frequencies_the_strongest_tell_of_all():
     views = changed(with_noise_before, *range(5))
     views[4] = replace(views[4], velocity=-views[4].velocity)
@@ -108,6 +111,7 @@ def test_of_many_frequencies_the_strongest_tell_of_all():
     assert found.groups["image/v1"]["flags"].values[bad] == 32
 
 
+@pytest.mark.whole
 def test_millimetres_for_metres_are_no_exchange():
     views = changed(lambda v: replace(v, velocity=1e3 * v.velocity, std=1e3 * v.std), 1)
     found = examined(views).findings[0]

@@ -91,6 +91,7 @@ def rms(values) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+@pytest.mark.whole
 def test_repaired_pose_is_refined_without_counting_the_images_twice():
     """Taken as a prior, the repaired pose would seem known to 0.7 of what it is known to."""
     made, wrong = turned(1, 21, 2)
@@ -107,6 +108,7 @@ def test_repaired_pose_is_refined_without_counting_the_images_twice():
     assert refined.groups["pose"].attrs["repaired"] == options["use_repair"][0]
 
 
+@pytest.mark.whole
 def test_turned_view_is_turned_back_as_well_as_the_images_tell():
     """Of six numbers one is off by more than four bounds in 3,000 trials; a test refuses first."""
     found = Refined(range(3), 31, 3)

@@ -18,6 +18,7 @@ def examined(made, **options):
     return examine_views(groups(made.views), LASER, surface(), **options)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("mistake", ["sign", "conjugate", "rms"])
 def test_repair_undoes_the_mistake(mistake):
     spoiled = session(np.random.default_rng(1), mistakes={2: mistake})
@@ -34,6 +35,7 @@ def test_repair_undoes_the_mistake(mistake):
     assert np.abs(left).max() < 2e-3, "but for noise, the image without the mistake"
 
 
+@pytest.mark.whole
 def test_two_wrong_views_are_void_and_said_to_be_more_than_one():
     made = session(np.random.default_rng(4), views=6, mistakes={1: "sign", 4: "sign"})
     found = examined(made).findings
@@ -41,6 +43,7 @@ def test_two_wrong_views_are_void_and_said_to_be_more_than_one():
     assert "more than one view is wrong" in found[0].text
 
 
+@pytest.mark.whole
 def test_view_of_another_field_is_left_out_if_asked():
     made = session(np.random.default_rng(5), mistakes={3: "other"})
     found = examined(made, use_repair=["view_v4.left_out"])
@@ -61,6 +64,7 @@ def rotation_error(pose, made, view):
     return vector_from_rotation(found @ (off @ stated).T)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("seed", [0, 1])
 def test_turned_view_with_a_known_origin_is_turned_back(seed):
     """Across the beam; the roll about it hardly moves where beams hit."""
@@ -85,6 +89,7 @@ def hits_off(pose, made):
     return float(np.sqrt(np.mean(squares)))
 
 
+@pytest.mark.whole
 def test_refined_poses_hit_nearer_to_the_truth_and_say_how_well():
     before, after, stated = [], [], []
     for seed in range(4):
@@ -100,6 +105,7 @@ def test_refined_poses_hit_nearer_to_the_truth_and_say_how_well():
     assert 0.6 < ratio < 1.5
 
 
+@pytest.mark.whole
 def test_poses_are_not_refined_where_views_disagree():
     made = session(np.random.default_rng(2), mistakes={1: "gain"}, size=0.03)
     found = examined(made, refined=True)

@@ -102,6 +102,7 @@ slow_files = settings(
 )
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @slow_files
 @given(tables())
@@ -131,6 +132,7 @@ def test_any_number_comes_back_to_one_unit_in_the_last_place(tmp_path, suffix, v
         np.testing.assert_array_max_ulp(ours, theirs, maxulp=1)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("suffix", [".csv", ".nc"])
 @slow_files
 @given(

@@ -67,6 +67,7 @@ def same(one, two):
 sizes = st.none() | st.integers(1, 4)
 
 
+@pytest.mark.whole
 @settings(max_examples=20, deadline=None, derandomize=True)
 @given(points=sizes, frequencies=sizes, std=st.booleans(), real=st.booleans(), seed=st.integers(0))
 def test_csv_and_netcdf_round_trip(tmp_path_factory, points, frequencies, std, real, seed):
@@ -170,6 +171,7 @@ def test_wrong_tables_are_named(tmp_path, text, message):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.whole
 def test_own_files_need_no_registry_of_units(tmp_path, loaded_by):
     path = tmp_path / "own.nc"
     group = example(np.random.default_rng(3)).to_dataset()
