@@ -95,7 +95,15 @@ def test_show_finds_a_choice_by_part_of_its_name(sldvexp, word, choice):
 @pytest.mark.parametrize(
     ("word", "choices"),
     [
-        ("strain", ["check=strain_truth", "experiment=panel_strain", "experiment=plate_strain"]),
+        (
+            "strain",
+            [
+                "check=strain_truth",
+                "experiment=panel_strain",
+                "experiment=plate_strain",
+                "experiment=tube_strain",
+            ],
+        ),
         ("solver", ["solver=cholesky", "solver=direct", "solver=iterative"]),
     ],
 )
