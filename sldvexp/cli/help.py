@@ -12,6 +12,7 @@ from sldvexp.config import registry
 
 USES = (
     ("sldvexp", "the default experiment, a whole session in the virtual lab"),
+    ("sldvexp handbook first_hour", "where to begin; sldvexp handbook lists the pages"),
     ("sldvexp experiment=pose pose.path=mine.reg", "one of the experiments, on your data"),
     ("sldvexp experiment=pose --cfg job", "what would be run"),
     ("sldvexp -m experiment=pose laser.mirror_offset=0,0.02", "one run for each value"),

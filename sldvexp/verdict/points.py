@@ -222,7 +222,7 @@ def _examine(data: PointData) -> tuple[list[Finding], list[Repair]]:
     kinds = _kinds(data, fit, others)
     tests = _tests(data, fit, others, kinds)
     if not tests.rejects:
-        noise = noise_finding(tests) if data.stated else None
+        noise = noise_finding(tests, of_points=True) if data.stated else None
         return [noise] if noise else [], []
     ranked = _ranked(data, kinds)
     if not ranked[0].view:

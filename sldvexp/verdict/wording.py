@@ -59,15 +59,23 @@ def not_compared(pixels: Mapping[str, int]) -> Finding:
     )
 
 
-def noise_finding(tests: ViewTests) -> Finding | None:
+def noise_finding(tests: ViewTests, of_points: bool = False) -> Finding | None:
     """Judge the noise that the views state by the misfit of all, if no view is wrong."""
+    what, fit, other = (
+        ("velocities", "what all views agree on", "directions are less exact")
+        if of_points
+        else (
+            "pixels",
+            "a smooth field of all views",
+            "the field is finer than the test can follow",
+        )
+    )
     if tests.misfit > LARGE_MISFIT:
         return Finding(
             "noise",
             "views",
-            f"the velocities lie {np.sqrt(tests.misfit):.2f} times their stated noise off a smooth "
-            "field of all views: the noise is larger than stated, or the field is finer than the "
-            "test can follow; bounds are as much too small",
+            f"the {what} lie {np.sqrt(tests.misfit):.2f} times their stated noise off {fit}: the "
+            f"noise is larger than stated, or {other}; bounds are as much too small",
             Severity.doubtful,
             tests.misfit,
             tests.misfit_p_value,
@@ -77,7 +85,7 @@ def noise_finding(tests: ViewTests) -> Finding | None:
         return Finding(
             "noise",
             "views",
-            f"the noise of the velocities is {np.sqrt(tests.misfit):.3g} times the stated one",
+            f"the noise of the {what} is {np.sqrt(tests.misfit):.3g} times the stated one",
             Severity.note,
             tests.misfit,
             tests.misfit_p_value,

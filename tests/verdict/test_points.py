@@ -66,6 +66,14 @@ def test_wrong_view_is_named(mistake, views):
     assert right >= 17
 
 
+def test_noise_that_is_too_small_is_told_in_words_of_points():
+    found = examine_points(points(1, lines=6, noise=NOISE / 1.3)[0])[1]
+    [finding] = [f for f in found if f.kind == "noise"]
+    assert finding.text.startswith("the velocities lie 1.")
+    assert "off what all views agree on" in finding.text
+    assert "pixel" not in finding.text
+
+
 def test_without_a_stated_noise_a_wrong_view_is_found_too():
     group, wrong = points(3, 6, mistake="sign", noise=None)
     assert kinds(group) == [("sign", wrong)]
