@@ -9,7 +9,7 @@ from dataclasses import fields
 
 import pytest
 
-from sldvexp.cli import main
+from sldvexp.cli import main, plot
 from sldvexp.cli.commands import COMMANDS
 from sldvexp.config import Origins, registry
 from sldvexp.config.experiment import Experiment
@@ -183,6 +183,11 @@ def wrong(line: str) -> str:
     command = words.pop(0) if "=" not in words[0] else ""
     if command and command not in COMMANDS:
         return f"there is no command {command}"
+    options = [word.removeprefix("--") for word in words if word.startswith("--")]
+    if unknown := [o for o in options if command == "plot" and o not in plot.OPTIONS]:
+        return f"plot has no option {unknown[0]}"
+    if command == "plot":  # each option takes the word behind it
+        words = [w for i, w in enumerate(words) if "--" not in (w[:2], words[i - 1][:2])]
     known = {"handbook": PAGES, "plot": FIGURES, "export": registry.names("export")}.get(command)
     if known is not None:
         given = words if command == "handbook" else words[1:]
@@ -208,6 +213,8 @@ def test_mistakes_in_calls_of_the_command_are_seen():
         "sldvexp show check=truths",
         "sldvexp pose=edgy seed=1",
         "sldvexp poze.path=mine.reg",
+        "sldvexp plot outputs/<day>/<time> fild --width 85mm",
+        "sldvexp plot outputs/<day>/<time> field --widht 85mm",
     ):
         assert wrong(bad), bad
 
