@@ -177,7 +177,9 @@ def test_a_defect_leaves_what_was_there(sldvexp, finished, monkeypatch):
 
 def test_a_failed_run_in_a_new_folder_has_its_sentence_in_its_log(sldvexp):
     done = sldvexp(*OTHER, "instrument.path=nope.csv")
-    assert sorted(p.name for p in done.folder.iterdir()) == [".hydra", ".lock", "sldvexp.log"]
+    assert sorted(p.name for p in done.folder.iterdir()) == [
+        *(".hydra", ".lock", "report.html", "sldvexp.log")
+    ]
     assert done.err.removeprefix("sldvexp: ") in (done.folder / "sldvexp.log").read_text() + "\n"
 
 

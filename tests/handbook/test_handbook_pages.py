@@ -9,7 +9,7 @@ from dataclasses import fields
 import pytest
 from handbook_pages import FENCE, PAGES, group_of, sections
 
-from sldvexp.cli import main, reference
+from sldvexp.cli import main, plot, reference
 from sldvexp.cli.commands import COMMANDS
 from sldvexp.config import Origins, docs, registry
 from sldvexp.config.experiment import Experiment
@@ -154,7 +154,7 @@ def words_of(line: str) -> list[str]:
     words, left = [], shlex.split(line, comments=True)[1:]
     while left:
         word = left.pop(0)
-        if word in ("--config-dir", "--cfg", "-sc"):
+        if word in ("--config-dir", "--cfg", "-sc", *(f"--{o}" for o in plot.OPTIONS)):
             left.pop(0)
         elif not word.startswith("-"):
             words.append(word)
@@ -167,6 +167,9 @@ def wrong(line: str) -> str:
     command = words.pop(0) if words and not re.search("[=~]", words[0]) else ""
     if command and command not in COMMANDS:
         return f"there is no command {command}"
+    options = [w for w in shlex.split(line, comments=True) if w.startswith("--")]
+    if command == "plot" and (odd := [o for o in options if o[2:] not in plot.OPTIONS]):
+        return f"plot has no option {odd[0]}"
     known = {
         "handbook": [*PAGES, *reference.PAGES],
         "plot": FIGURES,
@@ -198,6 +201,8 @@ def test_mistakes_in_calls_of_the_command_are_seen():
         "sldvexp show check=truths",
         "sldvexp pose=edgy seed=1",
         "sldvexp poze.path=mine.reg",
+        "sldvexp plot outputs/<day>/<time> fild --width 85mm",
+        "sldvexp plot outputs/<day>/<time> field --widht 85mm",
     ):
         assert wrong(bad), bad
 
