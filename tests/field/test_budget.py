@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sldvexp.field import FieldResult, View
-from sldvexp.field.bounds.budget import SOURCES, by_source
+from sldvexp.field.bounds.budget import OF_SEVERAL_LINES, SOURCES, by_source, not_included
 from sldvexp.field.estimate import estimate_field
 from sldvexp.field.visibility.projection import to_laser
 from sldvexp.image import Interpolation
@@ -86,6 +86,13 @@ def test_parts_add_up_to_the_bound(make_views: Make, laser: TwoMirror, method: A
     added = group["variance"].sum("source").transpose(*group["velocity_std"].dims)
     np.testing.assert_allclose(added, group["velocity_std"] ** 2, rtol=1e-12)
     assert (variances >= 0).all()
+
+
+def test_harmonics_are_named_where_they_can_fall_on_another_line() -> None:
+    """Of one line nothing is in its own way."""
+    one, two = ({"noise": np.ones((2, 5, 3, lines))} for lines in (1, 2))
+    assert OF_SEVERAL_LINES not in not_included(one)
+    assert not_included(two) == [*not_included(one), OF_SEVERAL_LINES]
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])

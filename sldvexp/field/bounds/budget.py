@@ -27,6 +27,8 @@ SOURCES = {
 }
 #: What shows in no residual of one session, and is in no budget.
 NEVER_INCLUDED = ("drift", "hysteresis of the mirrors")
+#: What such lines have besides that were measured together.
+OF_SEVERAL_LINES = "harmonics of a line that fall on others"
 
 #: How often squares of estimated errors are averaged over the nodes around.
 AVERAGED = 2
@@ -78,8 +80,11 @@ def _mean_square(mean: SurfaceMean, error: ComplexArray) -> Array:
 
 def not_included(variance: Mapping[str, Array]) -> list[str]:
     """Name the sources that are in no bound: nothing tells them, or no residual can show them."""
+    if not variance:
+        return []
     untold = [text for name, text in SOURCES.items() if name not in variance]
-    return [*untold, *NEVER_INCLUDED] if variance else []
+    several = any(each.shape[-1] > 1 for each in variance.values())
+    return [*untold, *NEVER_INCLUDED, *([OF_SEVERAL_LINES] if several else [])]
 
 
 def by_source(variance: Mapping[str, Array]) -> tuple[list[str], Array]:
