@@ -168,7 +168,7 @@ def wrong(line: str) -> str:
     if command and command not in COMMANDS:
         return f"there is no command {command}"
     options = [w for w in shlex.split(line, comments=True) if w.startswith("--")]
-    if command == "plot" and (odd := [o for o in options if o[2:] not in plot.OPTIONS]):
+    if command == "plot" and (odd := [o for o in options if o[2:] not in (*plot.OPTIONS, "help")]):
         return f"plot has no option {odd[0]}"
     known = {
         "handbook": [*PAGES, *reference.PAGES],
