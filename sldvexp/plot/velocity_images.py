@@ -136,7 +136,7 @@ def _rows(groups: dict[str, xr.Dataset], velocities: dict[str, ComplexArray], ti
             axis.xaxis.set_major_locator(style.ticks(2))
             axis.yaxis.set_major_locator(style.ticks(3))
             axis.set_aspect("equal")
-            axis.tick_params(labelleft=column is axes.T[0])
+            axis.tick_params(labelleft=part == PARTS[0])
     for axis, name in zip(axes[:, 0], groups, strict=True):
         axis.set_ylabel(name)
     style.up_beside(made, axes[:, 0], up)

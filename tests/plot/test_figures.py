@@ -117,6 +117,12 @@ def test_what_is_missing_is_said_in_one_sentence(name):
     assert figures_of({}) == {}
 
 
+def test_numbers_stand_at_the_left_of_images_only(figures):
+    axes = [a for a in figures["images"].axes if a.get_label() != "<colorbar>"]
+    told = [a.yaxis.get_tick_params()["labelleft"] for a in axes]
+    assert told == [n % 4 == 0 for n in range(len(axes))]
+
+
 def test_images_are_of_the_pixels(figures, tree):
     for row, view in zip(np.reshape(figures["images"].axes[:12], (3, 4)), "123", strict=True):
         group = tree[f"image/{view}"].to_dataset().isel(frequency=0)

@@ -10,6 +10,7 @@ from typing import Any
 
 import matplotlib
 from matplotlib.figure import Figure as Drawn
+from matplotlib.ticker import AutoLocator
 
 from sldvexp.dataset import RunData
 from sldvexp.plot import figures_of
@@ -58,6 +59,8 @@ OF_FILES = ("svg.hashsalt", "svg.fonttype")
 SPELT = {"%": "%25", "#": "%23", "&": "%26", "<": "%3C", ">": "%3E", "\n": " ", '"': "'"}
 #: Parts of a page that stand beside words on its first screen, and the width of their figures, m.
 FIRST, BESIDE = ("first", "stand"), 0.105
+#: Intervals between ticks of an axis that has no others.
+FEW_TICKS = 5
 #: Dots per inch of a PNG.
 FINE = 150
 
@@ -97,7 +100,7 @@ def _figure(
 
 def _address(drawn: Drawn) -> str:
     """Write a picture as a ``data:`` address, the same from the same data."""
-    _leave_out_silent_axes(drawn)
+    _with_few_ticks(drawn)
     settings: dict[Any, Any] = {name: SETTINGS[name] for name in OF_FILES}
     with matplotlib.rc_context(settings):
         svg = slim(drawn)
@@ -108,14 +111,16 @@ def _address(drawn: Drawn) -> str:
     return f"data:image/png;base64,{base64.b64encode(content.getvalue()).decode()}"
 
 
-def _leave_out_silent_axes(drawn: Drawn) -> None:
-    """Draw no ticks, which take long, where neither numbers nor lines belong to them."""
+def _with_few_ticks(drawn: Drawn) -> None:
+    """Draw few ticks, which take long, and none where neither numbers nor lines belong to them."""
     for axes in drawn.axes:
         for axis, sides in ((axes.xaxis, ("bottom", "top")), (axes.yaxis, ("left", "right"))):
             told = axis.get_tick_params()
             numbers = any(told.get(f"label{side}", False) for side in sides)
             if not (numbers or told.get("gridOn", False) or axis.get_label_text()):
                 axis.set_visible(False)
+            if type(located := axis.get_major_locator()) is AutoLocator:
+                located.set_params(nbins=FEW_TICKS)
 
 
 def _as_address(svg: str) -> str:
