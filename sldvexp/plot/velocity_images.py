@@ -121,7 +121,7 @@ def _rows(groups: dict[str, xr.Dataset], velocities: dict[str, ComplexArray], ti
         told.append(f"phase hatched: below {CERTAIN:g} standard deviations")
     title = f"{title} ({'; '.join(told)})" if told else title
     room: dict[str, Any] = {"below": style.SCALE_BELOW, "beside": 0.12, "between": 0.27}
-    room |= {"left": style.LEFT + 0.16}
+    room |= {"left": style.LEFT + (0.32 if style.narrow() else 0.2)}
     shared: dict[str, Any] = {"sharex": "row", "sharey": "row"}
     made, axes = style.sheet(len(groups), len(PARTS), tall, title, PARTS, **room, **shared)
     largest = max(np.abs(v[_good(groups[k])]).max(initial=0.0) for k, v in velocities.items())
