@@ -32,6 +32,7 @@ def wrapped(text: str, indent: int = 0, hanging: int | None = None) -> list[str]
         initial_indent=" " * indent,
         subsequent_indent=" " * later,
         break_on_hyphens=False,
+        break_long_words=False,  # a path stays one word, which can be copied
     )
 
 

@@ -27,7 +27,7 @@ ALMOST = 247
 @register("export", "gif")
 @dataclass
 class Gif(MovingPicture):
-    """The surface in motion at one frequency as a GIF, which plays in slides, mail and browsers.
+    """Surface in motion at one frequency as a GIF, which plays in slides, mail and browsers.
 
     One period, repeated without end. Colours say strain or amplitude, which stay; a grey line is
     where the rim rests. The title says the frequency and by how much displacements are enlarged.

@@ -28,7 +28,7 @@ INSTANTS = 60
 @register("export", "glb")
 @dataclass
 class Glb(MovingExport):
-    """The surface in motion at one frequency, glTF 2.0 (binary), for browsers and Blender.
+    """Surface in motion at one frequency, glTF 2.0 (binary), for browsers and Blender.
 
     Triangles, or points and the lines between them, with two morph targets, real and imaginary
     part of the velocity as they are drawn, and an animation of their weights over one period, which

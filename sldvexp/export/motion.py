@@ -1,4 +1,4 @@
-"""The surface that moves, as exports to look at have it: GLB, GIF and MP4.
+"""Surface that moves, as exports to look at have it: GLB, GIF and MP4.
 
 A point of the surface is drawn at p + s Re(V exp(i phi)), with the complex velocity V (m/s) at one
 frequency, its phase phi, and the scale s, drawn metres for 1 m/s; the report's page draws the same.

@@ -22,7 +22,7 @@ CODEC = "vp09"
 @register("export", "mp4")
 @dataclass
 class Mp4(MovingPicture):
-    """The surface in motion at one frequency as an MP4 film (VP9), for browsers and VLC.
+    """Surface in motion at one frequency as an MP4 film (VP9), for browsers and VLC.
 
     Several periods, since players end at the end. Otherwise the pictures are those of `gif`, with
     all their colours. Needs OpenCV: ``pip install 'sldvexp[video]'``. Sides are even numbers.

@@ -1,4 +1,4 @@
-"""The sheet that figures are drawn for: its width, its letters, and a style of one's own.
+"""Sheet that figures are drawn for: its width, its letters, and a style of one's own.
 
 A figure is drawn at the size at which it is printed, so that its letters have their size there;
 what does not fit beside each other goes below. Assumed is the width of a journal's page of two

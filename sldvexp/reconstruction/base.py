@@ -119,13 +119,16 @@ class Reconstruction(ReconstructionSettings):
     def _group(self, line_of_sight: xr.Dataset, rows: RowSet | None = None) -> xr.Dataset:
         """Make the group of views without gaps, by default with the method's own rows of them."""
         velocity, std = line_of_sight["velocity"], line_of_sight.get("velocity_std")
-        views = Views.checked(
+        of_views = (
             line_of_sight["direction_cosines"].transpose("view", ..., "axis").values,
             velocity.values,
             None if std is None else std.values,
             [str(v) for v in line_of_sight["view"].values],
         )
-        result = solve(views, rows or self.row_set(views.directions, views.names), self)
+        if rows is None:
+            result = self.reconstruct(*of_views)
+        else:
+            result = solve(Views.checked(*of_views), rows, self)
         point, frequency = (
             velocity[d].values if d in velocity.dims else None for d in ("point", "frequency")
         )

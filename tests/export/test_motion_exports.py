@@ -207,8 +207,10 @@ def test_picture_is_that_of_the_report():
     camera = (PAGE / "camera.js").read_text()
     [seen] = re.findall(r"azimuth: (-?[\d.]+), elevation: (-?[\d.]+)", camera)
     assert tuple(map(float, seen)) == (Gif().azimuth, Gif().elevation)
-    pale = re.findall(r"vec3\(([\d.]+)\), ([\d.]+) \* fading", (PAGE / "viewer.js").read_text())
-    assert [(float(a), float(b)) for a, b in pale] == [(PALE, VEIL)]
+    viewer = (PAGE / "viewer.js").read_text()
+    [veil] = re.findall(r"([\d.]+) \* fading", viewer)
+    [paper] = re.findall(r"uniform.paper, look.dark \? [\d.]+ : ([\d.]+)", viewer)
+    assert (float(paper), float(veil)) == (PALE, VEIL)
 
 
 @pytest.mark.parametrize("colour", MotionColour)

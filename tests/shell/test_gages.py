@@ -170,7 +170,7 @@ def test_all_of_a_file_that_is_not_used_is_told(examined):
 @pytest.mark.parametrize(
     ("lines", "told"),
     [
-        (["h0,197,1,0,0"], "gages.csv: gage h0 is none of check.gages; did you mean g0?"),
+        (["h0,197,1,0,0"], "gages.csv: gage h0 is none of check.gages; Valid: g0"),
         (["g0,198,1,0,0"], "has no strain at a frequency of the run: it has 198 Hz, the run 197"),
     ],
 )

@@ -1,4 +1,4 @@
-"""The page of a run that was interrupted or failed: what there is so far, and how to go on.
+"""Page of a run that was interrupted or failed: what there is so far, and how to go on.
 
 It is made of what is in the folder: the settings and the command line that Hydra records, the log,
 and the scan lines and answers of the journal.
