@@ -397,6 +397,7 @@ def _parts(line: str) -> Iterator[str]:
 
 def _of_part(text: str) -> Statement:
     """Tell what a part of a line states."""
+    text = text.replace("\x00", " ")  # which marks measures below
     text = FILE_NAME.sub(" ", text).replace("_", " ").replace("'", " ")
     text = OVER.split(REFERENCES.split(text)[0])[0]
     text = STROKE.sub(r"\1/\2", LENGTH_UNIT.sub("coordinates unit", text))

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from sldvexp.io.statements import Known, statement_in
+from sldvexp.io.statements import Known, Statement, statement_in
 from sldvexp.unit_labels import Amplitude
 
 RMS, PEAK, P_P = Amplitude.rms, Amplitude.peak, Amplitude.peak_to_peak
@@ -244,3 +244,8 @@ def test_work_on_a_line_is_bounded(piece: str) -> None:
     for length in (40, 130, 400, 1_000_000):
         statement_in((piece * length)[:length])
     assert time.perf_counter() - start < 1.0
+
+
+def test_zero_bytes_of_a_damaged_line_state_nothing() -> None:
+    assert statement_in("\x00" * 8 + "p") == Statement()
+    assert statement_in("\x000\x00 Velocity [mm/s] \x00") == statement_in("0 Velocity [mm/s]")
