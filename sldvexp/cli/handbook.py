@@ -20,7 +20,7 @@ from sldvexp.errors import UserError, nearest
 #: Pages in the order in which they are read.
 CHAPTERS = {
     "Begin": ("first_hour", "own_plate", "own_files", "other_instruments", "first_instrument"),
-    "Work": ("own_experiments", "sweeps", "figures", "formats", "python", "how_to"),
+    "Work": ("own_experiments", "sweeps", "figures", "motion", "formats", "python", "how_to"),
     "Methods": (
         "choosing_a_method",
         "poses",
@@ -30,7 +30,7 @@ CHAPTERS = {
         "theory",
         "virtual_lab",
     ),
-    "Results": ("reading_a_result", "verdict", "reproduced", "printed"),
+    "Results": ("reading_a_result", "viewer", "verdict", "reproduced", "printed"),
     "Look up": ("conventions", "glossary", "extending", "threats"),
 }
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from sldvexp import cli
 from sldvexp.cli.layout import columns, wrapped
 from sldvexp.cli.list import EXPERIMENT, files
 from sldvexp.config import registry
@@ -127,6 +128,7 @@ COMMAND_HELP = {
         (
             (f"plot {RUN}", "all that the run can show"),
             (f"plot {RUN} field nodal", "these two"),
+            (f"plot {RUN} field --width 85mm --format pdf", "for a column of a journal"),
         ),
     ),
     "export": CommandHelp(
@@ -208,8 +210,16 @@ def of_command(name: str) -> str:
     lines = wrapped(f"usage: sldvexp {name} {one.takes}", 0, 7)
     for paragraph in one.told:
         lines += ["", *wrapped(paragraph)]
+    if options := options_of(name):
+        lines += ["", "Options:", *columns(options)]
     calls = [(f"sldvexp {call}", does) for call, does in one.examples]
     return "\n".join([*lines, "", "Examples:", *columns(calls)])
+
+
+def options_of(name: str) -> list[tuple[str, str]]:
+    """List the options of a command's own with what each takes."""
+    own: dict[str, str] = getattr(getattr(cli, name), "OPTIONS", {})
+    return [(f"--{option}", told) for option, told in own.items()]
 
 
 def _choices(folders: list[Path]) -> Iterator[tuple[str, list[str]]]:

@@ -109,7 +109,9 @@ def write_sources(source: Path, gallery: Iterable[Shown]) -> None:
     """Write the pages as Sphinx takes them."""
     source.mkdir(parents=True)
     for name, page in handbook.pages().items():
-        (source / f"{name}.md").write_text(for_sphinx(page.read_text(encoding="utf-8")))
+        (source / f"{name}.md").write_text(
+            for_sphinx(page.read_text(encoding="utf-8")), encoding="utf-8"
+        )
     if (HANDBOOK / "pictures").is_dir():
         shutil.copytree(HANDBOOK / "pictures", source / "pictures")
     write_reference(source)
@@ -119,16 +121,18 @@ def write_sources(source: Path, gallery: Iterable[Shown]) -> None:
 
 def write_reference(source: Path) -> None:
     """Write the pages that are made of the program, of settings and functions one for each part."""
-    (source / "commands.md").write_text(reference.commands())
+    (source / "commands.md").write_text(reference.commands(), encoding="utf-8")
     parts = {"settings": reference.GROUPS, "functions": reference.rooms()}
     for kind, names in parts.items():
         files = [f"{kind}_{name.replace('.', '_')}" for name in names]
         for name, file in zip(names, files, strict=True):
             title, told, text = getattr(reference, kind)((name,)).split("\n\n", 2)
             text = re.sub(r"^#(#+ )", r"\1", text, flags=re.MULTILINE)  # a part is a page here
-            (source / f"{file}.md").write_text(text)
+            (source / f"{file}.md").write_text(text, encoding="utf-8")
         links = "\n".join(f"- [{n}]({file}.md)" for n, file in zip(names, files, strict=True))
-        (source / f"{kind}.md").write_text(f"{title}\n\n{told}\n\n{links}\n\n{_contents(files)}\n")
+        (source / f"{kind}.md").write_text(
+            f"{title}\n\n{told}\n\n{links}\n\n{_contents(files)}\n", encoding="utf-8"
+        )
 
 
 def for_sphinx(text: str) -> str:
@@ -154,9 +158,9 @@ def write_chapters(source: Path) -> None:
         lines = "\n".join(f"- []({name}.md): {told[name]}." for name in names)
         first += [f"## {title}", lines]
         text = f"# {title}\n\n{lines}\n\n{_contents(names)}\n"
-        (source / f"{_chapter(title)}.md").write_text(text)
+        (source / f"{_chapter(title)}.md").write_text(text, encoding="utf-8")
     first.append(_contents(map(_chapter, chapters)))
-    (source / "index.md").write_text("\n\n".join(first) + "\n")
+    (source / "index.md").write_text("\n\n".join(first) + "\n", encoding="utf-8")
 
 
 def _chapter(title: str) -> str:
@@ -187,4 +191,4 @@ def write_gallery(source: Path, gallery: Iterable[Shown]) -> None:
             save(figures[name](), file)
             parts.append(f"![{name}](pictures/{file.name}.png)")
     shutil.rmtree(source / "runs", ignore_errors=True)
-    (source / "gallery.md").write_text("\n\n".join(parts) + "\n")
+    (source / "gallery.md").write_text("\n\n".join(parts) + "\n", encoding="utf-8")

@@ -2,8 +2,8 @@
 
 A point of the surface is drawn at p + s Re(V exp(i phi)), with the complex velocity V (m/s) at one
 frequency, its phase phi, and the scale s, drawn metres for 1 m/s; the report's page draws the same.
-A sine's velocity leads its displacement by a quarter of a period and is elsewise of its shape, so
-that the drawn motion is that of the displacement too. What is not determined stays at rest.
+A sine's velocity leads its displacement by a quarter of a period and is of the same shape, so that
+the drawn motion is that of the displacement too. What is not determined stays at rest.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from sldvexp.typing import ComplexArray
 
 #: ParaView 5.10 gave "Threshold" the settings that this uses.
 SCRIPT = Template('''\
-"""Opens $file in ParaView 5.10 or later: File, Load State, or paraview --state=<this file>."""
+"""Opens the period in ParaView 5.10 or later: File, Load State, or paraview --state=<this file>."""
 
 import os
 
@@ -82,7 +82,7 @@ def paraview_script(name: str, mesh: PrismMesh, velocity: ComplexArray, hertz: f
     scale = drawn_scale(mesh.position, known)
     middle = (mesh.position.min(axis=0) + mesh.position.max(axis=0)) / 2
     return SCRIPT.substitute(
-        file=repr(f"{name}_phase.pvd"),
+        file=ascii(f"{name}_phase.pvd"),
         vector="displacement" if hertz else "velocity",
         scale=scale * 2 * np.pi * hertz if hertz else scale,
         largest=float(amplitude(known).max()) or 1.0,

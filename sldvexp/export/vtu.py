@@ -182,4 +182,4 @@ def _instant(
 def _put(path: Path, text: str) -> None:
     """Write a file whole or not at all; all of them are synced when they are in their places."""
     with whole_or_nothing(path, lasting=False) as whole:
-        whole.write_text(text)
+        whole.write_text(text, encoding="utf-8")

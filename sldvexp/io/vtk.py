@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -104,7 +105,8 @@ def pvd(files: Mapping[float, Path], comment: str) -> str:
 def _head(kind: str, comment: str) -> Iterator[str]:
     """Write the beginning of a file."""
     yield '<?xml version="1.0"?>'
-    yield f"<!-- {escape(comment).replace('--', '- -')} -->"
+    told = "".join(c if c.isprintable() else " " for c in comment)
+    yield f"<!-- {re.sub('-(?=-)', '- ', escape(told))} -->"  # two hyphens would end it
     yield (
         f'<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt64" '
         'compressor="vtkZLibDataCompressor">'

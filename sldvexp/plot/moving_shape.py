@@ -19,6 +19,7 @@ from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from sldvexp.plot import style
+from sldvexp.plot.triangle_sides import rim
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 #: Colour of what has no value, and of what lies at rest.
@@ -189,16 +190,3 @@ class MovingShape:
         look = {"edgecolors": "#000000", "linewidths": 0.3, "clip_on": False}
         colours = self.colour[self.dots.ravel()]
         self.marks = self.axes.scatter(*every[0][self.dots.ravel()].T, s=16, c=colours, **look)
-
-
-def rim(triangles: IntArray) -> IntArray:
-    """Find the sides that only one triangle has, shape (side, 2).
-
-    Examples
-    --------
-    >>> rim(np.array([[0, 1, 2], [1, 3, 2]])).tolist()
-    [[0, 1], [0, 2], [1, 3], [2, 3]]
-    """
-    sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    found, count = np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)
-    return np.asarray(found[count == 1])

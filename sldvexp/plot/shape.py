@@ -20,6 +20,7 @@ from sldvexp.plot import style
 from sldvexp.plot.layer import AXES, PLACE, VolumeLayer, layer_of
 from sldvexp.plot.maps import VEIL
 from sldvexp.plot.selection import at_frequency, require
+from sldvexp.plot.triangle_sides import rim, sides
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 NO_SHAPE = (
@@ -246,8 +247,8 @@ def _draw(
         faces = Poly3DCollection(place[triangles], **look)
         faces.set_rasterized(True)
         axes.add_collection3d(faces)
-    ends = lines if len(lines) else _sides(triangles)
-    at_rest = ends if dots else _rim(triangles)
+    ends = lines if len(lines) else sides(triangles)
+    at_rest = ends if dots else rim(triangles)
     if len(at_rest):
         axes.add_collection3d(Line3DCollection(rest[at_rest], colors="#999999", linewidths=0.7))
     if dots and len(ends):
@@ -278,16 +279,3 @@ def _draw(
     for axis in (axes.xaxis, axes.yaxis):
         axis.labelpad = 6.0 if style.narrow() else 4.0
     return mapped
-
-
-def _rim(triangles: IntArray) -> IntArray:
-    """Find the sides that only one triangle has."""
-    three = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    sides, count = np.unique(np.sort(three, axis=1), axis=0, return_counts=True)
-    return np.asarray(sides[count == 1], np.intp)
-
-
-def _sides(triangles: IntArray) -> IntArray:
-    """Find the sides of triangles, each once."""
-    every = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    return np.unique(np.sort(every, axis=1), axis=0)

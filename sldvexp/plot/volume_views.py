@@ -13,6 +13,7 @@ from sldvexp.dataset import VARIABLES, RunData, Source
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
 from sldvexp.plot.selection import require
+from sldvexp.plot.triangle_sides import rim
 from sldvexp.typing import Array, IndexArray
 
 NO_VOLUME = (
@@ -61,7 +62,7 @@ def volume(source: Source | RunData) -> Figure:
     require("volume", unavailable_because(run))
     pose, group = run.groups["pose"], run.groups["volume"]
     names = [str(v) for v in pose["view"].values]
-    middle, rim = _surface(group), outline(group)
+    middle, ends = _surface(group), outline(group)
     made, axes, scene = _panels(names, _title(group))
     _scene(scene, run, names)
     spot = 1.0 if len(middle) > FEW else 2.0
@@ -76,7 +77,7 @@ def volume(source: Source | RunData) -> Figure:
         look = {"color": style.COLOURS[1], "markersize": spot, "rasterized": True}
         axis.plot(left_right[middle], up_down[middle], ".", label="node of the surface", **look)
         look = {"color": style.COLOURS[3], "linewidth": 0.8}
-        edges = _apart(np.stack([left_right, up_down], axis=1)[rim])
+        edges = _apart(np.stack([left_right, up_down], axis=1)[ends])
         axis.plot(*edges.T, label="edge of the volume", **look)
         axis.set_aspect("equal", adjustable="datalim")
         for own in (axis.xaxis, axis.yaxis):
@@ -226,13 +227,11 @@ def outline(group: xr.Dataset) -> IndexArray:
     nodes = group.sizes["node"]
     per_layer = nodes // depths
     triangle = element[(element[:, :3] < per_layer).all(axis=1), :3]
-    sides = np.sort(np.concatenate([triangle[:, [0, 1]], triangle[:, [1, 2]], triangle[:, [2, 0]]]))
-    rim, count = np.unique(sides, axis=0, return_counts=True)
-    rim = rim[count == 1]
+    edge = rim(triangle)
     last = nodes - per_layer
-    corner = _corners(group["position"].values[:per_layer], rim)
+    corner = _corners(group["position"].values[:per_layer], edge)
     through = np.stack([corner, corner + last], axis=1)
-    return np.concatenate([rim, rim + last, through])
+    return np.concatenate([edge, edge + last, through])
 
 
 def _corners(position: Array, rim: IndexArray) -> IndexArray:

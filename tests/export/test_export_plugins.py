@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import csv
 import runpy
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 
 import meshio
 import numpy as np
@@ -24,6 +26,7 @@ from sldvexp.export import velocities_of
 from sldvexp.export.uff import GeometryDataSets, ShapeNames, UffExport
 from sldvexp.export.velocities import mesh_of, velocity_in_world
 from sldvexp.export.vtu import Vtu
+from sldvexp.io import pvd
 
 #: What other programs need of a session, and not its velocities: tests/export/test_scan_files.py.
 OF_THE_SESSION = {"reg", "scanlist"}
@@ -410,6 +413,20 @@ def test_script_for_paraview_opens_the_period(hertz, local, tmp_path, monkeypatc
     assert scale * away == pytest.approx(0.08 * diagonal)
     [least, most] = notes["paraview.simple.GetColorTransferFunction().RescaleTransferFunction"][0]
     assert (least, most) == (0.0, pytest.approx(largest))
+
+
+def test_names_of_exports_are_only_text_in_the_script_for_paraview(local, tmp_path):
+    name = '""";raise SystemExit;"""'
+    Vtu(phases=3).export(RunData(local.tree, local.attributes), tmp_path, name)
+    script = ast.parse((tmp_path / f"{name}_paraview.py").read_text(encoding="utf-8"))
+    assert not any(isinstance(part, ast.Raise) for part in ast.walk(script))
+    texts = [part.value for part in ast.walk(script) if isinstance(part, ast.Constant)]
+    assert f"{name}_phase.pvd" in texts
+
+
+@pytest.mark.parametrize("comment", ["a--b", "a---b", "-->", "----", "ends with -", "\x1b[31m"])
+def test_files_of_vtk_are_xml_whatever_their_comment(comment):
+    assert ElementTree.fromstring(pvd({0.0: Path("a.vtu")}, comment)).tag == "VTKFile"
 
 
 def test_strongest_frequency_is_played_unless_another_is_named(world, tmp_path):
