@@ -38,6 +38,7 @@ SETTINGS: Any = {
     "font.family": "sans-serif",
     # what a reader of a picture with letters may have instead, with letters about as wide
     "font.sans-serif": ["DejaVu Sans", "Verdana", "sans-serif"],
+    "text.parse_math": False,  # names of views and runs may have any signs, such as $
     "font.size": 8.0,
     "axes.titlesize": 8.0,
     "axes.labelsize": 8.0,

@@ -41,6 +41,12 @@ def test_points_have_their_bounds():
     assert [t.get_text() for t in figure.legends[0].get_texts()] == ["point", "other"]
 
 
+def test_names_are_written_as_they_are(tmp_path):
+    tree = {"point": groups.point(1), r"compare/a$\nonsense_$": groups.point(2)}
+    (file,) = sldvexp.plot.save(sldvexp.plot.point(tree), tmp_path / "point", formats=["svg"])
+    assert r">a$\nonsense_$<" in file.read_text(encoding="utf-8")
+
+
 def test_what_is_not_determined_is_no_dot_in_either_part():
     own = groups.point(1)
     own["velocity"].values[1:] = np.nan  # and an imaginary part of 0
