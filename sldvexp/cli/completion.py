@@ -16,7 +16,7 @@ from hydra.plugins.completion_plugin import DefaultCompletionPlugin
 from omegaconf import OmegaConf
 
 from sldvexp.cli import handbook
-from sldvexp.cli.commands import COMMANDS
+from sldvexp.cli.commands import COMMANDS, add_options
 from sldvexp.cli.list import EXPERIMENT
 from sldvexp.config import Origins, registry
 from sldvexp.config.experiment import NAMED_GROUPS, SINGLE_GROUPS, Experiment
@@ -49,7 +49,9 @@ def suggestions(line: str) -> list[str]:
 def _all(words: list[str], word: str) -> Iterable[str]:
     """List what may stand in the place of a word, whether it begins so or not."""
     if word.startswith("-"):
-        return [o for action in get_args_parser()._actions for o in action.option_strings]
+        parser = get_args_parser()
+        add_options(parser, words)
+        return [o for action in parser._actions for o in action.option_strings]
     registry.load_installed()
     origins = Origins(words)
     command = next(iter(origins.options.overrides), None)

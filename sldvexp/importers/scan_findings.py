@@ -122,6 +122,6 @@ def contradicted_lines(
     by["length_unit"] = f"the columns of coordinates say {table.units[roles['x']]}"
     by["angle"] = f"the column of phases says {table.units[roles.get('phase', 0)]}"
     lines = HeadLines(settings, str(table.path), known, by)
-    places = (partial(f"{table.path}, line {{}}".format, i) for i, _ in table.said)
+    places = (partial("{}, line {}".format, table.path, i) for i, _ in table.said)
     lines.compare(zip(places, (line for _, line in table.said), strict=True), questions)
     return lines.odd

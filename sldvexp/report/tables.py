@@ -122,7 +122,7 @@ def pose_methods(found: xr.Dataset) -> Table:
     for method in found["pose_method"].values:
         row = found.sel(pose_method=method)
         cells = [number(known[name].factor * float(row[name]), 3) for name in columns]
-        table.add_row(str(method), str(int(row["views"])), *cells)
+        table.add_row(escape(str(method)), str(int(row["views"])), *cells)
     return table
 
 
@@ -221,7 +221,7 @@ def budget_table(field: xr.Dataset) -> Table:
     >>> [list(column.cells) for column in budget_table(found).columns[1:]]
     [['0.03', '0.04', '0.05'], ['36%', '64%', '100%']]
     """
-    components = [str(c) for c in field["component"].values]
+    components = [escape(str(c)) for c in field["component"].values]
     titles = [t for c in components for t in (f"{c}, {VELOCITY.shown_unit}", f"share of {c}")]
     title = "Budget (standard uncertainty on the surface by source, r.m.s.)"
     table = Table("source", *titles, title=title, title_justify="left")
@@ -235,7 +235,7 @@ def budget_table(field: xr.Dataset) -> Table:
         cells = [(_two(np.sqrt(v)), _share(v, t)) for v, t in zip(row, total, strict=True)]
         table.add_row(name, *(cell for pair in cells for cell in pair))
     for name in filter(None, field.attrs.get("not_included", "").split("; ")):
-        table.add_row(name, *["not included", ""] * len(components))
+        table.add_row(escape(name), *["not included", ""] * len(components))
     return table
 
 
@@ -247,7 +247,7 @@ def _share(variance: float, total: float) -> str:
 def strain_tables(run: RunData) -> Iterator[Table]:
     """Make tables of the strain's components and of the hot spots, of every strain there is."""
     for name, strain in strains_of(run).items():
-        of = "" if name == "field" else f" by {name}"
+        of = "" if name == "field" else f" by {escape(name)}"
         yield strain_table(strain, strongest(strain, "strain"), of)
         yield hot_spot_table(strain, strongest(strain, "strain"), of)
 
@@ -355,7 +355,9 @@ def truth_table(truth: xr.Dataset, frequencies: Sequence[float]) -> Table:
     known = VARIABLES["examined/strain_truth" if strain else "examined/truth"]
     axis, factor = ("strain_component", 1e6) if strain else ("component", 1e3)
     of = truth.attrs.get("field", "field")
-    on = "On the true surface" if of == "field" else f"{of.capitalize()} on the true surface"
+    on = (
+        "On the true surface" if of == "field" else f"{escape(of.capitalize())} on the true surface"
+    )
     what = "Strain of the true surface, microstrain" if strain else on
     columns = (axis.replace("_", " "), FREQUENCY.units, *(known[name].titled() for name in names))
     table = Table(*columns, title=f"{what}{_some([truth])}", title_justify="left")

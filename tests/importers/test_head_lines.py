@@ -48,6 +48,14 @@ def test_head_line_that_contradicts_a_label_is_asked_about(tmp_path, head, said)
     assert said in str(error.value), str(error.value)
 
 
+def test_file_whose_name_has_braces_is_named_as_it_is(tmp_path):
+    folder = tmp_path / "{1} {a}"
+    folder.mkdir()
+    with pytest.raises(UserError) as error:
+        table(folder, "Velocity RMS")
+    assert f"{folder / 'scan.txt'}, line 1: 'Velocity RMS'" in str(error.value)
+
+
 @pytest.mark.parametrize(
     ("setting", "head", "factor"),
     [

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from io import StringIO
+
 import pytest
+from rich.console import Console
 
 from sldvexp.dataset import RunData
 from sldvexp.report.html import figures, run_page
+from sldvexp.report.html.blocks import HtmlTable
 from sldvexp.report.tables import field_tables, strain_tables
 from tests.shell.made_strain import made_strain
 
@@ -37,6 +41,13 @@ def test_strains_of_compared_methods_have_tables_of_their_own(small_volume):
         "Strain of the face by spline",
         "Hot spots of the face by spline",
     ]
+
+
+def test_names_of_methods_are_no_marks_in_titles(small_volume):
+    run = RunData({"compare_strain/[/b]": made_strain(small_volume())})
+    for table in strain_tables(run):
+        assert "of the face by [/b]" in HtmlTable.from_table(table).caption
+        Console(file=StringIO()).print(table)
 
 
 def test_without_a_material_no_stress_is_listed(small_volume):

@@ -77,7 +77,8 @@ class HtmlTable:
         columns = [[Marked.from_markup(str(c)).plain for c in of.cells] for of in shown.columns]
         headers = [Marked.from_markup(str(of.header)).plain for of in shown.columns]
         rows = list(zip(*columns, strict=True))
-        return cls(headers, rows, str(shown.title or ""), wide)
+        title = Marked.from_markup(str(shown.title or "")).plain
+        return cls(headers, rows, title, wide)
 
 
 @dataclass(frozen=True)

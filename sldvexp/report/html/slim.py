@@ -40,7 +40,7 @@ PLACES = re.compile(r' (?:d|x|y|transform)="[^"]+"')
 FINER = re.compile(r"(\.\d\d)\d+")
 ALONE = re.compile(r"<g>(<(?:path|use) [^>]*/>)</g>")
 ALIKE = re.compile(r'<use [^>]*? style="([^"]*)"/>(?:<use [^>]*? style="\1"/>)+')
-PICTURE = re.compile(r'data:image/png;base64,[^"]+')
+PICTURE = re.compile(r'(?<=href=")data:image/png;base64,[^"]+')
 #: Text in which quotation marks are meant; all others an address may change to single ones.
 QUOTED = re.compile(r'>[^<"]*"[^<]*')
 
