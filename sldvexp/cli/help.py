@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from sldvexp import cli
 from sldvexp.cli.layout import columns, wrapped
 from sldvexp.cli.list import EXPERIMENT, files
 from sldvexp.config import registry
@@ -44,12 +43,15 @@ class CommandHelp:
         Paragraphs of its own page.
     examples : tuple of (str, str)
         Calls without the program's name, and what each does.
+    options : mapping of str to str
+        Names of options of its own, and what each takes.
     """
 
     takes: str
     does: str
     told: tuple[str, ...]
     examples: tuple[tuple[str, str], ...]
+    options: Mapping[str, str] = field(default_factory=dict)
 
 
 RUN = "outputs/<day>/<time>"
@@ -130,6 +132,12 @@ COMMAND_HELP = {
             (f"plot {RUN} field nodal", "these two"),
             (f"plot {RUN} field --width 85mm --format pdf", "for a column of a journal"),
         ),
+        {
+            "width": "width of the printed figure, such as 85mm",
+            "format": "formats of the files, of png, svg and pdf",
+            "dpi": "dots per inch of what is painted",
+            "style": "a file of matplotlib's settings, or the name of one of its styles",
+        },
     ),
     "export": CommandHelp(
         "<run> <formats> [format.setting=value]",
@@ -210,16 +218,11 @@ def of_command(name: str) -> str:
     lines = wrapped(f"usage: sldvexp {name} {one.takes}", 0, 7)
     for paragraph in one.told:
         lines += ["", *wrapped(paragraph)]
-    if options := options_of(name):
+    if one.options:
+        options = [(f"--{option}", told) for option, told in one.options.items()]
         lines += ["", "Options:", *columns(options)]
     calls = [(f"sldvexp {call}", does) for call, does in one.examples]
     return "\n".join([*lines, "", "Examples:", *columns(calls)])
-
-
-def options_of(name: str) -> list[tuple[str, str]]:
-    """List the options of a command's own with what each takes."""
-    own: dict[str, str] = getattr(getattr(cli, name), "OPTIONS", {})
-    return [(f"--{option}", told) for option, told in own.items()]
 
 
 def _choices(folders: list[Path]) -> Iterator[tuple[str, list[str]]]:

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 from sldvexp import dataset
+from sldvexp.cli.help import COMMAND_HELP
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.dataset import RunData
 from sldvexp.errors import UserError, nearest
@@ -21,12 +22,7 @@ FOLDER = "figures"
 
 
 #: Options of this command with what they take.
-OPTIONS = {
-    "width": "width of the printed figure, such as 85mm",
-    "format": "formats of the files, of png, svg and pdf",
-    "dpi": "dots per inch of what is painted",
-    "style": "a file of matplotlib's settings, or the name of one of its styles",
-}
+OPTIONS = COMMAND_HELP["plot"].options
 #: A length with its unit.
 LENGTH = re.compile(r"\s*([\d.]+)\s*([a-z]+)\s*")
 

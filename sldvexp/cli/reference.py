@@ -34,8 +34,8 @@ def commands() -> str:
     for name, one in help_pages.COMMAND_HELP.items():
         parts += [f"## `sldvexp {name}`", f"`sldvexp {name} {one.takes}`"]
         parts += [_prose(paragraph) for paragraph in one.told]
-        options = [f"- `{o}`: {_prose(told)}" for o, told in help_pages.options_of(name)]
-        parts += ["\n".join(options)] if options else []
+        if one.options:
+            parts.append("\n".join(f"- `--{o}`: {_prose(t)}" for o, t in one.options.items()))
         parts.append(
             "\n".join(f"- `sldvexp {call}`: {_prose(does)}" for call, does in one.examples)
         )
