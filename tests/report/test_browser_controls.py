@@ -222,6 +222,29 @@ def test_a_cut_across_the_grid_is_linear_between_nodes(shown, small_volume, smal
     shown.set("from", "")
 
 
+def test_a_cut_along_a_tube_stays_on_its_wall(shown):
+    around, along = 24, 10
+    turn, row = np.meshgrid(2 * np.pi * np.arange(around) / around, np.arange(along))
+    place = np.stack([np.sin(turn), 0.3 * row, np.cos(turn)], axis=-1).reshape(-1, 3)
+    first = (around * np.arange(along - 1)[:, None] + np.arange(around)).ravel()
+    beside = first - first % around + (first + 1) % around
+    upper = [first, beside, beside + around], [first, beside + around, first + around]
+    triangle = np.concatenate([np.stack(corners, axis=1) for corners in upper])
+    code = (
+        "return makeMesh(arguments[0], arguments[1]).cut(arguments[2], arguments[3], arguments[4])"
+    )
+    for begin, end in ((3, 3 + 9 * around), (74, 173), (2 + 5 * around, 6 + 5 * around)):
+        normal = (place[begin] + place[end]) * [1, 0, 1]
+        path = shown.js(
+            code, place.ravel().tolist(), triangle.ravel().tolist(), begin, end, normal.tolist()
+        )
+        assert (path[0]["a"], path[-1]["b"]) == (begin, end)
+        for point in path:
+            for node in (point["a"], point["b"]):
+                assert place[node] @ normal > 0
+        assert np.all(np.diff([point["distance"] for point in path]) > 0)
+
+
 def test_paths_and_arrows_are_drawn_at_every_node(shown, browser):
     shown.box("plot")
     shown.set("size", 1)

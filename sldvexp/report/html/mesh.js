@@ -23,23 +23,35 @@ const makeMesh = (position, triangles) => {
   const those = (keep) => all.filter(keep).flatMap((side) => side.pair);
 
   // Points of the surface on the way from node to node, in the plane of the way and the normal there:
-  // each lies between nodes a and b, a share of the way from a to b, and so far along.
+  // each lies between nodes a and b, a share of the way from a to b, and so far along. Of several
+  // sheets, as the two walls of a tube, only those count that the plane joins to one of the nodes.
   const cut = (from, to, normal) => {
     const way = minus(at(to), at(from)), length = Math.hypot(...way), along = way.map((x) => x / length);
     const across = cross(along, normal), tiny = 1e-6 * length, found = new Map();
     const beside = (n) => dot(minus(at(n), at(from)), across), far = (n) => dot(minus(at(n), at(from)), along);
-    const add = (a, b, share) => {
-      const distance = far(a) + share * (far(b) - far(a));
-      if (distance < -tiny || distance > length + tiny) return;
-      found.set(Math.round(distance / (10 * tiny)), { a, b, share, distance });
+    const meet = ([a, b]) => {
+      const [left, right] = [beside(a), beside(b)], close = (x) => Math.abs(x) <= tiny;
+      const ends = [...close(left) ? [a] : [], ...close(right) ? [b] : []].map((n) => ({ key: n, a: n, b: n, share: 0 }));
+      return ends.length || left * right > 0 ? ends
+        : [{ key: (1 + Math.min(a, b)) * nodes + Math.max(a, b), a, b, share: left / (left - right) }];
     };
-    for (const { pair: [a, b] } of all) {
-      const [left, right] = [beside(a), beside(b)];
-      if (Math.abs(left) <= tiny) add(a, a, 0);
-      if (Math.abs(right) <= tiny) add(b, b, 0);
-      if (Math.abs(left) > tiny && Math.abs(right) > tiny && left * right < 0) add(a, b, left / (left - right));
+    for (let t = 0; t < triangles.length; t += 3) {
+      const here = [[0, 1], [1, 2], [2, 0]].flatMap(([a, b]) => meet([triangles[t + a], triangles[t + b]]))
+        .map((p) => ({ ...p, distance: far(p.a) + p.share * (far(p.b) - far(p.a)) }))
+        .filter(({ distance }) => distance > -tiny && distance < length + tiny);
+      for (const point of here) {
+        if (!found.has(point.key)) found.set(point.key, { ...point, joined: [] });
+        found.get(point.key).joined.push(...here.map(({ key }) => key));
+      }
     }
-    return [...found.values()].sort((p, q) => p.distance - q.distance);
+    const kept = new Set(), next = [from, to];
+    while (next.length) {
+      const key = next.pop();
+      if (kept.has(key) || !found.has(key)) continue;
+      kept.add(key);
+      next.push(...found.get(key).joined);
+    }
+    return [...kept].map((key) => found.get(key)).sort((p, q) => p.distance - q.distance);
   };
   return { rim: those((s) => s.faces === 1), inner: those((s) => s.faces > 1 && !s.diagonal), cut };
 };
