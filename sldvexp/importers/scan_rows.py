@@ -286,7 +286,7 @@ class _Reader:
     def _second_head(self, i: int, cells: list[str]) -> UserError:
         """Word that a line has a cell for each column, but other words than the head above."""
         pairs = list(zip(cells, self.names, strict=True))
-        k = next((k for k, (cell, name) in enumerate(pairs) if cell != name), 0)
+        k = next((k for k, own in enumerate(pairs) if _plain(own[0]) != _plain(own[1])), 0)
         cell, name = pairs[k]
         return UserError(
             f"{self.path}, line {i + 1}: looks like a second head, in which column {k + 1} is "

@@ -49,6 +49,12 @@ def test_pages_and_comments_are_passed_over(tmp_path, page):
     right(read(tmp_path, "Page 1 of 2", HEAD, *ROWS[:2], *page, *ROWS[2:]))
 
 
+def test_column_that_differs_is_named_although_units_are_left_out(tmp_path):
+    second = "Index\tX\tY\tZ\tReal\tOther"
+    with pytest.raises(UserError, match="column 6 is 'Other'"):
+        read(tmp_path, HEAD, *ROWS[:2], second, *ROWS[2:])
+
+
 @pytest.mark.parametrize(
     "head",
     [

@@ -6,6 +6,7 @@ which order they are, is a `FileLayout`.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -112,6 +113,11 @@ class LineOfSight:
         for name, labels in (("view", self.view), ("point", self.point or [])):
             if len(set(labels)) != len(labels):
                 raise UserError(f"{self.source}: a {name} is named twice in {', '.join(labels)}")
+            if acting := [label for label in labels if ACTING.search(label)]:
+                raise UserError(
+                    f"{self.source}: the {name} {acting[0]!a} has characters in its name that would "
+                    "act on a terminal; take them out"
+                )
         if self.frequency is not None:
             self._check_frequencies(self.frequency)
         self._check_places()
@@ -244,6 +250,8 @@ KNOWN = (
     "triangle",
     "line",
 )
+#: Characters that move the cursor, or begin what a terminal obeys.
+ACTING = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 #: Name of what a file has that is of no use.
 IGNORED = "ignore"
 #: Units of files that state none, by nobody told; that of frequencies in Hz.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.io
@@ -33,6 +35,15 @@ def example(rng, views=4, points=None, frequencies=None, std=False, real=False):
         velocity,
         rng.uniform(0.1, 1, size=velocity.shape) if std else None,
     )
+
+
+@pytest.mark.parametrize("name", ["a\x1b[31m", "a\x9b31m", "a\r", "a\x7f"])
+def test_names_that_would_act_on_a_terminal_are_refused(name):
+    whole = example(np.random.default_rng(1), points=2)
+    assert replace(whole, point=["a\u00a0b", "ä"]).point == ["a\u00a0b", "ä"]
+    with pytest.raises(UserError, match=r"the point 'a.*' has characters in its name") as error:
+        replace(whole, point=["b", name])
+    assert str(error.value).isprintable()
 
 
 def write_csv(path, table):
