@@ -115,8 +115,8 @@ class LineOfSight:
                 raise UserError(f"{self.source}: a {name} is named twice in {', '.join(labels)}")
             if acting := [label for label in labels if ACTING.search(label)]:
                 raise UserError(
-                    f"{self.source}: the {name} {acting[0]!a} has characters in its name that would "
-                    "act on a terminal; take them out"
+                    f"{self.source}: the {name} {acting[0]!a} has characters in its name that "
+                    "would act on a terminal; take them out"
                 )
         if self.frequency is not None:
             self._check_frequencies(self.frequency)
