@@ -20,6 +20,7 @@ from rich.text import Text
 
 from sldvexp.dataset import RunData, Source, is_void
 from sldvexp.lazy import xarray as xr
+from sldvexp.limits import shown
 from sldvexp.report.base import notes, verdict_text
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.tables import POSE, VELOCITY, field_tables, image_text, pose_methods
@@ -59,7 +60,7 @@ def closing_table(source: Source | RunData, files: Sequence[Path]) -> None:
     if table.row_count:
         console.print(fitted(table, width, ("estimated", "value ± bound"), RUN))
     if images := image_text(run):
-        console.print(escape(images), highlight=False)
+        console.print(_words(images), highlight=False)
     for group in run.groups.values():
         if "s_mean" in group:
             console.print(fitted(pose_methods(group), width, (), RUN))
@@ -71,9 +72,14 @@ def closing_table(source: Source | RunData, files: Sequence[Path]) -> None:
     for note in notes(run):
         if any(text in note for text in said):
             continue
-        console.print(f"[yellow]note:[/] {escape(note)}", highlight=False)
+        console.print(f"[yellow]note:[/] {_words(note)}", highlight=False)
     for file in files:
         console.print(str(file), soft_wrap=True, highlight=False)
+
+
+def _words(text: str) -> str:
+    """Write a text that may come from a file: nothing in it is a mark, or acts on a terminal."""
+    return escape(shown(text, len(text)))
 
 
 #: Colours of a verdict and of a finding's severity.
@@ -91,7 +97,7 @@ def _print_verdict(run: RunData, console: Console) -> None:
         remedy = f" (remedy: {finding.remedy})" if finding.remedy else ""
         console.print(
             f"[{COLOURS.get(finding.severity.name, 'cyan')}]{finding.severity.name}:[/] "
-            f"{escape(finding.text + remedy)}",
+            f"{_words(finding.text + remedy)}",
             highlight=False,
             soft_wrap=True,
         )
@@ -163,8 +169,8 @@ def _point_rows(name: str, point: xr.Dataset, most: int) -> Iterator[tuple[str, 
         point["confidence"].stack(case=cases) if cases else point["confidence"].expand_dims("case")
     )
     points = point.sizes["point"] if "point" in cases else 1
-    shown = strongest_cases(stacked, most)
-    for i in shown:
+    told_of = strongest_cases(stacked, most)
+    for i in told_of:
         value, bound = stacked.isel(case=i), bounds.isel(case=i)
         labels = [
             f"{d} {value[d].item():g}" if d == "frequency" else f"{d} {value[d].item()}"
@@ -187,8 +193,8 @@ def _point_rows(name: str, point: xr.Dataset, most: int) -> Iterator[tuple[str, 
                 VELOCITY.shown_unit,
                 "determined by these views",
             )
-    if stacked.sizes["case"] > len(shown):
-        rest = (stacked.sizes["case"] - len(shown)) * point.sizes["component"]
+    if stacked.sizes["case"] > len(told_of):
+        rest = (stacked.sizes["case"] - len(told_of)) * point.sizes["component"]
         yield f"{name}: {rest} more", f"in run.nc, group {name}", "", ""
 
 

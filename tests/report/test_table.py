@@ -125,3 +125,14 @@ def test_expectations_on_a_terminal_of_80_columns_are_whole(monkeypatch, capsys)
         assert whole in told
     assert "more column" in told  # and what has no room is not cut, but told of
     assert "run.nc: " in told
+
+
+def test_texts_of_files_do_not_act_on_the_terminal(capsys):
+    image = dataset.group(
+        "image", {"frequency": [200.0]}, velocity=[[0.01]], velocity_std=[[1e-4]], flags=[0]
+    ).assign_attrs(summary="all \x1b]0;of\x07 use [red]", notes="seen \x9b2J")
+    closing.closing_table({"image/front": image}, [])
+    out = capsys.readouterr().out
+    assert r"all \x1b]0;of\x07 use [red]" in out
+    assert r"seen \x9b2J" in out
+    assert all(line.isprintable() for line in out.splitlines())
