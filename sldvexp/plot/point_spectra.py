@@ -112,7 +112,7 @@ def spectrum(source: Source | RunData, node: int | None = None, name: str | None
     group = known[one_of(name, known, "spectrum", "field")]
     if node is None:
         largest = abs(group["velocity"]).max(["component", "frequency"])
-        node = int(np.nanargmax(largest.values))
+        node = int(np.nan_to_num(largest.values).argmax())
     one_of(str(node), map(str, range(group.sizes["node"])), "spectrum", "node")
     place = PLACE.factor * group["position"].values[node]
     where = ", ".join(f"{a} {p:.1f}" for a, p in zip(AXES, place, strict=True))
@@ -156,9 +156,10 @@ def _spectrum(group: xr.Dataset, title: str) -> Figure:
         right.set_ylim(-200.0, 200.0)
         right.set_yticks([-180.0, 0.0, 180.0], ["−180", "0", "180"])
     sizes = factor * np.abs(group["velocity"].values)
-    for left in axes[:, 0]:
+    moving = sizes[sizes > 0]  # none where nothing is determined, which no logarithm shows
+    for left in axes[:, 0] if moving.size else ():
         left.set_yscale("log")
-        ends = 0.5 * np.nanmin(sizes[sizes > 0]), 3.0 * np.nanmax(sizes)
+        ends = 0.5 * moving.min(), 3.0 * moving.max()
         left.set_ylim(*ends)
         style.decades(left.yaxis, *ends)
     for axis in axes[-1] if columns == 2 else axes[-1, 1:]:

@@ -76,6 +76,16 @@ def test_many_frequencies_are_a_spectrum():
     assert left[-1].get_xlabel() == "frequency, Hz"
 
 
+@pytest.mark.parametrize("value", [np.nan, 0.0])
+def test_a_spectrum_in_which_nothing_is_determined_is_drawn_too(value):
+    own = groups.point(1, 40)
+    own["velocity"].values[:] = value
+    figure = sldvexp.plot.point({"point": own})
+    figure.draw_without_rendering()
+    said = "not above its bound at any frequency"
+    assert all(axes.texts[0].get_text().replace("\n", " ") == said for axes in figure.axes[1::2])
+
+
 def test_repeats_have_their_scatter_and_its_interval():
     dac = np.random.default_rng(0).uniform(-1000, 1000, (16, 2))
     tree = groups.repeats(dac)
