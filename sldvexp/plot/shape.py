@@ -25,7 +25,7 @@ from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 NO_SHAPE = (
     "the run has no velocity field (group field), as in experiment=plate, and no velocities of "
-    "points whose positions are known, as in experiment=tutorial_points"
+    "points that are determined and whose positions are known, as in experiment=tutorial_points"
 )
 #: Largest deflection, as a share of the shape's diagonal.
 DRAWN_SHARE = 0.12
@@ -159,7 +159,9 @@ def at_largest(velocity: ComplexArray, of: ComplexArray) -> tuple[str, Array]:
 def points_unavailable_because(run: RunData) -> bool:
     """Tell whether no points in space can be shown."""
     there = run.has("point", "velocity") and run.has("line_of_sight", "position")
-    return not there or run.groups["point"].sizes.get("point", 1) < 2
+    if not there or run.groups["point"].sizes.get("point", 1) < 2:
+        return True
+    return not np.isfinite(run.groups["point"]["velocity"].values).any()
 
 
 def normals(position: Array, triangles: IntArray) -> Array:

@@ -177,6 +177,14 @@ def test_points_without_triangles_and_undetermined_ones_are_drawn_too():
     assert [t.get_text() for t in axes.get_legend().get_texts()] == ["not determined"]
 
 
+def test_points_of_which_nothing_is_determined_are_no_surface():
+    own = groups.points()
+    own["velocity"].values[:] = np.nan
+    known = sldvexp.plot.figures_of({"point": own, "line_of_sight": groups.joined()})
+    assert "surface" not in known
+    assert "point" in known
+
+
 def test_a_point_goes_by_its_name():
     point = groups.points()
     name = str(point["point"].values[1])
