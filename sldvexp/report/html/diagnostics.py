@@ -186,7 +186,7 @@ def _numbers(name: str, group: xr.Dataset) -> Iterator[list[str]]:
 
 
 def _spread(values: np.ndarray) -> str:
-    """Tell how many numbers are spread: their quartiles of size, or that they are in the file."""
+    """Tell how many numbers are spread: least, middle and largest size, or where they are."""
     if values.dtype.kind not in "fciub":
         return f"{values.size} in run.nc"
     sizes = np.abs(values[np.isfinite(values)])
