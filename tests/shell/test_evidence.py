@@ -7,7 +7,7 @@ import pytest
 
 from sldvexp.shell import WeightedFit
 from sldvexp.shell.columns import SignalColumns
-from sldvexp.shell.nuisances import ErrorEquations, Nuisances
+from sldvexp.shell.nuisances import ErrorEquations
 
 ROWS, COEFFICIENTS = 60, 12
 
@@ -134,10 +134,10 @@ def test_errors_beside_the_field_by_one_regression():
     data += 0.1 * rng.normal(size=data.shape)
     found = fitted(design, data, penalties, [np.array([0.0]), np.array([0.0])])
     crossed = [design.T @ j for j in jacobian]
-    solved = [found.solve(c, k) for k, c in enumerate(crossed)]
-    normal = [j.T @ j - c.T @ s for j, c, s in zip(jacobian, crossed, solved, strict=True)]
     products = np.stack([j.T @ y for j, y in zip(jacobian, data.T, strict=True)], axis=1)
-    got = Nuisances.posterior(prior, np.zeros(3), products, normal, solved, design.T @ data)
+    squares = np.stack([j.T @ j for j in jacobian])
+    equations = ErrorEquations(prior, np.zeros(3), np.stack(crossed, axis=-1), products, squares)
+    got = equations.known(found, equations.solved(found))
     size = 2 * COEFFICIENTS
     whole = np.zeros((size + 3, size + 3))
     right = np.zeros(size + 3)
