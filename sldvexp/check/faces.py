@@ -45,8 +45,8 @@ class Faces(Check):
 
     def __post_init__(self) -> None:
         checks = Checks()
-        told = f"must lie between 0 and 1 as in 0.01, not {self.level}"
-        checks.require(0 < self.level < 1, "level", told)
+        message = f"must lie between 0 and 1 as in 0.01, not {self.level}"
+        checks.require(0 < self.level < 1, "level", message)
         checks.done()
 
     def examine(self, run: Examination) -> xr.Dataset:

@@ -44,8 +44,8 @@ class FieldAround(SmoothField):
             return straight
         width = size.max() / intervals
         cells = max(int(np.ceil(2 * np.pi * r.mean() / width)), 2 * DEGREE)
-        step = 2 * np.pi / cells
-        around = np.asarray(-np.pi + step * np.arange(-DEGREE, cells + DEGREE + 1), float)
+        # exactly -pi and pi at both ends, which are angles too
+        around = np.pi * (2 * np.arange(-DEGREE, cells + DEGREE + 1) / cells - 1)
         knots = (around, straight.knots[about])
         return cls(straight.middle, straight.axes[order], knots)
 
