@@ -264,13 +264,15 @@ class SurfaceFit:
         mean, _ = self._mean(rows, thicker)
         other, gain = bounding._mean(rows, thicker)
         _, variance = bounding.posterior.evaluate(rows)
-        values, own = self.columns.lines(mean, variance + (other - mean) ** 2)
+        values, own = self.columns.lines(mean, variance)
 
         def squares(spread: Array) -> Array:
             return self.columns.quadratic(np.einsum("fmc,fmd->fcd", spread, spread))
 
         goes_along, rest = bounding.nuisances.by_source(self.calibration)
-        found = {"noise": own, "pose": squares(np.einsum("fec,em->fmc", gain, rest))}
+        # one shift of all columns together
+        noise = own + squares((other - mean)[:, None])
+        found = {"noise": noise, "pose": squares(np.einsum("fec,em->fmc", gain, rest))}
         if self.pointed:
             found["pointing"] = squares(np.stack([rows @ p for p in self.pointed], axis=-1))
         if goes_along.shape[1]:
