@@ -206,7 +206,7 @@ class WeightedFit:
             twice = squares - explained + (level.determinant - prior)[:, None]
             levels.append(level)
             density.append(-twice / 2 + of_tau[:, None])
-        if not levels:
+        if not levels or np.max(density) == -np.inf:
             raise np.linalg.LinAlgError("the data and both priors leave coefficients open")
         share = _shares(np.array(density))
         used = np.flatnonzero(share.any(axis=(1, 2)))

@@ -179,6 +179,19 @@ def test_likelihood_of_weights_with_the_errors_integrated_over():
     assert got[:, :, 0] - got[0, 0, 0] == pytest.approx(wanted - wanted[0, 0], rel=1e-9)
 
 
+def test_round_off_at_all_weights_is_told():
+    """Only the strongest prior makes the precision positive, by no more than round-off may be."""
+    _, design, penalties = problem(8)
+    outer = penalties[1].any(axis=1)
+    normal = design.T @ design
+    normal[outer] = normal[:, outer] = 0.0
+    normal[outer, outer] = -1.0
+    grids = [np.array([0.0]), np.array([-20.0, -10.0, 10.0])]
+    right, squares = np.ones((COEFFICIENTS, 1)), np.array([1.0])
+    with pytest.raises(np.linalg.LinAlgError):
+        WeightedFit.of(normal, right, squares, penalties, grids)
+
+
 def test_the_largest_that_data_allow_are_kept():
     """Of each column, a part of all shares from the smallest weight on."""
     rng, design, penalties = problem(7)
