@@ -205,8 +205,9 @@ def _with_deficient(made: xr.Dataset, parts: list[_Part]) -> xr.Dataset:
                 places = part.points[own["deficient_point"].values]
                 kept = ~(done.any(others).values[places])
                 own["deficient_point"] = own["deficient_point"].copy(data=places)
-                here = here.isel(point=xr.DataArray(places, dims=DEFICIENT)).drop_vars("point")
-                own, here = (each.isel({DEFICIENT: kept}) for each in (own, here))
+                here = here.isel(point=xr.DataArray(places, dims=DEFICIENT))
+                here = here.drop_vars("point", errors="ignore")
+                own, here = own.isel({DEFICIENT: kept}), here.isel({DEFICIENT: kept})
             for name, variable in own.data_vars.items():
                 if "frequency" in variable.dims:
                     own[name] = _where_placed(variable, here)
