@@ -501,7 +501,11 @@ def _told(found: SurfaceFit) -> list[str]:
         )
     if unseen:
         side = "surface" if found.outline.both_sides else "face"
-        told.append(f"the views {', '.join(unseen)} do not see the {side}, and have no say")
+        told.append(
+            f"the views {', '.join(unseen)} do not see the {side}, and have no say"
+            if len(unseen) > 1
+            else f"the view {unseen[0]} does not see the {side}, and has no say"
+        )
     return told
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -79,6 +80,18 @@ def test_a_wrong_thickness_shows_nowhere():
     right, wrong = session(10), session(10, thickness=0.00315)
     assert wrong.change == pytest.approx(right.change, abs=0.01 * right.std)
     assert wrong.chi_square[0] == pytest.approx(right.chi_square[0], abs=0.1)
+
+
+def test_a_view_that_sees_neither_side_has_no_say():
+    rng = np.random.default_rng(13)
+    views = lab.views_of_both_sides(lab.plate(), rng, pixels=(11, 13))
+    blind = replace(views[0], flags=np.ones_like(views[0].flags))
+    found, right = (
+        ComparedFaces.of(estimated(some, both_sided())) for some in ([blind, *views[1:]], views[1:])
+    )
+    assert found.seen == right.seen
+    assert found.chi_square == pytest.approx(right.chi_square)
+    assert (found.change, found.std) == pytest.approx((right.change, right.std))
 
 
 def examined(found, monkeypatch):
