@@ -82,6 +82,17 @@ def test_a_wrong_thickness_shows_nowhere():
     assert wrong.chi_square[0] == pytest.approx(right.chi_square[0], abs=0.1)
 
 
+def test_a_difference_that_a_lever_arm_may_explain_is_not_told_as_one_that_none_does():
+    """One is just below the level, the other just above."""
+    by_component = (0.5, 0.004, 0.5)
+    found = ComparedFaces((3, 3), 0.003, -2.4e-5, 1e-5, (82, 48), (73, 47), by_component)
+    assert found.p_value < 0.005
+    assert found.p_beside > 0.005
+    text = told(found, 0.005).text
+    assert "no lever arm" not in text
+    assert "most along its second direction: poses" in text
+
+
 def test_a_view_that_sees_neither_side_has_no_say():
     rng = np.random.default_rng(13)
     views = lab.views_of_both_sides(lab.plate(), rng, pixels=(11, 13))
