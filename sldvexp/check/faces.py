@@ -45,8 +45,8 @@ class Faces(Check):
 
     def __post_init__(self) -> None:
         checks = Checks()
-        told = f"must lie between 0 and 1 as in 0.01, not {self.level}"
-        checks.require(0 < self.level < 1, "level", told)
+        message = f"must lie between 0 and 1 as in 0.01, not {self.level}"
+        checks.require(0 < self.level < 1, "level", message)
         checks.done()
 
     def examine(self, run: Examination) -> xr.Dataset:
@@ -178,8 +178,10 @@ def _cause(faces: ComparedFaces, arm: str, stated: str, level: float) -> str:
         return f"they would if their slopes' lever arms were {arm} apart, {stated}: {shear}{poses}"
     most = ALONG[int(np.argmin(faces.by_component))]
     beside = f"; beside it their lever arms are {arm} apart, {stated}" if by_arm else ""
+    if faces.p_beside < level:
+        chi_square, freedom = faces.beside
+        most += f", as no lever arm explains (chi-square {chi_square:.4g} of {freedom:.4g})"
     return (
-        f"most {most}, as no lever arm explains (chi-square {faces.beside[0]:.4g} of "
-        f"{faces.beside[1]:.4g}): poses of the two sides do not go together, or the inside of the "
-        f"sheet moves{beside}"
+        f"most {most}: poses of the two sides do not go together, or the inside of the sheet "
+        f"moves{beside}"
     )

@@ -26,11 +26,13 @@ Solve = Callable[["xr.Dataset", IndexArray], "xr.Dataset"]
 LEAST = 3
 #: Variables of points whose components are not all determined, and of rows, which each set has.
 DEFICIENT, ROW = "deficient", "row"
-#: Attributes of the sets' results that become one: their least, greatest, or sum.
-JOINED: dict[str, Callable[[list[float]], float]] = {
-    **dict.fromkeys(("rcond", "hadamard", "dof", "components", "lowest_p_value"), np.nanmin),
-    "s": np.nanmax,
-    "sse": np.nansum,
+#: Attributes of which the least of all sets' results counts.
+LEAST_OF = ("rcond", "hadamard", "dof", "components")
+#: Attributes that are made anew of variables, since those of a set have its stand-ins in them.
+MADE_OF: dict[str, tuple[Callable[[np.ndarray], Any], tuple[str, ...]]] = {
+    "s": (np.max, ("s",)),
+    "sse": (np.sum, ("sse",)),
+    "lowest_p_value": (np.min, ("chi2_p_value", "f_p_value")),
 }
 
 
@@ -143,6 +145,8 @@ def _joined(line_of_sight: xr.Dataset, parts: list[_Part]) -> xr.Dataset:
     if parts[0].points is not None:
         made = made.reindex(point=line_of_sight["point"].values)
     for name, variable in made.data_vars.items():
+        if ROW in variable.dims:
+            made[name] = _where_placed(variable, parts[0].here)
         if not _is_placed(variable):
             continue
         dtype = first[name].dtype
@@ -153,12 +157,19 @@ def _joined(line_of_sight: xr.Dataset, parts: list[_Part]) -> xr.Dataset:
                 values = _taken(values, variable, part, done, part.found[name])
             done = done | part.here
         made[name] = variable.copy(data=values).assign_attrs(first[name].attrs)
-    return _with_deficient(made, parts).assign_attrs(_attributes(line_of_sight, parts))
+    attributes = _attributes(made, line_of_sight, parts)
+    return _with_deficient(made, parts).assign_attrs(attributes)
 
 
 def _is_placed(variable: xr.DataArray) -> bool:
     """Tell whether a variable is of points or frequencies, and not of rows."""
     return bool({"point", "frequency"} & set(variable.dims)) and ROW not in variable.dims
+
+
+def _where_placed(variable: xr.DataArray, here: xr.DataArray) -> xr.DataArray:
+    """Blank what stand-ins made: a variable outside of the points and frequencies of its set."""
+    kept = here.any([d for d in here.dims if d not in variable.dims])
+    return variable.where(kept).transpose(*variable.dims) if kept.dims else variable
 
 
 def _taken(
@@ -188,27 +199,36 @@ def _with_deficient(made: xr.Dataset, parts: list[_Part]) -> xr.Dataset:
         if DEFICIENT in part.found.dims:
             names = [n for n, v in part.found.data_vars.items() if DEFICIENT in v.dims]
             own = part.found[names].drop_vars(["point", ROW], errors="ignore")
+            here = part.here
             if part.points is not None:
                 others = [d for d in part.here.dims if d != "point"]
                 places = part.points[own["deficient_point"].values]
                 kept = ~(done.any(others).values[places])
                 own["deficient_point"] = own["deficient_point"].copy(data=places)
-                own = own.isel({DEFICIENT: kept})
+                here = here.isel(point=xr.DataArray(places, dims=DEFICIENT))
+                here = here.drop_vars("point", errors="ignore")
+                own, here = own.isel({DEFICIENT: kept}), here.isel({DEFICIENT: kept})
+            for name, variable in own.data_vars.items():
+                if "frequency" in variable.dims:
+                    own[name] = _where_placed(variable, here)
             listed.append(own)
         done = done | part.here
-    if not listed or (parts[0].points is None and len(listed) > 1):
+    if parts[0].points is None:
         listed = listed[:1]
     return made.merge(xr.concat(listed, DEFICIENT)) if listed else made
 
 
-def _attributes(line_of_sight: xr.Dataset, parts: list[_Part]) -> dict[str, Any]:
+def _attributes(made: xr.Dataset, line_of_sight: xr.Dataset, parts: list[_Part]) -> dict[str, Any]:
     """Join the headline numbers and the notes."""
     found = dict(parts[0].found.attrs)
-    for name, join in JOINED.items():
-        values = [float(part.found.attrs[name]) for part in parts if name in part.found.attrs]
-        known = [value for value in values if np.isfinite(value)]
-        if name in found and known:
-            found[name] = type(found[name])(join(known))
+    for name in LEAST_OF:
+        values = [part.found.attrs[name] for part in parts]
+        found[name] = min((v for v in values if np.isfinite(v)), default=found[name])
+    for name, (join, variables) in MADE_OF.items():
+        if name in found:
+            whole = np.concatenate([np.ravel(made[v].values) for v in variables if v in made])
+            known = whole[np.isfinite(whole)]
+            found[name] = float(join(known)) if known.size else np.nan
     notes = [line for part in parts for line in str(part.found.attrs["notes"]).splitlines()]
     counted = _counted(parts, line_of_sight.sizes["view"])
     found["notes"] = "\n".join(dict.fromkeys([*notes, counted]))

@@ -34,7 +34,7 @@ from sldvexp.shell.principal import PRINCIPAL
 from sldvexp.shell.refusals import require_no_crossing
 from sldvexp.shell.shell import Shell
 from sldvexp.shell.splines import TensorSplines
-from sldvexp.shell.surface_fit import MEMBRANE, PriorErrors, SurfaceFit, fit
+from sldvexp.shell.surface_fit import TYPICAL, PriorErrors, SurfaceFit, fit
 from sldvexp.shell.surface_strain import SurfaceStrain
 from sldvexp.statistics import student_factor
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
@@ -497,11 +497,15 @@ def _told(found: SurfaceFit) -> list[str]:
     if len(unseen) == len(found.pixels) - 1 and found.face:
         told.append(
             "one view sees the face: it cannot tell the middle's own motion along itself from "
-            f"bending; bounds have in them what is typical of it, {MEMBRANE:.0%} of the velocities"
+            f"bending; bounds have in them what is typical of it, {TYPICAL:.0%} of the velocities"
         )
     if unseen:
         side = "surface" if found.outline.both_sides else "face"
-        told.append(f"the views {', '.join(unseen)} do not see the {side}, and have no say")
+        told.append(
+            f"the views {', '.join(unseen)} do not see the {side}, and have no say"
+            if len(unseen) > 1
+            else f"the view {unseen[0]} does not see the {side}, and has no say"
+        )
     return told
 
 

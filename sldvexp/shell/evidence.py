@@ -206,7 +206,7 @@ class WeightedFit:
             twice = squares - explained + (level.determinant - prior)[:, None]
             levels.append(level)
             density.append(-twice / 2 + of_tau[:, None])
-        if not levels:
+        if not levels or np.max(density) == -np.inf:
             raise np.linalg.LinAlgError("the data and both priors leave coefficients open")
         share = _shares(np.array(density))
         used = np.flatnonzero(share.any(axis=(1, 2)))
@@ -285,6 +285,8 @@ class WeightedFit:
         for level, (of_data, to_data), of_level in zip(
             self.levels, self._whitened, self.share, strict=True
         ):
+            if not of_level.any():
+                continue  # not of the part that was kept
             own, others = level.whitened(rows.T)
             fixed, least = own.T @ of_data, (own**2).sum(axis=0)[:, None]
             for scale, share in zip(level.scale.T, of_level, strict=True):

@@ -253,11 +253,18 @@ def wave_number(fit: SurfaceFit, lines: IntArray) -> Array:
 
 
 def low_order(fit: SurfaceFit, coordinates: Array) -> Array:
-    """Evaluate waves over the outline's rectangle, shape (place, MEMBRANE), the longest first."""
+    """Evaluate waves over the outline's rectangle, shape (place, MEMBRANE), the longest first.
+
+    Around a closed surface they are whole waves, cosines and sines in turn.
+    """
     low, high = fit.outline.low, fit.outline.high
     x, y = np.moveaxis(np.pi * (coordinates - low) / (high - low), -1, 0)
+    along_s = [np.cos(i * x) for i in range(WAVES)]
+    if fit.outline.closed:
+        along_s = [(np.cos if i % 2 else np.sin)((i + i % 2) * x) for i in range(1, WAVES)]
+        along_s = [np.ones_like(x), *along_s]
     order = sorted(np.ndindex(WAVES, WAVES), key=lambda ij: (sum(ij), ij))
-    return np.stack([np.cos(i * x) * np.cos(j * y) for i, j in order], axis=-1)
+    return np.stack([along_s[i] * np.cos(j * y) for i, j in order], axis=-1)
 
 
 def patch_of(outline: Outline, coordinates: Array, patches: tuple[int, int]) -> IntArray:

@@ -278,9 +278,9 @@ class ThinShell:
         ----------
         length : float, m, optional
             Over which u0 and v0 vary: ``1 + 2 l^2 |grad|^2 + l^4 |grad grad|^2``, a proper prior
-            that shrinks to no motion; of a closed shell that of what they are beside following w,
-            ``1 + l^2`` times its energy of stretch. Without it squares of their third derivatives
-            are integrated.
+            that shrinks to no motion. Of a closed shell it is one of what they are beside following
+            w: its square, and ``l^2`` times its energy of stretch. Without a length squares of
+            their third derivatives are integrated.
         """
         of_w = np.zeros((self.coefficients, self.coefficients))
         of_uv = np.zeros_like(of_w)

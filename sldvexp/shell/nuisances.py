@@ -1,12 +1,13 @@
 """What is not known exactly beside the field: poses, calibration, height, thickness.
 
 Their errors d have the prior ``d = L x`` with ``x ~ N(0, 1)``. The data of all columns together,
-``y_c = A theta_c + J_c d + e``, tell about them what the field leaves over,
+``y_c = A theta_c + J_c (d - d0) + e``, tell about them what the field leaves over,
 
     (1 + L' N L) x = L' (N d0 + sum_c J_c' y_c - J_c'A H_c^-1 A'y_c),
     N = sum_c J_c'J_c - J_c'A H_c^-1 A'J_c,
 
-where A and J are those at the errors d0. Every result g of the field changes with them by
+where A and J are those at the errors d0, and x is known with the covariance
+``(1 + L' N L)^-1``. Every result g of the field changes with them by
 ``-g H_c^-1 A'J_c (d - d0)``.
 
 Likelihoods of the field's weights are taken at d0 there. Where the errors are not held, but
@@ -59,13 +60,15 @@ class ErrorEquations:
         return [posterior.solve(self.crossed[:, :, c], c) for c in range(len(self.squares))]
 
     def known(self, posterior: WeightedFit, solved: list[Array]) -> Nuisances:
-        """Combine the prior with what all columns tell."""
-        told = [
-            square - self.crossed[:, :, c].T @ solved[c] for c, square in enumerate(self.squares)
-        ]
-        return Nuisances.posterior(
-            self.prior, self.at, self.products, told, solved, posterior.reduced
-        )
+        """Combine the prior with what all columns tell; `solved` is that of this posterior."""
+        told, left = np.zeros((len(self.at),) * 2), np.zeros(len(self.at))
+        for c, square in enumerate(self.squares):
+            told += square - self.crossed[:, :, c].T @ solved[c]
+            left += self.products[:, c] - solved[c].T @ posterior.reduced[:, c]
+        precision = np.eye(self.prior.shape[1]) + self.prior.T @ told @ self.prior
+        lower = scipy.linalg.cholesky(precision, lower=True)
+        x = scipy.linalg.cho_solve((lower, True), self.prior.T @ (told @ self.at + left))
+        return Nuisances(self.prior @ x, self.prior @ np.linalg.inv(lower).T)
 
     def gained(self, posterior: WeightedFit) -> list[Array]:
         """Compute what densities of weights gain if the errors are not held at d0.
@@ -113,7 +116,7 @@ class Nuisances:
     factor: Array
 
     def by_source(self, own: slice) -> tuple[Array, Array]:
-        """Split the factor: what goes with some of the errors, and the rest, which they have not.
+        """Split the factor: columns that some of the errors take part in, and those without them.
 
         A turn of its columns leaves the covariance alone, and can make some rows end in zeros.
         """
@@ -123,38 +126,3 @@ class Nuisances:
         turn = np.linalg.qr(rows.T, mode="complete")[0]
         turned = self.factor @ turn
         return turned[:, : len(rows)], turned[:, len(rows) :]
-
-    @classmethod
-    def posterior(
-        cls,
-        prior: Array,
-        at: Array,
-        products: Array,
-        normal: list[Array],
-        solved: list[Array],
-        right: Array,
-    ) -> Nuisances:
-        """Combine the prior with what all columns tell.
-
-        Parameters
-        ----------
-        prior : ndarray, shape (error, any)
-            L.
-        at : ndarray, shape (error,)
-            d0.
-        products : ndarray, shape (error, column)
-            ``J_c' y_c``.
-        normal : list of ndarray, shape (error, error)
-            ``J_c'J_c - J_c'A H_c^-1 A'J_c`` of every column.
-        solved : list of ndarray, shape (coefficient, error)
-            ``H_c^-1 A'J_c``.
-        right : ndarray, shape (coefficient, column)
-            ``A'y_c``.
-        """
-        told = np.stack([s.T @ r for s, r in zip(solved, right.T, strict=True)], axis=1)
-        information = np.sum(normal, axis=0)
-        precision = np.eye(prior.shape[1]) + prior.T @ information @ prior
-        force = prior.T @ (information @ at + (products - told).sum(axis=1))
-        lower = scipy.linalg.cholesky(precision, lower=True)
-        x = scipy.linalg.cho_solve((lower, True), force)
-        return cls(prior @ x, prior @ np.linalg.inv(lower).T)

@@ -28,7 +28,7 @@ class Shell(SurfaceReconstruction):
     membrane_level : float
         Level at which images reject a motion of the middle surface along itself: where poses are
         adjusted, bounds hold the largest one that they do not reject. With 1 bounds are those of
-        an average over all such motions, which takes what is too small to be found for none.
+        an average over all such motions, in which one too small to be found counts as none.
 
     Examples
     --------

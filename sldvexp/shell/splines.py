@@ -55,10 +55,10 @@ class Splines:
     @cached_property
     def knots(self) -> Array:
         """Knots with the ends repeated, or going on around."""
-        inner, beyond = self.ends, np.arange(1, self.degree + 1) * (self.high - self.low)
+        inner = self.ends
         if self.periodic:
-            width = beyond / self.cells
-            return np.r_[inner[0] - width[::-1], inner, inner[-1] + width]
+            beyond = np.arange(1, self.degree + 1) * (self.high - self.low) / self.cells
+            return np.r_[inner[0] - beyond[::-1], inner, inner[-1] + beyond]
         return np.r_[[inner[0]] * self.degree, inner, [inner[-1]] * self.degree]
 
     def __call__(self, x: Array, order: int = 0) -> Array:

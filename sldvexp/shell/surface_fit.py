@@ -36,7 +36,7 @@ WEIGHTS = (np.arange(-11.0, 17.0, 1.5), np.arange(-9.0, 21.0, 1.5))
 #: Motion that nothing speaks against where no pixel is, over the velocities' size.
 LARGEST = 100.0
 #: Typical size of the middle's own motion along itself, over the velocities': thin structures bend.
-MEMBRANE = 0.05
+TYPICAL = 0.05
 #: Pixels without which no field is found: more than a cubic polynomial in two variables has terms.
 FEWEST = 30
 #: Change of the errors, in standard deviations, below which nothing is repeated, and repetitions.
@@ -184,8 +184,8 @@ class SurfaceFit:
         Of every reduced column: what pointing errors with random signs at all pixels make of the
         coefficients, over the root of the number of such fields; empty if none are known of.
     bounding : SurfaceFit, optional
-        With the largest motion of the middle that the data do not speak against, by which bounds
-        are made; this one's own without it.
+        The same fit with the largest motion of the middle along itself that the data do not reject.
+        Bounds are made by it; without it by this one.
     """
 
     shell: ThinShell
@@ -264,13 +264,15 @@ class SurfaceFit:
         mean, _ = self._mean(rows, thicker)
         other, gain = bounding._mean(rows, thicker)
         _, variance = bounding.posterior.evaluate(rows)
-        values, own = self.columns.lines(mean, variance + (other - mean) ** 2)
+        values, own = self.columns.lines(mean, variance)
 
         def squares(spread: Array) -> Array:
             return self.columns.quadratic(np.einsum("fmc,fmd->fcd", spread, spread))
 
         goes_along, rest = bounding.nuisances.by_source(self.calibration)
-        found = {"noise": own, "pose": squares(np.einsum("fec,em->fmc", gain, rest))}
+        # one shift of all columns together
+        noise = own + squares((other - mean)[:, None])
+        found = {"noise": noise, "pose": squares(np.einsum("fec,em->fmc", gain, rest))}
         if self.pointed:
             found["pointing"] = squares(np.stack([rows @ p for p in self.pointed], axis=-1))
         if goes_along.shape[1]:
@@ -391,7 +393,7 @@ class _Equations:
             (data**2).sum(axis=0),
             self.shell.penalties(self.length),
             [grid - 2 * np.log(size) for grid in WEIGHTS],
-            np.inf if self.length is None else MEMBRANE * size,
+            np.inf if self.length is None else TYPICAL * size,
         )
         equations = self._of_errors(at, posterior, moved, face, height)
         solved = equations.solved(posterior)
@@ -441,10 +443,7 @@ class _Equations:
         face: float,
         height: float,
     ) -> ErrorEquations:
-        """Make the equations of the errors.
-
-        With derivatives J of each view's whitened predictions by its pose, height and thickness.
-        """
+        """Make the equations of the errors, with derivatives J of the whitened predictions."""
         theta = posterior.mean()
         errors, columns = len(at), theta.shape[1]
         crossed = np.zeros((self.shell.coefficients, errors, columns))

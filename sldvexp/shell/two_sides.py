@@ -112,6 +112,8 @@ def _systems(fit: SurfaceFit, factor: Array) -> list[SmallSystem]:
     begin = 0
     for k, pixels in enumerate(fit.pixels):
         here = slice(begin, begin := begin + len(pixels.pixel))
+        if not len(pixels.pixel):
+            continue
         weight = 1 / fit.measured.pixel_std[here][:, None]
         where = pixels.coordinates
         design = pixels.design(fit.shell, fit.face) * weight

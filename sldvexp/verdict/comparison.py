@@ -119,7 +119,7 @@ def bench_of(
     for intervals in INTERVALS:
         smooth = FieldAround.on(surface.nodes, intervals)
         if best is not None and 3 * smooth.count > sum(len(d.pixel) for d in data) / 2:
-            break  # a surface that is bent a lot has functions along all three axes
+            break  # on a surface that bends a lot functions grow as the cube of intervals
         designs = [PixelDesign.of(d, b, smooth) for d, b in zip(data, beams, strict=True)]
         tried, fit = Bench(data, surface, smooth, prior, stated), JointFit(data, designs, prior)
         found = fit.squares / max(fit.dof, 1)

@@ -34,18 +34,18 @@ class FieldAround(SmoothField):
         if any(k is None for k in straight.knots):
             return straight
         along = (surface - straight.middle) @ straight.axes.T
-        size = np.ptp(along, axis=0)
-        about = min(range(3), key=lambda i: abs(np.diff(np.log(np.delete(size, i)))[0]))
+        distance = [np.linalg.norm(np.delete(along, i, axis=1), axis=1) for i in range(3)]
+        about = max(range(3), key=lambda i: distance[i].min() / distance[i].max())
         order = [*np.delete(np.arange(3), about), about]
         x, z, _ = along[:, order].T
-        r, angle = np.hypot(x, z), np.sort(np.arctan2(x, z))
+        r, angle = distance[about], np.sort(np.arctan2(x, z))
         gap = np.diff(np.r_[angle, angle[0] + 2 * np.pi]).max()
         if r.min() < HOLLOW * r.max() or gap > GAP:
             return straight
-        width = size.max() / intervals
+        width = np.ptp(along, axis=0).max() / intervals
         cells = max(int(np.ceil(2 * np.pi * r.mean() / width)), 2 * DEGREE)
-        step = 2 * np.pi / cells
-        around = np.asarray(-np.pi + step * np.arange(-DEGREE, cells + DEGREE + 1), float)
+        # exactly -pi and pi at both ends, which are angles too
+        around = np.pi * (2 * np.arange(-DEGREE, cells + DEGREE + 1) / cells - 1)
         knots = (around, straight.knots[about])
         return cls(straight.middle, straight.axes[order], knots)
 

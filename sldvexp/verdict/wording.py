@@ -62,7 +62,7 @@ def not_compared(pixels: Mapping[str, int]) -> Finding:
 def noise_finding(tests: ViewTests, of_points: bool = False) -> Finding | None:
     """Judge the noise that the views state by the misfit of all, if no view is wrong."""
     what, fit, other = (
-        ("velocities", "what all views agree on", "directions are less exact")
+        ("velocities", "what all views agree on", "directions are less exact than stated")
         if of_points
         else (
             "pixels",

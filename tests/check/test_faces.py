@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -79,6 +80,29 @@ def test_a_wrong_thickness_shows_nowhere():
     right, wrong = session(10), session(10, thickness=0.00315)
     assert wrong.change == pytest.approx(right.change, abs=0.01 * right.std)
     assert wrong.chi_square[0] == pytest.approx(right.chi_square[0], abs=0.1)
+
+
+def test_a_difference_that_a_lever_arm_may_explain_is_not_told_as_one_that_none_does():
+    """One is just below the level, the other just above."""
+    by_component = (0.5, 0.004, 0.5)
+    found = ComparedFaces((3, 3), 0.003, -2.4e-5, 1e-5, (82, 48), (73, 47), by_component)
+    assert found.p_value < 0.005
+    assert found.p_beside > 0.005
+    text = told(found, 0.005).text
+    assert "no lever arm" not in text
+    assert "most along its second direction: poses" in text
+
+
+def test_a_view_that_sees_neither_side_has_no_say():
+    rng = np.random.default_rng(13)
+    views = lab.views_of_both_sides(lab.plate(), rng, pixels=(11, 13))
+    blind = replace(views[0], flags=np.ones_like(views[0].flags))
+    found, right = (
+        ComparedFaces.of(estimated(some, both_sided())) for some in ([blind, *views[1:]], views[1:])
+    )
+    assert found.seen == right.seen
+    assert found.chi_square == pytest.approx(right.chi_square)
+    assert (found.change, found.std) == pytest.approx((right.change, right.std))
 
 
 def examined(found, monkeypatch):

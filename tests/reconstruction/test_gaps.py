@@ -82,6 +82,33 @@ def test_each_point_and_frequency_is_solved_from_the_views_that_are_there(name, 
     assert found.attrs["rcond"] <= float(found["rcond"].min())
 
 
+@pytest.mark.parametrize("std", [True, False])
+def test_headline_numbers_rest_on_no_stand_in(std):
+    """They are those of the variables, where a view lacks one frequency of a point."""
+    gone = np.zeros((VIEWS, POINTS, FREQUENCIES), bool)
+    gone[4, 0, 1] = True
+    found = METHODS["absolute"].group(marked(measured(std), gone))
+    assert found.attrs["s"] == found["s"].max() < 0.01
+    assert found.attrs["sse"] == pytest.approx(found["sse"].sum().item())
+    if std:
+        assert found.attrs["lowest_p_value"] == found["chi2_p_value"].min() > 1e-4
+
+
+def test_what_is_told_of_open_components_rests_on_no_stand_in():
+    """All views look along one plane at a point that lacks one of them at one frequency."""
+    whole = measured()
+    cosines = whole["direction_cosines"].values
+    cosines[:, 1, 1] = 0.0
+    cosines[:, 1] /= np.linalg.norm(cosines[:, 1], axis=-1, keepdims=True)
+    gone = np.zeros((VIEWS, POINTS, FREQUENCIES), bool)
+    gone[4, 1, 2] = True
+    right = METHODS["absolute"].group(whole)["observed_velocity"].values
+    found = METHODS["absolute"].group(marked(whole, gone))
+    assert found["deficient_point"].values.tolist() == [1]
+    np.testing.assert_allclose(found["observed_velocity"].values[..., :2], right[..., :2])
+    assert np.isnan(found["observed_velocity"].values[..., 2]).all()
+
+
 def test_points_of_fewer_views_are_counted():
     whole = measured()
     gone = np.zeros((VIEWS, POINTS, FREQUENCIES), bool)
@@ -143,6 +170,7 @@ def test_frequencies_of_one_point():
     right = METHODS["absolute"].group(whole.isel(view=slice(0, 4), frequency=[1]))
     np.testing.assert_allclose(found["velocity"].values[:, 1], right["velocity"].values[:, 0])
     assert np.isnan(found["velocity"].values[:, 2]).all()
+    assert np.isnan(found["residual"].values[:, 1:]).all()
     assert found.attrs["notes"] == (
         "frequencies that not all 5 views have measured are determined from fewer: 1 from 4; "
         "1 without a result, as too few are left"

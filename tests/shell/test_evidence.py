@@ -7,7 +7,7 @@ import pytest
 
 from sldvexp.shell import WeightedFit
 from sldvexp.shell.columns import SignalColumns
-from sldvexp.shell.nuisances import ErrorEquations, Nuisances
+from sldvexp.shell.nuisances import ErrorEquations
 
 ROWS, COEFFICIENTS = 60, 12
 
@@ -134,10 +134,10 @@ def test_errors_beside_the_field_by_one_regression():
     data += 0.1 * rng.normal(size=data.shape)
     found = fitted(design, data, penalties, [np.array([0.0]), np.array([0.0])])
     crossed = [design.T @ j for j in jacobian]
-    solved = [found.solve(c, k) for k, c in enumerate(crossed)]
-    normal = [j.T @ j - c.T @ s for j, c, s in zip(jacobian, crossed, solved, strict=True)]
     products = np.stack([j.T @ y for j, y in zip(jacobian, data.T, strict=True)], axis=1)
-    got = Nuisances.posterior(prior, np.zeros(3), products, normal, solved, design.T @ data)
+    squares = np.stack([j.T @ j for j in jacobian])
+    equations = ErrorEquations(prior, np.zeros(3), np.stack(crossed, axis=-1), products, squares)
+    got = equations.known(found, equations.solved(found))
     size = 2 * COEFFICIENTS
     whole = np.zeros((size + 3, size + 3))
     right = np.zeros(size + 3)
@@ -177,6 +177,19 @@ def test_likelihood_of_weights_with_the_errors_integrated_over():
             chi2 = moved @ np.linalg.solve(covariance, moved)
             wanted[i, k] = -(chi2 + np.linalg.slogdet(covariance)[1]) / 2 - b / 2
     assert got[:, :, 0] - got[0, 0, 0] == pytest.approx(wanted - wanted[0, 0], rel=1e-9)
+
+
+def test_round_off_at_all_weights_is_told():
+    """Only the strongest prior makes the precision positive, by no more than round-off may be."""
+    _, design, penalties = problem(8)
+    outer = penalties[1].any(axis=1)
+    normal = design.T @ design
+    normal[outer] = normal[:, outer] = 0.0
+    normal[outer, outer] = -1.0
+    grids = [np.array([0.0]), np.array([-20.0, -10.0, 10.0])]
+    right, squares = np.ones((COEFFICIENTS, 1)), np.array([1.0])
+    with pytest.raises(np.linalg.LinAlgError):
+        WeightedFit.of(normal, right, squares, penalties, grids)
 
 
 def test_the_largest_that_data_allow_are_kept():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from sldvexp.shell import (
     estimate_surface,
 )
 from sldvexp.shell.least_stretch import wall_stretch
+from sldvexp.shell.lever import low_order
 from sldvexp.shell.splines import Splines
 from sldvexp.virtual_lab.tube import TubeMode, TubeMotion
 from sldvexp.volume import Revolution
@@ -39,6 +41,19 @@ def test_periodic_splines_are_smooth_where_they_come_back():
         assert one == pytest.approx(around, abs=1e-9 * np.abs(one).max())
     x = np.random.default_rng(0).uniform(-5, 5, 50)
     assert splines(x).sum(axis=1) == pytest.approx(1.0)
+
+
+def test_low_order_motions_come_back_too():
+    volume = Revolution()
+    outline = Outline.of(volume, volume.prisms(), 0.0)
+    fit = SimpleNamespace(outline=outline)
+    t = np.linspace(-0.1, 0.1, 5)
+    low, high = (
+        low_order(fit, np.column_stack([np.full(5, s[0]), t])) for s in (outline.low, outline.high)
+    )
+    assert low == pytest.approx(high, abs=1e-12)
+    waves = low_order(fit, outline.corners)
+    assert np.linalg.cond(waves) < 5
 
 
 def test_the_gram_matrix_of_periodic_splines_is_their_integral():

@@ -21,6 +21,10 @@ def nodes(profile=((0.1, -0.12), (0.08, 0.12)), **settings):
 def test_closed_surfaces_alone_get_a_field_around():
     assert isinstance(FieldAround.on(nodes(), 3), FieldAround)
     assert isinstance(FieldAround.on(nodes(((0.1, -0.02), (0.1, 0.02))), 10), FieldAround)
+    as_long_as_wide = FieldAround.on(nodes(((0.1, -0.1), (0.1, 0.1))), 3)
+    axis = rotation_from_euler(TURNED["euler"])[1]
+    assert isinstance(as_long_as_wide, FieldAround)
+    assert abs(as_long_as_wide.axes[2] @ axis) == pytest.approx(1.0)
     for radius in (None, 0.1):
         sheet = Grid(size=[0.3, 0.25], shape=[30, 25], radius=radius).prisms().surface
         assert type(FieldAround.on(sheet, 3)) is SmoothField
