@@ -46,7 +46,7 @@ def field(
     >>> solved = group("field", {}, velocity=place + 0j, position=place, element=prisms,
     ...                confidence=0.1 * place, observable=np.ones((8, 3), int))
     >>> field({"volume": depth, "field": solved}).axes[0].get_title()
-    'x: size'
+    'x: amplitude'
     """
     run = RunData.from_source(source)
     require("field", field_unavailable_because(run))
@@ -54,7 +54,7 @@ def field(
     names = layer.components
     title = style.joined(f"Velocity {layer.where}", layer.frequency)
     level = layer.bound_name
-    titles = [f"{c}: {what}" for c in names for what in ("size", PHASES, level)]
+    titles = [f"{c}: {what}" for c in names for what in ("amplitude", PHASES, level)]
     title = f"{title} ({FAINT})"
     shared = {"sharex": True, "sharey": True, "below": style.SCALE_BELOW, "right": 0.15}
     room = {"beside": 0.16, "between": style.LOW}

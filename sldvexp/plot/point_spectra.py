@@ -104,7 +104,7 @@ def spectrum(source: Source | RunData, node: int | None = None, name: str | None
     >>> solved = group("field", {"frequency": [100.0, 200.0]}, velocity=velocity, position=place,
     ...                element=[[0, 1, 2, 3, 4, 5]])
     >>> spectrum({"field": solved}, node=0).axes[0].get_ylabel()
-    'x, size, mm/s'
+    'x, amplitude, mm/s'
     """
     run = RunData.from_source(source)
     require("spectrum", spectrum_unavailable_because(run))
@@ -151,7 +151,7 @@ def _spectrum(group: xr.Dataset, title: str) -> Figure:
         right.errorbar(hertz[known], np.degrees(np.angle(velocity[known])), error, **look)
         if not known.any():
             style.note(right, "not above its bound at any frequency")
-        left.set_ylabel(f"{name}, size, {unit}")
+        left.set_ylabel(f"{name}, amplitude, {unit}")
         right.set_ylabel(f"{name}, {style.PHASE}")
         right.set_ylim(-200.0, 200.0)
         right.set_yticks([-180.0, 0.0, 180.0], ["−180", "0", "180"])
@@ -166,7 +166,7 @@ def _spectrum(group: xr.Dataset, title: str) -> Figure:
         axis.set_xlabel(FREQUENCY.titled())
     for axis in axes.ravel():
         axis.margins(x=0.02)
-    axes[0, 1].set_title("phase where the size is above its bound")
+    axes[0, 1].set_title("phase where the amplitude is above its bound")
     style.legend_below(made, axes[0, 0])
     return made
 
@@ -192,7 +192,7 @@ def _sizes(
         elif half is not None:
             low = np.maximum(size[run] - half[run], 1e-3 * half[run])
             axes.fill_between(hertz[run], low, size[run] + half[run], label=meaning, **band)
-        axes.plot(hertz[run], size[run], color=dark, linewidth=0.9, label="size", **mark)
+        axes.plot(hertz[run], size[run], color=dark, linewidth=0.9, label="amplitude", **mark)
 
 
 def _methods(found: dict[str, xr.Dataset], title: str) -> Figure:

@@ -220,12 +220,12 @@ def strain(
     ...               triangle=[[0, 1, 2]], frame=np.tile(np.eye(3), (3, 1, 1)),
     ...               strain=1e-5 * place, confidence=1e-7 * (1 + place))
     >>> strain({"strain": found.assign_attrs(confidence_level=0.95)}).axes[0].get_title()
-    'e_ss: size'
+    'e_ss: amplitude'
     """
     shown, hertz = _chosen(RunData.from_source(source), "strain", frequency, name)
     title = style.joined("Strain of the face", hertz)
     names = [str(c) for c in shown.group["strain_component"].values]
-    titles = [f"e_{c}: {what}" for c in names for what in ("size", PHASES, shown.level)]
+    titles = [f"e_{c}: {what}" for c in names for what in ("amplitude", PHASES, shown.level)]
     shared: dict[str, Any] = {"sharex": True, "sharey": True, "below": style.SCALE_BELOW}
     room: dict[str, Any] = {"beside": 0.16, "right": 0.15, "between": style.LOW}
     title = f"{title} ({FAINT})"
