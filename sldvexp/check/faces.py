@@ -15,7 +15,7 @@ import numpy as np
 
 from sldvexp import dataset
 from sldvexp.check.base import Check, Examination
-from sldvexp.check.on_surface import surface_field_of
+from sldvexp.check.on_surface import check_level, surface_field_of
 from sldvexp.config.registry import register
 from sldvexp.dataset import Finding, Severity, with_findings
 from sldvexp.errors import Checks
@@ -45,8 +45,7 @@ class Faces(Check):
 
     def __post_init__(self) -> None:
         checks = Checks()
-        message = f"must lie between 0 and 1 as in 0.01, not {self.level}"
-        checks.require(0 < self.level < 1, "level", message)
+        check_level(checks, self.level)
         checks.done()
 
     def examine(self, run: Examination) -> xr.Dataset:

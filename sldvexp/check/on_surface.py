@@ -14,11 +14,15 @@ from sldvexp.shell.shell import Shell
 from sldvexp.typing import Array
 
 
+def check_level(checks: Checks, level: float) -> None:
+    """Note what no probability of a false alarm can be."""
+    checks.require(0 < level < 1, "level", f"must lie between 0 and 1 as in 0.01, not {level}")
+
+
 def check_lines(checks: Checks, lines: int, level: float) -> None:
     """Note what no number of lines, and no probability of a false alarm, can be."""
     checks.require(lines >= 1, "lines", f"must be 1 or more, not {lines}")
-    message = f"must lie between 0 and 1 as in 0.01, not {level}"
-    checks.require(0 < level < 1, "level", message)
+    check_level(checks, level)
 
 
 def check_patches(checks: Checks, patches: Sequence[int]) -> None:

@@ -33,7 +33,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 #: Largest drawn deflection, as a share of the surface's diagonal; that of the report's page.
-DRAWN_SHARE = 0.08
+MOVING_SHARE = 0.08
 #: Frequencies are the same if they are to the six digits that pages show.
 SIX_DIGITS = 5e-6
 
@@ -141,7 +141,7 @@ def drawn_scale(position: Array, velocity: ComplexArray) -> float:
     """Choose how many metres are drawn for 1 m/s; 0 if nothing moves."""
     most = float(amplitude(velocity).max())
     diagonal = float(np.linalg.norm(np.ptp(position, axis=0)))
-    return DRAWN_SHARE * diagonal / most if most > 0 else 0.0
+    return MOVING_SHARE * diagonal / most if most > 0 else 0.0
 
 
 def motion_of(

@@ -63,6 +63,8 @@ class Mp4(MovingPicture):
             film = cv2.VideoWriter(str(beside), cv2.CAP_FFMPEG, code, self.fps, size)
             if not film.isOpened():
                 raise UserError("export=mp4: this OpenCV cannot write VP9; its wheels can")
-            for picture in pictures * self.periods:
-                film.write(picture)
-            film.release()
+            try:
+                for picture in pictures * self.periods:
+                    film.write(picture)
+            finally:
+                film.release()

@@ -25,7 +25,7 @@ from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 #: Colour of what has no value, and of what lies at rest.
 UNKNOWN, REST = (0.6, 0.6, 0.6), "#999999"
 #: Grey that pale colours are mixed with, and its share, as on the report's page.
-PALE, VEIL = 0.93, 0.75
+PALE, PALENESS = 0.93, 0.75
 #: Pixels of an inch, so that letters of 9 points are 12 pixels high.
 DPI = 100
 #: Where shape and scale are, as shares of the picture: left, bottom, width, height.
@@ -55,7 +55,7 @@ def size_colours(value: Array, faint: BoolArray) -> Array:
     known = np.isfinite(value)
     share = np.where(known, value, 0.0) / (np.nan_to_num(value).max() or 1.0)
     full = colormaps[style.SIZE_MAP](share)[:, :3]
-    seen = np.where(faint[:, None], full + VEIL * (PALE - full), full)
+    seen = np.where(faint[:, None], full + PALENESS * (PALE - full), full)
     return np.where(known[:, None], seen, UNKNOWN)
 
 

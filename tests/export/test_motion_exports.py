@@ -18,12 +18,12 @@ from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.export.gif import Gif
 from sldvexp.export.glb import Glb
-from sldvexp.export.motion import DRAWN_SHARE, MotionColour, motion_of
+from sldvexp.export.motion import MOVING_SHARE, MotionColour, motion_of
 from sldvexp.export.mp4 import Mp4
 from sldvexp.export.velocities import mesh_of, velocities_of, velocity_in_world
 from sldvexp.export.vtu import Vtu
 from sldvexp.plot import MovingShape
-from sldvexp.plot.moving_shape import PALE, VEIL
+from sldvexp.plot.moving_shape import PALE, PALENESS
 from sldvexp.plot.style import SIZE_MAP
 from tests.shell.made_strain import made_strain
 
@@ -112,7 +112,7 @@ def test_surface_moves_in_a_browser_as_the_field_says(kind, phase, request, tmp_
     assert found.extras["frequency_hz"] == 440.0
     largest = np.nanmax(np.linalg.norm(np.abs(velocity), axis=1))
     diagonal = np.linalg.norm(np.ptp(position, axis=0))
-    assert scale * largest == pytest.approx(DRAWN_SHARE * diagonal, rel=1e-12)
+    assert scale * largest == pytest.approx(MOVING_SHARE * diagonal, rel=1e-12)
 
 
 def test_animation_is_one_period_of_two_weights_that_closes(world, tmp_path):
@@ -203,14 +203,14 @@ def test_points_are_drawn_by_what_joins_them(points, tmp_path):
 def test_picture_is_that_of_the_report():
     """Deflection, where it is seen from, and colours of what is below its bound."""
     [told] = re.findall(r"DRAWN_SHARE = ([\d.]+)", (PAGE / "shape.js").read_text())
-    assert float(told) == DRAWN_SHARE
+    assert float(told) == MOVING_SHARE
     camera = (PAGE / "camera.js").read_text()
     [seen] = re.findall(r"azimuth: (-?[\d.]+), elevation: (-?[\d.]+)", camera)
     assert tuple(map(float, seen)) == (Gif().azimuth, Gif().elevation)
     viewer = (PAGE / "viewer.js").read_text()
     [veil] = re.findall(r"([\d.]+) \* fading", viewer)
     [paper] = re.findall(r"uniform.paper, look.dark \? [\d.]+ : ([\d.]+)", viewer)
-    assert (float(paper), float(veil)) == (PALE, VEIL)
+    assert (float(paper), float(veil)) == (PALE, PALENESS)
 
 
 @pytest.mark.parametrize("colour", MotionColour)
