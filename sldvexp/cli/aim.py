@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from sldvexp import dataset
-from sldvexp.config import Origins, messages, registry, schema, security
+from sldvexp.config import Origins, composing, registry, schema
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError, nearest
@@ -174,24 +174,12 @@ def of_settings(words: list[str], config_dir: str | None) -> tuple[list[AimedVie
     UserError
         If they are no configuration, or say no pose.
     """
-    options = ["--config-dir", config_dir] if config_dir else []
-    origins = Origins([*words, *options])
-    if unreadable := origins.unreadable:
+    if wrong := Origins(words).unreadable:
         raise UserError(
-            f"command line: {unreadable[0]} is neither a run nor a setting; aim takes the folder "
-            "of a run, or settings as experiment=plate, and " + ", ".join(f"{w}=" for w in WORDS)
+            f"command line: {wrong[0]} is neither a run nor a setting; aim takes the folder of a "
+            f"run, or settings as experiment=plate, and {', '.join(f'{name}=' for name in WORDS)}"
         )
-    try:
-        if origins.may_have_others:
-            security.check(origins)
-        config = origins.compose()
-    except UserError:
-        raise
-    except Exception as error:  # Hydra's and OmegaConf's have no common base
-        raise UserError(messages.of_composition(error, origins)) from error
-    config._set_flag("struct", False)
-    del config["hydra"]
-    e = schema.build(config)
+    e = composing.made_from(words, config_dir)
     told = {name: (pose, source) for source, poses in _stated(e) for name, pose in poses.items()}
     if not told:
         raise UserError(
