@@ -1,3 +1,4 @@
+from . import aim as aim
 from . import check as check
 from . import compare as compare
 from . import completion as completion

@@ -101,6 +101,26 @@ COMMAND_HELP = {
             ("handbook site=manual", "all of it, to open in a browser"),
         ),
     ),
+    "aim": CommandHelp(
+        "<run or settings> [view=name] [at=x,y,z] [dac=up_down,left_right]",
+        "where a point of the world is in DAC steps, and the other way round",
+        (
+            "Says which DAC steps, and mirror angles, bring the beam to points of the world, and "
+            "where the beam of DAC steps goes: its ray, and where that meets the calibration "
+            "object's planes and the volume's surface. With neither at= nor dac= it lists the "
+            "circles or marks and the corners of the region. at= and dac= may be there more than "
+            "once; unit=mm says the unit of points, which is m without it.",
+            "The pose is the one that a run has found, with what its bound means in steps; of "
+            "settings, as sldvexp itself takes them, it is the scan's rough pose, the one of "
+            "pose=given, or that of a scene. Without view= all views are told.",
+        ),
+        (
+            (f"aim {RUN} view=1 at=0.42,0.14,0", "a point, as the run's view 1 sees it"),
+            (f"aim {RUN} view=1 dac=-120,300", "where that beam goes"),
+            ("aim --config-dir lab experiment=mine", "circles and corners of every view"),
+            ("aim experiment=plate view=1 unit=mm at=300,20,0 at=570,20,0", "two points in mm"),
+        ),
+    ),
     "check": CommandHelp(
         "<experiments, matrices or folders>",
         "whether experiments, or all of a folder, work as they expect",

@@ -11,6 +11,8 @@ from .joined import joined_in_plane as joined_in_plane
 from .joined import joined_points as joined_points
 from .meridian import Meridian as Meridian
 from .peaks import peaks as peaks
+from .rays import meets_plane as meets_plane
+from .rays import meets_triangles as meets_triangles
 from .rotation import KnownPose as KnownPose
 from .rotation import euler_from_rotation as euler_from_rotation
 from .rotation import euler_jacobian as euler_jacobian

@@ -1,3 +1,6 @@
+from .aiming import corrected_pose as corrected_pose
+from .aiming import dac_jacobian as dac_jacobian
+from .aiming import dac_of_points as dac_of_points
 from .model import direction_cosines as direction_cosines
 from .model import project as project
 from .model import project_jacobian as project_jacobian

@@ -7,15 +7,20 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from types import MappingProxyType
+from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from sldvexp.errors import Checks
+from sldvexp.errors import Checks, UserError
 from sldvexp.files import unusable
-from sldvexp.typing import IntArray
+from sldvexp.geometry import KnownPose
+from sldvexp.laser import TwoMirror, dac_of_points
+from sldvexp.targets import Target
+from sldvexp.typing import Array, IntArray
 
 
 @dataclass
@@ -64,6 +69,26 @@ class Scan(ABC):
     @abstractmethod
     def inputs(self) -> list[str]:
         """List files that are read besides the configuration."""
+
+    def aimed(
+        self,
+        laser: TwoMirror,
+        target: Target | None,
+        poses: Mapping[str, KnownPose] = MappingProxyType({}),
+    ) -> Self:
+        """Say in DAC steps all that is said by points of the world and a rough pose.
+
+        Parameters
+        ----------
+        poses : mapping of str to KnownPose
+            Better poses of views than the rough ones.
+
+        Raises
+        ------
+        UserError
+            That names a view and a point behind the instrument, or beyond its mirrors.
+        """
+        return self
 
 
 class ScanPart(Scan):
@@ -122,7 +147,13 @@ def check_view_names(checks: Checks, views: Iterable[str]) -> None:
 
 
 def check_pairs(
-    checks: Checks, name: str, key: str, pairs: list[list[int]], path: str, count: int = 0
+    checks: Checks,
+    name: str,
+    key: str,
+    pairs: list[list[int]],
+    path: str,
+    count: int = 0,
+    told: str = "",
 ) -> None:
     """Note under `name` what is wrong with pairs of DAC steps or the file that holds them.
 
@@ -134,12 +165,49 @@ def check_pairs(
         What the pairs are called there.
     count : int
         How many pairs there must be; 0 for any number.
+    told : str
+        Message if there are both or none.
     """
     one = bool(pairs) != bool(path)
-    checks.require(one, name, f"give either {key} or path, not both or none")
+    checks.require(one, name, told or f"give either {key} or path, not both or none")
     good = all(len(pair) == 2 for pair in pairs) and len(pairs) in (0, count or len(pairs))
     told = f"must be {count or ''} pairs [up_down, left_right]".replace("  ", " ")
     checks.require(good, f"{name}.{key}", told)
+
+
+def check_rough_pose(checks: Checks, name: str, pose: KnownPose) -> None:
+    """Note under `name` what is wrong with a rough pose."""
+    pose.check(checks, name)
+    exact = bool(pose.euler_std or pose.origin_std or pose.samples)
+    checks.require(not exact, name, "is a rough pose, without standard deviations and samples")
+
+
+def check_points(checks: Checks, name: str, points: list[Any], least: int) -> None:
+    """Note under `name` what is wrong with points of the world, `least` or more."""
+    few = f"must be {least} or more points of the world, not {len(points)}"
+    checks.require(len(points) >= least, name, few)
+    for i, point in enumerate(points):
+        whole = isinstance(point, list) and all(isinstance(x, int | float) for x in point)
+        good = whole and len(point) == 3
+        checks.require(good, f"{name}[{i}]", f"must be three numbers x, y, z, not {point}")
+        if good:
+            checks.finite(f"{name}[{i}]", *point)
+
+
+def aim_points(
+    view: str, points: ArrayLike, names: list[str], pose: KnownPose, laser: TwoMirror
+) -> Array:
+    """Predict DAC steps, not rounded, of points of the world in a view, shape (N, 2).
+
+    Raises
+    ------
+    UserError
+        That names the view and the point that cannot be reached.
+    """
+    try:
+        return dac_of_points(points, pose.rotation, pose.place, laser, names)
+    except UserError as error:
+        raise UserError(f"scan: in the view {view}, {error}") from None
 
 
 class ImageScan(ScanPart):

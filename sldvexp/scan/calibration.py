@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import ClassVar
+from types import MappingProxyType
+from typing import ClassVar, Self
 
 import numpy as np
 
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
-from sldvexp.errors import Checks
+from sldvexp.errors import Checks, UserError
+from sldvexp.geometry import KnownPose
 from sldvexp.io import read_centres
-from sldvexp.scan.base import Sampling, ScanPart, check_pairs, check_view_names
+from sldvexp.laser import TwoMirror
+from sldvexp.scan.base import (
+    Sampling,
+    ScanPart,
+    aim_points,
+    check_pairs,
+    check_rough_pose,
+    check_view_names,
+)
+from sldvexp.targets import Circles, Target
 from sldvexp.typing import IntArray
 
 #: Steps of the smaller range of a mirror's board: no line has more pixels.
@@ -70,10 +82,14 @@ class Centres:
     dac : list of pairs
     path : str
         A legacy file of them (`Scan6pt`), instead.
+    pose : KnownPose, optional
+        Where the instrument roughly stands, instead: it predicts the circles of the group
+        ``target``, which are searched from there.
     """
 
     dac: list[list[int]] = field(default_factory=list)
     path: str = ""
+    pose: KnownPose | None = None
 
 
 @register("scan", "calibration")
@@ -84,7 +100,9 @@ class CalibrationScan(ScanPart):
     Parameters
     ----------
     views : dict of str to Centres
-        Rough centres of the circles in each view.
+        Rough centres of the circles in each view, or a rough pose that predicts them.
+    margin : float, m
+        How far from where a rough pose predicts it a circle may be, at its own distance.
     coarse : CircleLines
         Across the whole circle, through its rough centre.
     fine : CircleLines
@@ -102,16 +120,57 @@ class CalibrationScan(ScanPart):
     fine: CircleLines = field(default_factory=lambda: CircleLines(44, 25, 5))
     edge: EdgeMethod = EdgeMethod.profile
     sampling: Sampling = field(default_factory=Sampling)
+    margin: float = 0.08
 
     def __post_init__(self) -> None:
         checks = Checks()
         check_view_names(checks, self.views)
         for name, centres in self.views.items():
-            check_pairs(checks, f"views.{name}", "dac", centres.dac, centres.path)
+            key, pose = f"views.{name}", centres.pose
+            if pose is None:
+                told = "give dac, path, or a rough pose, one of them"
+                check_pairs(checks, key, "dac", centres.dac, centres.path, told=told)
+            else:
+                alone = not (centres.dac or centres.path)
+                checks.require(alone, key, "give dac, path, or a rough pose, one of them")
+                check_rough_pose(checks, f"{key}.pose", pose)
+        checks.positive("margin", self.margin)
         self.coarse.check(checks, "coarse")
         self.fine.check(checks, "fine")
         self.sampling.check(checks, "sampling")
         checks.done()
+
+    def aimed(
+        self,
+        laser: TwoMirror,
+        target: Target | None,
+        poses: Mapping[str, KnownPose] = MappingProxyType({}),
+    ) -> Self:
+        """See `Scan`; the centres where the rough poses predict them."""
+        views = {
+            name: Centres(self.predicted(name, laser, target).tolist()) if centres.pose else centres
+            for name, centres in self.views.items()
+        }
+        return replace(self, views=views)
+
+    def predicted(self, view: str, laser: TwoMirror, target: Target | None) -> IntArray:
+        """Predict the circles' centres by a view's rough pose, shape (circle, 2), steps.
+
+        Raises
+        ------
+        UserError
+            If there are no circles, or one of them cannot be reached.
+        """
+        pose = self.views[view].pose
+        assert pose is not None
+        if not isinstance(target, Circles):
+            raise UserError(
+                f"scan: the rough pose of the view {view} predicts circles, but target has none; "
+                "choose target=dissertation or another target of circles"
+            )
+        names = [f"circle {number}" for number in target.circles]
+        steps = aim_points(view, target.outlines().mean(axis=1), names, pose, laser)
+        return np.rint(steps).astype(np.int64)
 
     def centres(self, view: str) -> IntArray:
         """Return rough centres of a view's circles, shape (circle, 2), steps."""

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Self
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.scan.base import Scan, ScanPart
+from sldvexp.geometry import KnownPose
+from sldvexp.laser import TwoMirror
+from sldvexp.scan.base import Scan, ScanPart, check_rough_pose
 from sldvexp.scan.by_hand import ByHand
-from sldvexp.scan.calibration import CalibrationScan
+from sldvexp.scan.calibration import CalibrationScan, Centres
 from sldvexp.scan.pixel_list import PixelList
-from sldvexp.scan.rectangle import Rectangle
+from sldvexp.scan.rectangle import Rectangle, ScanRegion
+from sldvexp.targets import Target
 
 
 @register("scan", "session")
@@ -32,15 +38,23 @@ class Session(Scan):
         The images of views that `structure` does not have.
     marks : ByHand
         Where the instrument stands, as a person finds it.
+    poses : dict of str to KnownPose
+        Rough poses of views, once for all parts: of these views `calibration` finds the circles,
+        unless `marks` has the view, and `structure` images the region of its `corners_at`.
     """
 
     calibration: CalibrationScan = field(default_factory=CalibrationScan)
     structure: Rectangle = field(default_factory=Rectangle)
     pixels: PixelList = field(default_factory=PixelList)
     marks: ByHand = field(default_factory=ByHand)
+    poses: dict[str, KnownPose] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         checks = Checks()
+        for name, pose in self.poses.items():
+            check_rough_pose(checks, f"poses.{name}", pose)
+        checks.done()
+        self._share_poses()
         used = {name: part for name, part in self._parts().items() if part.views}
         for kind in {part.kind: None for part in used.values()}:
             names = [name for name, part in used.items() if part.kind == kind]
@@ -52,6 +66,30 @@ class Session(Scan):
             told = f"lacks the view {', '.join(missing)}, which other parts of the session have"
             checks.require(not missing, f"{names[0]}.views", told)
         checks.done()
+
+    def _share_poses(self) -> None:
+        """Give the parts entries of the views that have a rough pose."""
+        circles = {v: Centres(pose=p) for v, p in self.poses.items() if v not in self.marks.views}
+        self.calibration = replace(self.calibration, views=circles | self.calibration.views)
+        if self.structure.corners_at:
+            others = {v: p for v, p in self.poses.items() if v not in self.pixels.views}
+            regions = {view: ScanRegion(pose=pose) for view, pose in others.items()}
+            self.structure = replace(self.structure, views=regions | self.structure.views)
+
+    def aimed(
+        self,
+        laser: TwoMirror,
+        target: Target | None,
+        poses: Mapping[str, KnownPose] = MappingProxyType({}),
+    ) -> Self:
+        """See `Scan`; all parts."""
+        return replace(
+            self,
+            calibration=self.calibration.aimed(laser, target, poses),
+            structure=self.structure.aimed(laser, target, poses),
+            pixels=self.pixels.aimed(laser, target, poses),
+            poses={},
+        )
 
     def view_names(self) -> list[str]:
         """See `Scan`."""
@@ -68,4 +106,9 @@ class Session(Scan):
 
     def _parts(self) -> dict[str, ScanPart]:
         """Name the parts by the names of their fields."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+        return {
+            "calibration": self.calibration,
+            "structure": self.structure,
+            "pixels": self.pixels,
+            "marks": self.marks,
+        }

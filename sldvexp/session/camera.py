@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from sldvexp.errors import UserError
+from sldvexp.geometry import KnownPose
 from sldvexp.instrument import Acquisition, Instrument, RawSamples, Status
 from sldvexp.laser import TwoMirror
 from sldvexp.scan import Sampling
@@ -156,6 +157,8 @@ class ViewContext:
     laser : TwoMirror
     target : Target or None
     operator : Operator
+    poses : dict of str to KnownPose
+        The view's rough pose once its circles have corrected it, for what is scanned after them.
     """
 
     view: str
@@ -163,3 +166,4 @@ class ViewContext:
     laser: TwoMirror
     target: Target | None
     operator: Operator
+    poses: dict[str, KnownPose] = field(default_factory=dict)

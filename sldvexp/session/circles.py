@@ -29,6 +29,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.scan.calibration import CalibrationScan, EdgeMethod
 from sldvexp.scan.lines import across, along_ellipse
 from sldvexp.session.camera import Camera, ViewContext
+from sldvexp.session.search import corrected_by_circles, search_circles
 from sldvexp.signal import ComplexImage, instrument_fault
 from sldvexp.signal.instrument_faults import MOST, moving
 from sldvexp.targets import Circles
@@ -43,17 +44,24 @@ PLACE = {
 
 def scan_calibration(scan: CalibrationScan, at: ViewContext) -> dict[str, xr.Dataset]:
     """Scan the circles of a view; the group ``edge/<view>``."""
-    centres = scan.centres(at.view)
+    rough = scan.views[at.view].pose
+    at.camera.sample(scan.sampling)
+    try:
+        centres = search_circles(scan, at) if rough else scan.centres(at.view)
+    except UserError as error:
+        raise UserError(f"scan: in the view {at.view}, {error}") from None
     if isinstance(at.target, Circles) and len(centres) != len(at.target.circles):
         raise UserError(
             f"scan: the view {at.view} has {len(centres)} rough centres, but the calibration "
             f"object has {len(at.target.circles)} circles; give each of them one"
         )
-    at.camera.sample(scan.sampling)
     try:
         edges = scan_circles(at.camera, scan, centres, at.laser)
     except UserError as error:
         raise UserError(f"scan: in the view {at.view}, {error}") from None
+    if rough:
+        found = np.array([fit_circle(circle)[0].ellipse.centre for circle in edges])
+        at.poses[at.view] = corrected_by_circles(found, rough, at)
     return {f"edge/{at.view}": edges_to_dataset(edges)}
 
 

@@ -28,6 +28,7 @@ def scan_image(scan: ImageScan, at: ViewContext) -> dict[str, xr.Dataset]:
         If no pixel of it is good; it says what to look at.
     """
     at.camera.sample(scan.sampling)
+    scan = scan.aimed(at.laser, at.target, at.poses)
     lines = scan.lines(at.view)
     image = at.camera.image(NAME, lines)
     if (image.flags != 0).all():

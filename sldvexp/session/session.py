@@ -13,6 +13,7 @@ from sldvexp.instrument import Instrument
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan import Scan
+from sldvexp.scan.base import PersonPart
 from sldvexp.session.by_person import joined, record_marks, record_spots
 from sldvexp.session.camera import Camera, Operator, ViewContext
 from sldvexp.session.circles import scan_calibration
@@ -58,8 +59,9 @@ def scan_views(
     require_same(journal, (e.seed, e.target, e.laser, e.scene, e.scan, type(e.instrument).__name__))
     if not e.scan.view_names():
         raise ConfigError([Problem("scan.views", "needs at least one view")])
-    print(estimate(e.scan))
-    _require_on_board(e.scan, e.laser)
+    aimed = e.scan.aimed(e.laser, e.target)
+    print(estimate(aimed))
+    _require_on_board(aimed, e.laser)
     found: dict[str, xr.Dataset] = {}
     for view in e.scan.view_names():
         arrive = partial(_arrive, e, view, operator, journal / view)
@@ -89,7 +91,8 @@ def estimate(scan: Scan) -> str:
 
 def takes_samples(scan: Scan) -> bool:
     """Tell whether a scan has pixels to sample; one by a person alone has none."""
-    return any(part.pixel_count(v) for v in scan.view_names() for part in scan.parts(v))
+    parts = (part for view in scan.view_names() for part in scan.parts(view))
+    return any(not isinstance(part, PersonPart) for part in parts)
 
 
 def _require_on_board(scan: Scan, laser: TwoMirror) -> None:

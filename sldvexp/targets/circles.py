@@ -131,6 +131,23 @@ class Circles(Target):
         )
         checks.done()
 
+    def outlines(self, corners: int = 16) -> Array:
+        """Give points around the edge of each circle, in the order of `circles`.
+
+        Returns
+        -------
+        ndarray, shape (circle, corner, 3), m
+            Evenly spaced; their mean is the circle's centre.
+        """
+        angle = 2 * np.pi * np.arange(corners) / corners
+        around = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        found = []
+        for circle in self.circles.values():
+            plane = self.planes[circle.plane]
+            flat = [circle.x, circle.y] + circle.diameter / 2 * around
+            found.append(plane.origin + flat @ plane.axes()[:2])
+        return self.unit.value * np.array(found)
+
     def points(self) -> TargetPoints:
         """Give the external bitangent points of the selected pairs, numbered as in Figure 4.1.
 

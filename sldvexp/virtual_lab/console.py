@@ -8,13 +8,8 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 
-from hydra import compose, initialize_config_dir
-from hydra.errors import MissingConfigException
-from omegaconf import DictConfig
-
-from sldvexp.config import Origins, hydra_plugin, messages, registry, schema
+from sldvexp.config import composing
 from sldvexp.config.experiment import Experiment
-from sldvexp.config.paths import conf_dir
 from sldvexp.errors import UserError
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.server import LabServer
@@ -30,14 +25,19 @@ def main() -> None:
     """Serve until Ctrl-C. Exit status: 0, or 1 with one sentence for a user's mistake."""
     options = _parser().parse_args()
     try:
-        serve(options.settings, options.host, options.port)
+        serve(options.settings, options.host, options.port, options.config_dir)
     except UserError as error:
         for line in str(error).splitlines():
             print(f"sldvexp-lab: {line}", file=sys.stderr)
         sys.exit(1)
 
 
-def serve(settings: Sequence[str], host: str = "127.0.0.1", port: int = PORT) -> None:
+def serve(
+    settings: Sequence[str],
+    host: str = "127.0.0.1",
+    port: int = PORT,
+    config_dir: str | None = None,
+) -> None:
     """Start the lab of a configuration, print VISA's name of it, and serve until Ctrl-C.
 
     Parameters
@@ -46,13 +46,15 @@ def serve(settings: Sequence[str], host: str = "127.0.0.1", port: int = PORT) ->
         As `sldvexp` takes them; of the experiment only scene, target, laser and seed matter.
     port : int
         0 takes a free one.
+    config_dir : str, optional
+        Folder with experiments and choices of the user's own.
 
     Raises
     ------
     UserError
         If the configuration is wrong or has no scene, or the port is not free.
     """
-    made = experiment(settings)
+    made = experiment(settings, config_dir)
     if made.scene is None:
         raise UserError("there is no scene to serve; choose scene=calibration or scene=plate")
     lab = VirtualLab(made.scene, made.laser, made.target, made.seed)
@@ -66,7 +68,7 @@ def serve(settings: Sequence[str], host: str = "127.0.0.1", port: int = PORT) ->
         server.stopping.wait()
 
 
-def experiment(settings: Sequence[str]) -> Experiment:
+def experiment(settings: Sequence[str], config_dir: str | None = None) -> Experiment:
     """Make the plugins of a configuration, `EXPERIMENT` if it does not choose another.
 
     Raises
@@ -76,38 +78,18 @@ def experiment(settings: Sequence[str]) -> Experiment:
     """
     if not any(s.lstrip("~").startswith("experiment") for s in settings):
         settings = [EXPERIMENT, *settings]
-    origins = Origins(list(settings))
-    hydra_plugin.install()
-    try:
-        composed = _composed(settings)
-    except Exception as error:
-        raise UserError(messages.of_composition(error, origins)) from error
-    try:
-        return schema.build(composed)
-    except Exception as error:
-        if told := messages.sentence(error, origins):
-            raise UserError(told) from error
-        raise
-
-
-def _composed(settings: Sequence[str]) -> DictConfig:
-    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        try:
-            return compose("config", overrides=list(settings))
-        except MissingConfigException:
-            # Perhaps a scene or a target of an installed package, which only now are looked for.
-            if not registry.load_installed():
-                raise
-            return compose("config", overrides=list(settings))
+    return composing.made_from(settings, config_dir)
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="sldvexp-lab",
         description="Serve the virtual lab of a configuration to instrument=visa.",
-        epilog="Example: sldvexp-lab scene=plate target=two_planes laser=ometron_16bit seed=3",
+        epilog="Examples: sldvexp-lab scene=plate target=two_planes laser=ometron_16bit seed=3; "
+        "sldvexp-lab --config-dir lab experiment=my_plate",
     )
     parser.add_argument("settings", nargs="*", metavar="key=value", help="as sldvexp takes them")
+    parser.add_argument("--config-dir", help="folder with experiments and choices of your own")
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on (%(default)s)")
     parser.add_argument(
         "--port", type=int, default=PORT, help="0 takes a free one (default: %(default)s)"
