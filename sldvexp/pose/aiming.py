@@ -34,7 +34,7 @@ SAME = 3.0
 BESIDE = 4.0
 #: Least extent of marks across a line, as a part of their length, that makes a pose strong.
 IN_LINE = 0.03
-#: Relative standard deviation of the distance from which a pose is weak.
+#: Standard deviation of the origin, as a part of the distance, from which a pose is weak.
 WEAK = 0.05
 
 Steps = tuple[int, int]
@@ -143,6 +143,7 @@ class Aiming:
         self._said: dict[str, Steps | None] = {}
         self._before: list[tuple[str, dict[str, Steps | None]]] = []
         self._poses: dict[frozenset[str], list[RoughPose]] = {}
+        self._told: str | None = None
 
     @property
     def taken(self) -> dict[str, Steps]:
@@ -162,7 +163,7 @@ class Aiming:
     def take(self, name: str, dac: Sequence[float] | Array) -> None:
         """Take a place at steps (up_down, left_right); again, if it was taken or hidden before."""
         up_down, left_right = (round(float(step)) for step in dac)
-        self.laser.angle_from_dac([up_down, left_right], [name])
+        self.laser.angle_from_dac([up_down, left_right], name)
         self._say(name, (up_down, left_right))
 
     def hide(self, name: str) -> None:
@@ -182,7 +183,7 @@ class Aiming:
         if not self._before:
             return None
         name, self._said = self._before.pop()
-        self._poses.clear()
+        self._forget()
         return name
 
     @property
@@ -254,7 +255,9 @@ class Aiming:
 
     def contradiction(self) -> str:
         """Say in one sentence which marks contradict one another; empty if none do."""
-        return next(self._same_place(), "") or self._disagreement()
+        if self._told is None:
+            self._told = next(self._same_place(), "") or self._disagreement()
+        return self._told
 
     def weakness(self) -> str:
         """Say in one sentence why the pose is weak; empty if it is not, or is not known yet."""
@@ -275,16 +278,14 @@ class Aiming:
                 f"{joined(names)} fit {len(poses)} poses, at {places} m: one mark more tells, "
                 "best beside their plane"
             )
-        towards = centroid - poses[0].origin
-        distance = float(np.linalg.norm(towards))
-        along = towards / distance
-        std = math.sqrt(along @ poses[0].covariance[3:, 3:] @ along)
+        distance = float(np.linalg.norm(centroid - poses[0].origin))
+        std = math.sqrt(np.linalg.eigvalsh(poses[0].covariance[3:, 3:])[-1])
         if std < WEAK * distance:
             return ""
         flat = extent[2] < IN_LINE * extent[0]
         return (
-            f"{joined(names)} {'lie in one plane and ' if flat else ''}leave the distance "
-            f"uncertain, {distance:.2f} +- {std:.2g} m: take marks "
+            f"{joined(names)} {'lie in one plane and ' if flat else ''}leave the instrument's "
+            f"place uncertain by {std:.2g} m in {distance:.2f}: take marks "
             f"{'beside that plane or ' if flat else ''}farther apart"
         )
 
@@ -297,7 +298,12 @@ class Aiming:
     def _change(self, name: str, said: dict[str, Steps | None]) -> None:
         self._before.append((name, self._said))
         self._said = said
+        self._forget()
+
+    def _forget(self) -> None:
+        """Forget what followed from the marks as they were."""
         self._poses.clear()
+        self._told = None
 
     def _require(self, name: str) -> None:
         if name not in self.places:

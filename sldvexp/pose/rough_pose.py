@@ -46,6 +46,8 @@ VAGUE = np.diag([math.pi**-2] * 3 + [10.0**-2] * 3)
 ODD, BEHIND = 1e-3, 1e-3
 #: Relative likelihood below which a pose is no longer looked at.
 UNLIKELY = 1e-6
+#: Rotations from which the poses of three marks are looked for; a third of them finds all.
+STARTS = 150
 #: Probability of the residuals below which the stated errors are too small.
 REFUTED = 0.001
 
@@ -167,9 +169,10 @@ def _starts(given: Observations) -> Pose:
         rotation, centre = start_poses(given.points, given.normal, given.angles, offset)
         return _with_intrinsics(rotation[0], centre[0], given)
     form = object_space_form(given.points, *beam_planes(given.angles, offset))
-    rotation = rotation_grid()[0]
+    every, lifted, _ = rotation_grid()
+    rotation = every[np.argsort(form.error(lifted))[:STARTS]]
     start = _with_intrinsics(rotation, form.centre(lift(rotation)), given)
-    problem = weighted_problem(given).take(np.zeros(len(rotation), int))
+    problem = weighted_problem(given).take(np.zeros(STARTS, int))
     return take(start, np.isfinite(linearise(problem, start).cost))
 
 
