@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Self
+from typing import Any, Self
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
@@ -54,7 +54,6 @@ class Session(Scan):
         for name, pose in self.poses.items():
             check_rough_pose(checks, f"poses.{name}", pose)
         checks.done()
-        self._share_poses()
         used = {name: part for name, part in self._parts().items() if part.views}
         for kind in {part.kind: None for part in used.values()}:
             names = [name for name, part in used.items() if part.kind == kind]
@@ -67,15 +66,6 @@ class Session(Scan):
             checks.require(not missing, f"{names[0]}.views", told)
         checks.done()
 
-    def _share_poses(self) -> None:
-        """Give the parts entries of the views that have a rough pose."""
-        circles = {v: Centres(pose=p) for v, p in self.poses.items() if v not in self.marks.views}
-        self.calibration = replace(self.calibration, views=circles | self.calibration.views)
-        if self.structure.corners_at:
-            others = {v: p for v, p in self.poses.items() if v not in self.pixels.views}
-            regions = {view: ScanRegion(pose=pose) for view, pose in others.items()}
-            self.structure = replace(self.structure, views=regions | self.structure.views)
-
     def aimed(
         self,
         laser: TwoMirror,
@@ -83,13 +73,8 @@ class Session(Scan):
         poses: Mapping[str, KnownPose] = MappingProxyType({}),
     ) -> Self:
         """See `Scan`; all parts."""
-        return replace(
-            self,
-            calibration=self.calibration.aimed(laser, target, poses),
-            structure=self.structure.aimed(laser, target, poses),
-            pixels=self.pixels.aimed(laser, target, poses),
-            poses={},
-        )
+        parts: Any = {n: part.aimed(laser, target, poses) for n, part in self._parts().items()}
+        return replace(self, poses={}, **parts)
 
     def view_names(self) -> list[str]:
         """See `Scan`."""
@@ -105,10 +90,17 @@ class Session(Scan):
         return [path for part in self._parts().values() for path in part.inputs()]
 
     def _parts(self) -> dict[str, ScanPart]:
-        """Name the parts by the names of their fields."""
+        """Name the parts by the names of their fields, with entries of views of rough poses."""
+        found, marked = self.poses.items(), self.marks.views
+        circles = {view: Centres(pose=pose) for view, pose in found if view not in marked}
+        regions = {
+            view: ScanRegion(pose=pose)
+            for view, pose in found
+            if self.structure.corners_at and view not in self.pixels.views
+        }
         return {
-            "calibration": self.calibration,
-            "structure": self.structure,
+            "calibration": replace(self.calibration, views=circles | self.calibration.views),
+            "structure": replace(self.structure, views=regions | self.structure.views),
             "pixels": self.pixels,
             "marks": self.marks,
         }

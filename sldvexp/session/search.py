@@ -20,10 +20,13 @@ from sldvexp.laser import corrected_pose, dac_of_points
 from sldvexp.lazy import scipy
 from sldvexp.scan.calibration import CalibrationScan
 from sldvexp.session.camera import ViewContext
+from sldvexp.signal import ComplexImage, instrument_fault
 from sldvexp.signal.instrument_faults import moving
 from sldvexp.targets import Circles
 from sldvexp.typing import Array, BoolArray, IntArray
 
+#: Of the rings of pixels in the journal.
+NAME = "search"
 #: Distance of pixels over the half width of the circle as seen.
 PITCH = 0.5
 #: Pixels that a moving spot has, over those of the circle as seen.
@@ -104,7 +107,8 @@ class CircleSearch:
         self.numbers = list(at.target.circles)
         self.outlines = at.target.outlines()
         self._lines = 0  # a spot that is searched twice is scanned twice, under two names
-        self._lost: tuple[int, PredictedCircle] | None = None
+        self._lost: tuple[int, PredictedCircle] | None = None  # and how many were found before it
+        self._seen: ComplexImage | None = None
 
     def complete(self, found: Array) -> Array | None:
         """Add the circles that are not found yet to those found; None if one cannot be found."""
@@ -127,11 +131,14 @@ class CircleSearch:
         known, circle = self._lost
         up_down, left_right = np.rint(circle.centre).astype(int)
         others = f", though {known} of {len(self.numbers)} were found" if known else ""
+        fault = instrument_fault(self._seen) if self._seen and not known else ""
         away = 1000 * (AFTER if known else 1) * self.scan.margin
         return (
             f"circle {circle.number} is not found within {away:g} mm of DAC steps "
-            f"({up_down}, {left_right}), where the rough pose predicts it{others}; see that its "
-            "speaker sounds, correct the pose of the view, or search farther with a larger margin"
+            f"({up_down}, {left_right}), where the rough pose predicts it{others}"
+            f"{fault and '; around it, '}{fault}; if its speaker was dead or hidden, delete "
+            f"{self.at.camera.journal.folder}/{NAME}_* and resume the run, else start anew with a "
+            "better rough pose of the view, or a larger margin of the scan of circles"
         )
 
     def _pose(self, found: Array) -> tuple[Array, Array]:
@@ -180,7 +187,8 @@ class CircleSearch:
             if not inside.any():
                 return
             self._lines += 1
-            image = self.at.camera.image(f"search_{self._lines:03d}", [steps[inside]])
+            image = self.at.camera.image(f"{NAME}_{self._lines:03d}", [steps[inside]])
+            self._seen = image
             where = cells[inside] + circle.rings
             moves[where[:, 0], where[:, 1]] = moving(image) & (image.flags == 0)
             for middle in spots_of(moves, ring, circle):

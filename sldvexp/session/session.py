@@ -124,7 +124,10 @@ def _ahead(scan: Scan, journal: Path) -> tuple[ViewAhead, ...]:
 
 
 def estimate(scan: Scan) -> str:
-    """Estimate how long the session takes at least, and at six pixels a second."""
+    """Estimate how long the session takes at least, and at six pixels a second.
+
+    Pixels that search circles from a rough pose are not among those.
+    """
     views = scan.view_names()
     parts = [(part, view) for view in views for part in scan.parts(view)]
     pixels = sum(part.pixel_count(view) for part, view in parts)

@@ -78,11 +78,15 @@ def test_a_list_is_scanned_in_its_order_line_by_line(tmp_path):
 @pytest.mark.parametrize(
     ("settings", "field", "message"),
     [
-        ({"views": {"a": ScanRegion()}, "stride": 1}, "views.a", "give either corners or path"),
+        (
+            {"views": {"a": ScanRegion()}, "stride": 1},
+            "views.a",
+            "give corners, path, or a rough pose and corners_at",
+        ),
         (
             {"views": {"a": ScanRegion(BOX, "x")}, "stride": 1},
             "views.a",
-            "give either corners or path",
+            "give corners, path, or a rough pose and corners_at",
         ),
         ({"views": {"a": ScanRegion(BOX[:3])}, "stride": 1}, "views.a.corners", "must be 4 pairs"),
         (
@@ -106,7 +110,11 @@ def test_wrong_rectangles(settings, field, message):
 @pytest.mark.parametrize(
     ("settings", "field", "message"),
     [
-        ({"views": {"a": PixelSequence()}}, "views.a", "give either dac or path"),
+        (
+            {"views": {"a": PixelSequence()}},
+            "views.a",
+            "give dac, path, or a rough pose and pixels_at",
+        ),
         ({"views": {"a": PixelSequence([[1, 2, 3]])}}, "views.a.dac", "must be pairs"),
         ({"sampling": Sampling(samples=3)}, "sampling.samples", "at least 16"),
         (

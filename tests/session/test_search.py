@@ -1,0 +1,150 @@
+"""Circles are found from rough poses, or a sentence says which one is not, and why."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sldvexp.errors import UserError
+from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_vector
+from sldvexp.instrument import Replay
+from sldvexp.instrument.recording import JOURNAL
+from sldvexp.scan.calibration import Centres
+from sldvexp.session.search import PredictedCircle, spots_of
+from sldvexp.session.session import scan_views
+
+pytestmark = pytest.mark.usefixtures("client_clock")
+
+#: A corner of the plate's face, 15 mm inside of it.
+CORNERS = "[[0.285, 0.03, 0], [0.555, 0.03, 0], [0.555, 0.25, 0], [0.285, 0.25, 0]]"
+SMALL = (
+    "scan.calibration.coarse.pixels=180",
+    "scan.calibration.fine.lines=8",
+    "scan.calibration.sampling.samples=64",
+    "scan.structure.sampling.samples=64",
+    "scan.structure.pixels=[5,6]",
+)
+
+
+def off(pose: KnownPose, degrees: float, mm: float, seed: int | None) -> KnownPose:
+    """A pose that is wrong by an angle and a length, somehow; without a seed both add up."""
+    turn, shift = np.array([0.0, 1.0, 0.0]), -pose.rotation[0]
+    if seed is not None:
+        turn, shift = np.random.default_rng(seed).standard_normal((2, 3))
+    turn = turn * np.deg2rad(degrees) / np.linalg.norm(turn)
+    shift = shift * mm / 1000 / np.linalg.norm(shift)
+    euler = euler_from_rotation(rotation_from_vector(turn) @ pose.rotation)
+    return KnownPose(euler.tolist(), (pose.place + shift).tolist())
+
+
+def session(composed, degrees, mm, *more, seed=0):
+    """A session of two views whose rough poses are off from the true ones of the scene."""
+    e = composed("scan=session", *SMALL, f"scan.structure.corners_at={CORNERS}", *more)
+    poses = {view: off(e.scene.views[view], degrees, mm, seed) for view in "ab"}
+    return replace(e, scan=replace(e.scan, poses=poses))
+
+
+def centres_of(edges) -> np.ndarray:
+    """Middles of the edges of each circle, in the order in which they were scanned."""
+    return np.array([g["dac"].values.mean(axis=0) for _, g in edges.groupby("circle")])
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize(("seed", "beside"), [(None, 250), (0, 50), (1, 50)])
+def test_a_rough_pose_wrong_by_a_degree_and_20_mm_is_enough(composed, tmp_path, seed, beside):
+    e = session(composed, 1.0, 20.0, seed=seed)
+    found = scan_views(e, tmp_path)
+    for view in e.scan.view_names():
+        with e.instrument.open(e.scene, e.laser, e.target, seed=e.seed, view=view) as lab:
+            circles = lab.true_dac(e.target.outlines().mean(axis=1))
+            corners = lab.true_dac(np.array(e.scan.structure.corners_at))
+        predicted = e.scan.aimed(e.laser, e.target).parts(view)[0].centres(view)
+        assert np.abs(predicted - circles).max() > beside  # a circle is 110 wide
+        assert np.abs(centres_of(found[f"edge/{view}"]) - circles).max() < 4
+        # The circles have corrected the pose before the structure's corners are predicted.
+        dac = found[f"image/{view}"]["dac"].values
+        assert np.abs(dac.min(axis=0) - corners.min(axis=0)).max() < 20
+        assert np.abs(dac.max(axis=0) - corners.max(axis=0)).max() < 20
+
+
+@pytest.mark.whole
+def test_a_search_that_was_cut_off_or_is_replayed_comes_out_the_same(composed, tmp_path):
+    e = session(composed, 1.0, 20.0)
+    found = scan_views(e, tmp_path / JOURNAL)
+    for path in sorted((tmp_path / JOURNAL).rglob("*.npz"))[::3]:
+        path.unlink()
+    again = scan_views(e, tmp_path / JOURNAL)
+    replayed = replace(e, instrument=Replay(str(tmp_path)), scene=None)
+    other = scan_views(replayed, tmp_path / "other")
+    for name, group in found.items():
+        assert group.identical(again[name]), name
+        assert group.identical(other[name]), name
+
+
+@pytest.mark.long
+def test_rough_poses_of_a_hundred_views_find_their_circles(composed, tmp_path):
+    e = composed("scan=calibration", "scan.views={a: {dac: [[0, 0]]}}", "scan.sampling.samples=64")
+    for seed in range(50):
+        for view, pose in e.scene.views.items():
+            rough = {view: Centres(pose=off(pose, 1.0, 20.0, seed))}
+            scan = replace(e.scan, views=rough, coarse=replace(e.scan.coarse, pixels=180))
+            scan_views(replace(e, scan=scan, seed=seed), tmp_path / f"{view}{seed}")
+
+
+def test_a_pose_that_is_farther_off_than_the_margin_is_told_with_what_remains(composed, tmp_path):
+    e = session(composed, 0.0, 0.0, "scan.calibration.margin=0.02")
+    moved = replace(e.scan.poses["a"], origin=[0.40, 0.53, 1.655])
+    e = replace(e, scan=replace(e.scan, poses=e.scan.poses | {"a": moved}))
+    told = (
+        r"^scan: in the view a, circle 1 is not found within 20 mm of DAC steps \(-\d+, \d+\), "
+        r"where the rough pose predicts it; if its speaker was dead or hidden, delete "
+        r"\S+/a/search_\* and resume the run, else start anew with a better rough pose of the "
+        "view, or a larger margin of the scan of circles$"
+    )
+    with pytest.raises(UserError, match=told):
+        scan_views(e, tmp_path)
+    wider = replace(e.scan, calibration=replace(e.scan.calibration, margin=0.15))
+    assert "edge/a" in scan_views(replace(e, scan=wider), tmp_path / "wider")
+
+
+def test_a_dead_speaker_is_told_with_how_many_were_found(composed, tmp_path):
+    e = session(composed, 1.0, 20.0, "scene.speakers={3: {velocity: 0}}")
+    with pytest.raises(
+        UserError, match=r"circle 3 is not found .* predicts it, though 2 of 4 were"
+    ):
+        scan_views(e, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ("scene.generator_gain=0", "around it, the reference channel has no signal of 450 Hz"),
+        ("scene.shutter_open=false", "around it, no light comes back from"),
+    ],
+)
+def test_an_instrument_at_fault_is_told_as_the_cause(composed, tmp_path, wrong, told):
+    e = session(composed, 1.0, 20.0, wrong)
+    with pytest.raises(UserError, match=f"circle 1 is not found within 80 mm .*; {told}"):
+        scan_views(e, tmp_path)
+
+
+def test_only_a_whole_spot_of_the_circles_size_is_one():
+    circle = PredictedCircle(1, np.zeros(2), np.full(2, 4.0), 12.0, np.full(2, 20.0))
+    size = 2 * circle.rings + 1
+    middle = circle.rings
+
+    def spots(*blocks, ring=circle.rings - 2):
+        moves = np.zeros((size, size), bool)
+        for rows, columns in blocks:
+            moves[
+                middle + rows[0] : middle + rows[1], middle + columns[0] : middle + columns[1]
+            ] = 1
+        return [spot.tolist() for spot in spots_of(moves, ring, circle)]
+
+    assert spots(((2, 6), (-5, -2))) == [[3.5, -4.0]]
+    assert spots(((0, 1), (0, 1))) == []  # speckle
+    assert spots(((-5, 5), (-5, 5))) == []  # a plate
+    assert spots(((2, 6), (-5, -2)), ring=5) == []  # goes on where nothing was scanned yet
+    assert spots(((2, 5), (2, 5)), ((-2, 1), (-1, 3))) == [[-1.0, 0.5], [3.0, 3.0]]
