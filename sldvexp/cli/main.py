@@ -25,7 +25,7 @@ from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
-from sldvexp import cli, config, pipeline, progress, session, sweep, writing
+from sldvexp import cli, config, pipeline, progress, session, sweep, telling, writing
 from sldvexp.cli import commands
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
@@ -68,7 +68,7 @@ def main() -> None:
             status = Command(sys.argv[1:], full_error).run()
     except KeyboardInterrupt as stop:
         progress.clear_note()
-        print(f"sldvexp: {str(stop) or 'interrupted'}", file=sys.stderr)
+        telling.tell(str(stop) or "interrupted", telling.YELLOW)
         status = exit_status(stop)
     finally:
         progress.clear_note()
@@ -318,7 +318,9 @@ class Command:
         try:
             self._warn_of_mixed_tables(cfg, origins)
             if job.mode is RunMode.MULTIRUN:
-                computed = sweep.job.perform(cfg, job.runtime.output_dir, lines["task"], told)
+                watcher = self.sweep.watcher() if self.sweep else None
+                where = job.runtime.output_dir
+                computed = sweep.job.perform(cfg, where, lines["task"], told, watcher)
             else:
                 assert self.folder is not None
                 _keep_settings(Path(job.runtime.output_dir))
@@ -407,7 +409,7 @@ class Command:
     def _say(self, told: str) -> None:
         progress.clear_note()
         for line in told.splitlines():
-            print(f"sldvexp: {shown(line)}", file=sys.stderr)
+            telling.tell(line)
         self.status = FAILED
 
 

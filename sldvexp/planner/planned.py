@@ -246,7 +246,10 @@ class _Task:
         first = len(self.given.stands)
         images = [
             *self.given.images,
-            *(empty_image(s, e, raster_of(s, e), k, self.place) for k, s in enumerate(added, first)),
+            *(
+                empty_image(s, e, raster_of(s, e), k, self.place)
+                for k, s in enumerate(added, first)
+            ),
         ]
         expected = expected_bounds(images, self.place.laser, e.volume, e.reconstruction, e.solver)
         goal = Goal(
