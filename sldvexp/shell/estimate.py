@@ -117,16 +117,14 @@ class SurfaceField:
         sse, count = squares.sum(axis=0), int(samples.sum())
         with np.errstate(invalid="ignore"):
             by_view = np.sqrt(squares / samples[:, None])
+        named = [source for source in ("noise", "pose") if source in variance]
         group = self._group(
             "field",
             coords,
             velocity=values,
             velocity_std=std.max(axis=0),
             confidence=self.factor * std.max(axis=0),
-            velocity_std_noise=np.sqrt(variance["noise"]).max(axis=0),
-            velocity_std_pose=np.sqrt(v).max(axis=0)
-            if (v := variance.get("pose")) is not None
-            else None,
+            **{f"velocity_std_{k}": np.sqrt(variance[k]).max(axis=0) for k in named},
             velocity_std_by_part=std,
             confidence_by_part=self.factor * std,
             variance=each,
