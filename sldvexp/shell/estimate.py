@@ -99,6 +99,8 @@ class SurfaceField:
         """Make the group ``field``."""
         local = self.volume.coordinates is Coordinates.local
         values, variance = self._at_nodes(local)
+        if NO_COVARIANCE in self.notes and not variance["pose"].any():
+            del variance["pose"]  # nothing tells them, which is not that they are none
         std = np.sqrt(np.sum(list(variance.values()), axis=0))
         # What may be as large as all motion is not known at all.
         determined = (self.factor * std.max(axis=0) <= self.fit.size).any(axis=-1)
@@ -122,7 +124,9 @@ class SurfaceField:
             velocity_std=std.max(axis=0),
             confidence=self.factor * std.max(axis=0),
             velocity_std_noise=np.sqrt(variance["noise"]).max(axis=0),
-            velocity_std_pose=np.sqrt(variance["pose"]).max(axis=0),
+            velocity_std_pose=np.sqrt(v).max(axis=0)
+            if (v := variance.get("pose")) is not None
+            else None,
             velocity_std_by_part=std,
             confidence_by_part=self.factor * std,
             variance=each,
