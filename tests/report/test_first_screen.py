@@ -15,6 +15,7 @@ from sldvexp.report.html.page import Html
 from sldvexp.report.key_numbers import key_numbers, on_surface
 from sldvexp.report.tables import field_tables, truth_table
 from sldvexp.report.terminal import closing_table, estimates
+from sldvexp.session.interruption import how_to_go_on, how_to_use_the_scan
 from sldvexp.sweep import ranking
 from tests.report.test_html_page import Page
 
@@ -170,6 +171,24 @@ def test_a_failed_run_says_why(cut_off):
     assert "Failed run: there is no result yet." in text
     assert text.count("Laser.reg, line 3: there is no point 9") == 1
     assert "instrument=replay" in text
+
+
+def test_what_a_page_tells_by_itself_is_not_in_its_sentence_too(cut_off):
+    reason = f"interrupted; {how_to_go_on(cut_off)}"
+    text = Page(Html().of_unfinished(cut_off, reason).read_text()).text
+    told = text.partition("Log")[2].partition(" Log ")[0]
+    assert told.count(f"sldvexp resume={cut_off}") == 1
+    reason = f"volume: it is nowhere; {how_to_use_the_scan(cut_off)}"
+    text = Page(Html().of_unfinished(cut_off, reason).read_text()).text
+    first, again, resumed = (
+        text.index(part)
+        for part in (
+            "Volume: it is nowhere. The scan is kept.",
+            f"sldvexp experiment=session seed=3 instrument=replay instrument.path={cut_off}",
+            f"sldvexp resume={cut_off}",
+        )
+    )
+    assert first < again < resumed < text.index("calibration object")
 
 
 def test_the_command_makes_the_page_of_a_run_without_a_dataset(sldvexp, cut_off):
