@@ -42,6 +42,12 @@ def poses():
     return dataset.group("pose", {"view": views}, **found, **bounds)
 
 
+def keep_only(groups, path):
+    with dataset.load(path) as tree:
+        attributes = dict(tree.attrs)
+    dataset.save(groups, attributes, path)
+
+
 @pytest.fixture
 def pages(write_run, small_points, tmp_path, cut_off):
     """Pages of a field, of points, of poses alone, of a run that was cut off, and of a sweep."""
@@ -56,9 +62,7 @@ def pages(write_run, small_points, tmp_path, cut_off):
         folder.mkdir()
         path = write_run(folder, **groups)
         if name != "field":
-            with dataset.load(path) as tree:
-                attributes = dict(tree.attrs)
-            dataset.save(groups, attributes, path)
+            keep_only(groups, path)
         with pytest.MonkeyPatch.context() as patch:
             if name == "field":
                 patch.setattr(figures, "PARTS", {part: {} for part in figures.PARTS})
@@ -112,8 +116,12 @@ def test_verdict_and_shape_are_on_the_first_screen_and_nothing_is_wider(browser,
     assert browser.said() == []
 
 
-def test_pictures_and_tables_are_whole_on_a_low_screen_too(browser, pages):
-    size = (1200, 560)
+def test_pictures_and_tables_are_whole_on_a_low_screen_too(
+    browser, pages, write_run, small_points, tmp_path
+):
+    path, size = write_run(tmp_path), (1200, 560)
+    keep_only({"point": small_points[0]}, path)
+    pages["point"] = run_page.write(path, path.with_name("report.html"))
     for name, page in pages.items():
         open_at(browser, page, size, "light")
         ends, cut = browser.js(
