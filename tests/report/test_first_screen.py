@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import sldvexp.plot
 from sldvexp import dataset
 from sldvexp.dataset import Finding, RunData, Severity, findings_to_dataset
 from sldvexp.report.html import run_page, sweep_page, unfinished
@@ -218,8 +219,6 @@ def swept(**results):
 
 def test_a_sweep_whose_key_is_the_begin_of_a_results_name_is_drawn_and_told(tmp_path):
     """``pose.s_std`` is no attribute of the coordinate ``pose``."""
-    import sldvexp.plot
-
     table = swept(**{"pose.s": [0.7, np.nan]})
     assert sldvexp.plot.sweep(table).axes[0].get_ylabel() == "pose.s"
     dataset.save_table(table, tmp_path / "sweep.nc")
@@ -230,6 +229,19 @@ def test_a_sweep_whose_key_is_the_begin_of_a_results_name_is_drawn_and_told(tmp_
     assert "could not be drawn" not in text
     assert "pose=bitangent: failed: no points" in text
     assert text.count("failed not done; the reason stands above") == 1
+
+
+def test_a_sweeps_table_has_the_unit_of_its_figure(tmp_path):
+    table = swept(**{"field.residual_std": [4e-5, np.nan]})
+    table["field.residual_std"].attrs["units"] = "m/s"
+    dataset.save_table(table, tmp_path / "sweep.nc")
+    rows = ranking.rows(table, ["pose"], "field.residual_std")
+    page = sweep_page.write(tmp_path / "sweep.nc", rows, tmp_path / "report.html")
+    text = Page(page.read_text()).text
+    assert "field.residual_std, µm/s seconds" in text
+    assert "1 edge 40 1 trusted done" in text
+    assert sldvexp.plot.sweep(table).axes[0].get_ylabel() == "field.residual_std, µm/s"
+    assert "report.each_run=true" in text  # no run has a page
 
 
 def test_zeros_rank_nothing():
