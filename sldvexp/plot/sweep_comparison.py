@@ -121,17 +121,28 @@ def _results(table: xr.Dataset) -> list[str]:
     ]
 
 
+def shown_unit(result: xr.DataArray) -> tuple[float, str]:
+    """Choose factor and unit in which a result of a sweep is shown.
+
+    Examples
+    --------
+    >>> from sldvexp.lazy import xarray as xr
+    >>> shown_unit(xr.DataArray([3e-4, 5e-5], attrs={"units": "m/s"}))
+    (1000000.0, 'µm/s')
+    """
+    unit = str(result.attrs.get("units", "1"))
+    return style.prefixed(result.values, unit) if unit in ("m/s", "m", "rad") else (1.0, unit)
+
+
 def _panels(table: xr.Dataset, quantity: str, keys: list[str]) -> list[Panel]:
     """Make a panel for each entry along the result's first dimension, r.m.s. over the others."""
     result = table[quantity]
     name = f"{quantity}_std"
     # not table.get: with a coordinate pose, pose.s_std would be looked for as its attribute
     error = table[name] if name in table.variables else None
-    unit, factor = str(result.attrs.get("units", "1")), 1.0
+    factor, unit = shown_unit(result)
     if np.iscomplexobj(result.values):
         result = abs(result)
-    if unit in ("m/s", "m", "rad"):
-        factor, unit = style.prefixed(result.values, unit)
     first, *others = [d for d in result.dims if d not in keys] or [None]
     over = ""
     if others:

@@ -275,12 +275,13 @@ class SurfaceField:
         name: str,
         coords: Mapping[str, Any],
         always: Mapping[str, Any],
-        **arrays: NDArray[Any],
+        **arrays: NDArray[Any] | None,
     ) -> xr.Dataset:
         """Make a group, without a frequency dimension if the run does not know the one there is."""
         known = self.frequency is not None
         coords = {**coords, "frequency": self.frequency} if known else dict(coords)
-        last = {key: np.asarray(v) if known else np.asarray(v)[..., 0] for key, v in arrays.items()}
+        given = {key: np.asarray(v) for key, v in arrays.items() if v is not None}
+        last = {key: v if known else v[..., 0] for key, v in given.items()}
         return dataset.group(name, coords, **last, **always)
 
 

@@ -8,13 +8,14 @@ import re
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import sldvexp.plot
 from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.image import fit_circle, pinhole_edges
 from sldvexp.laser import TwoMirror
-from sldvexp.plot import FIGURES, figures_of
+from sldvexp.plot import FIGURES, figures_of, shape, style
 from sldvexp.plot.paper import SETTINGS
 from sldvexp.plot.style import prefixed
 from sldvexp.session.circles import edges_of
@@ -93,6 +94,30 @@ def labels_are_inside_and_apart(figure):
         extents = sorted((t.get_window_extent().extents[[0, 2]] for t in ticks), key=min)
         if axes.name != "3d":
             assert all(a[1] < b[0] for a, b in itertools.pairwise(extents))
+
+
+def test_numbers_of_scales_begin_where_the_scales_do():
+    figure = Figure(figsize=(3.0, 2.0))
+    for at, high in enumerate((0.034, 34.0)):
+        axes = figure.add_axes((0.1 + 0.4 * at, 0.5, 0.35, 0.4))
+        style.scale_below(axes, axes.imshow([[0.0, high]]), "mm/s")
+    figure.draw_without_rendering()
+    for scale in figure.axes[1::2]:
+        first, *_ = (t for t in scale.get_xticklabels() if t.get_text())
+        assert first.get_window_extent().x0 >= scale.get_window_extent().x0 - 1
+
+
+def test_no_moment_is_less_than_nothing():
+    velocity = np.array([1.0 + 1e-9j, 0.5])
+    assert shape.at_largest(velocity, velocity)[0] == "ωt = +0°"
+
+
+def test_names_beside_a_place_are_as_far_from_it_as_spaces_say():
+    pose = {"origin": np.zeros((1, 3)), "rotation": [np.eye(3)]}
+    figure = sldvexp.plot.stands({"pose": dataset.group("pose", {"view": ["front"]}, **pose)})
+    names = [t.get_text() for t in figure.axes[0].texts]
+    assert [name.rstrip(" ") for name in names] == names  # which SVG would leave out
+    assert names[0].rstrip() == "front"
 
 
 @pytest.mark.parametrize("name", SHOWN)
@@ -360,7 +385,7 @@ def test_surface_is_the_moment_of_the_largest_velocity(figures, tree):
     field = tree["field"].to_dataset().isel(node=slice(42, 84), frequency=0)
     z = field["velocity"].sel(component="z").values
     phase = np.angle(z[np.abs(z).argmax()])
-    assert f"ωt = {-np.degrees(phase):+.0f}°" in figures["surface"].get_suptitle()
+    assert f"ωt = {round(-np.degrees(phase)):+d}°" in figures["surface"].get_suptitle()
     now = 1000 * np.real(z * np.exp(-1j * phase))
     np.testing.assert_allclose(scale.get_ylim(), (-np.abs(now).max(), np.abs(now).max()))
     surface, _ = axes.collections

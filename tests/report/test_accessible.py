@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from sldvexp import dataset
-from sldvexp.report.html import figures, run_page, unfinished
+from sldvexp.report.html import figures, run_page, sweep_page, unfinished
+from sldvexp.sweep import ranking
 from tests.report import devtools
 from tests.report.test_first_screen import cut_off as cut_off
+from tests.report.test_first_screen import swept
 
 axe = pytest.importorskip("axe_core_python.base", reason="needs axe-core-python")
 
@@ -36,12 +38,19 @@ def poses():
     turned = np.tile(np.diag([1.0, -1.0, -1.0]), (2, 1, 1))
     found = {"origin": origin, "rotation": turned, "euler": np.zeros((2, 3))}
     bounds = {"origin_confidence": np.full((2, 3), 1e-3)}
+    bounds |= {name: np.array([0.07, 0.15]) for name in ("s", "residual_rms", "pointing_std")}
     return dataset.group("pose", {"view": views}, **found, **bounds)
+
+
+def keep_only(groups, path):
+    with dataset.load(path) as tree:
+        attributes = dict(tree.attrs)
+    dataset.save(groups, attributes, path)
 
 
 @pytest.fixture
 def pages(write_run, small_points, tmp_path, cut_off):
-    """Pages of a field, of points, of poses alone, and of a run that was cut off."""
+    """Pages of a field, of points, of poses alone, of a run that was cut off, and of a sweep."""
     point, ends = small_points
     made = {}
     for name, groups in {
@@ -53,14 +62,17 @@ def pages(write_run, small_points, tmp_path, cut_off):
         folder.mkdir()
         path = write_run(folder, **groups)
         if name != "field":
-            with dataset.load(path) as tree:
-                attributes = dict(tree.attrs)
-            dataset.save(groups, attributes, path)
+            keep_only(groups, path)
         with pytest.MonkeyPatch.context() as patch:
             if name == "field":
                 patch.setattr(figures, "PARTS", {part: {} for part in figures.PARTS})
             made[name] = run_page.write(path, path.with_name("report.html"))
-    return made | {"cut": unfinished.write(cut_off, cut_off / "report.html")}
+    made["cut"] = unfinished.write(cut_off, cut_off / "report.html")
+    table = swept(**{"pose.s": [0.7, np.nan]})
+    dataset.save_table(table, tmp_path / "sweep.nc")
+    rows = ranking.rows(table, ["pose"], "pose.s")
+    made["sweep"] = sweep_page.write(tmp_path / "sweep.nc", rows, tmp_path / "sweep.html")
+    return made
 
 
 def open_at(browser, page, size, scheme):
@@ -94,13 +106,47 @@ def test_verdict_and_shape_are_on_the_first_screen_and_nothing_is_wider(browser,
         wide, ends, top = browser.js(
             "const box = (q) => { const e = document.querySelector(q);"
             " return e ? e.getBoundingClientRect() : null; };"
-            "const shown = box('.shape-stage') || box('.lead img') || box('.shown');"
+            "const shown = box('.shape-stage') || box('.lead img') || box('.shown')"
+            " || box('main img');"
             "return [document.documentElement.scrollWidth, box('.verdict').bottom, shown.top]"
         )
         assert wide == size[0], name
         assert ends < 0.5 * size[1], name
         assert top < 0.75 * size[1], name
     assert browser.said() == []
+
+
+def test_pictures_and_tables_are_whole_on_a_low_screen_too(
+    browser, pages, write_run, small_points, tmp_path
+):
+    path, size = write_run(tmp_path), (1200, 560)
+    keep_only({"point": small_points[0]}, path)
+    pages["point"] = run_page.write(path, path.with_name("report.html"))
+    for name, page in pages.items():
+        open_at(browser, page, size, "light")
+        ends, cut = browser.js(
+            "const own = document.querySelector('.lead img');"
+            "return [own && own.closest('.shown') ? own.getBoundingClientRect().bottom : 0,"
+            " [...document.querySelectorAll('.scroll:has(table)')].filter((e) =>"
+            " e.clientWidth && e.scrollWidth > e.clientWidth).map((e) => e.outerHTML)]"
+        )
+        assert ends <= size[1], name
+        assert cut == [], name
+
+
+def test_on_paper_no_heading_stands_alone(browser, pages):
+    browser.command("Emulation.setEmulatedMedia", media="print", features=[])
+    for name, page in pages.items():
+        browser.open(page)
+        alone, parted = browser.js(
+            "const seen = (e) => e.getClientRects().length > 0;"
+            "const shown = [...document.querySelectorAll('section')].filter(seen);"
+            "return [shown.filter((s) => ![...s.children].some((e) => e.tagName !== 'H2' &&"
+            " seen(e))).map((s) => s.id), [...document.querySelectorAll('h2, h3, p:has(+ pre)')]"
+            ".filter(seen).filter((e) => getComputedStyle(e).breakAfter !== 'avoid')"
+            ".map((e) => e.textContent)]"
+        )
+        assert (alone, parted) == ([], []), name
 
 
 def test_the_contents_stay_in_sight_and_the_keyboard_reaches_them(browser, pages):

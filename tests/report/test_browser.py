@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 
 import numpy as np
@@ -35,6 +36,19 @@ def test_page_is_quiet_and_fetches_nothing(shown, browser):
         url for url in fetched if not url.startswith(own) and not url.endswith("report.html")
     ]
     assert (len(fetched) > 0, outside) == (True, [])
+
+
+@pytest.mark.parametrize("size", [PHONE, DESKTOP])
+def test_numbers_and_names_of_the_box_stand_apart(open_at, size):
+    boxes = open_at(size).js(
+        "return [...document.querySelectorAll('.shape-labels span')].map((e) => {"
+        " const b = e.getBoundingClientRect(); return [b.left, b.right, b.top, b.bottom]; })"
+    )
+    assert len(boxes) >= 6
+    for one, other in itertools.combinations(boxes, 2):
+        across = min(one[1], other[1]) - max(one[0], other[0])
+        down = min(one[3], other[3]) - max(one[2], other[2])
+        assert min(across, down) < 3, (one, other)
 
 
 def test_shape_moves_when_it_is_played_and_stands_when_it_is_paused(shown, browser):

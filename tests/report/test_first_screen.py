@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import sldvexp.plot
 from sldvexp import dataset
 from sldvexp.dataset import Finding, RunData, Severity, findings_to_dataset
 from sldvexp.report.html import run_page, sweep_page, unfinished
@@ -15,6 +16,7 @@ from sldvexp.report.html.page import Html
 from sldvexp.report.key_numbers import key_numbers, on_surface
 from sldvexp.report.tables import field_tables, truth_table
 from sldvexp.report.terminal import closing_table, estimates
+from sldvexp.session.interruption import how_to_go_on, how_to_use_the_scan
 from sldvexp.sweep import ranking
 from tests.report.test_html_page import Page
 
@@ -172,6 +174,24 @@ def test_a_failed_run_says_why(cut_off):
     assert "instrument=replay" in text
 
 
+def test_what_a_page_tells_by_itself_is_not_in_its_sentence_too(cut_off):
+    reason = f"interrupted; {how_to_go_on(cut_off)}"
+    text = Page(Html().of_unfinished(cut_off, reason).read_text()).text
+    told = text.partition("Log")[2].partition(" Log ")[0]
+    assert told.count(f"sldvexp resume={cut_off}") == 1
+    reason = f"volume: it is nowhere; {how_to_use_the_scan(cut_off)}"
+    text = Page(Html().of_unfinished(cut_off, reason).read_text()).text
+    first, again, resumed = (
+        text.index(part)
+        for part in (
+            "Volume: it is nowhere. The scan is kept.",
+            f"sldvexp experiment=session seed=3 instrument=replay instrument.path={cut_off}",
+            f"sldvexp resume={cut_off}",
+        )
+    )
+    assert first < again < resumed < text.index("calibration object")
+
+
 def test_the_command_makes_the_page_of_a_run_without_a_dataset(sldvexp, cut_off):
     done = sldvexp("report", str(cut_off))
     assert (done.status, done.err, done.out) == (0, "", f"{cut_off / 'report.html'}\n")
@@ -199,8 +219,6 @@ def swept(**results):
 
 def test_a_sweep_whose_key_is_the_begin_of_a_results_name_is_drawn_and_told(tmp_path):
     """``pose.s_std`` is no attribute of the coordinate ``pose``."""
-    import sldvexp.plot
-
     table = swept(**{"pose.s": [0.7, np.nan]})
     assert sldvexp.plot.sweep(table).axes[0].get_ylabel() == "pose.s"
     dataset.save_table(table, tmp_path / "sweep.nc")
@@ -211,6 +229,19 @@ def test_a_sweep_whose_key_is_the_begin_of_a_results_name_is_drawn_and_told(tmp_
     assert "could not be drawn" not in text
     assert "pose=bitangent: failed: no points" in text
     assert text.count("failed not done; the reason stands above") == 1
+
+
+def test_a_sweeps_table_has_the_unit_of_its_figure(tmp_path):
+    table = swept(**{"field.residual_std": [4e-5, np.nan]})
+    table["field.residual_std"].attrs["units"] = "m/s"
+    dataset.save_table(table, tmp_path / "sweep.nc")
+    rows = ranking.rows(table, ["pose"], "field.residual_std")
+    page = sweep_page.write(tmp_path / "sweep.nc", rows, tmp_path / "report.html")
+    text = Page(page.read_text()).text
+    assert "field.residual_std, µm/s seconds" in text
+    assert "1 edge 40 1 trusted done" in text
+    assert sldvexp.plot.sweep(table).axes[0].get_ylabel() == "field.residual_std, µm/s"
+    assert "report.each_run=true" in text  # no run has a page
 
 
 def test_zeros_rank_nothing():

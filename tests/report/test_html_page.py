@@ -16,6 +16,7 @@ import yaml
 from sldvexp import dataset
 from sldvexp.dataset import read_yaml
 from sldvexp.errors import UserError
+from sldvexp.field.estimate import NO_COVARIANCE
 from sldvexp.plot import FIGURES
 from sldvexp.report import attempt
 from sldvexp.report.html import figures, render, results, run_page, setup
@@ -218,6 +219,35 @@ def test_a_page_shows_the_setup_and_the_nodes(run_file, monkeypatch):
     page = made(run_file(pose=dataset.group("pose", {"view": ["left", "right"]}, **pose)))
     for part, name in (("stands", "volume"), ("field", "nodal"), ("field", "field")):
         assert figures.PARTS[part][name] in page.text
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_poses_that_were_given_have_no_words_of_bounds(run_file, no_figures, known):
+    bound = np.full((2, 3), 1e-3 if known else np.nan)
+    pose = {
+        "origin": np.array([[0.0, 0.0, 1.0], [0.5, 0.0, 1.0]]),
+        "rotation": np.tile(np.diag([1.0, -1.0, -1.0]), (2, 1, 1)),
+        "euler": np.zeros((2, 3)),
+        "origin_std": bound / 2,
+        "origin_confidence": bound,
+        "euler_confidence": bound,
+        "dof": [26, 26] if known else [np.inf, np.inf],
+    }
+    groups = {"pose": dataset.group("pose", {"view": ["left", "right"]}, **pose)}
+    told = made(run_file(**groups)).text.partition("Velocity images")[0]
+    assert ("The poses were given, and have no bounds." in told) is not known
+    assert ("Origin, with 95% bounds" in told) is known
+    assert ("dof" in told) is known
+    assert "(no bound)" not in told
+    assert " inf " not in told
+    if not known:
+        assert "the pose of views left, right has no bounds" in told
+        with dataset.load(run_file()) as tree:
+            field = tree["field"].to_dataset().load()
+        field.attrs["notes"] = NO_COVARIANCE
+        told = made(run_file(field=field, **groups)).text
+        assert told.count("no covariance") == 1
+        assert "has no bounds" not in told
 
 
 def test_garbage_is_looked_for_later_as_it_was_before(pages, monkeypatch, tmp_path):

@@ -205,6 +205,16 @@ def test_parts_of_the_budget_add_up():
     )
 
 
+def test_poses_of_which_nothing_is_known_are_no_source_of_nothing():
+    views = lab.views(lab.plate(), np.random.default_rng(11))
+    known = np.eye(6 * len(views)) * 1e-10
+    for covariance, told in ((None, False), (known, True)):
+        group = estimated(views, lab.volume(), covariance=covariance).field()
+        assert ("pose" in group["source"].values) is told
+        assert ("velocity_std_pose" in group) is told
+        assert ("poses" in group.attrs["not_included"].split("; ")) is not told
+
+
 def test_a_shell_needs_a_thickness():
     views = lab.views(lab.plate(), np.random.default_rng(12))
     with pytest.raises(UserError, match=r"thickness: choose material=aluminium material.thickness"):

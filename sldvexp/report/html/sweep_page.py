@@ -15,6 +15,7 @@ import numpy as np
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.dataset import VERDICT, load_table
 from sldvexp.lazy import xarray as xr
+from sldvexp.plot.sweep_comparison import shown_unit
 from sldvexp.report.html import render
 from sldvexp.report.html.blocks import (
     Code,
@@ -31,8 +32,8 @@ from sldvexp.report.html.pair import pair_section
 from sldvexp.report.numbers import first, number
 
 GOOD = ("done",)
-#: Of a run that has no page.
-FOLDER = "folder"
+#: Text of a link to a run.
+PAGE, FOLDER = "page", "folder"
 #: What each state of a run means, and what can be done.
 MEANING = {
     "done": "finished, and all that was expected of it is met",
@@ -64,10 +65,10 @@ def write(path: Path, ranking: Sequence[Mapping[str, Any]], page: Path) -> Path:
     table = load_table(path)
     keys, by = [str(k) for k in np.atleast_1d(table.attrs["keys"])], str(table.attrs["ranked_by"])
     done = sum(row["state"] in GOOD for row in ranking)
-    unit = str(table[by].attrs.get("units", "1")) if by in table else "1"
+    shown = shown_unit(table[by]) if by in table else (1.0, "1")
     title = f"Sweep of {', '.join(keys)}" if keys else "Comparison of runs"
     subtitle = f"{len(ranking)} runs, {done} done as expected"
-    ranked = _results(ranking, keys, by, unit, page)
+    ranked = _results(ranking, keys, by, shown, page)
     told = [_verdict(ranking), *ranked]
     sections = [
         Section("Result", [Lead(told, []), *sweep_figures(table)], unseen=True),
@@ -143,15 +144,20 @@ def _varied(
 
 
 def _results(
-    ranking: Sequence[Mapping[str, Any]], keys: Sequence[str], by: str, unit: str, page: Path
+    ranking: Sequence[Mapping[str, Any]],
+    keys: Sequence[str],
+    by: str,
+    shown: tuple[float, str],
+    page: Path,
 ) -> Iterator[HtmlTable | Text]:
-    """Make the ranking, with the way to each run."""
+    """Make the ranking, with the way to each run, in the factor and unit that the figure has."""
+    factor, unit = shown
     rows = []
     for place, row in enumerate(ranking, 1):
         value = row[by] if by else math.nan
         rank = str(place) if math.isfinite(value) else ""
         cells = [rank, *(str(row[key]) for key in keys)]
-        result = number(value) if rank else ""
+        result = number(factor * value) if rank else ""
         about = [result, number(row["seconds"], 3), str(row.get(VERDICT, "")), str(row["state"])]
         rows.append([*cells, *about, _link(page, str(row.get("folder", "")))])
     caption = f"Runs by {by}, {first(by)} first" if by else "Runs"
@@ -159,7 +165,7 @@ def _results(
     yield HtmlTable(["", *keys, result, "seconds", VERDICT, "state", "run"], rows, caption)
     told = "A result of many numbers is ranked by their root mean square"
     told += "; sweep.csv beside this page has every number of every run"
-    if any(isinstance(row[-1], Link) and row[-1].text == FOLDER for row in rows):
+    if not any(isinstance(row[-1], Link) and row[-1].text == PAGE for row in rows):
         told += "; report.each_run=true makes a page of every run"
     yield Text(f"{told}.", "small")
 
@@ -171,7 +177,7 @@ def _link(page: Path, folder: str) -> Link | str:
         return ""
     address = there.as_uri() if Path(folder).is_absolute() else f"./{quote(folder)}"
     if (there / page.name).is_file():
-        return Link("page", f"{address}/{page.name}")
+        return Link(PAGE, f"{address}/{page.name}")
     return Link(FOLDER, f"{address}/")
 
 
