@@ -2,10 +2,12 @@ from . import aim as aim
 from . import check as check
 from . import compare as compare
 from . import completion as completion
+from . import details as details
 from . import export as export
 from . import handbook as handbook
 from . import help as help
 from . import list as list
+from . import plan as plan
 from . import plot as plot
 from . import reference as reference
 from . import report as report

@@ -31,6 +31,7 @@ COMMANDS = (
     "export",
     "handbook",
     "list",
+    "plan",
     "plot",
     "report",
     "rerun",

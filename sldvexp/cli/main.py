@@ -25,7 +25,7 @@ from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
-from sldvexp import cli, config, pipeline, sweep, writing
+from sldvexp import cli, config, pipeline, progress, session, sweep, telling, writing
 from sldvexp.cli import commands
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
@@ -67,9 +67,11 @@ def main() -> None:
         with hydra_raises() as full_error:
             status = Command(sys.argv[1:], full_error).run()
     except KeyboardInterrupt as stop:
-        print(f"sldvexp: {str(stop) or 'interrupted'}", file=sys.stderr)
+        progress.clear_note()
+        telling.tell(str(stop) or "interrupted", telling.YELLOW)
         status = exit_status(stop)
     finally:
+        progress.clear_note()
         gc.enable()
     sys.exit(status)
 
@@ -121,10 +123,22 @@ class Command:
         Whether mistakes are raised instead of told.
     quiet : bool
         Whether a single run prints neither a bar nor its closing table.
+    watcher : Watcher, optional
+        Shows how a single run gets on, in the place of the bar.
+    operator : Operator, optional
+        Is asked, in the place of the person at the terminal, for what must be done by hand.
     """
 
-    def __init__(self, arguments: Sequence[str], full_error: bool, quiet: bool = False):
+    def __init__(
+        self,
+        arguments: Sequence[str],
+        full_error: bool,
+        quiet: bool = False,
+        watcher: session.Watcher | None = None,
+        operator: session.Operator | None = None,
+    ):
         self.quiet = quiet
+        self.watcher, self.operator = watcher, operator
         self.arguments = arguments
         self.full_error = full_error
         self.status = DONE
@@ -186,6 +200,8 @@ class Command:
         return self.status
 
     def _compose_and_run(self, options: Namespace) -> None:
+        if not options.cfg and not options.info:
+            progress.note("reading the configuration")
         if self._check(options) and not options.multirun:
             self.arguments = [*self.arguments, "-m"]
             options.multirun = True
@@ -277,6 +293,7 @@ class Command:
             if config.messages.sentence(error, config.Origins(self.arguments)) is None:
                 self.defect = error
             raise
+        progress.note("loading the program")
         folder = Path(cfg.hydra.run.dir)
         self.folder = folder.absolute()
         require_no_links(folder)
@@ -301,7 +318,9 @@ class Command:
         try:
             self._warn_of_mixed_tables(cfg, origins)
             if job.mode is RunMode.MULTIRUN:
-                computed = sweep.job.perform(cfg, job.runtime.output_dir, lines["task"], told)
+                watcher = self.sweep.watcher() if self.sweep else None
+                where = job.runtime.output_dir
+                computed = sweep.job.perform(cfg, where, lines["task"], told, watcher)
             else:
                 assert self.folder is not None
                 _keep_settings(Path(job.runtime.output_dir))
@@ -311,6 +330,8 @@ class Command:
                         folder=str(self.folder),
                         quiet=self.quiet,
                         experiment=self.experiment,
+                        watcher=self.watcher,
+                        operator=self.operator,
                     )
                 self.status = self.status or (DONE if passed else MISSED)
         except KeyboardInterrupt as stop:
@@ -386,8 +407,9 @@ class Command:
         return False
 
     def _say(self, told: str) -> None:
+        progress.clear_note()
         for line in told.splitlines():
-            print(f"sldvexp: {shown(line)}", file=sys.stderr)
+            telling.tell(line)
         self.status = FAILED
 
 

@@ -225,7 +225,7 @@ def solve_field(
     found = replace(found, others=others, interpolation=error)
     if poses is None:
         messages.append(NO_COVARIANCE)
-    condition = condition_numbers(fit.equations.system, fit.solve)
+    condition = condition_numbers(fit.equations.system, fit.roughly)
     tested = None
     if test is not None:
         of_poses = None if effect is None else modes

@@ -45,6 +45,8 @@ class FieldFit:
     ----------
     data : list of ndarray, shape (pixel, column), m/s
         Of each view.
+    roughly : callable
+        As `solve`, for what is told with few digits.
     theta : ndarray, shape (layer, surface_node, parameter, column)
     """
 
@@ -53,6 +55,7 @@ class FieldFit:
     equations: Equations
     flags: Observability
     solve: Solve
+    roughly: Solve
     theta: Array
 
     @classmethod
@@ -82,7 +85,8 @@ class FieldFit:
             )
         equations, solve = factorise(solver, equations, found)
         theta = solution(equations.right, equations.system, solve)
-        return cls(parts, data, equations, found, solve, theta)
+        roughly = solver.roughly(equations.system, solve)
+        return cls(parts, data, equations, found, solve, roughly, theta)
 
     @property
     def messages(self) -> list[str]:
@@ -94,7 +98,7 @@ class FieldFit:
         system = self.equations.system
         determined = self.flags.determined.reshape(*system.active.shape, -1)
         return with_bounds(
-            self.parts, system, self.solve, self.theta, self.data, determined, factor, pose
+            self.parts, system, self.roughly, self.theta, self.data, determined, factor, pose
         )
 
     def intercept_test(self, found: FieldBounds, pose: PoseEffect | None) -> InterceptTest | None:

@@ -153,7 +153,7 @@ def _only(component: str | None, known: Iterable[str]) -> None:
 def at_largest(velocity: ComplexArray, of: ComplexArray) -> tuple[str, Array]:
     """Take velocities at the moment when the largest one of some is as positive as it gets."""
     phase = float(np.angle(of[int(np.nanargmax(np.abs(of)))]))
-    return f"ωt = {-np.degrees(phase):+.0f}°", (velocity * np.exp(-1j * phase)).real
+    return f"ωt = {round(-np.degrees(phase)):+d}°", (velocity * np.exp(-1j * phase)).real
 
 
 def points_unavailable_because(run: RunData) -> bool:

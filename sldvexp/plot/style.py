@@ -462,6 +462,11 @@ def _around(axes: Any) -> tuple[Figure, list[float]]:
     return every[0].figure, [*boxes[:, :2].min(axis=0), *boxes[:, 2:].max(axis=0)]
 
 
+def upright_scale(made: Figure, place: Any, mapped: Any, label: str) -> Any:
+    """Make a scale at a place of the figure: left, bottom, width and height of it."""
+    return _scale(made, place, mapped, label, upright=True)
+
+
 def _scale(made: Figure, place: Any, mapped: Any, label: str, upright: bool) -> Any:
     """Make the axis of a linear scale; one image of its colours, where a colorbar has many."""
     axes: Any = made.add_axes(place, label="<colorbar>")
@@ -478,8 +483,12 @@ def _scale(made: Figure, place: Any, mapped: Any, label: str, upright: bool) -> 
     axes.spines[:].set(visible=True, linewidth=0.5)
     other.set_visible(False)
     axes.grid(False)
-    own.set_major_locator(ticks(4 if upright else 2 if narrow() else 3))
+    chosen = ticks(4 if upright else 2 if narrow() else 3)
+    own.set_major_locator(chosen)
     own.set_label_text(label)
+    if not upright and np.isclose(chosen.tick_values(low, high)[0], low):
+        own.set_ticks([t for t in chosen.tick_values(low, high) if t <= high])
+        own.get_ticklabels()[0].set_horizontalalignment("left")  # another scale ends there
     return own
 
 

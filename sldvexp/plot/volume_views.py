@@ -192,7 +192,8 @@ def _scene(axes: Axes3D, run: RunData, names: list[str]) -> None:
         axes.plot(*away.T, ":", color=style.COLOURS[-1], linewidth=0.7)
         # aside of its axis, and of the numbers at the right
         side = "top" if origin[1] < middle[1] else "bottom"
-        axes.text(*origin, f"{name}  ", ha="right", va=side)
+        # spaces that a picture as SVG keeps
+        axes.text(*origin, f"{name}\N{NO-BREAK SPACE}\N{NO-BREAK SPACE}", ha="right", va=side)
     length = np.ptp([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()], axis=1)
     axes.set_box_aspect(length, zoom=0.8)
     axes.tick_params(pad=-1)

@@ -18,7 +18,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 from rich.text import Text
 
-from sldvexp.dataset import RunData, Source, is_void
+from sldvexp.dataset import FREQUENCY, RunData, Source, is_void
 from sldvexp.lazy import xarray as xr
 from sldvexp.limits import shown
 from sldvexp.report.base import notes, verdict_text
@@ -173,7 +173,9 @@ def _point_rows(name: str, point: xr.Dataset, most: int) -> Iterator[tuple[str, 
     for i in told_of:
         value, bound = stacked.isel(case=i), bounds.isel(case=i)
         labels = [
-            f"{d} {value[d].item():g}" if d == "frequency" else f"{d} {value[d].item()}"
+            f"{value[d].item():g} {FREQUENCY.units}"
+            if d == "frequency"
+            else f"{d} {value[d].item()}"
             for d in cases
         ]
         label = ", ".join([name.replace("compare/", ""), *labels])

@@ -11,11 +11,14 @@ from sldvexp.config.paths import JOURNAL
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.session.journal import CONFIGURATION
 
+#: How a sentence about the end of a run goes on that tells what is kept.
+LINES_KEPT, SCAN_KEPT = "what was scanned is kept", "the scan is kept"
+
 
 def how_to_go_on(folder: Path) -> str:
     """Tell how to go on with a run that stops before its end and has scan lines."""
     resume = shlex.quote(f"resume={folder}")
-    return f"what was scanned is kept, go on with: sldvexp {resume}"
+    return f"{LINES_KEPT}, go on with: sldvexp {resume}"
 
 
 def has_lines(folder: Path) -> bool:
@@ -27,7 +30,7 @@ def has_lines(folder: Path) -> bool:
 def how_to_use_the_scan(folder: Path) -> str:
     """Tell how to use the scan that is kept where a run fails behind it."""
     path = shlex.quote(f"instrument.path={folder}")
-    return f"the scan is kept: repeat the command, mended, with instrument=replay {path}"
+    return f"{SCAN_KEPT}: repeat the command, mended, with instrument=replay {path}"
 
 
 @contextmanager

@@ -99,6 +99,8 @@ class SurfaceField:
         """Make the group ``field``."""
         local = self.volume.coordinates is Coordinates.local
         values, variance = self._at_nodes(local)
+        if NO_COVARIANCE in self.notes and not variance["pose"].any():
+            del variance["pose"]  # nothing tells them, which is not that they are none
         std = np.sqrt(np.sum(list(variance.values()), axis=0))
         # What may be as large as all motion is not known at all.
         determined = (self.factor * std.max(axis=0) <= self.fit.size).any(axis=-1)
@@ -115,14 +117,14 @@ class SurfaceField:
         sse, count = squares.sum(axis=0), int(samples.sum())
         with np.errstate(invalid="ignore"):
             by_view = np.sqrt(squares / samples[:, None])
+        named = [source for source in ("noise", "pose") if source in variance]
         group = self._group(
             "field",
             coords,
             velocity=values,
             velocity_std=std.max(axis=0),
             confidence=self.factor * std.max(axis=0),
-            velocity_std_noise=np.sqrt(variance["noise"]).max(axis=0),
-            velocity_std_pose=np.sqrt(variance["pose"]).max(axis=0),
+            **{f"velocity_std_{k}": np.sqrt(variance[k]).max(axis=0) for k in named},
             velocity_std_by_part=std,
             confidence_by_part=self.factor * std,
             variance=each,

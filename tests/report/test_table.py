@@ -26,11 +26,11 @@ def test_rows_tell_of_their_own_point_and_frequency():
         observable=np.array([[True, True, True], [True, True, False]]),
     )
     notes = {label: note for label, _, _, note in _point_rows("point", point, 4)}
-    assert notes["point, point a, frequency 10: V_z"] == "efficiency 0.9, rcond 0.5"
-    assert notes["point, point a, frequency 20: V_z"] == "efficiency 0.8, rcond 0.5"
-    assert notes["point, point b, frequency 10: V_x"] == "efficiency 0.3, rcond 0.25"
-    assert notes["point, point b, frequency 20: V_x"] == "efficiency 0.2, rcond 0.25"
-    assert notes["point, point b, frequency 20: V_z"] == "not determined by these views"
+    assert notes["point, point a, 10 Hz: V_z"] == "efficiency 0.9, rcond 0.5"
+    assert notes["point, point a, 20 Hz: V_z"] == "efficiency 0.8, rcond 0.5"
+    assert notes["point, point b, 10 Hz: V_x"] == "efficiency 0.3, rcond 0.25"
+    assert notes["point, point b, 20 Hz: V_x"] == "efficiency 0.2, rcond 0.25"
+    assert notes["point, point b, 20 Hz: V_z"] == "not determined by these views"
     *_, last = estimates(RunData({"point": point}), 3)
     assert last[:2] == ("point: 3 more", "in run.nc, group point")
     assert len(list(estimates(RunData({"point": point}), 3))) == 3 * 3 + 1
@@ -73,7 +73,7 @@ def test_what_is_determined_along_no_axis_is_told_with_its_direction():
     )
     rows = {row[0]: row[1:] for row in estimates(RunData({"point": point}))}
     along = {label: row for label, row in rows.items() if "along" in label}
-    label = "point, point b, frequency {}: V along (0.00, -0.60, 0.80)"
+    label = "point, point b, {} Hz: V along (0.00, -0.60, 0.80)"
     about = ("mm/s", "determined by these views")
     assert along == {
         label.format(10): ("5000 ± 200", *about),

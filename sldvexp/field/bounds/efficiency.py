@@ -25,9 +25,17 @@ from sldvexp.typing import Array
 
 @dataclass(frozen=True, eq=False)
 class LeastVariance:
-    """Field of all views by weighted least squares, of which only the variance is wanted."""
+    """Field of all views by weighted least squares, of which only the variance is wanted.
 
-    model: FieldModel
+    Parameters
+    ----------
+    parts : RegionIterator
+        With its model.
+    inverse
+        Of its normal equations.
+    """
+
+    parts: RegionIterator
     inverse: WholeInverse | NearInverse
 
     @classmethod
@@ -44,20 +52,21 @@ class LeastVariance:
         if any(np.any(std[view.usable] <= 0) for view, std in views):
             return None
         best = replace(model, method=Absolute(), rows=rows.views(visibility.names))
-        nothing = [np.zeros((len(view.dac), 1)) for view in visibility.views]
-        equations = normal_equations(RegionIterator(visibility, best), nothing)
+        nothing = [np.zeros((len(view.dac), 0)) for view in visibility.views]
+        of_best = parts.with_model(best)
+        equations = normal_equations(of_best, nothing)
         system, found = equations.system, find_undetermined(equations)
         if len(found.node):
             system = constrain_undetermined(system, found)
         if system.is_small:
-            return cls(best, WholeInverse.from_system(system, best.parameters))
+            return cls(of_best, WholeInverse.from_system(system, best.parameters))
         near = NearInverse.from_system(system, rings)
-        return cls(best, replace(near, odd=np.zeros_like(near.odd)))
+        return cls(of_best, replace(near, odd=np.zeros_like(near.odd)))
 
     def of_part(self, part: RegionSamples) -> Array:
         """Compute the variance of a part's own nodes, shape (layer, own, component)."""
-        same = replace(part, model=self.model, at=self.model.at(part.samples))
-        variances = [std**2 for std in self.model.pixel_std]
+        same = self.parts.of_region(part)
+        variances = [std**2 for std in self.parts.model.pixel_std]
         return self.inverse.of_part(same).variances(same.influences, variances)[0]
 
 

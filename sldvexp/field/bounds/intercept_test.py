@@ -245,7 +245,7 @@ class SampleColumns:
         views = len(self.probes)
         own = [np.zeros((len(part.at.estimator), self.of_view))] * views
         if self.effect is not None:
-            for k, change, _ in self.effect.changes(part, part.field(self.effect.theta)):
+            for k, change in self.effect.changes(part, part.field(self.effect.theta)):
                 own[k] = change.reshape(len(change), -1)
         seen = [s.weights @ z for s, z in zip(part.samples.by_view, self.probes, strict=True)]
         first, after = np.arange(self.of_view), self.poses + np.arange(PROBES)

@@ -18,6 +18,7 @@ from sldvexp.field.bounds.sparse_inverse_rows import (
     block_rows,
     diagonal_blocks,
     kronecker_identity,
+    sums_of_squares,
     surface_rows,
     volume_rows,
 )
@@ -142,9 +143,9 @@ class NearInverse:
         rows = surface_rows(system, product.surface, rings)
         return cls(system, product.line, rows, turn, odd, rings)
 
-    def of_part(self, part: RegionSamples) -> NearRows:
+    def of_part(self, part: RegionSamples) -> CoupledRows | ScalarRows:
         """Select the rows of a part's own nodes."""
-        p, nodes, own = part.model.parameters, part.patch.nodes, part.region.own
+        nodes, own = part.patch.nodes, part.region.own
         place = np.full(self.system.graph.nodes, -1)
         place[nodes] = np.arange(len(nodes))
         surface = block_rows(self.surface, own)
@@ -154,15 +155,8 @@ class NearInverse:
         )
         odd = np.flatnonzero(self.odd[own])
         volume = volume_rows(self.system, own[odd], place, self.rings)
-        turn = self.turn[:, own]
-        return NearRows(
-            self.line,
-            _of_parameters(surface, p),
-            place[own],
-            turn if self.system.block > 1 else turn * np.eye(p),
-            odd,
-            _of_parameters(volume, p),
-        )
+        kind = ScalarRows if self.system.block == 1 else CoupledRows
+        return kind(self.line, surface, place[own], self.turn[:, own], odd, volume)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,13 +166,13 @@ class NearRows(InverseRows):
     Parameters
     ----------
     line, turn
-        As in `NearInverse`, the latter of the own nodes and all parameters.
-    surface : bsr_array, shape (own * parameter, patch_node * parameter)
+        As in `NearInverse`, the latter of the own nodes.
+    surface : bsr_array, shape (own * block, patch_node * block)
     own : ndarray of int
         Places of the own nodes in the patch.
     odd : ndarray of int
         Which of `own` are odd.
-    volume : bsr_array, shape (layer * odd * parameter, layer * patch_node * parameter)
+    volume : bsr_array, shape (layer * odd * block, layer * patch_node * block)
         Their rows of the inverse of the whole matrix.
     """
 
@@ -189,6 +183,22 @@ class NearRows(InverseRows):
     odd: IndexArray
     volume: scipy.sparse.bsr_array
 
+    def variances(
+        self, influences: Sequence[scipy.sparse.bsr_array], variances: Sequence[Array]
+    ) -> tuple[Array, Array]:
+        """Compute diagonals as `InverseRows` says."""
+        pairs = list(zip(influences, variances, strict=True))
+        nodal, fitted = zip(*side_by_side(lambda pair: self._of_view(*pair), pairs), strict=True)
+        return np.sum(nodal, axis=0), np.sum(fitted, axis=0)
+
+    @abstractmethod
+    def _of_view(self, influence: scipy.sparse.bsr_array, variance: Array) -> tuple[Array, Array]:
+        """Compute both diagonals of one view."""
+
+
+class CoupledRows(NearRows):
+    """Rows of an inverse that couples the parameters of a node, in blocks of them."""
+
     def times(self, x: Array) -> Array:
         """Multiply as `InverseRows` says."""
         layers, _, parameters, columns = x.shape
@@ -198,14 +208,6 @@ class NearRows(InverseRows):
         exact = self.volume @ x.reshape(-1, columns)
         found[:, self.odd] = exact.reshape(layers, len(self.odd), parameters, columns)
         return found
-
-    def variances(
-        self, influences: Sequence[scipy.sparse.bsr_array], variances: Sequence[Array]
-    ) -> tuple[Array, Array]:
-        """Compute diagonals as `InverseRows` says."""
-        pairs = list(zip(influences, variances, strict=True))
-        nodal, fitted = zip(*side_by_side(lambda pair: self._of_view(*pair), pairs), strict=True)
-        return np.sum(nodal, axis=0), np.sum(fitted, axis=0)
 
     def _of_view(self, influence: scipy.sparse.bsr_array, variance: Array) -> tuple[Array, Array]:
         """Compute both diagonals of one view."""
@@ -224,10 +226,34 @@ class NearRows(InverseRows):
         return np.diagonal(covariance, axis1=2, axis2=3), fitted
 
 
-def _of_parameters(matrix: scipy.sparse.bsr_array, parameters: int) -> scipy.sparse.bsr_array:
-    """Turn scalar rows into rows of every parameter."""
-    if matrix.blocksize[0] > 1:
-        return matrix
-    shape = matrix.shape[0] * parameters, matrix.shape[1] * parameters
-    entries = matrix.data * np.eye(parameters), matrix.indices, matrix.indptr
-    return scipy.sparse.bsr_array(entries, shape=shape)
+class ScalarRows(NearRows):
+    """Rows of an inverse that is the same for every parameter, and couples none."""
+
+    def times(self, x: Array) -> Array:
+        """Multiply as `InverseRows` says."""
+        layers, _, parameters, columns = x.shape
+        along = np.tensordot(self.line, x, axes=1).reshape(layers, -1, parameters * columns)
+        surface, volume = (scipy.sparse.csr_array(rows) for rows in (self.surface, self.volume))
+        rows = np.stack([surface @ layer for layer in along])
+        found = self.turn * rows.reshape(layers, len(self.own), parameters, columns)
+        exact = volume @ x.reshape(-1, parameters * columns)
+        found[:, self.odd] = exact.reshape(layers, len(self.odd), parameters, columns)
+        return found
+
+    def _of_view(self, influence: scipy.sparse.bsr_array, variance: Array) -> tuple[Array, Array]:
+        """Compute both diagonals of one view, a node's influences being a row of (1, p) blocks."""
+        layers, p = len(self.line), influence.blocksize[0]
+        nodes, pixels = influence.shape[0] // p // layers, influence.shape[1]
+        entries = influence.data.reshape(-1, 1, p), influence.indices, influence.indptr
+        flat = scipy.sparse.bsr_array(entries, shape=(layers * nodes, pixels * p))
+        along = kronecker_identity(self.line, nodes, 1) @ flat
+        nodal, fitted = np.empty((layers, len(self.own), p)), np.zeros(p)
+        for layer in range(layers):
+            k = self.surface @ block_rows(along, layer * nodes + np.arange(nodes))
+            nodal[layer] = sums_of_squares(k, variance)
+            both = k.multiply(block_rows(flat, layer * nodes + self.own))
+            fitted += variance[both.indices] @ both.data[:, 0]
+        nodal *= self.turn[..., 0] ** 2
+        exact = sums_of_squares(self.volume @ flat, variance)
+        nodal[:, self.odd] = exact.reshape(layers, len(self.odd), p)
+        return nodal, fitted

@@ -21,6 +21,7 @@ import numpy as np
 from sldvexp.errors import UserError
 from sldvexp.field.equations.regions import RegionSamples
 from sldvexp.field.streaming.compression import FrequencyModes
+from sldvexp.field.visibility.projection import pose_change
 from sldvexp.field.visibility.view import View
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose import EXTRINSICS, INTRINSICS, cross_covariance, label, places
@@ -68,7 +69,7 @@ class PoseEffect:
         gram = np.swapaxes(j, -1, -2) @ (self.covariance @ j)
         return np.maximum(self.modes.quadratic(gram), 0.0)
 
-    def changes(self, part: RegionSamples, u: Array) -> Iterator[tuple[int, Array, Array]]:
+    def changes(self, part: RegionSamples, u: Array) -> Iterator[tuple[int, Array]]:
         """Differentiate samples' velocities, less ``X u``, by the pose of the view that sees them.
 
         Parameters
@@ -81,21 +82,14 @@ class PoseEffect:
             The view; those that the rows leave out are left out.
         change : ndarray, shape (sample, 6, mode)
             ``dv - dx . u``.
-        turn : ndarray, shape (sample, 3, 6)
-            The directions' derivatives dx, in the components' axes.
         """
-        samples = part.samples
-        for k, (view, of_view) in enumerate(
-            zip(part.visibility.views, samples.by_view, strict=True)
-        ):
-            if not part.at.pointwise.weight[:, k].any():
-                continue
-            by_dac, turn = of_view.pose_derivative(view, part.visibility.laser, samples.position)
-            if part.model.local:
-                turn = samples.frame @ turn
-            slope = np.stack([g @ self.data[k] for g in of_view.gradient], axis=1)
-            change = np.swapaxes(by_dac, 1, 2) @ slope - np.swapaxes(turn, 1, 2) @ u[:, :3]
-            yield k, change, turn
+        samples, laser = part.samples, part.visibility.laser
+        world = np.swapaxes(samples.frame, 1, 2) @ u[:, :3] if part.model.local else u[:, :3]
+        views = zip(part.visibility.views, samples.by_view, self.data, strict=True)
+        for k, (view, of_view, data) in enumerate(views):
+            if part.at.pointwise.weight[:, k].any():
+                slope = np.stack([g @ data for g in of_view.gradient])
+                yield k, pose_change(view, laser, samples.position, of_view.dac, slope, world)
 
     def right_sides(self, part: RegionSamples) -> Array:
         """Set up right-hand sides of the derivatives by all poses, ``M dtheta = ...``.
@@ -114,16 +108,26 @@ class PoseEffect:
         shape = (part.patch.layers, len(part.patch.nodes), parameters)
         v = part.velocities(data)
         u = part.field(self.theta) if at.inverse is None else at.solution @ v
-        balance = at.pointwise.weight @ (v - at.pointwise.design @ u)
         found = np.zeros((*shape, views, POSE * data[0].shape[1]))
-        for k, change, turn in self.changes(part, u):
+        nothing_left = at.inverse is not None and len(part.model.rows) == parameters
+        balance = at.pointwise.weight @ (v - at.pointwise.design @ u)
+        for k, change in self.changes(part, u):
             side = at.estimator[:, :, k, None, None] * change[:, None]
-            before = turn
-            if at.inverse is not None:
-                before = at.information * at.inverse[:, :, :3] @ turn
-            side[:, : before.shape[1]] += before[..., None] * balance[:, k, None, None]
+            if not nothing_left:
+                turn = _turn(part, k)
+                if at.inverse is not None:
+                    turn = at.information * at.inverse[:, :, :3] @ turn
+                side[:, : turn.shape[1]] += turn[..., None] * balance[:, k, None, None]
             found[:, :, :, k] = part.patch.to_nodes(side.reshape(count, -1)).reshape(*shape, -1)
         return found.reshape(*shape, -1)
+
+
+def _turn(part: RegionSamples, k: int) -> Array:
+    """Differentiate a view's directions by its pose, in the components' axes, (sample, 3, 6)."""
+    samples, visibility = part.samples, part.visibility
+    of_view = samples.by_view[k]
+    _, turn = of_view.pose_derivative(visibility.views[k], visibility.laser, samples.position)
+    return samples.frame @ turn if part.model.local else turn
 
 
 def pose_covariance(views: Sequence[View], joint: Array | None) -> Array | None:

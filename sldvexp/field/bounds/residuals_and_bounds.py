@@ -157,6 +157,24 @@ def residuals_only(parts: RegionIterator, theta: Array, data: list[Array]) -> Fi
     return FieldBounds(left, None, None, None, np.nan, None)
 
 
+def noise_only(parts: RegionIterator, system: NormalEquations) -> Array:
+    """Compute the variances from the pixels' noise alone, (layer, surface_node, parameter).
+
+    They do not depend on any velocity: images may be empty.
+    """
+    model, rings = parts.model, rings_of(parts.visibility.rule)
+    small = system.is_small
+    whole = (
+        WholeInverse.from_system(system, model.parameters)
+        if small
+        else NearInverse.from_system(system, rings)
+    )
+    found = Bounds.empty(parts.visibility, model, np.zeros(len(model.pixel_std), int), 0)
+    for part in parts.overlapping(rings, whole=small):
+        found.add_noise(part, whole.of_part(part))
+    return found.noise[..., 0]
+
+
 def with_bounds(
     parts: RegionIterator,
     system: NormalEquations,
@@ -171,6 +189,8 @@ def with_bounds(
 
     Parameters
     ----------
+    solve : callable
+        For what is verified, which is told with two digits.
     theta : ndarray, shape (layer, surface_node, parameter, column)
     data : list of ndarray, shape (pixel, column)
     determined : ndarray of bool, shape (layer, surface_node, parameter)
@@ -335,24 +355,32 @@ class Verification:
         inverse = columns[:, self.part.patch.nodes]
         if block == 1:
             inverse = inverse * np.eye(self.noise.shape[2])[:, None]
+        exact = self._variance(np.moveaxis(inverse, 3, 0))
         worst = 0.0
-        for i, (x, n) in enumerate(zip(layer, node, strict=True)):
-            exact = self._variance(inverse[:, :, :, i])
-            known = self.determined[x, n] & np.all(exact > 0, axis=1)
+        for x, n, of_node in zip(layer, node, exact, strict=True):
+            known = self.determined[x, n] & np.all(of_node > 0, axis=1)
             near = self.noise[x, n, known, None] + self._of_pose(self.kept[x, n, known])
-            ratio = np.sqrt(near / exact[known])
+            ratio = np.sqrt(near / of_node[known])
             worst = max(worst, float(np.abs(ratio - 1).max(initial=0.0)))
         return worst
 
     def _variance(self, inverse: Array) -> Array:
-        """Compute a node's variance from its row (layer, patch_node, parameter, parameter)."""
-        row = inverse.reshape(-1, inverse.shape[-1]).T
-        total = np.zeros((len(row), 1))
+        """Compute variances of nodes' values, shape (node, parameter, column).
+
+        Parameters
+        ----------
+        inverse : ndarray, shape (node, layer, patch_node, parameter, parameter)
+            Each node's columns of ``M^-1``.
+        """
+        nodes, size = len(inverse), inverse.shape[-1]
+        rows = np.swapaxes(inverse.reshape(nodes, -1, size), 1, 2).reshape(nodes * size, -1)
+        total = np.zeros((len(rows), 1))
         for r, std in zip(self.part.influences, self.part.model.pixel_std, strict=True):
-            total += ((r.T @ row.T) ** 2).T @ std[:, None] ** 2
-        if self.pose is None or self.right is None:
-            return total
-        return total + self._of_pose(self.pose.variance(row @ self.right.reshape(len(row.T), -1)))
+            total += (std**2 @ (r.T @ rows.T) ** 2)[:, None]
+        if self.pose is not None and self.right is not None:
+            right = self.right.reshape(rows.shape[1], -1)
+            total = total + self._of_pose(self.pose.variance(rows @ right))
+        return total.reshape(nodes, size, -1)
 
     def _of_pose(self, kept: Array) -> Array:
         """Compute variances of the data's columns, shape (..., column)."""

@@ -242,6 +242,23 @@ def diagonal_blocks(matrix: scipy.sparse.bsr_array, weight: Array) -> Array:
     return found
 
 
+def sums_of_squares(matrix: scipy.sparse.bsr_array, weight: Array) -> Array:
+    """Compute ``sum_j w_j a_ij^2``, shape (row, p), of a matrix of (1, p) blocks a.
+
+    Parameters
+    ----------
+    matrix : bsr_array, shape (row, column * p)
+    weight : ndarray, shape (column,)
+    """
+    squares = matrix.data[:, 0] ** 2
+    shape = len(matrix.indptr) - 1, len(weight)
+    each = [
+        scipy.sparse.csr_array((np.ascontiguousarray(of), matrix.indices, matrix.indptr), shape)
+        for of in squares.T
+    ]
+    return np.stack([square @ weight for square in each], axis=1)
+
+
 def kronecker_identity(line: Array, nodes: int, block: int) -> scipy.sparse.bsr_array:
     """Make ``line (x) I``, shape (layer * node * block,) * 2, in blocks of that size."""
     layers = len(line)

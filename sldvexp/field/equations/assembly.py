@@ -57,7 +57,7 @@ def normal_equations(parts: RegionIterator, data: list[Array]) -> Equations:
     Parameters
     ----------
     data : list of ndarray, shape (pixel, column), m/s
-        Velocities of each view's pixels as real numbers.
+        Velocities of each view's pixels as real numbers; of no column for the matrix alone.
 
     Raises
     ------
@@ -102,8 +102,11 @@ def right_sides(parts: RegionIterator, data: list[Array]) -> Array:
 
 def _right_side(part: RegionSamples, data: list[Array]) -> Array:
     """Sum ``B_s^T (x) T_s v_s`` over samples, shape (layer, patch_node, parameter, column)."""
+    shape = part.patch.layers, len(part.patch.nodes), part.model.parameters, data[0].shape[1]
+    if not shape[-1]:
+        return np.zeros(shape)
     total = sum(r @ velocity for r, velocity in zip(part.influences, data, strict=True))
-    return np.reshape(total, (part.patch.layers, len(part.patch.nodes), -1, data[0].shape[1]))
+    return np.reshape(total, shape)
 
 
 def pixel_data(views: Sequence[View]) -> list[Array]:

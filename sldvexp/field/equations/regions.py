@@ -8,7 +8,7 @@ samples; those that overlap have all samples that bear on their own nodes, as bo
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -128,6 +128,10 @@ class RegionSamples:
         samples = visibility.at(region.triangles)
         return cls(visibility, model, region, patch, samples, model.at(samples))
 
+    def with_model(self, model: FieldModel) -> RegionSamples:
+        """Return the same samples as they are in another model."""
+        return replace(self, model=model, at=model.at(self.samples))
+
     @cached_property
     def owned(self) -> BoolArray:
         """Samples that belong to this region and no other, shape (sample,)."""
@@ -181,6 +185,21 @@ class RegionIterator:
     def surface(self) -> SurfaceRegions:
         """Surface to walk over."""
         return SurfaceRegions.from_prisms(self.visibility.prisms, self.graph)
+
+    def with_model(self, model: FieldModel) -> RegionIterator:
+        """Return the same way through samples of another model, which are looked at once for both.
+
+        Samples are shared where they stay in memory.
+        """
+        other = RegionIterator(self.visibility, model)
+        other.graph, other.surface = self.graph, self.surface
+        if self._fits:
+            other._whole = self._whole.with_model(model)
+        return other
+
+    def of_region(self, part: RegionSamples) -> RegionSamples:
+        """Return the same region as another model's part."""
+        return self._whole if self._fits else part.with_model(self.model)
 
     def disjoint(self) -> Iterator[RegionSamples]:
         """Go through all samples once."""

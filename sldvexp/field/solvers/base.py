@@ -27,3 +27,13 @@ class Solver(ABC):
         UserError
             If the system cannot be solved in this way.
         """
+
+    def roughly(self, system: NormalEquations, solve: Solve) -> Solve:
+        """Return a way to solve it to some digits, where those of `solve` cost and are not wanted.
+
+        Parameters
+        ----------
+        solve : callable
+            What `prepare` made of the system.
+        """
+        return solve

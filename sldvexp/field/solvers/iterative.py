@@ -8,7 +8,7 @@ changes with depth, so that few iterations do; where it is one, the precondition
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,6 +58,12 @@ class Iterative(Solver):
             system.times, inverse.times, right, self.tolerance, self.iterations
         )
 
+    def roughly(self, system: NormalEquations, solve: Solve) -> Solve:
+        """See `Solver.roughly`."""
+        if system.exact or self.tolerance >= ROUGH:
+            return solve
+        return replace(self, tolerance=ROUGH).prepare(system)
+
 
 Operator = Callable[[Array], Array]
 
@@ -65,6 +71,8 @@ Operator = Callable[[Array], Array]
 COLUMNS_AT_ONCE = 64
 #: Iterations without half the residual after which round-off has been reached.
 PATIENCE = 20
+#: Residual of what is told with three digits, as condition numbers are.
+ROUGH = 1e-6
 #: A residual that round-off may leave.
 ROUND_OFF = 1e-9
 

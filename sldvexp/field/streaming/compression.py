@@ -60,9 +60,8 @@ class FrequencyModes:
         columns = len(gram)
         if columns <= FEW:
             return cls(np.eye(columns))
-        _, vectors = np.linalg.eigh(gram)
-        vectors = vectors[:, ::-1]
-        carried = np.cumsum(vectors**2 * np.einsum("ij,ik,kj->j", vectors, gram, vectors), axis=1)
+        powers, vectors = (part[..., ::-1] for part in np.linalg.eigh(gram))
+        carried = np.cumsum(powers * vectors**2, axis=1)
         total = np.diagonal(gram)[:, None]
         enough = np.all(
             total - carried <= np.maximum(2 * noise[:, None], NEGLIGIBLE * total), axis=0

@@ -109,7 +109,7 @@ class Ready:
             bounds,
             test,
             replace(compressed, images={}),
-            condition_numbers(fit.equations.system, fit.solve),
+            condition_numbers(fit.equations.system, fit.roughly),
             tuple(messages),
         )
 

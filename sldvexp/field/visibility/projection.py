@@ -239,6 +239,48 @@ def pose_derivative(view: View, laser: TwoMirror, points: Array, dac: Array) -> 
     return np.where(known, dac_by_pose, 0.0), np.where(known, by_pose, 0.0)
 
 
+def pose_change(
+    view: View, laser: TwoMirror, points: Array, dac: Array, slope: Array, velocity: Array
+) -> Array:
+    """Differentiate ``v - D . u`` of samples by the pose, without the derivatives of v and D apart.
+
+    By `pose_derivative` the angles a change by ``da = A (w x P - R t)`` and D by
+    ``R' (w x d) - R' dd``. With ``c = R u``, ``f = dv/da + (dd/da)' c`` and ``g = A' f`` this is
+    ``w . (P x g - d x c) - t . R' g``.
+
+    Parameters
+    ----------
+    slope : ndarray, shape (2, sample, column)
+        Of the image's velocity v by the DAC steps.
+    velocity : ndarray, shape (sample, 3, column)
+        u, in world axes.
+
+    Returns
+    -------
+    ndarray, shape (sample, 6, column)
+        By the rotation vector w and the origin t; 0 where `dac` is NaN.
+    """
+    laser = view.laser(laser)
+    known = np.asarray(np.isfinite(dac).all(axis=1))
+    in_laser = to_laser(view, points)
+    by_point, _ = project_jacobian(in_laser, laser.mirror_offset)
+    direction, by_angle = beam(project(in_laser, laser.mirror_offset))
+    by_step = angle_slope(laser, np.where(known[:, None], dac, 0.0))
+    c = np.moveaxis(view.rotation @ velocity, 1, 0)
+    f = [
+        slope[i] / by_step[:, i, None] + sum(by_angle[:, j, i, None] * c[j] for j in range(3))
+        for i in range(2)
+    ]
+    g = [by_point[:, 0, j, None] * f[0] + by_point[:, 1, j, None] * f[1] for j in range(3)]
+    p, d = in_laser.T[..., None], direction.T[..., None]
+    change = np.empty((len(points), 6, slope.shape[2]))
+    for j, k, m in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        change[:, j] = p[k] * g[m] - p[m] * g[k] - d[k] * c[m] + d[m] * c[k]
+        change[:, 3 + j] = -sum(view.rotation[i, j] * g[i] for i in range(3))
+    change[~known] = 0.0
+    return change
+
+
 def beam(angles: Array) -> tuple[Array, Array]:
     """Compute beam directions in the laser frame and their derivatives by the angles.
 

@@ -35,7 +35,10 @@ const makeAxes = (labels, low, high, unit) => {
       const put = (text, [x, y], gap, kind) =>
         texts.push({ text, kind, x: inside(x + gap[0] * out[0]), y: y + gap[1] * out[1] });
       for (const tick of spans[k]) put(written(tick), project(...at(k, tick, edge)), [20, 13], "tick");
-      put("xyz"[k] + ", " + unit, mid, [62, 34], "name");
+      const beyond = mid[0] + 62 * out[0], tip = from[1] < to[1] ? from : to;
+      // where there is no room beside the ticks of the upright edge, its name stands above it
+      if (k === 2 && inside(beyond) !== beyond) put("z, " + unit, tip, [0, 0], "name above");
+      else put("xyz"[k] + ", " + unit, mid, [62, 34], "name");
     });
     for (const { text, place } of others) {
       const [x, y] = project(...place);

@@ -12,6 +12,7 @@ import numpy as np
 
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.dataset import RunData, Severity
+from sldvexp.field.estimate import NO_COVARIANCE
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.base import notes, verdict_text
 from sldvexp.report.html.blocks import (
@@ -46,7 +47,8 @@ def verdict_blocks(run: RunData) -> list[Text]:
     if minded:
         told = f"{minded} thing{'s' * (minded > 1)} to mind, below."
     elif findings:
-        told = f"{len(findings)} note{'s' * (len(findings) > 1)}, below."
+        what = "note" if all(f.severity is Severity.note for f in findings) else "finding"
+        told = f"{len(findings)} {what}{'s' * (len(findings) > 1)}, below."
     if not line:
         look = "warning" if minded else "good"
         first = "Not judged: the run tells of no test of its results."
@@ -86,8 +88,9 @@ def _minded(run: RunData) -> list[str]:
 
 def _warnings(run: RunData) -> Iterator[str]:
     yield from _missed(run)
-    yield from notes(run)
-    yield from _unbounded(run)
+    told = list(notes(run))
+    yield from told
+    yield from _unbounded(run, NO_COVARIANCE in told)
     yield from _undetermined(run)
     for view, image in run.below("image").items():
         flagged = float(np.mean(image["flags"].values != 0))
@@ -111,14 +114,21 @@ def _missed(run: RunData) -> Iterator[str]:
         )
 
 
-def _unbounded(run: RunData) -> Iterator[str]:
-    """Find poses without bounds, which make those of the velocities too small."""
+def _unbounded(run: RunData, told: bool) -> Iterator[str]:
+    """Find poses without bounds, which make those of the velocities too small.
+
+    Parameters
+    ----------
+    told : bool
+        Whether it is told already that poses have none, so that only the views are to be named.
+    """
     pose = run.groups.get("pose")
     if pose is None:
         return
     std = pose.get("origin_std")
     known = np.zeros(pose.sizes["view"]) if std is None else np.isfinite(std.values).all(axis=1)
-    if views := [str(v) for v, k in zip(pose["view"].values, known, strict=True) if not k]:
+    views = [str(v) for v, k in zip(pose["view"].values, known, strict=True) if not k]
+    if views and not (told and len(views) == len(known)):
         yield f"the pose of {_named(views)} has no bounds"
 
 
@@ -216,8 +226,8 @@ def provenance_section(run: RunData) -> Section:
         ("program", f"sldvexp {packages.get('sldvexp', '')}"),
         ("commit", str(attributes.get("git_commit", "")) or "an installed package, not a checkout"),
         ("seed", str(attributes.get("seed", ""))),
-        ("begun", str(attributes.get("start_time", ""))),
-        ("ended", str(attributes.get("end_time", ""))),
+        ("begun", moment(attributes, "start")),
+        ("ended", moment(attributes, "end")),
         ("configuration", f"sha256 {attributes.get('config_sha256', '')}"),
         (
             "packages",
@@ -237,6 +247,12 @@ def provenance_section(run: RunData) -> Section:
         Code(f"sldvexp rerun {run.path.name if run.path else RUN_FILE}"),
     )
     return Section("Provenance", blocks)
+
+
+def moment(attributes: Any, of: str) -> str:
+    """Write when a run started or ended."""
+    day, _, time = str(attributes.get(f"{of}_time", "")).partition("T")
+    return f"{day} {time[:8]} UTC" if time else day
 
 
 def duration(attributes: Any) -> float:

@@ -74,7 +74,7 @@ def pose_section(run: RunData) -> Section | None:
         "World to laser: P_laser = R (P_world - origin), R by Euler angles of the x-convention. "
         "s is the standard deviation of one mirror reading, estimated from the residuals."
     )
-    if not any("origin_confidence" in pose for pose in poses.values()):
+    if not any(_is_bounded(pose, "origin") for pose in poses.values()):
         note = f"The poses were given, and have no bounds. {note.partition(' s is')[0]}"
     circles = list(figures(run, "circles"))
     seen = More("Circles of the calibration object, view by view", circles) if circles else None
@@ -83,7 +83,13 @@ def pose_section(run: RunData) -> Section | None:
 
 
 def _bounded(title: str, pose: xr.Dataset, name: str, level: str) -> str:
-    return f"{title}, with {level} bounds" if f"{name}_confidence" in pose else title
+    return f"{title}, with {level} bounds" if _is_bounded(pose, name) else title
+
+
+def _is_bounded(pose: xr.Dataset, name: str) -> bool:
+    """Tell whether a variable has a bound in any view."""
+    own = pose.get(f"{name}_confidence")
+    return own is not None and bool(np.isfinite(own.values).any())
 
 
 def _pose_table(
@@ -92,13 +98,20 @@ def _pose_table(
     """Make columns, and one row a view: a variable along its dimension, and more of the pose."""
     name, dimension = of
     columns = ["view", *(POSE[name].titled(str(label)) for label in pose[dimension].values)]
-    known = {name: POSE[name].titled() for name in more if name in pose}
+    told = [name for name in more if name in pose and np.isfinite(pose[name].values).any()]
+    known = {name: POSE[name].titled() for name in told}
     rows = []
     for view in pose["view"].values:
         one = pose.sel(view=view)
-        row = [str(view), *_with_bounds(one, name)]
+        bounded = _is_bounded(pose, name)
+        row = [str(view), *(_with_bounds(one, name) if bounded else _given(one, name))]
         rows.append([*row, *(number(float(one[other]), 3) for other in known)])
     return [*columns, *known.values()], rows
+
+
+def _given(view: xr.Dataset, name: str) -> Iterator[str]:
+    for value in POSE[name].factor * view[name].values:
+        yield number(float(value), 6)
 
 
 def _with_bounds(view: xr.Dataset, name: str) -> Iterator[str]:

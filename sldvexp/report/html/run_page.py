@@ -79,10 +79,9 @@ def _frequencies(group: object) -> str:
 
 def _subtitle(run: RunData) -> str:
     """Say when, how long, and by what."""
-    day, _, time = str(run.attributes.get("start_time", "")).partition("T")
     took = diagnostics.duration(run.attributes)
     packages = diagnostics.recorded_table(run.attributes, "packages")
-    parts = [f"{day} {time[:8]} UTC", f"sldvexp {packages.get('sldvexp', '')}"]
+    parts = [diagnostics.moment(run.attributes, "start"), f"sldvexp {packages.get('sldvexp', '')}"]
     if math.isfinite(took):
         parts.insert(1, f"took {took:.3g} s")
     parts.append(f"seed {run.attributes.get('seed', '')}")

@@ -31,6 +31,8 @@ from sldvexp.report.html.pair import pair_section
 from sldvexp.report.numbers import first, number
 
 GOOD = ("done",)
+#: Of a run that has no page.
+FOLDER = "folder"
 #: What each state of a run means, and what can be done.
 MEANING = {
     "done": "finished, and all that was expected of it is met",
@@ -156,7 +158,10 @@ def _results(
     result = (by or "result") + (f", {unit}" if unit != "1" else "")
     yield HtmlTable(["", *keys, result, "seconds", VERDICT, "state", "run"], rows, caption)
     told = "A result of many numbers is ranked by their root mean square"
-    yield Text(f"{told}; sweep.csv beside this page has every number of every run.", "small")
+    told += "; sweep.csv beside this page has every number of every run"
+    if any(isinstance(row[-1], Link) and row[-1].text == FOLDER for row in rows):
+        told += "; report.each_run=true makes a page of every run"
+    yield Text(f"{told}.", "small")
 
 
 def _link(page: Path, folder: str) -> Link | str:
@@ -167,7 +172,7 @@ def _link(page: Path, folder: str) -> Link | str:
     address = there.as_uri() if Path(folder).is_absolute() else f"./{quote(folder)}"
     if (there / page.name).is_file():
         return Link("page", f"{address}/{page.name}")
-    return Link("folder", f"{address}/")
+    return Link(FOLDER, f"{address}/")
 
 
 def _provenance(table: xr.Dataset, path: Path) -> Iterator[Facts | Text | Code]:

@@ -20,7 +20,7 @@ from sldvexp.files import read_text
 from sldvexp.limits import YAML_BYTES
 from sldvexp.report.html import render
 from sldvexp.report.html.blocks import Code, Facts, HtmlTable, Lead, More, Section, Text, having
-from sldvexp.session.interruption import has_lines
+from sldvexp.session.interruption import LINES_KEPT, SCAN_KEPT, has_lines
 
 LOG_FILE = "sldvexp.log"
 #: Of a log, whose last lines count.
@@ -32,6 +32,8 @@ LINE = re.compile(r"\[([\d-]+ [\d:]+)[,\d]*\]\[([\w.]+)\]\[([A-Z]+)\] - (.*)")
 STEPS = "sldvexp.pipeline.runner"
 #: Kinds of files in a journal, by their names.
 KINDS = {"coarse": "coarse lines", "fine": "fine lines", "image": "lines of the image"}
+#: What the end of a run's last sentence tells, and a page by itself.
+KEPT = re.compile(f"; (?:{LINES_KEPT}|{SCAN_KEPT}).*", re.DOTALL)
 STOPPED = re.compile(r"interrupted|stopped", re.IGNORECASE)
 
 
@@ -66,10 +68,11 @@ def write(folder: Path, page: Path, reason: str = "") -> Path:
     reason = reason or ended
     stopped = not reason or STOPPED.match(reason) is not None
     title = "Interrupted run" if stopped else "Failed run"
+    why = KEPT.sub("", reason).strip().rstrip(".")
     told: list[Text | Code] = [
         Text(f"{title}: there is no result yet.", "verdict warning"),
-        *([Text(reason[0].upper() + reason[1:].rstrip(".") + ".")] if reason else []),
-        *_how_to_go_on(folder, stopped),
+        *([Text(f"{why[0].upper()}{why[1:]}.")] if why not in ("", "interrupted") else []),
+        *_how_to_go_on(folder, stopped, SCAN_KEPT in reason),
     ]
     sections = [
         Section("Result", [Lead(told, _so_far(folder, steps))], unseen=True),
@@ -98,17 +101,28 @@ def _ended(lines: list[Logged]) -> tuple[list[Logged], str]:
     return steps, last.text if last is not None and last not in steps else ""
 
 
-def _how_to_go_on(folder: Path, stopped: bool) -> Iterator[Text | Code]:
-    """Tell the next command: what was measured is not measured again."""
+def _how_to_go_on(folder: Path, stopped: bool, scanned: bool) -> Iterator[Text | Code]:
+    """Tell the next command: what was measured is not measured again.
+
+    Of a scan that was finished the command is told first that can be mended.
+    """
     where = folder.absolute()
     resume = f"sldvexp {shlex.quote(f'resume={where}')}"
     if has_lines(folder):
+        path = shlex.quote(f"instrument.path={where}")
+        own = [word for word in _command(folder) if not word.startswith("instrument")]
+        again = Code(shlex.join(["sldvexp", *own, "instrument=replay"]) + f" {path}")
+        if scanned and not stopped:
+            yield Text("The scan is kept. The command, to be mended, that goes on from it:")
+            yield again
+            yield Text("Or, if what is to be mended is in a file, with the same settings:")
+            yield Code(resume)
+            return
         yield Text("What was scanned is kept. To go on from there:")
         yield Code(resume)
         if not stopped:
-            path = shlex.quote(f"instrument.path={where}")
-            yield Text("Or, with other settings, repeat the command, mended, on this scan:")
-            yield Code(f"sldvexp ... instrument=replay {path}")
+            yield Text("Or, with other settings, the command, to be mended, on this scan:")
+            yield again
     elif (folder / OVERRIDES).is_file():
         mended = "" if stopped else ", when what it ended with is mended"
         yield Text(f"Nothing was measured yet. To begin once more with the same settings{mended}:")
@@ -167,9 +181,16 @@ def _settings(folder: Path) -> list[More | Text]:
 def _provenance(folder: Path) -> list[Facts | Text | Code]:
     """Tell the folder, and the command that the run was started with."""
     facts = Facts([("folder", str(folder.absolute()))])
+    if not (folder / OVERRIDES).is_file():
+        return [facts]
+    line = shlex.join(["sldvexp", *_command(folder)])
+    return [facts, Text("It was started with:"), Code(line)]
+
+
+def _command(folder: Path) -> list[str]:
+    """Read the settings that a run was started with; none if the folder does not tell."""
     try:
         words = read_yaml(read_text(folder / OVERRIDES, YAML_BYTES)) or []
     except (UserError, OSError, ValueError):
-        return [facts]
-    line = " ".join(["sldvexp", *(shlex.quote(str(word)) for word in words)])
-    return [facts, Text("It was started with:"), Code(line)]
+        return []
+    return [str(word) for word in words]
