@@ -52,7 +52,7 @@ def dac_of_points(
     Examples
     --------
     >>> dac_of_points([[0.1, 0, 2]], np.eye(3), np.zeros(3), TwoMirror(), ["mark 1"]).round(2)
-    array([[  0.  , 468.96]])
+    array([[  0.  , 468.98]])
     """
     seen = (np.asarray(points, float) - origin) @ rotation.T
     if (behind := seen[:, 2] <= 0).any():
