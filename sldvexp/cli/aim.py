@@ -196,12 +196,7 @@ def _stated(e: Experiment) -> Iterator[tuple[str, dict[str, KnownPose]]]:
     """Yield poses that settings state, those that win last."""
     yield "its true pose in the scene", getattr(e.scene, "views", {})
     yield "its pose as pose=given has it", getattr(e.pose, "views", {})
-    rough = {}
-    for view in e.scan.view_names() if e.scan else ():
-        for part in e.scan.parts(view):
-            if pose := getattr(part.views[view], "pose", None):
-                rough[view] = pose
-    yield "its rough pose of the scan", rough
+    yield "its rough pose of the scan", e.scan.rough_poses() if e.scan else {}
 
 
 def _around(e: Experiment, volume: xr.Dataset | None) -> Surroundings:
