@@ -117,6 +117,8 @@ def run(words: list[str], config_dir: str | None) -> int:
         if name not in [view.name for view in views]:
             told = nearest(name, [view.name for view in views])
             raise UserError(f"command line: there is no view {name}; {told}")
+    for pair in steps:
+        _require_on_board(pair, around.laser)
     for view in views:
         if asked["view"] and view.name not in asked["view"]:
             continue
@@ -194,12 +196,7 @@ def _stated(e: Experiment) -> Iterator[tuple[str, dict[str, KnownPose]]]:
     """Yield poses that settings state, those that win last."""
     yield "its true pose in the scene", getattr(e.scene, "views", {})
     yield "its pose as pose=given has it", getattr(e.pose, "views", {})
-    rough = {}
-    for view in e.scan.view_names() if e.scan else ():
-        for part in e.scan.parts(view):
-            if pose := getattr(part.views[view], "pose", None):
-                rough[view] = pose
-    yield "its rough pose of the scan", rough
+    yield "its rough pose of the scan", e.scan.rough_poses() if e.scan else {}
 
 
 def _around(e: Experiment, volume: xr.Dataset | None) -> Surroundings:
@@ -267,7 +264,7 @@ def beam_lines(
 ) -> Iterator[str]:
     """Yield where the beam of DAC steps comes from and goes, and what it meets."""
     laser = around.laser
-    angle = laser.angle_from_dac(steps, [f"dac={steps[0]:g},{steps[1]:g}"] * 1)
+    angle = laser.angle_from_dac(steps)
     own, along = rays(angle, laser.mirror_offset)
     origin = view.origin + own @ view.rotation
     direction = along @ view.rotation
@@ -295,6 +292,13 @@ def _place(point: Array, unit: LengthUnit) -> str:
     """Write a point of the world in a unit, to a hundredth of a mm."""
     digits = max(0, 5 + round(np.log10(unit.value)))
     return f"({', '.join(f'{x:.{digits}f}' for x in point / unit.value + 0.0)}) {unit.name}"
+
+
+def _require_on_board(steps: Array, laser: TwoMirror) -> None:
+    try:
+        laser.angle_from_dac(steps, f"dac={steps[0]:g},{steps[1]:g}")
+    except UserError as error:
+        raise UserError(f"command line: {str(error).removeprefix('point ')}") from None
 
 
 def _numbers(name: str, text: str, count: int) -> Array:

@@ -90,6 +90,16 @@ class Scan(ABC):
         """
         return self
 
+    def rough_poses(self) -> dict[str, KnownPose]:
+        """Give the rough poses that views have, by the views' names."""
+        entries = (
+            (v, getattr(part, "views", {}).get(v))
+            for v in self.view_names()
+            for part in self.parts(v)
+        )
+        poses = ((view, getattr(entry, "pose", None)) for view, entry in entries)
+        return {view: pose for view, pose in poses if pose is not None}
+
 
 class ScanPart(Scan):
     """Base of scans that give one kind of result.

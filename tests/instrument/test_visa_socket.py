@@ -16,7 +16,7 @@ import pytest
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, InstrumentError
 from sldvexp.instrument.visa import Visa
-from sldvexp.virtual_lab import LabServer, console
+from sldvexp.virtual_lab import LabServer, VirtualLab, console
 
 CONF = Path(__file__).parents[2] / "conf"
 
@@ -169,6 +169,80 @@ def test_by_default_it_is_the_lab_of_the_automated_pose():
 def test_what_cannot_be_served(settings, told):
     with pytest.raises(UserError, match=told):
         console.serve(settings, port=0)
+
+
+#: An own object, an own laser and an own plate, as a user's folder has them.
+OWN = {
+    "target/mine": "defaults: [schema/circles@_here_, _self_]\nunit: mm\ncircles:\n"
+    "  1: {x: 20, y: 20, diameter: 30}\n  2: {x: 180, y: 25, diameter: 30}\n"
+    "  3: {x: 90, y: 170, diameter: 30}\n",
+    "laser/mine": "defaults: [schema/two_mirror@_here_, _self_]\nup_down: {gain: 20}\n",
+    "scene/mine": "defaults: [schema/plate@_here_, _self_]\n"
+    "views: {front: {origin: [450, 100, 2000], look_at: [450, 100, 0], unit: mm}}\n"
+    "plate: {size: [0.6, 0.4], center: [0.55, 0.1, 0], modes: {a: {x: 2, y: 1}}}\n",
+    "experiment/mine": "# @package _global_\ndefaults:\n  - override /target: mine\n"
+    "  - override /laser: mine\n  - override /scene: mine\n",
+}
+
+
+@pytest.fixture
+def own_folder(tmp_path):
+    for name, text in OWN.items():
+        file = tmp_path / f"lab/{name}.yaml"
+        file.parent.mkdir(parents=True)
+        file.write_text(text)
+    return tmp_path / "lab"
+
+
+def test_the_command_serves_what_a_folder_of_ones_own_has(served, own_folder):
+    _, resource = served("--config-dir", str(own_folder), "experiment=mine", "scene.noise=0")
+    made = console.experiment(["experiment=mine"], str(own_folder))
+    assert list(made.scene.views) == ["front"]
+    lab = VirtualLab(made.scene, made.laser, made.target, made.seed)
+    lab.use_view("front")
+    assert lab.plate.position([[0.6, 0.4]]) == pytest.approx(np.array([[0.85, 0.3, 0.0015]]))
+    circle, plate, beside = (
+        lab.true_dac(p) for p in ([0.02, 0.02, 0], [0.4, 0.1, 0], [0.1, 0.1, 0])
+    )
+    with Visa(resource).open(view="front") as ours:
+        ours.configure(ACQUISITION)
+        samples = ours.scan(np.rint([circle, plate, beside]).astype(int), stream=0)
+    seen = np.ptp(samples.counts[:, 0].astype(float), axis=1)
+    assert seen[0] > 20 * seen[2]
+    assert seen[1] > 20 * seen[2]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "told"),
+    [
+        (
+            "experiment/mine",
+            "# @package _global_\nhydra: {callbacks: {q: {_target_: os.mkdir, path: ran}}}\n",
+            r"experiment/mine.yaml: hydra.callbacks.q._target_ is refused: a configuration names",
+        ),
+        (
+            "laser/mine",
+            "mirror_offset: ${oc.env:HOME}\n",
+            r"laser/mine.yaml: laser.mirror_offset is re",
+        ),
+        ("target/mine", "circles: [\n", r"target/mine.yaml, line \d+: is not YAML"),
+        (
+            "scene/mine",
+            "defaults: [schema/plate@_here_]\nplates: {}\n",
+            "scene.plates is not a known",
+        ),
+    ],
+)
+def test_a_strange_folder_is_held_to_the_same_rules(own_folder, name, text, told):
+    (own_folder / f"{name}.yaml").write_text(text)
+    with pytest.raises(UserError, match=told) as error:
+        console.serve(["experiment=mine"], port=0, config_dir=str(own_folder))
+    assert "\n" not in str(error.value)
+
+
+def test_a_folder_that_is_not_there(tmp_path):
+    with pytest.raises(UserError, match=r"command line: there is no folder .*/nowhere"):
+        console.serve([], port=0, config_dir=str(tmp_path / "nowhere"))
 
 
 def test_a_port_that_is_taken(capsys, monkeypatch):
