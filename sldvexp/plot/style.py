@@ -22,6 +22,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.dataset import AXES, VARIABLES, Variable
+from sldvexp.plot.panel import Panel
 from sldvexp.plot.paper import POINTS, Paper, Style, broken, long, on_paper, paper
 from sldvexp.plot.paper import fitting as fitting
 from sldvexp.plot.paper import inches as inches
@@ -118,6 +119,12 @@ def _picture() -> type[Figure]:
             self.paper = paper()
             super().__init__(*args, **kwargs)
 
+        def add_subplot(self, *args: Any, **kwargs: Any) -> Any:
+            return super().add_subplot(*args, **_as_panel(kwargs))
+
+        def add_axes(self, *args: Any, **kwargs: Any) -> Any:
+            return super().add_axes(*args, **_as_panel(kwargs))
+
         def draw(self, renderer: Any) -> None:
             # what is arranged as it is drawn, such as ticks, is of this style too
             with matplotlib.rc_context(self.paper.settings):
@@ -129,6 +136,11 @@ def _picture() -> type[Figure]:
             return image.getvalue()
 
     return Picture
+
+
+def _as_panel(kwargs: dict[str, Any]) -> dict[str, Any]:
+    """Choose axes that are drawn fast, unless others are asked for."""
+    return kwargs if kwargs.get("projection") else {"axes_class": Panel, **kwargs}
 
 
 def settings_of(made: Figure) -> Any:
