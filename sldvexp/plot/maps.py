@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
+from matplotlib.collections import PolyCollection, TriMesh
+from matplotlib.colors import Normalize
 from matplotlib.tri import Triangulation
 
 from sldvexp.plot import style
@@ -53,21 +54,18 @@ def map_of(
     style.hatched(axes)
     factor, low, high = scale
     there = np.isfinite(values) & (True if known is None else known)
+    style.ends_of(axes, mesh.x, mesh.y)
     if not there.any():
-        axes.triplot(mesh, color="none")
         style.not_determined(axes)
         return None
-    shown = Triangulation(mesh.x, mesh.y, mesh.triangles)
-    shown.set_mask(~there[mesh.triangles].all(axis=1))
-    mapped = axes.tripcolor(
-        shown,
-        factor * np.where(there, values, values[there].mean()),
-        shading="gouraud",
+    mapped = TriMesh(
+        Triangulation(mesh.x, mesh.y, mesh.triangles[there[mesh.triangles].all(axis=1)]),
+        array=factor * np.where(there, values, values[there].mean()),
         cmap=style.SIZE_MAP,
-        vmin=low,
-        vmax=high,
+        norm=Normalize(low, high),
         rasterized=True,
     )
+    axes.add_collection(mapped, autolim=False)
     if bound is not None:
         faint = there & ~(np.abs(values) > np.nan_to_num(bound))
         veil(axes, mesh, faint[mesh.triangles].sum(axis=1) > 1)
@@ -77,18 +75,18 @@ def map_of(
 def veil(axes: Axes, mesh: Triangulation, faint: BoolArray) -> None:
     """Lay white over triangles whose values are not above their bounds."""
     if faint.any():
-        over = Triangulation(mesh.x, mesh.y, mesh.triangles[faint])
-        look: dict[str, Any] = {
-            "alpha": VEIL,
-            "antialiased": False,
-            "linewidth": 0.0,
-            "rasterized": True,
-        }
-        axes.tripcolor(over, facecolors=np.ones(faint.sum()), cmap=WHITE, **look)
+        _faces(axes, mesh, faint, facecolors=WHITE, linewidths=0.0, alpha=VEIL)
 
 
-#: A map of one colour.
-WHITE = ListedColormap(["#ffffff"])
+def _faces(axes: Axes, mesh: Triangulation, chosen: BoolArray, **look: Any) -> Any:
+    """Draw triangles of one colour each."""
+    corners = np.stack([mesh.x, mesh.y], axis=1)[mesh.triangles[chosen]]
+    faces = PolyCollection(list(corners), antialiaseds=False, rasterized=True, **look)
+    axes.add_collection(faces, autolim=False)
+    return faces
+
+
+WHITE = "#ffffff"
 
 
 def scale_of(
@@ -130,16 +128,9 @@ def phase_map(axes: Axes, mesh: Triangulation, values: ComplexArray, bound: Arra
         For the scale.
     """
     style.hatched(axes)
+    style.ends_of(axes, mesh.x, mesh.y)
     mean = values[mesh.triangles].mean(axis=1)
     known = np.abs(mean) > np.nan_to_num(bound)[mesh.triangles].mean(axis=1)  # a NaN is not above
-    axes.triplot(mesh, linestyle="none")  # as wide as the others, whatever is known
-    if not known.any():
-        known[0], mean[0] = True, np.nan
-    return axes.tripcolor(
-        Triangulation(mesh.x, mesh.y, mesh.triangles[known]),
-        facecolors=np.ma.masked_invalid(np.degrees(np.angle(mean[known]))),
-        cmap=style.PHASE_MAP,
-        vmin=-180.0,
-        vmax=180.0,
-        rasterized=True,
-    )
+    look: dict[str, Any] = {"edgecolors": "none", "cmap": style.PHASE_MAP}
+    look["norm"] = Normalize(-180.0, 180.0)
+    return _faces(axes, mesh, known, array=np.degrees(np.angle(mean[known])), **look)
