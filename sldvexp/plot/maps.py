@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection, TriMesh
+from matplotlib.collections import TriMesh
 from matplotlib.colors import Normalize
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 from matplotlib.tri import Triangulation
 
 from sldvexp.plot import style
@@ -75,18 +77,23 @@ def map_of(
 def veil(axes: Axes, mesh: Triangulation, faint: BoolArray) -> None:
     """Lay white over triangles whose values are not above their bounds."""
     if faint.any():
-        _faces(axes, mesh, faint, facecolors=WHITE, linewidths=0.0, alpha=VEIL)
+        corners = _corners(mesh, faint)[:, [0, 1, 2, 0]]
+        codes = np.tile(TRIANGLE, len(corners))
+        look: dict[str, Any] = {"facecolor": "#ffffff", "alpha": VEIL, "linewidth": 0.0}
+        # as one path, which is drawn at once
+        over = PathPatch(Path(corners.reshape(-1, 2), codes), rasterized=True, **look)
+        over.set_antialiased(False)
+        over.set_transform(axes.transData)
+        axes.add_artist(over)
 
 
-def _faces(axes: Axes, mesh: Triangulation, chosen: BoolArray, **look: Any) -> Any:
-    """Draw triangles of one colour each."""
-    corners = np.stack([mesh.x, mesh.y], axis=1)[mesh.triangles[chosen]]
-    faces = PolyCollection(list(corners), antialiaseds=False, rasterized=True, **look)
-    axes.add_collection(faces, autolim=False)
-    return faces
+#: How a path goes around a triangle.
+TRIANGLE = (Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY)
 
 
-WHITE = "#ffffff"
+def _corners(mesh: Triangulation, chosen: BoolArray) -> Array:
+    """Find the places of some triangles' corners, shape (triangle, 3, 2)."""
+    return np.stack([mesh.x, mesh.y], axis=1)[mesh.triangles[chosen]]
 
 
 def scale_of(
@@ -131,6 +138,11 @@ def phase_map(axes: Axes, mesh: Triangulation, values: ComplexArray, bound: Arra
     style.ends_of(axes, mesh.x, mesh.y)
     mean = values[mesh.triangles].mean(axis=1)
     known = np.abs(mean) > np.nan_to_num(bound)[mesh.triangles].mean(axis=1)  # a NaN is not above
-    look: dict[str, Any] = {"edgecolors": "none", "cmap": style.PHASE_MAP}
-    look["norm"] = Normalize(-180.0, 180.0)
-    return _faces(axes, mesh, known, array=np.degrees(np.angle(mean[known])), **look)
+    # with corners of its own a triangle has one colour
+    corner = _corners(mesh, known).reshape(-1, 2)
+    alone = Triangulation(*corner.T, np.arange(len(corner)).reshape(-1, 3))
+    phases = np.repeat(np.degrees(np.angle(mean[known])), 3)
+    look: dict[str, Any] = {"cmap": style.PHASE_MAP, "norm": Normalize(-180.0, 180.0)}
+    faces = TriMesh(alone, array=phases, rasterized=True, **look)
+    axes.add_collection(faces, autolim=False)
+    return faces
