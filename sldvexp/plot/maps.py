@@ -140,7 +140,8 @@ def phase_map(axes: Axes, mesh: Triangulation, values: ComplexArray, bound: Arra
     known = np.abs(mean) > np.nan_to_num(bound)[mesh.triangles].mean(axis=1)  # a NaN is not above
     # with corners of its own a triangle has one colour
     corner = _corners(mesh, known).reshape(-1, 2)
-    alone = Triangulation(*corner.T, np.arange(len(corner)).reshape(-1, 3))
+    x, y = corner.T
+    alone = Triangulation(x, y, np.arange(len(corner)).reshape(-1, 3))
     phases = np.repeat(np.degrees(np.angle(mean[known])), 3)
     look: dict[str, Any] = {"cmap": style.PHASE_MAP, "norm": Normalize(-180.0, 180.0)}
     faces = TriMesh(alone, array=phases, rasterized=True, **look)

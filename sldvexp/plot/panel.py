@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis, Tick, XAxis, YAxis
+from matplotlib.axis import Axis, XAxis, YAxis
 from matplotlib.ticker import NullLocator
 
 from sldvexp.plot.paper import POINTS
@@ -22,11 +22,13 @@ from sldvexp.typing import Array, BoolArray
 
 #: Attributes with an axis' single ticks, which are made when they are first asked for.
 SINGLE = ("majorTicks", "minorTicks")
+#: Without types: those of matplotlib leave out what an axis is made of.
+_Axis: Any = Axis
 #: Share of an axis' length by which a tick may be beyond its ends.
 BESIDE = 1e-10
 
 
-class _SharedTickAxis(Axis):
+class _SharedTickAxis(_Axis):  # type: ignore[misc]
     """An axis that draws its ticks together.
 
     Attributes
@@ -59,7 +61,7 @@ class _SharedTickAxis(Axis):
             for name in lacking:
                 vars(self).pop(name, None)
 
-    def _get_tick(self, major: bool) -> Tick:
+    def _get_tick(self, major: bool) -> Any:
         tick = super()._get_tick(major)
         tick.set_clip_path(self.axes.patch)
         return tick
@@ -125,17 +127,22 @@ class _SharedTickAxis(Axis):
                 label.draw(renderer)
         self.reach = low, high
 
-    def _tick(self, look: dict[str, Any], major: bool) -> Tick:
+    def _tick(self, look: dict[str, Any], major: bool) -> Any:
         """Take the figure's tick of this look to these axes."""
-        made: Any = self.get_figure(root=False)
-        known: dict[Any, Tick] = vars(made).setdefault("ticks_of_panels", {})
+        known = vars(self.get_figure(root=False)).setdefault("ticks_of_panels", {})
         name = type(self), major, tuple(sorted(look.items()))
         if name not in known:
             known[name] = self._get_tick(major=major)
         tick, axes = known[name], self.axes
-        tick.axes = None  # it leaves the axes that it was drawn in before
+        tick.axes = None  # it leaves those that it was drawn in before
         tick.axes = axes
         tick.set_clip_path(axes.patch)
+        transform = getattr(axes, f"get_{self.axis_name}axis_transform")
+        tick.gridline.set_transform(transform("grid"))
+        tick.tick1line.set_transform(transform("tick1"))
+        tick.tick2line.set_transform(transform("tick2"))
+        tick.label1.set_transform(tick._get_text1_transform()[0])
+        tick.label2.set_transform(tick._get_text2_transform()[0])
         return tick
 
     def _in_view(self, places: Array) -> BoolArray:
@@ -169,14 +176,6 @@ class _SharedTickAxis(Axis):
 class _SharedTickX(_SharedTickAxis, XAxis):
     across = 1
 
-    def _tick(self, look: dict[str, Any], major: bool) -> Tick:
-        tick, axes = super()._tick(look, major), self.axes
-        for line, kind in zip(_lines(tick), KINDS, strict=True):
-            line.set_transform(axes.get_xaxis_transform(kind))
-        tick.label1.set_transform(tick._get_text1_transform()[0])
-        tick.label2.set_transform(tick._get_text2_transform()[0])
-        return tick
-
     def _go(self, line: Any, along: Array, across: Array) -> None:
         line.set_data(along, across)
 
@@ -187,27 +186,11 @@ class _SharedTickX(_SharedTickAxis, XAxis):
 class _SharedTickY(_SharedTickAxis, YAxis):
     across = 0
 
-    def _tick(self, look: dict[str, Any], major: bool) -> Tick:
-        tick, axes = super()._tick(look, major), self.axes
-        for line, kind in zip(_lines(tick), KINDS, strict=True):
-            line.set_transform(axes.get_yaxis_transform(kind))
-        tick.label1.set_transform(tick._get_text1_transform()[0])
-        tick.label2.set_transform(tick._get_text2_transform()[0])
-        return tick
-
     def _go(self, line: Any, along: Array, across: Array) -> None:
         line.set_data(across, along)
 
     def _put(self, label: Any, place: float) -> None:
         label.set_y(place)
-
-
-#: What the lines of a tick are called where their transforms are asked for.
-KINDS = ("grid", "tick1", "tick2")
-
-
-def _lines(tick: Tick) -> tuple[Any, Any, Any]:
-    return tick.gridline, tick.tick1line, tick.tick2line
 
 
 class Panel(Axes):

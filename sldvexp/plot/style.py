@@ -218,12 +218,14 @@ def ends_of(axes: Axes, x: ArrayLike, y: ArrayLike) -> None:
         axes.set_ylim(np.min(y), np.max(y))
 
 
-def cells(axes: Axes, values: NDArray[Any], extent: Sequence[float], **colours: Any) -> Any:
+def cells(
+    axes: Axes, values: NDArray[Any], extent: tuple[float, float, float, float], **colours: Any
+) -> Any:
     """Draw cells of one colour each, the first row below.
 
     Parameters
     ----------
-    extent : sequence of float
+    extent : tuple of float
         Left, right, bottom and top end.
     **colours
         ``cmap`` and ``norm``.
