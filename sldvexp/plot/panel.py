@@ -28,7 +28,7 @@ _Axis: Any = Axis
 BESIDE = 1e-10
 
 
-class _SharedTickAxis(_Axis):  # type: ignore[misc]
+class _SharedTickAxis(_Axis):
     """An axis that draws its ticks together.
 
     Attributes
@@ -53,13 +53,14 @@ class _SharedTickAxis(_Axis):  # type: ignore[misc]
     @contextmanager
     def _without_single_ticks(self) -> Iterator[None]:
         """Keep what changes all ticks from making the first of them."""
-        lacking = [name for name in SINGLE if name not in vars(self)]
-        vars(self).update({name: [] for name in lacking})
+        own: dict[str, Any] = self.__dict__
+        lacking = [name for name in SINGLE if name not in own]
+        own.update({name: [] for name in lacking})
         try:
             yield
         finally:
             for name in lacking:
-                vars(self).pop(name, None)
+                own.pop(name, None)
 
     def _get_tick(self, major: bool) -> Any:
         tick = super()._get_tick(major)
