@@ -61,7 +61,7 @@ def map_of(
         style.not_determined(axes)
         return None
     mapped = TriMesh(
-        Triangulation(mesh.x, mesh.y, mesh.triangles[there[mesh.triangles].all(axis=1)]),
+        Triangulation(mesh.x, mesh.y, mesh.triangles, ~there[mesh.triangles].all(axis=1)),
         array=factor * np.where(there, values, values[there].mean()),
         cmap=style.SIZE_MAP,
         norm=Normalize(low, high),
@@ -138,11 +138,13 @@ def phase_map(axes: Axes, mesh: Triangulation, values: ComplexArray, bound: Arra
     style.ends_of(axes, mesh.x, mesh.y)
     mean = values[mesh.triangles].mean(axis=1)
     known = np.abs(mean) > np.nan_to_num(bound)[mesh.triangles].mean(axis=1)  # a NaN is not above
+    if not known.any():  # one that is not seen
+        known[0], mean[0] = True, np.nan
     # with corners of its own a triangle has one colour
     corner = _corners(mesh, known).reshape(-1, 2)
     x, y = corner.T
     alone = Triangulation(x, y, np.arange(len(corner)).reshape(-1, 3))
-    phases = np.repeat(np.degrees(np.angle(mean[known])), 3)
+    phases = np.ma.masked_invalid(np.repeat(np.degrees(np.angle(mean[known])), 3))
     look: dict[str, Any] = {"cmap": style.PHASE_MAP, "norm": Normalize(-180.0, 180.0)}
     faces = TriMesh(alone, array=phases, rasterized=True, **look)
     axes.add_collection(faces, autolim=False)

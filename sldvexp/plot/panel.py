@@ -194,13 +194,13 @@ class _SharedTickY(_SharedTickAxis, YAxis):
         label.set_y(place)
 
 
-class Panel(Axes):
+class SharedTickAxes(Axes):
     """Axes that draw the ticks of an axis together.
 
     Examples
     --------
     >>> from matplotlib.figure import Figure
-    >>> panel = Figure().add_subplot(axes_class=Panel)
+    >>> panel = Figure().add_subplot(axes_class=SharedTickAxes)
     >>> [number.get_text() for number in panel.get_xticklabels()]
     ['0.0', '0.2', '0.4', '0.6', '0.8', '1.0']
     """

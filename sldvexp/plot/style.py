@@ -24,7 +24,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.dataset import AXES, VARIABLES, Variable
-from sldvexp.plot.panel import Panel
+from sldvexp.plot.panel import SharedTickAxes
 from sldvexp.plot.paper import POINTS, Paper, Style, broken, long, on_paper, paper
 from sldvexp.plot.paper import fitting as fitting
 from sldvexp.plot.paper import inches as inches
@@ -142,7 +142,7 @@ def _picture() -> type[Figure]:
 
 def _as_panel(kwargs: dict[str, Any]) -> dict[str, Any]:
     """Choose axes that are drawn fast, unless others are asked for."""
-    return kwargs if kwargs.get("projection") else {"axes_class": Panel, **kwargs}
+    return kwargs if kwargs.get("projection") else {"axes_class": SharedTickAxes, **kwargs}
 
 
 def settings_of(made: Figure) -> Any:

@@ -48,7 +48,7 @@ def test_figure_against_axes_of_matplotlib(monkeypatch):
     for name in ("matplotlib", "own") * ROUNDS:
         with monkeypatch.context() as patch:
             if name == "matplotlib":
-                patch.setattr(style, "Panel", Axes)
+                patch.setattr(style, "SharedTickAxes", Axes)
             begin = time.process_time()
             said[name] = written()
             shortest[name] = min(shortest.get(name, np.inf), time.process_time() - begin)
