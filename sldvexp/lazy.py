@@ -10,6 +10,9 @@ asking for the part alone would import the package at once.
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import lazy_loader
@@ -35,11 +38,38 @@ else:
     scipy = lazy_loader.load("scipy")
     xarray = lazy_loader.load("xarray")
 
+
+@contextmanager
+def _hidden(*names: str) -> Iterator[None]:
+    """Let an import of some packages fail."""
+    were = {name: sys.modules.pop(name) for name in names if name in sys.modules}
+    sys.modules.update(dict.fromkeys(names))  # type: ignore[arg-type]
+    try:
+        yield
+    finally:
+        for name in names:
+            del sys.modules[name]
+        sys.modules.update(were)
+
+
+def numpy_alone() -> None:
+    """Keep xarray in this process from loading what else arrays could be of, which takes 0.3 s.
+
+    It asks for dask and pint as soon as it looks at an array, and remembers what it found. A
+    command that only reads a dataset has arrays of numpy alone; where dask is in use, nothing is
+    changed.
+    """
+    if "dask" not in sys.modules:
+        with _hidden("dask", "pint"):
+            assert xarray.Variable("place", [0.0]).astype(float).to_numpy() is not None
+
+
 __all__ = [
     "h5py",
     "jinja2",
     "markupsafe",
     "netCDF4",
+    "numpy_alone",
     "pandas",
     "pint",
     "pyvisa",

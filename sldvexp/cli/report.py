@@ -15,6 +15,7 @@ from sldvexp.config import registry
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
+from sldvexp.lazy import numpy_alone
 from sldvexp.progress import doing
 from sldvexp.report.html import unfinished
 from sldvexp.report.html.page import Html
@@ -36,6 +37,7 @@ def run(words: list[str], config_dir: str | None) -> int:
         )
     gc.enable()
     registry.load_installed()  # their plugins are told about in their own words
+    numpy_alone()
     given = Path(words[0])
     found = [given / SWEEP_FILE, given / RUN_FILE] if given.is_dir() else [given]
     path = next((file for file in found if file.is_file()), None)

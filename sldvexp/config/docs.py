@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeGuard, get_args, get_origin, get_type_hints
 
@@ -147,6 +148,16 @@ def as_yaml(value: Any) -> str:
     """Write a plain value on one line."""
     if value == MISSING:
         return "(must be given)"
+    plain = value is None or isinstance(value, bool | int | str)
+    return _plain_as_yaml(value) if plain else _dumped(value)
+
+
+@lru_cache(maxsize=1024, typed=True)
+def _plain_as_yaml(value: bool | int | str | None) -> str:
+    return _dumped(value)
+
+
+def _dumped(value: Any) -> str:
     text: str = yaml.safe_dump(value, default_flow_style=True, width=float("inf"), sort_keys=False)
     return text.removesuffix("\n").removesuffix("\n...")
 

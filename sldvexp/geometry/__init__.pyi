@@ -23,3 +23,5 @@ from .rotation import rotation_from_vector as rotation_from_vector
 from .rotation import rotation_towards as rotation_towards
 from .rotation import skew as skew
 from .rotation import vector_from_rotation as vector_from_rotation
+from .triangle_sides import rim as rim
+from .triangle_sides import sides as sides

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from sldvexp.geometry.triangle_sides import sides
 from sldvexp.typing import Array, IntArray
 
 
@@ -38,9 +39,8 @@ def peaks(values: Array, triangles: IntArray, bound: Array, most: int) -> list[i
     >>> peaks(values, strip, np.full(7, 0.2), 5)
     [1, 5]
     """
-    sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     joined: list[list[int]] = [[] for _ in values]
-    for a, b in np.unique(np.sort(sides, axis=1), axis=0).tolist():
+    for a, b in sides(triangles).tolist():
         joined[a].append(b)
         joined[b].append(a)
     rank = np.empty(len(values), int)

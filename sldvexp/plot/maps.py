@@ -10,7 +10,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
+from matplotlib.collections import TriMesh
+from matplotlib.colors import Normalize
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 from matplotlib.tri import Triangulation
 
 from sldvexp.plot import style
@@ -53,21 +56,18 @@ def map_of(
     style.hatched(axes)
     factor, low, high = scale
     there = np.isfinite(values) & (True if known is None else known)
+    style.ends_of(axes, mesh.x, mesh.y)
     if not there.any():
-        axes.triplot(mesh, color="none")
         style.not_determined(axes)
         return None
-    shown = Triangulation(mesh.x, mesh.y, mesh.triangles)
-    shown.set_mask(~there[mesh.triangles].all(axis=1))
-    mapped = axes.tripcolor(
-        shown,
-        factor * np.where(there, values, values[there].mean()),
-        shading="gouraud",
+    mapped = TriMesh(
+        Triangulation(mesh.x, mesh.y, mesh.triangles, ~there[mesh.triangles].all(axis=1)),
+        array=factor * np.where(there, values, values[there].mean()),
         cmap=style.SIZE_MAP,
-        vmin=low,
-        vmax=high,
+        norm=Normalize(low, high),
         rasterized=True,
     )
+    axes.add_collection(mapped, autolim=False)
     if bound is not None:
         faint = there & ~(np.abs(values) > np.nan_to_num(bound))
         veil(axes, mesh, faint[mesh.triangles].sum(axis=1) > 1)
@@ -77,18 +77,23 @@ def map_of(
 def veil(axes: Axes, mesh: Triangulation, faint: BoolArray) -> None:
     """Lay white over triangles whose values are not above their bounds."""
     if faint.any():
-        over = Triangulation(mesh.x, mesh.y, mesh.triangles[faint])
-        look: dict[str, Any] = {
-            "alpha": VEIL,
-            "antialiased": False,
-            "linewidth": 0.0,
-            "rasterized": True,
-        }
-        axes.tripcolor(over, facecolors=np.ones(faint.sum()), cmap=WHITE, **look)
+        corners = _corners(mesh, faint)[:, [0, 1, 2, 0]]
+        codes = np.tile(TRIANGLE, len(corners))
+        look: dict[str, Any] = {"facecolor": "#ffffff", "alpha": VEIL, "linewidth": 0.0}
+        # as one path, which is drawn at once
+        over = PathPatch(Path(corners.reshape(-1, 2), codes), rasterized=True, **look)
+        over.set_antialiased(False)
+        over.set_transform(axes.transData)
+        axes.add_artist(over)
 
 
-#: A map of one colour.
-WHITE = ListedColormap(["#ffffff"])
+#: How a path goes around a triangle.
+TRIANGLE = (Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY)
+
+
+def _corners(mesh: Triangulation, chosen: BoolArray) -> Array:
+    """Find the places of some triangles' corners, shape (triangle, 3, 2)."""
+    return np.stack([mesh.x, mesh.y], axis=1)[mesh.triangles[chosen]]
 
 
 def scale_of(
@@ -130,16 +135,17 @@ def phase_map(axes: Axes, mesh: Triangulation, values: ComplexArray, bound: Arra
         For the scale.
     """
     style.hatched(axes)
+    style.ends_of(axes, mesh.x, mesh.y)
     mean = values[mesh.triangles].mean(axis=1)
     known = np.abs(mean) > np.nan_to_num(bound)[mesh.triangles].mean(axis=1)  # a NaN is not above
-    axes.triplot(mesh, linestyle="none")  # as wide as the others, whatever is known
-    if not known.any():
+    if not known.any():  # one that is not seen
         known[0], mean[0] = True, np.nan
-    return axes.tripcolor(
-        Triangulation(mesh.x, mesh.y, mesh.triangles[known]),
-        facecolors=np.ma.masked_invalid(np.degrees(np.angle(mean[known]))),
-        cmap=style.PHASE_MAP,
-        vmin=-180.0,
-        vmax=180.0,
-        rasterized=True,
-    )
+    # with corners of its own a triangle has one colour
+    corner = _corners(mesh, known).reshape(-1, 2)
+    x, y = corner.T
+    alone = Triangulation(x, y, np.arange(len(corner)).reshape(-1, 3))
+    phases = np.ma.masked_invalid(np.repeat(np.degrees(np.angle(mean[known])), 3))
+    look: dict[str, Any] = {"cmap": style.PHASE_MAP, "norm": Normalize(-180.0, 180.0)}
+    faces = TriMesh(alone, array=phases, rasterized=True, **look)
+    axes.add_collection(faces, autolim=False)
+    return faces

@@ -18,8 +18,8 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
+from sldvexp.geometry import rim
 from sldvexp.plot import style
-from sldvexp.plot.triangle_sides import rim
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 #: Colour of what has no value, and of what lies at rest.

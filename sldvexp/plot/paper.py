@@ -163,11 +163,23 @@ def fitting(wanted: int, least: float) -> int:
     return max(1, min(wanted, int(inches() / least)))
 
 
-@lru_cache(maxsize=4096)
 def long(text: str, size: float) -> float:
-    """Measure a text at a size in points; inch."""
-    wide, _, _ = text_to_path.get_text_width_height_descent(text, FontProperties(size=size), False)
-    return float(wide) / POINTS
+    """Measure a text at a size in points; inch. Letters that move closer together do not count.
+
+    Examples
+    --------
+    >>> long("ii", 8.0) == 2 * long("i", 8.0)
+    True
+    """
+    family = tuple(matplotlib.rcParams["font.family"])
+    return sum(_wide(letter, family) for letter in text) * size / POINTS
+
+
+@lru_cache(maxsize=4096)
+def _wide(letter: str, family: tuple[str, ...]) -> float:
+    """Measure a letter of size 1; to measure texts takes as long as to draw them."""
+    font = FontProperties(family=list(family), size=1.0)
+    return float(text_to_path.get_text_width_height_descent(letter, font, False)[0])
 
 
 def broken(text: str, width: float, size: float | None = None) -> str:

@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 
 from sldvexp.dataset import RunData, Source
 from sldvexp.errors import UserError
-from sldvexp.geometry import joined_points
+from sldvexp.geometry import joined_points, rim, sides
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
 from sldvexp.plot.layer import AXES, PLACE, VolumeLayer, layer_of
 from sldvexp.plot.maps import VEIL
 from sldvexp.plot.selection import at_frequency, require
-from sldvexp.plot.triangle_sides import rim, sides
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 NO_SHAPE = (

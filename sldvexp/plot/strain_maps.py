@@ -7,6 +7,7 @@ rolled out, along its own coordinates.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -173,7 +174,17 @@ def hottest_places(strain: xr.Dataset) -> list[int]:
         values, bound = (
             strain[n].values[:, 0] for n in ("principal_strain", "principal_confidence")
         )
-    return peaks(values, strain["triangle"].values, bound, MOST_SPOTS)
+    triangles = strain["triangle"].values
+    every = (np.ascontiguousarray(of, kind) for of, kind in ((values, float), (bound, float)))
+    return list(_peaks(*(of.tobytes() for of in every), np.int64(triangles).tobytes()))
+
+
+@lru_cache(maxsize=4)
+def _peaks(values: bytes, bound: bytes, triangles: bytes) -> tuple[int, ...]:
+    """Find peaks once for the figures and tables of a page."""
+    own, width = (np.frombuffer(of, float) for of in (values, bound))
+    corners = np.frombuffer(triangles, np.int64).reshape(-1, 3)
+    return tuple(peaks(own, corners, width, MOST_SPOTS))
 
 
 def strains_of(run: RunData) -> dict[str, xr.Dataset]:

@@ -15,13 +15,16 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import Normalize
 from matplotlib.container import Container
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.dataset import AXES, VARIABLES, Variable
+from sldvexp.plot.panel import SharedTickAxes
 from sldvexp.plot.paper import POINTS, Paper, Style, broken, long, on_paper, paper
 from sldvexp.plot.paper import fitting as fitting
 from sldvexp.plot.paper import inches as inches
@@ -118,6 +121,12 @@ def _picture() -> type[Figure]:
             self.paper = paper()
             super().__init__(*args, **kwargs)
 
+        def add_subplot(self, *args: Any, **kwargs: Any) -> Any:
+            return super().add_subplot(*args, **_as_panel(kwargs))
+
+        def add_axes(self, *args: Any, **kwargs: Any) -> Any:
+            return super().add_axes(*args, **_as_panel(kwargs))
+
         def draw(self, renderer: Any) -> None:
             # what is arranged as it is drawn, such as ticks, is of this style too
             with matplotlib.rc_context(self.paper.settings):
@@ -129,6 +138,11 @@ def _picture() -> type[Figure]:
             return image.getvalue()
 
     return Picture
+
+
+def _as_panel(kwargs: dict[str, Any]) -> dict[str, Any]:
+    """Choose axes that are drawn fast, unless others are asked for."""
+    return kwargs if kwargs.get("projection") else {"axes_class": SharedTickAxes, **kwargs}
 
 
 def settings_of(made: Figure) -> Any:
@@ -193,8 +207,35 @@ def prefixed(values: ArrayLike, unit: str) -> tuple[float, str]:
 def hatched(axes: Axes) -> None:
     """Hatch what a map leaves free, and draw no grid over it."""
     axes.grid(False)
-    axes.margins(0)
     axes.patch.set(**UNKNOWN)
+
+
+def ends_of(axes: Axes, x: ArrayLike, y: ArrayLike) -> None:
+    """Let a panel, and those that share its axes, end where what it shows does."""
+    if axes.get_autoscalex_on():
+        axes.set_xlim(np.min(x), np.max(x))
+    if axes.get_autoscaley_on():
+        axes.set_ylim(np.min(y), np.max(y))
+
+
+def cells(
+    axes: Axes, values: NDArray[Any], extent: tuple[float, float, float, float], **colours: Any
+) -> Any:
+    """Draw cells of one colour each, the first row below.
+
+    Parameters
+    ----------
+    extent : tuple of float
+        Left, right, bottom and top end.
+    **colours
+        ``cmap`` and ``norm``.
+    """
+    image = AxesImage(axes, interpolation="none", origin="lower", extent=extent, **colours)
+    image.set_data(values)
+    image.set_clip_path(axes.patch)
+    axes.add_image(image)
+    ends_of(axes, extent[:2], extent[2:])
+    return image
 
 
 def joined(*parts: str) -> str:
@@ -296,8 +337,6 @@ def outer_labels(axes: NDArray[Any], used: int, x: str, y: str) -> None:
 LEFT, BOTTOM, TOP, BETWEEN = 0.62, 0.46, 0.47, 0.45
 #: Inches between rows of panels with a title alone.
 LOW = 0.24
-#: An image whose values stay cells of one colour each, the first row below.
-AS_IT_IS: Any = {"interpolation": "none", "origin": "lower"}
 #: Cells of a scale.
 SCALE_COLOURS = 256
 #: Inches for the numbers below a panel.
@@ -478,8 +517,7 @@ def _scale(made: Figure, place: Any, mapped: Any, label: str, upright: bool) -> 
         axes.yaxis.set_label_position("right")
     else:
         colours, extent, own, other = colours[None], (low, high, 0, 1), axes.xaxis, axes.yaxis
-    look = {"cmap": mapped.cmap, "vmin": low, "vmax": high}
-    axes.imshow(colours, extent=extent, aspect="auto", **AS_IT_IS, **look)
+    cells(axes, colours, extent, cmap=mapped.cmap, norm=Normalize(low, high))
     axes.spines[:].set(visible=True, linewidth=0.5)
     other.set_visible(False)
     axes.grid(False)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -170,8 +171,11 @@ def _part(
         "phase": (-180.0, 180.0, style.PHASE_MAP),
     }.get(part, (-limit, limit, style.SIGN_MAP))
     up_down, left_right = group["dac"].values[~_good(group)].T
-    axes.plot(left_right, up_down, "x", color="#000000", markersize=2.5, label="flagged")
-    return _pixels(axes, group, values, good, {"vmin": low, "vmax": high, "cmap": colours})
+    look = {"cmap": colours, "norm": Normalize(low, high)}
+    mapped = _pixels(axes, group, values, good, look)
+    if len(up_down):
+        axes.plot(left_right, up_down, "x", color="#000000", markersize=2.5, label="flagged")
+    return mapped
 
 
 def _degrees(values: ComplexArray) -> NDArray:
@@ -203,7 +207,8 @@ def _pixels(
         across, up = left_right.reshape(shape), up_down.reshape(shape)
         if _even(across) and _even(up.T):
             extent = *_ends(across[0]), *_ends(up[:, 0])
-            return axes.imshow(grid, extent=extent, aspect="auto", **style.AS_IT_IS, **look)
+            return style.cells(axes, grid, extent, **look)
+        axes.margins(0)
         return axes.pcolormesh(across, up, grid, shading="nearest", rasterized=True, **look)
     axes.margins(0.05)
     axes.patch.set(hatch=None, facecolor="#eeeeee")

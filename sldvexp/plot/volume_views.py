@@ -10,10 +10,10 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 from numpy.typing import NDArray
 
 from sldvexp.dataset import VARIABLES, RunData, Source
+from sldvexp.geometry import rim
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
 from sldvexp.plot.selection import require
-from sldvexp.plot.triangle_sides import rim
 from sldvexp.typing import Array, IndexArray
 
 NO_VOLUME = (

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sldvexp.geometry import rim
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, ComplexArray
 from sldvexp.volume import Prisms, SampleRule
@@ -100,8 +101,6 @@ def _surface_mass(prisms: Prisms, rule: SampleRule) -> scipy.sparse.csr_array:
 
 def _rim(prisms: Prisms) -> BoolArray:
     """Find nodes of sides that belong to one triangle only."""
-    edges = np.sort(prisms.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    unique, count = np.unique(edges, axis=0, return_counts=True)
-    rim = np.zeros(prisms.surface_nodes, bool)
-    rim[unique[count == 1]] = True
-    return rim
+    found = np.zeros(prisms.surface_nodes, bool)
+    found[rim(prisms.triangles)] = True
+    return found

@@ -25,6 +25,9 @@ SECTIONS: tuple[Callable[[RunData], Section | None], ...] = (
     diagnostics.provenance_section,
 )
 
+#: Values of a variable that is read whole, at most.
+FEW = 1 << 18
+
 
 def write(path: Path, page: Path) -> Path:
     """Make the page of a run from its dataset alone.
@@ -48,9 +51,18 @@ def write(path: Path, page: Path) -> Path:
     """
     with load(path) as tree:
         run = replace(RunData.from_source(tree), path=path)
+        _read_few(run)
         _ = run.config, run.plugins  # a file that has none is not a run's, and is refused
         sections = [s for make in SECTIONS if (s := make(run))]
         return render.write(page, _title(run), _subtitle(run), sections)
+
+
+def _read_few(run: RunData) -> None:
+    """Read what is short, once and whole; every part of it that is asked for would be read anew."""
+    for group in run.groups.values():
+        for variable in group.variables.values():
+            if variable.size <= FEW:
+                variable.load()
 
 
 def _title(run: RunData) -> str:

@@ -45,15 +45,16 @@ def setup_section(run: RunData) -> Section:
             plugin = str((entry or {}).get("plugin", ""))
             own = {k: v for k, v in (entry or {}).items() if k != "plugin"}
             chosen.append((f"{key.replace('_', ' ')}: {name}", group, plugin, own))
+    known = [_documented(group, name, own) for _, group, name, own in chosen]
     rows = [
-        [told, *_method(group, name, own), _brief(group, name, own)]
-        for told, group, name, own in chosen
+        [told, *_method(group, name, own), _brief(own, documented)]
+        for (told, group, name, own), documented in zip(chosen, known, strict=True)
     ]
     stages = HtmlTable(["stage", "method", "in words", "settings"], rows, wide=(2, 3))
     columns = ["setting", "value", "type, unit", "meaning"]
     details = [
-        HtmlTable(columns, list(_settings(group, name, own)), f"{told}: {group}={name}", (1, 2, 3))
-        for told, group, name, own in chosen
+        HtmlTable(columns, list(_settings(own, documented)), f"{told}: {group}={name}", (1, 2, 3))
+        for (told, group, name, own), documented in zip(chosen, known, strict=True)
         if own
     ]
     every = More("Every setting and what it means", details)
@@ -88,9 +89,9 @@ def _documented(group: str, name: str, values: dict[str, Any]) -> dict[str, docs
         return {}
 
 
-def _brief(group: str, name: str, values: dict[str, Any]) -> str:
+def _brief(values: dict[str, Any], documented: dict[str, docs.Parameter]) -> str:
     """List the short settings of a stage that say something, with their units."""
-    documented, told = _documented(group, name, values), list(_samplings(values))
+    told = list(_samplings(values))
     for key, value in values.items():
         text = _plain(value)
         if not text or isinstance(value, dict) or len(text) > LONGEST_VALUE or value in (0, False):
@@ -151,9 +152,8 @@ def views_table(run: RunData) -> HtmlTable | None:
     return HtmlTable(["view", *columns], rows, "Views") if rows else None
 
 
-def _settings(group: str, name: str, values: dict[str, Any]) -> Iterator[list[str]]:
+def _settings(values: dict[str, Any], documented: dict[str, docs.Parameter]) -> Iterator[list[str]]:
     """List a stage's settings with type, unit and meaning."""
-    documented = _documented(group, name, values)
     for key, value in values.items():
         if value not in ({}, []):
             one = documented.get(str(key))

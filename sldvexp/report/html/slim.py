@@ -11,6 +11,7 @@ from __future__ import annotations
 import base64
 import io
 import re
+from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
@@ -18,6 +19,8 @@ from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_mixed import MixedModeRenderer
 from matplotlib.backends.backend_svg import FigureCanvasSVG, RendererSVG
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, get_font
+from matplotlib.textpath import text_to_path
 from numpy.typing import NDArray
 from PIL import Image, features
 
@@ -55,7 +58,30 @@ class _Renderer(RendererSVG):
     def draw_image(self, gc: Any, x: float, y: float, im: Any, transform: Any = None) -> None:
         if im.size:
             self.pictures.append(np.array(im))
-        super().draw_image(gc, x, y, np.zeros_like(im), transform)
+        super().draw_image(gc, x, y, np.zeros(np.shape(im)[:2], bool), transform)
+
+    def get_text_width_height_descent(self, s: str, prop: Any, ismath: Any) -> Any:
+        # figures of a page have many words in common
+        return _measured(s, prop, ismath)
+
+    def _get_font_height_metrics(self, prop: Any) -> Any:
+        return _heights(prop.copy())  # a key that nobody changes
+
+
+@lru_cache(maxsize=4096)
+def _measured(text: str, font: FontProperties, ismath: Any) -> Any:
+    return text_to_path.get_text_width_height_descent(text, font, ismath)
+
+
+@lru_cache(maxsize=64)
+def _heights(font: FontProperties) -> tuple[float | None, float | None, float | None]:
+    """Read how far a font reaches above and below a line, and its gap, pt; None: find it out."""
+    size, read = font.get_size_in_points(), get_font(findfont(font)).get_sfnt_table
+    head, own = read("head"), read("OS/2")
+    if head is None or own is None:
+        return None, None, None
+    unit = size / head["unitsPerEm"]
+    return unit * own["sTypoAscender"], -unit * own["sTypoDescender"], unit * own["sTypoLineGap"]
 
 
 def slim(drawn: Figure) -> str:
