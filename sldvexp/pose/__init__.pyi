@@ -1,3 +1,7 @@
+from .aiming import Aiming as Aiming
+from .aiming import AimingPlace as AimingPlace
+from .aiming import MarkResidual as MarkResidual
+from .aiming import PlacePrediction as PlacePrediction
 from .base import EXTRINSICS as EXTRINSICS
 from .base import PROMISED as PROMISED
 from .base import JointCovariance as JointCovariance

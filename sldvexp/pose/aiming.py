@@ -1,0 +1,431 @@
+"""Aiming: marks of one view as they are taken, and what they say of each other and of the rest.
+
+Places in the world are known; the beam is brought onto one after the other. From the third mark on
+the rough poses that fit (`sldvexp.pose.rough_pose`) tell where the next ones lie, and from the
+fourth on each mark is compared with where the others put it: the residual of mark i is what was
+taken less the prediction from all marks but i, so that a wrong mark cannot pull its own prediction.
+A mark errs by the eye and by its place in the world, ``std_i^2 = pointing^2 + (place / distance /
+step)^2``; with errors that are stated right, ``cost`` of n marks is chi-square of 2n - 6.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import numpy as np
+
+from sldvexp.errors import UserError, nearest
+from sldvexp.laser import TwoMirror
+from sldvexp.pose.outliers import MatchedPoints
+from sldvexp.pose.rough_pose import REFUTED, RoughPose, predicted_steps, rough_poses
+from sldvexp.statistics import chi_square_p_value
+from sldvexp.typing import Array
+
+#: Standard deviation of a person's pointing, DAC steps of each mirror (Table 4.3).
+POINTING = 1.0
+#: Probability from which marks agree with each other.
+AGREE = 0.01
+#: Standard deviations of the distance of two marks' steps within which they are one place.
+SAME = 3.0
+#: Standard deviations from which a mark lies beside where the others put it.
+BESIDE = 4.0
+#: Least extent of marks across a line, as a part of their length, that makes a pose strong.
+IN_LINE = 0.03
+#: Relative standard deviation of the distance from which a pose is weak.
+WEAK = 0.05
+
+Steps = tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class AimingPlace:
+    """A place in the world that the beam can be brought onto.
+
+    Parameters
+    ----------
+    name : str
+        As people call it: ``mark 3``, ``circle 2``, ``corner 1``.
+    position : ndarray, shape (3,), m
+    std : ndarray, shape (3,), m
+        Standard deviation of that.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> AimingPlace("mark 3", np.array([0.3, 0.3, 0.0])).std.tolist()
+    [0.0, 0.0, 0.0]
+    """
+
+    name: str
+    position: Array
+    std: Array = field(default_factory=lambda: np.zeros(3))
+
+
+@dataclass(frozen=True, eq=False)
+class PlacePrediction:
+    """DAC steps at which a place is expected.
+
+    Parameters
+    ----------
+    dac, std : ndarray, shape (2,), steps
+        By the likeliest pose, and their standard deviations.
+    others : list of ndarray, shape (2,), steps
+        By the other poses that fit the marks, the likeliest first.
+    """
+
+    dac: Array
+    std: Array
+    others: list[Array]
+
+    @property
+    def steps(self) -> Steps:
+        """Whole steps to go to."""
+        up_down, left_right = np.rint(self.dac).astype(int).tolist()
+        return up_down, left_right
+
+
+@dataclass(frozen=True, eq=False)
+class MarkResidual:
+    """Steps of a mark less those where the other marks put it.
+
+    Parameters
+    ----------
+    steps, std : ndarray, shape (2,)
+        With their standard deviations if all stated errors are right.
+    """
+
+    steps: Array
+    std: Array
+
+    @property
+    def beside(self) -> bool:
+        """True if the mark lies farther beside than errors explain."""
+        return bool(np.any(np.abs(self.steps) > BESIDE * self.std))
+
+
+class Aiming:
+    """Marks of one view as they are taken.
+
+    Parameters
+    ----------
+    laser : TwoMirror
+    places : sequence of AimingPlace
+        Those that can be taken, each under a name of its own.
+    pointing : float, DAC steps
+        Standard deviation of bringing the beam onto a place, of each mirror.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.laser import project
+    >>> where = [[0, 0, 0], [0.3, 0, 0], [0.3, 0.3, 0], [0, 0.3, 0.1], [0.1, 0.2, 0]]
+    >>> places = [AimingPlace(f"mark {k}", np.array(p)) for k, p in enumerate(where)]
+    >>> laser, facing = TwoMirror(), np.diag([-1.0, 1.0, -1.0])
+    >>> dac = laser.dac_from_angle(project((where - np.array([0.2, 0.1, 1.5])) @ facing.T))
+    >>> aiming = Aiming(laser, places)
+    >>> for place, steps in zip(places[:4], np.rint(dac)):
+    ...     aiming.take(place.name, steps)
+    >>> aiming.predict("mark 4").steps, np.rint(dac[4]).astype(int).tolist()
+    ((625, 624), [625, 624])
+    >>> aiming.contradiction(), aiming.undo(), aiming.open
+    ('', 'mark 3', ['mark 3', 'mark 4'])
+    """
+
+    def __init__(
+        self, laser: TwoMirror, places: Sequence[AimingPlace], pointing: float = POINTING
+    ) -> None:
+        self.laser = laser
+        self.places = {place.name: place for place in places}
+        self.pointing = pointing
+        self._said: dict[str, Steps | None] = {}
+        self._before: list[tuple[str, dict[str, Steps | None]]] = []
+        self._poses: dict[frozenset[str], list[RoughPose]] = {}
+
+    @property
+    def taken(self) -> dict[str, Steps]:
+        """Marks with their (up_down, left_right) steps, in the order in which they were taken."""
+        return {name: steps for name, steps in self._said.items() if steps is not None}
+
+    @property
+    def hidden(self) -> list[str]:
+        """Places that cannot be seen in this view."""
+        return [name for name, steps in self._said.items() if steps is None]
+
+    @property
+    def open(self) -> list[str]:
+        """Places that are neither taken nor hidden."""
+        return [name for name in self.places if name not in self._said]
+
+    def take(self, name: str, dac: Sequence[float] | Array) -> None:
+        """Take a place at steps (up_down, left_right); again, if it was taken or hidden before."""
+        up_down, left_right = (round(float(step)) for step in dac)
+        self.laser.angle_from_dac([up_down, left_right], [name])
+        self._say(name, (up_down, left_right))
+
+    def hide(self, name: str) -> None:
+        """Note that a place cannot be seen in this view."""
+        self._say(name, None)
+
+    def repeat(self, name: str) -> Steps | None:
+        """Open a place again; give the steps where it was, if it was taken."""
+        self._require(name)
+        before = self._said.get(name)
+        if name in self._said:
+            self._change(name, {k: v for k, v in self._said.items() if k != name})
+        return before
+
+    def undo(self) -> str | None:
+        """Take the last of all that was said back; give the place it was about, None if none."""
+        if not self._before:
+            return None
+        name, self._said = self._before.pop()
+        self._poses.clear()
+        return name
+
+    @property
+    def poses(self) -> list[RoughPose]:
+        """Poses that fit all marks, the likeliest first; none before the third mark."""
+        return self._poses_from(list(self.taken))
+
+    @property
+    def pose(self) -> RoughPose | None:
+        """The likeliest pose."""
+        return next(iter(self.poses), None)
+
+    def steps_at(self, points: Array) -> tuple[Array, Array]:
+        """Give DAC steps of points of the world, and their standard deviations by the pose's.
+
+        Parameters
+        ----------
+        points : ndarray, shape (N, 3), m
+
+        Returns
+        -------
+        dac, std : ndarray, shape (N, 2), steps
+            NaN before the third mark, and for points that the mirrors do not reach.
+        """
+        if not self.poses:
+            return np.full((len(points), 2), np.nan), np.full((len(points), 2), np.nan)
+        return predicted_steps(self.poses, points, self.laser)
+
+    def predict(self, name: str) -> PlacePrediction:
+        """Tell where a place lies by the marks taken so far; without its own if it is one of them.
+
+        Raises
+        ------
+        UserError
+            If that is not known yet, or the mirrors do not reach it.
+        """
+        self._require(name)
+        others = [other for other in self.taken if other != name]
+        poses = self._poses_from(others)
+        if not poses:
+            raise UserError(
+                f"three marks that are not in a line tell where the others lie; "
+                f"{len(others)} {'is' if len(others) == 1 else 'are'} taken"
+            )
+        place = self.places[name]
+        point = place.position[None]
+        dac, std = (a[0] for a in predicted_steps(poses, point, self.laser))
+        if np.isnan(dac).any():
+            raise UserError(f"{name} lies where the mirrors do not reach, as far as is known yet")
+        instead = [predicted_steps([pose], point, self.laser)[0][0] for pose in poses[1:]]
+        reached = [other for other in instead if np.isfinite(other).all()]
+        std = np.hypot(std, self._place_std(place, poses[0]))
+        return PlacePrediction(dac, std, reached)
+
+    def residual(self, name: str) -> MarkResidual | None:
+        """Compare a mark with where the others put it.
+
+        Returns
+        -------
+        MarkResidual or None
+            None with fewer than three other marks, or if those do not say.
+        """
+        try:
+            expected = self.predict(name)
+        except UserError:
+            return None
+        std = np.hypot(expected.std, self.pointing)
+        return MarkResidual(np.array(self.taken[name]) - expected.dac, std)
+
+    def contradiction(self) -> str:
+        """Say in one sentence which marks contradict one another; empty if none do."""
+        return next(self._same_place(), "") or self._disagreement()
+
+    def weakness(self) -> str:
+        """Say in one sentence why the pose is weak; empty if it is not, or is not known yet."""
+        names = list(self.taken)
+        if len(names) < 3:
+            return ""
+        position = np.array([self.places[name].position for name in names])
+        centroid = position.mean(axis=0)
+        extent = np.linalg.svd(position - centroid, compute_uv=False)
+        if extent[1] < IN_LINE * extent[0]:
+            return f"{joined(names)} lie in a line, which leaves the pose open: take one beside it"
+        poses = self.poses
+        if not poses:
+            return f"no pose fits {joined(names)}: take them again"
+        if len(poses) > 1 and poses[0].probability < 1 - AGREE:
+            places = " or ".join(_metres(pose.origin) for pose in poses)
+            return (
+                f"{joined(names)} fit {len(poses)} poses, at {places} m: one mark more tells, "
+                "best beside their plane"
+            )
+        towards = centroid - poses[0].origin
+        distance = float(np.linalg.norm(towards))
+        along = towards / distance
+        std = math.sqrt(along @ poses[0].covariance[3:, 3:] @ along)
+        if std < WEAK * distance:
+            return ""
+        flat = extent[2] < IN_LINE * extent[0]
+        return (
+            f"{joined(names)} {'lie in one plane and ' if flat else ''}leave the distance "
+            f"uncertain, {distance:.2f} +- {std:.2g} m: take marks "
+            f"{'beside that plane or ' if flat else ''}farther apart"
+        )
+
+    def _say(self, name: str, steps: Steps | None) -> None:
+        self._require(name)
+        # A place that is taken again is the last one.
+        said = {k: v for k, v in self._said.items() if k != name}
+        self._change(name, {**said, name: steps})
+
+    def _change(self, name: str, said: dict[str, Steps | None]) -> None:
+        self._before.append((name, self._said))
+        self._said = said
+        self._poses.clear()
+
+    def _require(self, name: str) -> None:
+        if name not in self.places:
+            raise UserError(f"there is no place {name}; {nearest(name, self.places)}")
+
+    def _poses_from(self, names: Sequence[str]) -> list[RoughPose]:
+        """Find the poses that fit some of the marks; none if those do not determine any."""
+        key = frozenset(names)
+        if key not in self._poses:
+            try:
+                self._poses[key] = self._solve(names, self.taken)
+            except UserError:
+                self._poses[key] = []
+        return self._poses[key]
+
+    def _solve(self, names: Sequence[str], taken: Mapping[str, Steps]) -> list[RoughPose]:
+        """Solve for the pose; the weight of a place's error depends on its distance."""
+        position = np.array([self.places[name].position for name in names]).reshape(-1, 3)
+        dac = np.array([taken[name] for name in names], float).reshape(-1, 2)
+        matched = MatchedPoints(
+            position,
+            self.laser.angle_from_dac(dac),
+            self.laser.step,
+            self.laser.mirror_offset,
+            std=np.full(len(names), self.pointing),
+        )
+        poses = rough_poses(matched)
+        if not any(self.places[name].std.any() for name in names):
+            return poses
+        place_std = np.array([self._place_std(self.places[name], poses[0]) for name in names])
+        return rough_poses(replace(matched, std=np.hypot(self.pointing, place_std)))
+
+    def _place_std(self, place: AimingPlace, pose: RoughPose) -> float:
+        """Give the standard deviation, DAC steps, of where a place is seen by its own."""
+        distance = np.linalg.norm(place.position - pose.origin)
+        return float(place.std.mean() / distance / self.laser.step.mean())
+
+    def _same_place(self) -> Iterator[str]:
+        """Find two marks at the same steps."""
+        taken = self.taken
+        for one, other in combinations(taken, 2):
+            apart = np.subtract(taken[one], taken[other])
+            if np.all(np.abs(apart) <= SAME * math.sqrt(2) * self.pointing):
+                yield (
+                    f"{one} and {other} were taken at the same place, {taken[other][0]} "
+                    f"{taken[other][1]}: take one of them again"
+                )
+
+    def _disagreement(self) -> str:
+        """Find marks that no pose puts where they were taken, and which of them is wrong."""
+        taken = self.taken
+        names = list(taken)
+        if len(names) < 3 or not self.poses:
+            return ""
+        if len(names) == 3 or _probability(self.poses) >= REFUTED:
+            return "" if self._faces(self.poses[0]) else self._from_behind()
+        exchanged = list(self._exchanged())
+        if len(exchanged) == 1:
+            one, other = exchanged[0]
+            return (
+                f"{one} and {other} seem to be exchanged, since all marks agree with each other's "
+                "steps for the two: take both again"
+            )
+        wrong = list(self._wrong()) if len(names) > 4 else []
+        if len(wrong) == 1:
+            found = self.residual(wrong[0])
+            beside = "" if found is None else f" {np.linalg.norm(found.steps):.0f} steps"
+            return f"{wrong[0]} lies{beside} beside where the others put it: take it again"
+        size = math.sqrt(self.poses[0].cost / len(names) / 2) * self.pointing
+        told = f"{joined(names)} contradict one another by {size:.0f} steps"
+        if wrong or len(names) == 4:
+            return f"{told}: {joined(wrong or names, 'or')} is wrong, and one mark more tells which"
+        return f"{told}, and no single one explains it: take them again"
+
+    def _from_behind(self) -> str:
+        """Say that marks in a plane are seen as if they were mirrored."""
+        names = list(self.taken)
+        position = np.array([self.places[name].position for name in names])
+        extent = np.linalg.svd(position - position.mean(axis=0), compute_uv=False)
+        if extent[2] > IN_LINE * extent[0]:
+            return ""  # which only one side explains: there are objects to be walked around
+        return (
+            f"{joined(names)} are seen from behind, against the world's z axis: unless the "
+            "instrument stands there, two of them are exchanged or a mirror turns the other way"
+        )
+
+    def _exchanged(self) -> Iterator[tuple[str, str]]:
+        """Find pairs of marks with whose steps exchanged all marks agree."""
+        taken = self.taken
+        for one, other in combinations(taken, 2):
+            swapped = {**taken, one: taken[other], other: taken[one]}
+            poses = self._solve(list(taken), swapped)
+            if poses and _probability(poses) >= AGREE and self._faces(poses[0]):
+                yield one, other
+
+    def _wrong(self) -> Iterator[str]:
+        """Find marks without which the others agree."""
+        taken = self.taken
+        for name in taken:
+            poses = self._poses_from([other for other in taken if other != name])
+            if poses and _probability(poses) >= AGREE:
+                yield name
+
+    def _faces(self, pose: RoughPose) -> bool:
+        """Tell if the instrument stands before the marks, and not behind what they are on."""
+        height = np.mean([self.places[name].position[2] for name in self.taken])
+        return bool(pose.origin[2] > height)
+
+
+def _probability(poses: Sequence[RoughPose]) -> float:
+    """Give the probability of residuals at least as large as the best fitting pose's."""
+    return float(chi_square_p_value(min(pose.cost for pose in poses), poses[0].dof))
+
+
+def joined(names: Sequence[str], word: str = "and") -> str:
+    """Write names as in a sentence, a noun that all have but once.
+
+    Examples
+    --------
+    >>> joined(["mark 1", "mark 2", "mark 4"]), joined(["circle 1", "corner 2"], "or")
+    ('marks 1, 2 and 4', 'circle 1 or corner 2')
+    """
+    nouns = {name.rpartition(" ")[0] for name in names}
+    noun = next(iter(nouns)) if len(nouns) == 1 else ""
+    *some, last = [name.removeprefix(f"{noun} ") for name in names] if noun else names
+    listed = f"{', '.join(some)} {word} {last}" if some else last
+    return f"{noun}{'s' if word == 'and' and some else ''} {listed}" if noun else listed
+
+
+def _metres(origin: Array) -> str:
+    return "(" + ", ".join(f"{x:.2f}" for x in origin) + ")"
