@@ -7,16 +7,19 @@ of the user's folder, and the scan is a run of it as any other.
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from omegaconf import open_dict
 
 from sldvexp import config, console
+from sldvexp.cli.in_process import watched_run
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
 from sldvexp.errors import UserError
 from sldvexp.instrument import ScanningPlugin
+from sldvexp.session import Operator, Watcher
 
 OPTIONS = {
     "port": "port of the page on this machine; without it a free one",
@@ -47,7 +50,11 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
             "instrument=visa have them"
         )
     folder = Path(config_dir or OWN_FOLDER)
-    with console.Console(experiment, words, folder, _number(port)) as made:
+
+    def scanned(settings: Sequence[str], watcher: Watcher, operator: Operator) -> Path:
+        return watched_run(settings, str(folder), watcher, operator)
+
+    with console.Console(experiment, words, folder, scanned, _number(port)) as made:
         print(f"{made.address}\nopen it in a browser on this machine; Ctrl-C ends it", flush=True)
         with suppress(KeyboardInterrupt):
             made.serve()

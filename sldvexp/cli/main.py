@@ -25,7 +25,7 @@ from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
-from sldvexp import cli, config, pipeline, sweep, writing
+from sldvexp import cli, config, pipeline, session, sweep, writing
 from sldvexp.cli import commands
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
@@ -134,6 +134,8 @@ class Command:
         self.experiment: Experiment | None = None  # of a single run, checked before it begins
         self.folder: Path | None = None  # of a single run
         self.held = ExitStack()  # its lock
+        self.watcher: session.Watcher | None = None  # of a single run
+        self.operator: session.Operator | None = None  # whom it asks
 
     def __getstate__(self) -> dict[str, Any]:
         """Take along to other processes all but the sweep, which stays in this one."""
@@ -311,6 +313,8 @@ class Command:
                         folder=str(self.folder),
                         quiet=self.quiet,
                         experiment=self.experiment,
+                        watcher=self.watcher,
+                        operator=self.operator,
                     )
                 self.status = self.status or (DONE if passed else MISSED)
         except KeyboardInterrupt as stop:

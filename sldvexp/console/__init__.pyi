@@ -1,3 +1,1 @@
-from .bench import Bench as Bench
-from .board import Board as Board
-from .server import Server as Server
+from .console import Console as Console

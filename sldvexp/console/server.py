@@ -103,7 +103,7 @@ class Server:
             access_log=False,
             server_header=False,
             proxy_headers=False,
-            ws="websockets",
+            ws="auto",
             ws_max_size=LONGEST,
             ws_ping_interval=ASKED,
             ws_ping_timeout=WAITED,
