@@ -18,8 +18,8 @@ import numpy as np
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.console.board import Board
-from sldvexp.console.marks import CIRCLE, CORNER, SPOT, Marks, Steps, kind_of, used_parts
-from sldvexp.console.marks import view_names, wanted
+from sldvexp.console.marks import Marks, Steps, kind_of, used_parts, view_names, wanted
+from sldvexp.console.outlook import Outlook
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples
 from sldvexp.instrument import bench as aids
@@ -69,6 +69,7 @@ class Bench:
         self.views = view_names(experiment)
         self.view = self.views[0]
         self.wanted = wanted(experiment)
+        self.outlook = Outlook(experiment, self.wanted)
         self.kind = next(iter(self.wanted), "")
         self.beam: Steps = (0, 0)
         self.steered = False
@@ -366,6 +367,7 @@ class Bench:
 
     def _tell_marks(self) -> None:
         found = self.marks.of(self.view)
+        ahead = self.outlook.of(found)
         undo, redo = self.marks.can
         told = {
             "view": self.view,
@@ -373,8 +375,18 @@ class Bench:
             "kind": self.kind,
             "marks": [
                 {"kind": kind, "number": number, "dac": list(steps)}
-                for (kind, number), steps in sorted(found.items())
+                | ({"residual": ahead.residual[name]} if name in ahead.residual else {})
+                for name in sorted(found)
+                for (kind, number), steps in [(name, found[name])]
             ],
+            "predicted": [
+                {"kind": kind, "number": number, "dac": list(steps)}
+                for (kind, number), steps in ahead.predicted.items()
+            ],
+            "outlines": [
+                {"points": np.round(points, 1).tolist(), "closed": True} for points in ahead.outlines
+            ],
+            "pose": ahead.told,
             "undo": undo,
             "redo": redo,
         }

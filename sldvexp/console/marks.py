@@ -21,7 +21,7 @@ from sldvexp.targets import Circles
 Steps = tuple[int, int]
 Name = tuple[str, int]
 
-CIRCLE, CORNER, SPOT = "circle", "corner", "spot"
+CIRCLE, CORNER, SPOT, FIDUCIAL = "circle", "corner", "spot", "fiducial"
 #: Corners of a region.
 CORNERS = 4
 #: Where the places of a kind stand in a part's view.
