@@ -133,6 +133,7 @@ class Bench:
             "undo": self._undo,
             "redo": self._redo,
             "view": self._choose_view,
+            "add_view": self._add_view,
             "kind": self._choose_kind,
             "look": self._begin_look,
             "stop_look": self._stop_look,
@@ -188,6 +189,15 @@ class Bench:
         self.view = name
         self.board.begin("raster", view=name)
         self._tell_marks()
+        if not self.experiment.instrument.takes_views_itself:
+            self.say(f"See that the instrument stands where the view {name} is measured from.")
+
+    def _add_view(self, wish: Wish) -> None:
+        """Add a view, named by the next number that is free."""
+        taken = set(self.views)
+        name = next(str(k) for k in range(1, len(taken) + 2) if str(k) not in taken)
+        self.views.append(name)
+        self._choose_view({"name": name})
 
     def _choose_kind(self, wish: Wish) -> None:
         """Sample as the part does whose marks come next."""

@@ -9,6 +9,7 @@ from typing import Any
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE
+from sldvexp.console.afterwards import Advise
 from sldvexp.console.bench import Bench, Wish
 from sldvexp.console.board import Board
 from sldvexp.console.scanning import Asked, Scanning
@@ -37,6 +38,8 @@ class Console:
         Runs settings, see `Run`.
     port : int
         0 takes a free one.
+    advise : callable, optional
+        Sentences on where to stand next, from the groups of the views that are done.
     """
 
     def __init__(
@@ -46,13 +49,14 @@ class Console:
         folder: Path,
         run: Run,
         port: int = 0,
+        advise: Advise | None = None,
     ) -> None:
         self.experiment, self.settings, self.folder = experiment, list(settings), folder
         self.board = Board()
         self.wishes: queue.Queue[Wish] = queue.Queue()
         self.bench = Bench(experiment, self.board, self.wishes)
         self.server = Server(self.board, self.wishes, lambda: self._page, port)
-        self._run = run
+        self._run, self._advise = run, advise
         self._page: Path | None = None
         self.bench.further = {"write": self._write, "scan": self._scan}
         base = next((m[1] for s in settings if (m := CHOICE.fullmatch(s))), "session")
@@ -95,8 +99,10 @@ class Console:
         scan = self.bench.marks.settings(self.experiment.scan)
         settings = self._write(wish) if scan else self.settings
         self.bench.leave()  # the run opens the instrument for itself
-        scanning = Scanning(self.experiment, self.board, self.wishes)
+        scanning = Scanning(self.experiment, self.board, self.wishes, self._advise)
         self.board.tell("phase", "scan")
+        self.board.tell("result", {"told": "The report stands here when the scan is done.", "page": False})
+        self.bench.say("The scan begins.")
         try:
             folder = self._run(settings, scanning, Asked(scanning))
         except UserError as error:

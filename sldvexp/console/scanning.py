@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from sldvexp.config.experiment import Experiment
+from sldvexp.console.afterwards import Advise, Afterwards
 from sldvexp.console.board import Board
 from sldvexp.lazy import xarray as xr
 from sldvexp.session import LineDone, Operator, ViewAhead, Watcher, Wish
@@ -34,10 +35,16 @@ class Scanning(Watcher):
     experiment : Experiment
     board : Board
     wishes : queue of dict
+    advise : callable, optional
+        Sentences on what to do after a view, see `sldvexp.console.afterwards`.
     """
 
     def __init__(
-        self, experiment: Experiment, board: Board, wishes: queue.Queue[dict[str, Any]]
+        self,
+        experiment: Experiment,
+        board: Board,
+        wishes: queue.Queue[dict[str, Any]],
+        advise: Advise | None = None,
     ) -> None:
         self.experiment, self.board, self.wishes = experiment, board, wishes
         self.stopped = self.lost = self.paused = False
@@ -52,7 +59,7 @@ class Scanning(Watcher):
         self._bad: dict[str, dict[int, float]] = {}
         self._last: LineDone | None = None
         self._shown = ""
-        self._told: list[dict[str, Any]] = []
+        self._afterwards = Afterwards(experiment, self._tell_done, advise, self._tell_advice)
         board.tell("done", [])
         board.begin("image")
 
@@ -97,10 +104,7 @@ class Scanning(Watcher):
 
     def view_done(self, view: ViewAhead, groups: Mapping[str, xr.Dataset]) -> None:
         """See `Watcher`."""
-        summaries = [str(group.attrs["summary"]) for group in groups.values() if "summary" in group.attrs]
-        told = [line for text in summaries for line in text.splitlines()]
-        self._told.append({"name": view.name, "told": told})
-        self.board.tell("done", self._told)
+        self._afterwards.view_done(view.name, groups)
 
     def between_lines(self, view: str, lines: str, done: int, count: int) -> Wish:
         """See `Watcher`."""
@@ -117,6 +121,7 @@ class Scanning(Watcher):
         self.paused = False
         self.board.tell("ask", None)
         self._tell(running=False)
+        self._afterwards.end()
 
     # ---- what the controller wishes ----
 
@@ -166,6 +171,12 @@ class Scanning(Watcher):
         tall, wide = spacing(line.dac, self._extent(line), line.count)
         arrays = [line.dac.astype(np.int32).ravel(), value, flags]
         self.board.add("image", arrays, tall=tall, wide=wide)
+
+    def _tell_done(self, told: Mapping[str, list[str]]) -> None:
+        self.board.tell("done", [{"name": name, "told": told[name]} for name in told])
+
+    def _tell_advice(self, told: list[str]) -> None:
+        self.board.tell("planned", told)
 
     def _extent(self, line: LineDone) -> tuple[list[int], list[int]]:
         """Find the square of DAC steps in which all lines of this name lie."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 HEAD = """# @package _global_
 # Aimed with sldvexp console. DAC steps are (up_down, left_right).
-#   sldvexp {settings}
+#   sldvexp --config-dir {folder} {settings}
 """
 
 
@@ -67,8 +68,9 @@ def write_experiment(
     content["scan"] = scan
     text = yaml.dump(content, default_flow_style=None, sort_keys=False, width=100)
     make_folder(path.parent)
+    line = shlex.join(settings_with(settings, name))
     with whole_or_nothing(path) as beside:
-        beside.write_text(HEAD.format(settings=" ".join(settings_with(settings, name))) + text)
+        beside.write_text(HEAD.format(folder=shlex.quote(str(folder)), settings=line) + text)
     return path
 
 

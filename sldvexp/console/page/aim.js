@@ -222,6 +222,7 @@ export class Aim {
     });
     const actions = { look: () => this.look(), nearer: () => this.zoom(0.5), farther: () => this.zoom(2), mark: () => this.mark(), go: () => this.go() };
     actions.whole = () => this.window(...this.limits.map((v) => [v, v]));
+    actions["add-view"] = () => this.page.wish("add_view");
     actions.undo = () => this.page.wish("undo");
     actions.redo = () => this.page.wish("redo");
     actions.write = () => this.page.wish("write", { name: $("name").value.trim(), replace: $("replace").checked });

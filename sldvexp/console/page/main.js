@@ -69,7 +69,7 @@ const topics = {
   who: showWho,
   said: (word) => say(word.text, word.problem),
   phase: (word) => { if (word !== page.phase) choose(word === "aim" ? "aim" : word); page.phase = word; },
-  planned: (word) => { $("planned").textContent = word; },
+  planned: (word) => { $("planned").replaceChildren(...word.map((text) => Object.assign(document.createElement("p"), { textContent: text }))); },
   result: (word) => scan.result(word),
 };
 
