@@ -41,6 +41,8 @@ STRIDE, HELD = 0.05, 0.6
 #: Pictures of the camera are not taken more often than this, s.
 PICTURE = 0.2
 MILLI = 1e3
+#: Numbers of spots at most, and steps that no board has.
+MOST_SPOTS, BEYOND = 10_000, 2**20
 
 
 class Bench:
@@ -182,7 +184,7 @@ class Bench:
         self._tell_change(self.marks.redo())
 
     def _choose_view(self, wish: Wish) -> None:
-        name = wish.get("name")
+        name = _text(wish, "name")
         if name not in self.views:
             raise UserError("there is no such view")
         self.leave()
@@ -201,9 +203,10 @@ class Bench:
 
     def _choose_kind(self, wish: Wish) -> None:
         """Sample as the part does whose marks come next."""
-        if wish.get("kind") not in self.wanted:
+        kind = _text(wish, "kind")
+        if kind not in self.wanted:
             raise UserError("the scan has no such marks")
-        self.kind = wish["kind"]
+        self.kind = kind
         self._tell_marks()
 
     def _begin_look(self, wish: Wish) -> None:
@@ -224,10 +227,10 @@ class Bench:
             self._instrument.move(self.beam)
 
     def _named(self, wish: Wish) -> tuple[str, int]:
-        kind, number = wish.get("kind"), wish.get("number")
-        if kind not in self.wanted or not isinstance(number, int) or isinstance(number, bool):
-            raise UserError("there is no such mark")
-        if self.wanted[kind] and number not in self.wanted[kind] or number < 1:
+        kind, number = _text(wish, "kind"), wish.get("number")
+        known = self.wanted.get(kind)
+        whole = type(number) is int and 1 <= number <= MOST_SPOTS
+        if known is None or not whole or (known and number not in known):
             raise UserError("there is no such mark")
         return kind, number
 
@@ -415,4 +418,11 @@ def _pair(value: object) -> Steps:
     """Read two whole numbers of a wish."""
     if not (isinstance(value, list) and len(value) == 2 and all(type(v) is int for v in value)):
         raise UserError("a place is two whole numbers, up-down and left-right")
-    return int(np.clip(value[0], -(2**20), 2**20)), int(np.clip(value[1], -(2**20), 2**20))
+    up_down, left_right = (min(max(v, -BEYOND), BEYOND) for v in value)
+    return up_down, left_right
+
+
+def _text(wish: Wish, key: str) -> str:
+    """Read a text of a wish, empty if it is none."""
+    value = wish.get(key)
+    return value if isinstance(value, str) else ""
