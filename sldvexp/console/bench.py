@@ -147,6 +147,7 @@ class Bench:
 
     def _taken(self, wish: Wish) -> None:
         self.steered = True
+        self.say("")
 
     def _lost(self, wish: Wish) -> None:
         self.steered = False

@@ -91,14 +91,19 @@ export class Cells {
     const perUp = height / (this.high[0] - this.low[0]), perLeft = width / (this.high[1] - this.low[1]);
     const shade = this.top > 0 ? (SHADES - 1) / this.top : 0;
     const { up, left, value, flag, tall, wide, pixels } = this;
+    const top = this.high[0], from = this.low[1];
     for (let i = this.painted; i < this.count; i++) {
-      const y = (this.high[0] - up[i]) * perUp, x = (left[i] - this.low[1]) * perLeft;
-      const h = (tall[i] * perUp) / 2, w = (wide[i] * perLeft) / 2;
-      const y0 = Math.max(0, Math.floor(y - h)), y1 = Math.min(height, Math.max(Math.ceil(y + h), Math.floor(y - h) + 1));
-      const x0 = Math.max(0, Math.floor(x - w)), x1 = Math.min(width, Math.max(Math.ceil(x + w), Math.floor(x - w) + 1));
-      if (x1 <= x0) continue;
-      const colour = flag[i] ? (flag[i] & SATURATED_BIT ? SATURATED : FLAGGED) : RAMP[Math.min(SHADES - 1, (value[i] * shade) | 0)];
-      for (let row = y0; row < y1; row++) pixels.fill(colour, row * width + x0, row * width + x1);
+      const y = (top - up[i]) * perUp, x = (left[i] - from) * perLeft;
+      const h = tall[i] * perUp * 0.5, w = wide[i] * perLeft * 0.5;
+      if (y + h < 0 || y - h > height || x + w < 0 || x - w > width) continue;
+      const y0 = Math.max(0, Math.floor(y - h)), x0 = Math.max(0, Math.floor(x - w));
+      const y1 = Math.min(height, Math.max(Math.ceil(y + h), y0 + 1)), x1 = Math.min(width, Math.max(Math.ceil(x + w), x0 + 1));
+      const colour = flag[i] === 0 ? RAMP[Math.min(SHADES - 1, (value[i] * shade) | 0)] : flag[i] & SATURATED_BIT ? SATURATED : FLAGGED;
+      // A call of fill costs more than a few pixels do.
+      for (let row = y0 * width; row < y1 * width; row += width) {
+        if (x1 - x0 > 16) pixels.fill(colour, row + x0, row + x1);
+        else for (let at = row + x0; at < row + x1; at++) pixels[at] = colour;
+      }
     }
     this.painted = this.count;
     this.context.putImageData(this.image, 0, 0);
