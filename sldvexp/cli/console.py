@@ -51,17 +51,20 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
         )
     folder = Path(config_dir or OWN_FOLDER)
 
+    def aimed(settings: Sequence[str]) -> Experiment:
+        return composed(settings, str(folder))
+
     def scanned(settings: Sequence[str], watcher: Watcher, operator: Operator) -> Path:
         return watched_run(settings, str(folder), watcher, operator)
 
-    with console.Console(experiment, words, folder, scanned, _number(port)) as made:
+    with console.Console(experiment, words, folder, aimed, scanned, _number(port)) as made:
         print(f"{made.address}\nopen it in a browser on this machine; Ctrl-C ends it", flush=True)
         with suppress(KeyboardInterrupt):
             made.serve()
     return 0
 
 
-def composed(words: list[str], config_dir: str | None) -> Experiment:
+def composed(words: Sequence[str], config_dir: str | None) -> Experiment:
     """Compose a configuration from the words of a command, and make its plugins."""
     options = ["--config-dir", config_dir] if config_dir else []
     registry.load_installed()

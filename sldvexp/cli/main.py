@@ -25,7 +25,7 @@ from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
-from sldvexp import cli, config, pipeline, session, sweep, writing
+from sldvexp import cli, config, pipeline, progress, session, sweep, telling, writing
 from sldvexp.cli import commands
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
@@ -67,9 +67,11 @@ def main() -> None:
         with hydra_raises() as full_error:
             status = Command(sys.argv[1:], full_error).run()
     except KeyboardInterrupt as stop:
-        print(f"sldvexp: {str(stop) or 'interrupted'}", file=sys.stderr)
+        progress.clear_note()
+        telling.tell(str(stop) or "interrupted", telling.YELLOW)
         status = exit_status(stop)
     finally:
+        progress.clear_note()
         gc.enable()
     sys.exit(status)
 
@@ -200,6 +202,8 @@ class Command:
         return self.status
 
     def _compose_and_run(self, options: Namespace) -> None:
+        if not options.cfg and not options.info:
+            progress.note("reading the configuration")
         if self._check(options) and not options.multirun:
             self.arguments = [*self.arguments, "-m"]
             options.multirun = True
@@ -291,6 +295,7 @@ class Command:
             if config.messages.sentence(error, config.Origins(self.arguments)) is None:
                 self.defect = error
             raise
+        progress.note("loading the program")
         folder = Path(cfg.hydra.run.dir)
         self.folder = folder.absolute()
         require_no_links(folder)
@@ -315,7 +320,9 @@ class Command:
         try:
             self._warn_of_mixed_tables(cfg, origins)
             if job.mode is RunMode.MULTIRUN:
-                computed = sweep.job.perform(cfg, job.runtime.output_dir, lines["task"], told)
+                watcher = self.sweep.watcher() if self.sweep else None
+                where = job.runtime.output_dir
+                computed = sweep.job.perform(cfg, where, lines["task"], told, watcher)
             else:
                 assert self.folder is not None
                 _keep_settings(Path(job.runtime.output_dir))
@@ -402,8 +409,9 @@ class Command:
         return False
 
     def _say(self, told: str) -> None:
+        progress.clear_note()
         for line in told.splitlines():
-            print(f"sldvexp: {shown(line)}", file=sys.stderr)
+            telling.tell(line)
         self.status = FAILED
 
 

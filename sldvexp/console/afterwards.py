@@ -118,9 +118,13 @@ def sentences(result: PoseResult, view: str) -> list[str]:
     own = result.pose.sel(view=view)
     origin, bound = own["origin"].values, own["origin_confidence"].values
     level = 100 * float(result.pose.attrs.get("confidence_level", 0.95))
-    place = ", ".join(f"{x:.4f} +- {MILLI * b:.2g} mm" for x, b in zip(origin, bound, strict=True))
+    place, mm = (
+        ", ".join(f"{v:{f}}" for v in values)
+        for values, f in ((origin, ".4f"), (MILLI * bound, ".2g"))
+    )
     findings = [f for f in result.findings if of_view(f, view)]
-    told = [f"{POSE}: origin {place} m with {level:.0f} % bounds; {verdict_of(findings)}"]
+    verdict = verdict_of(findings)
+    told = [f"{POSE}: origin ({place}) m +- ({mm}) mm, {level:.0f} % bounds; {verdict}"]
     if "residual_rms" in own and np.isfinite(float(own["residual_rms"])):
         told[0] += f"; residuals {float(own['residual_rms']):.2g} DAC steps"
     return told + [f"{POSE} {f.severity.name}: {f.text}" for f in findings]

@@ -398,7 +398,8 @@ class Bench:
                 for (kind, number), steps in ahead.predicted.items()
             ],
             "outlines": [
-                {"points": np.round(points, 1).tolist(), "closed": True} for points in ahead.outlines
+                {"points": np.round(points, 1).tolist(), "closed": True}
+                for points in ahead.outlines
             ],
             "pose": ahead.told,
             "undo": undo,

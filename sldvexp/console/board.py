@@ -42,9 +42,7 @@ class Board:
             self._topics[topic] = (self._count, text)
         self._wake()
 
-    def begin(
-        self, picture: str, arrays: Sequence[NDArray[Any]] = (), **header: Any
-    ) -> None:
+    def begin(self, picture: str, arrays: Sequence[NDArray[Any]] = (), **header: Any) -> None:
         """Begin a picture anew, perhaps with arrays; what it had is forgotten."""
         with self._lock:
             self._count += 1

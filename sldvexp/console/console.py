@@ -34,6 +34,8 @@ class Console:
         Of which it was made.
     folder : Path
         Of the user, where aimed experiments are written.
+    compose : callable
+        Makes the experiment of settings.
     run : callable
         Runs settings, see `Run`.
     port : int
@@ -47,6 +49,7 @@ class Console:
         experiment: Experiment,
         settings: Sequence[str],
         folder: Path,
+        compose: Callable[[Sequence[str]], Experiment],
         run: Run,
         port: int = 0,
         advise: Advise | None = None,
@@ -56,7 +59,7 @@ class Console:
         self.wishes: queue.Queue[Wish] = queue.Queue()
         self.bench = Bench(experiment, self.board, self.wishes)
         self.server = Server(self.board, self.wishes, lambda: self._page, port)
-        self._run, self._advise = run, advise
+        self._compose, self._run, self._advise = compose, run, advise
         self._page: Path | None = None
         self.bench.further = {"write": self._write, "scan": self._scan}
         base = next((m[1] for s in settings if (m := CHOICE.fullmatch(s))), "session")
@@ -98,10 +101,13 @@ class Console:
         """Scan what was aimed, as a run of the experiment that is written of it."""
         scan = self.bench.marks.settings(self.experiment.scan)
         settings = self._write(wish) if scan else self.settings
+        experiment = self._compose(settings) if scan else self.experiment
         self.bench.leave()  # the run opens the instrument for itself
-        scanning = Scanning(self.experiment, self.board, self.wishes, self._advise)
+        scanning = Scanning(experiment, self.board, self.wishes, self._advise)
         self.board.tell("phase", "scan")
-        self.board.tell("result", {"told": "The report stands here when the scan is done.", "page": False})
+        self.board.tell(
+            "result", {"told": "The report stands here when the scan is done.", "page": False}
+        )
         self.bench.say("The scan begins.")
         try:
             folder = self._run(settings, scanning, Asked(scanning))

@@ -130,9 +130,7 @@ class Marks:
             if of == kind:
                 yield list(steps)
 
-    def _step(
-        self, source: list[Change], sink: list[Change], forwards: bool
-    ) -> Change | None:
+    def _step(self, source: list[Change], sink: list[Change], forwards: bool) -> Change | None:
         if not source:
             return None
         change = source.pop()

@@ -133,7 +133,9 @@ def circle_rims(target: Circles) -> list[Array]:
         circle = target.circles[number]
         plane = target.planes[circle.plane]
         x, y, _ = plane.axes()
-        across, up = (np.outer(f(angle) * circle.diameter / 2, e) for f, e in ((np.cos, x), (np.sin, y)))
+        across, up = (
+            np.outer(f(angle) * circle.diameter / 2, e) for f, e in ((np.cos, x), (np.sin, y))
+        )
         centre = np.array(plane.origin, float) + circle.x * x + circle.y * y
         rims.append(target.unit.value * (centre + across + up))
     return rims

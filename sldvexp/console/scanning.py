@@ -18,10 +18,13 @@ from sldvexp.config.experiment import Experiment
 from sldvexp.console.afterwards import Advise, Afterwards
 from sldvexp.console.board import Board
 from sldvexp.lazy import xarray as xr
+from sldvexp.scan import ImageScan
 from sldvexp.session import LineDone, Operator, ViewAhead, Watcher, Wish
 from sldvexp.signal import Flag
 from sldvexp.typing import IntArray
 
+#: Side of the square in which an image is drawn, over its own.
+AROUND = 1.06
 #: Part of a line's pixels that must not be trusted for it to be a bad one.
 BAD = 0.2
 MILLI = 1e3
@@ -168,7 +171,7 @@ class Scanning(Watcher):
             self._shown = shown
             low, high = self._extent(line)
             self.board.begin("image", low=low, high=high, name=shown)
-        tall, wide = spacing(line.dac, self._extent(line), line.count)
+        tall, wide = spacing(line.dac, self._extent(line), line.count if self._grid(line) else 0)
         arrays = [line.dac.astype(np.int32).ravel(), value, flags]
         self.board.add("image", arrays, tall=tall, wide=wide)
 
@@ -178,13 +181,19 @@ class Scanning(Watcher):
     def _tell_advice(self, told: list[str]) -> None:
         self.board.tell("planned", told)
 
+    def _grid(self, line: LineDone) -> bool:
+        """Tell whether a line is a row of a grid of pixels."""
+        parts = self.experiment.scan.parts(line.view)
+        images = [p for p in parts if isinstance(p, ImageScan) and p.kind == line.kind]
+        return bool(images) and images[0].shape(line.view) is not None
+
     def _extent(self, line: LineDone) -> tuple[list[int], list[int]]:
-        """Find the square of DAC steps in which all lines of this name lie."""
-        parts = self.experiment.scan.parts(line.view) if self._view else []
-        known = [p.known_pixels(line.view) for p in parts if p.kind == line.kind == "image"]
-        dac = known[0] if known else line.dac
+        """Find a square of DAC steps around all lines of an image, or around this line."""
+        parts = self.experiment.scan.parts(line.view)
+        images = [p for p in parts if isinstance(p, ImageScan) and p.kind == line.kind]
+        dac = images[0].known_pixels(line.view) if images else line.dac
         low, high = dac.min(axis=0), dac.max(axis=0)
-        side = int((high - low).max()) + 2
+        side = int(AROUND * (high - low).max()) + 2
         low = ((low + high - side) // 2).astype(int)
         return low.tolist(), (low + side).tolist()
 
@@ -211,7 +220,7 @@ class Scanning(Watcher):
 
     def _sentence(self, part: float, left: float | None, running: bool) -> str:
         if not running:
-            return "Nothing is scanned."
+            return "Nothing is scanned now."
         time_left = f", {in_words(left)} left" if left else ""
         return f"{self._step}: {100 * part:.0f} %{time_left}"
 
@@ -248,13 +257,19 @@ class Asked(Operator):
             scanning.board.tell("ask", None)
 
 
-def spacing(dac: IntArray, extent: tuple[list[int], list[int]], lines: int) -> tuple[int, int]:
-    """Find how high and wide a pixel of a line is drawn, DAC steps, so that it meets the next."""
+def spacing(dac: IntArray, extent: tuple[list[int], list[int]], rows: int) -> tuple[int, int]:
+    """Find how high and wide a pixel of a line is drawn, DAC steps, so that it meets the next.
+
+    Parameters
+    ----------
+    rows : int
+        Of a grid of pixels whose row the line is; 0 of a line alone.
+    """
     steps = np.abs(np.diff(dac, axis=0))
-    along = int(np.ceil(np.median(steps.max(axis=1)))) if len(steps) else 1
-    across = int(np.ceil((extent[1][0] - extent[0][0]) / max(lines, 1)))
-    rows = len(steps) > 0 and bool((steps[:, 0] == 0).all())
-    return (max(across, 1), max(along, 1)) if rows else (max(along, 1), max(along, 1))
+    along = max(int(np.ceil(np.median(steps.max(axis=1)))), 1) if len(steps) else 1
+    if not rows:
+        return along, along
+    return max(int(np.ceil((extent[1][0] - extent[0][0]) / rows)), 1), along
 
 
 def in_words(seconds: float) -> str:

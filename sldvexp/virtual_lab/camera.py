@@ -30,9 +30,7 @@ BLOOM = 1.6
 TONE = np.array([100.0])
 
 
-def photograph(
-    objects: Sequence[SceneObject], rotation: Array, origin: Array
-) -> NDArray[np.uint8]:
+def photograph(objects: Sequence[SceneObject], rotation: Array, origin: Array) -> NDArray[np.uint8]:
     """Take a picture of some objects, without the spot.
 
     Parameters

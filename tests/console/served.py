@@ -118,7 +118,9 @@ class Page(Browser):
         self.click_at(wanted)
         for key, size in (("2", 10), ("1", 1)):
             self.key(key)
-            for mirror, (more, less) in enumerate((("ArrowUp", "ArrowDown"), ("ArrowRight", "ArrowLeft"))):
+            for mirror, (more, less) in enumerate(
+                (("ArrowUp", "ArrowDown"), ("ArrowRight", "ArrowLeft"))
+            ):
                 while abs(off := wanted[mirror] - self.beam[mirror]) >= size:
                     before = self.beam
                     self.key(more if off > 0 else less)

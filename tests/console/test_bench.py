@@ -206,7 +206,9 @@ def test_level_and_picture_are_told_where_the_beam_stands(bench, do, seen, lab):
     assert (camera["rows"], camera["columns"]) == (150, 200)
 
 
-def test_held_arrow_moves_on_and_stops_when_the_page_does_not_say_so_any_more(bench, do, monkeypatch):
+def test_held_arrow_moves_on_and_stops_when_the_page_does_not_say_so_any_more(
+    bench, do, monkeypatch
+):
     clock = [100.0]
     monkeypatch.setattr(bench_module.time, "monotonic", lambda: clock[0])
     do("hold", by=[0, 10])
@@ -219,7 +221,9 @@ def test_held_arrow_moves_on_and_stops_when_the_page_does_not_say_so_any_more(be
     assert (bench.beam, bench._held) == ((0, 30), None)
 
 
-def test_lost_connection_in_mid_move_sends_the_mirrors_home_and_stops_the_generator(far, wishes, lab):
+def test_lost_connection_in_mid_move_sends_the_mirrors_home_and_stops_the_generator(
+    far, wishes, lab
+):
     bench, server = far
     wishes.put({"do": "hold", "by": [5, 100]})
     for _ in range(4):

@@ -43,7 +43,10 @@ def test_picture_comes_in_its_order_a_part_at_a_time_and_begins_anew():
     news, more = board.news(reader)
     assert (len(news), more) == (AT_ONCE, True)
     rest, more = board.news(reader)
-    assert ([h["part"] for h in headers(rest)], more) == (list(range(AT_ONCE - 1, AT_ONCE + 5)), False)
+    assert ([h["part"] for h in headers(rest)], more) == (
+        list(range(AT_ONCE - 1, AT_ONCE + 5)),
+        False,
+    )
     board.begin("image", view="2")
     board.add("image", [], part=0)
     begun, part = headers(board.news(reader)[0])

@@ -34,7 +34,9 @@ def test_page_comes_with_the_token_and_forbids_whatever_it_does_not_need(server)
     assert answer.headers["cache-control"] == "no-store"
 
 
-@pytest.mark.parametrize("name", ["main.js", "aim.js", "scan.js", "link.js", "cells.js", "icon.svg"])
+@pytest.mark.parametrize(
+    "name", ["main.js", "aim.js", "scan.js", "link.js", "cells.js", "icon.svg"]
+)
 def test_files_of_the_page_come(server, name):
     assert get(server, f"/{server.token}/{name}")[0].status == 200
 

@@ -171,6 +171,7 @@ export class Aim {
     const at = (dac) => this.map.placeOf(dac).map((v, k) => v * [width, height][k]);
     context.clearRect(0, 0, width, height);
     context.lineWidth = 1.5;
+    context.lineJoin = "round";
     for (const { points, closed } of this.marks.outlines ?? []) {
       context.strokeStyle = "#19a3a3";
       context.beginPath();
