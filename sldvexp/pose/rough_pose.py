@@ -46,6 +46,8 @@ VAGUE = np.diag([math.pi**-2] * 3 + [10.0**-2] * 3)
 ODD, BEHIND = 1e-3, 1e-3
 #: Relative likelihood below which a pose is no longer looked at.
 UNLIKELY = 1e-6
+#: Rotations from which the poses of three marks are looked for; a third of them finds all.
+STARTS, FEW_STARTS = 150, 16
 #: Probability of the residuals below which the stated errors are too small.
 REFUTED = 0.001
 
@@ -119,9 +121,11 @@ def rough_poses(matched: MatchedPoints) -> list[RoughPose]:
     )
     start = _starts(given)
     count = len(start.rotation)
+    if not count:
+        raise UserError("no pose has all marks in front of it")
     problem = weighted_problem(given).take(np.zeros(count, int))
-    pose, cost, converged = levenberg_marquardt(problem, start, count, matched.max_iterations)
-    found = _distinct(pose, np.where(converged, cost, np.inf))
+    pose, cost, _ = levenberg_marquardt(problem, start, count, matched.max_iterations)
+    found = _distinct(pose, cost)
     if not len(found):
         raise UserError("no pose fits the marks")
     problem, pose, cost = problem.take(found), take(pose, found), cost[found]
@@ -161,20 +165,21 @@ def _prior(pose: RoughPose, centroid: Array) -> float:
 
 
 def _starts(given: Observations) -> Pose:
-    """Give poses from which every minimum is reached: many for three marks, else two."""
+    """Give poses from which every minimum is reached: those that fit best of a grid of rotations.
+
+    Marks that are nearly in a line, or in a plane, have minima close to each other.
+    """
     offset = np.full((1, 1), given.nominal[0])
-    if given.angles.shape[-1] > 3:
-        rotation, centre = start_poses(given.points, given.normal, given.angles, offset)
-        return _with_intrinsics(rotation[0], centre[0], given)
     form = object_space_form(given.points, *beam_planes(given.angles, offset))
-    rotation = rotation_grid()[0]
-    start = _with_intrinsics(rotation, form.centre(lift(rotation)), given)
+    every, lifted, _ = rotation_grid()
+    count = STARTS if given.angles.shape[-1] == 3 else FEW_STARTS
+    rotation = every[np.argsort(form.error(lifted))[:count]]
+    best, _ = start_poses(given.points, given.normal, given.angles, offset)
+    rotation = np.concatenate([best[0], rotation])
+    centre = form.centre(lift(rotation))
+    start = Pose(rotation, centre, np.tile(given.nominal, (len(rotation), 1)))
     problem = weighted_problem(given).take(np.zeros(len(rotation), int))
     return take(start, np.isfinite(linearise(problem, start).cost))
-
-
-def _with_intrinsics(rotation: Array, centre: Array, given: Observations) -> Pose:
-    return Pose(rotation, centre, np.tile(given.nominal, (len(rotation), 1)))
 
 
 def _distinct(pose: Pose, cost: Array) -> IndexArray:
