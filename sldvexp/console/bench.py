@@ -230,8 +230,9 @@ class Bench:
     def _named(self, wish: Wish) -> tuple[str, int]:
         kind, number = _text(wish, "kind"), wish.get("number")
         known = self.wanted.get(kind)
-        whole = type(number) is int and 1 <= number <= MOST_SPOTS
-        if known is None or not whole or (known and number not in known):
+        if type(number) is not int or not 1 <= number <= MOST_SPOTS:
+            raise UserError("there is no such mark")
+        if known is None or (known and number not in known):
             raise UserError("there is no such mark")
         return kind, number
 
@@ -283,7 +284,7 @@ class Bench:
     # ---- the instrument ----
 
     def _ready(self) -> Instrument:
-        """Give the instrument, opened in the view, sampling quickly as the part that is aimed at."""
+        """Give the instrument in the view, sampling quickly, as the part that is aimed at does."""
         if not self.steered:
             raise UserError("nobody is steering")
         e = self.experiment

@@ -113,12 +113,12 @@ class Reader:
 
 
 def packed(header: dict[str, Any], arrays: Sequence[NDArray[Any]]) -> bytes:
-    """Pack a header and arrays: its length, the header as JSON, and the arrays, each at fours.
+    r"""Pack a header and arrays: its length, the header as JSON, and the arrays, each at fours.
 
     Examples
     --------
     >>> packed({"a": 1}, [np.array([1, 2], np.int16)])[:4]
-    b'(\\x00\\x00\\x00'
+    b' \x00\x00\x00'
     """
     shapes = [[a.dtype.str[1:], a.size] for a in arrays]
     text = json.dumps({**header, "arrays": shapes}, allow_nan=False).encode()

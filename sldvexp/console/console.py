@@ -5,7 +5,6 @@ from __future__ import annotations
 import queue
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE
@@ -82,8 +81,12 @@ class Console:
         """Aim and scan as the controller wishes, until Ctrl-C."""
         self.bench.serve()
 
-    def _write(self, wish: Wish) -> list[str]:
-        """Write what was aimed; the settings of a run of it."""
+    def _write(self, wish: Wish) -> None:
+        """Write what was aimed, as an experiment."""
+        self._written(wish)
+
+    def _written(self, wish: Wish) -> list[str]:
+        """Write what was aimed; give the settings of a run of it."""
         scan = self.bench.marks.settings(self.experiment.scan)
         if not scan:
             raise UserError("nothing is marked yet")
@@ -100,7 +103,7 @@ class Console:
     def _scan(self, wish: Wish) -> None:
         """Scan what was aimed, as a run of the experiment that is written of it."""
         scan = self.bench.marks.settings(self.experiment.scan)
-        settings = self._write(wish) if scan else self.settings
+        settings = self._written(wish) if scan else self.settings
         experiment = self._compose(settings) if scan else self.experiment
         self.bench.leave()  # the run opens the instrument for itself
         scanning = Scanning(experiment, self.board, self.wishes, self._advise)

@@ -92,9 +92,8 @@ class Server:
         try:
             self._socket = socket.create_server(("127.0.0.1", port))
         except OSError as error:
-            raise UserError(
-                f"cannot listen on 127.0.0.1, port {port}: {error.strerror}; port 0 takes a free one"
-            ) from None
+            told = f"cannot listen on 127.0.0.1, port {port}: {error.strerror}"
+            raise UserError(f"{told}; without --port a free one is taken") from None
         self.port: int = self._socket.getsockname()[1]
         settings = uvicorn.Config(
             guarded(self._application()),
@@ -195,7 +194,10 @@ class Server:
                 woken.clear()
                 news, more = self.board.news(reader)
                 for each in news:
-                    await (browser.send_text if isinstance(each, str) else browser.send_bytes)(each)
+                    if isinstance(each, str):
+                        await browser.send_text(each)
+                    else:
+                        await browser.send_bytes(each)
                 await browser.send_text(json.dumps({"role": self._role(browser)}))
                 await asyncio.sleep(0 if more else PAUSE)
 
