@@ -14,6 +14,7 @@ from pathlib import Path
 from omegaconf import open_dict
 
 from sldvexp import config, console
+from sldvexp.cli.help import COMMAND_HELP
 from sldvexp.cli.in_process import watched_run
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
@@ -21,9 +22,8 @@ from sldvexp.errors import UserError
 from sldvexp.instrument import ScanningPlugin
 from sldvexp.session import Operator, Watcher
 
-OPTIONS = {
-    "port": "port of the page on this machine; without it a free one",
-}
+#: Options of this command with what they take.
+OPTIONS = COMMAND_HELP["console"].options
 
 #: Packages of the extra `console`.
 NEEDED = ("starlette", "uvicorn", "websockets")

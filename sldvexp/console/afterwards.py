@@ -1,4 +1,4 @@
-"""What is told after a view while the next one is scanned: its pose, and what others advise.
+"""Pose of a view, and advice on the next, told while that one is scanned.
 
 A thread of its own computes it, so that the scan does not wait; views that come meanwhile are
 taken together.

@@ -1,4 +1,4 @@
-"""The bench: aims and scans as the controller wishes, in the one thread that has the instrument.
+"""Aims and scans as the controller wishes, in the one thread that has the instrument.
 
 The instrument is opened when something needs it, and left (mirrors home, generator off) when the
 controller has gone, when another view is chosen, and when it fails. While nothing is wished, a
@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from sldvexp.config.experiment import Experiment
-from sldvexp.console.board import Board
-from sldvexp.console.marks import Marks, Steps, kind_of, used_parts, view_names, wanted
+from sldvexp.console.board import NoticeBoard
+from sldvexp.console.marks import AimedMarks, Steps, kind_of, used_parts, view_names, wanted
 from sldvexp.console.outlook import Outlook
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples
@@ -45,14 +45,14 @@ MILLI = 1e3
 MOST_SPOTS, BEYOND = 10_000, 2**20
 
 
-class Bench:
+class AimingBench:
     """Aims, and scans.
 
     Parameters
     ----------
     experiment : Experiment
         With ready plugins; the instrument scans.
-    board : Board
+    board : NoticeBoard
         Where browsers see what happens.
     wishes : queue of dict
         Of the controller.
@@ -63,11 +63,11 @@ class Bench:
     def __init__(
         self,
         experiment: Experiment,
-        board: Board,
+        board: NoticeBoard,
         wishes: queue.Queue[Wish],
     ) -> None:
         self.experiment, self.board, self.wishes = experiment, board, wishes
-        self.marks = Marks()
+        self.marks = AimedMarks()
         self.views = view_names(experiment)
         self.view = self.views[0]
         self.wanted = wanted(experiment)

@@ -1,4 +1,4 @@
-"""What browsers shall see: topics whose last word counts, and pictures that grow.
+"""A board that browsers read: topics whose last word counts, and pictures that grow.
 
 The bench writes here and never waits for a browser. Every browser has a `Reader` of its own, which
 takes what is new since it read last: of a topic only the last word, of a picture all its parts in
@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 AT_ONCE = 64
 
 
-class Board:
-    """What is to be seen, written by one thread and read by many."""
+class NoticeBoard:
+    """Board of all that browsers see, written by some threads and read by others."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -106,7 +106,7 @@ class _Picture:
 class Reader:
     """How far a browser has read."""
 
-    board: Board
+    board: NoticeBoard
     wake: Callable[[], None]
     count: int = 0
     read: dict[str, tuple[int, int]] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""The console as a whole: its board, its server, its bench, and the scan that it starts."""
+"""Console as a whole: its board, its server, its bench, and the scan that it starts."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.console.afterwards import Advise
-from sldvexp.console.bench import Bench, Wish
-from sldvexp.console.board import Board
+from sldvexp.console.bench import AimingBench, Wish
+from sldvexp.console.board import NoticeBoard
 from sldvexp.console.scanning import Asked, Scanning
 from sldvexp.console.server import Server
 from sldvexp.console.written import CHOICE, settings_with, write_experiment
@@ -54,9 +54,9 @@ class Console:
         advise: Advise | None = None,
     ) -> None:
         self.experiment, self.settings, self.folder = experiment, list(settings), folder
-        self.board = Board()
+        self.board = NoticeBoard()
         self.wishes: queue.Queue[Wish] = queue.Queue()
-        self.bench = Bench(experiment, self.board, self.wishes)
+        self.bench = AimingBench(experiment, self.board, self.wishes)
         self.server = Server(self.board, self.wishes, lambda: self._page, port)
         self._compose, self._run, self._advise = compose, run, advise
         self._page: Path | None = None

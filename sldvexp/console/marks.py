@@ -1,4 +1,4 @@
-"""What is aimed at in each view, where it was found, and how that is taken back.
+"""Marks of each view: places that are aimed at, and where they were found.
 
 Every part of a scan wants places of its own: `CalibrationScan` the rough centres of the circles,
 `Rectangle` four corners of the region that is imaged, `ByDigitizer` any number of spots.
@@ -69,7 +69,7 @@ def view_names(experiment: Experiment) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Change:
+class MarkChange:
     """One mark that was set or taken away: where it stood before and stands now."""
 
     view: str
@@ -78,13 +78,13 @@ class Change:
     after: Steps | None
 
 
-class Marks:
-    """Marks of all views, with a history that can be gone back and forth."""
+class AimedMarks:
+    """AimedMarks of all views, with a history that can be gone back and forth."""
 
     def __init__(self) -> None:
         self._found: dict[str, dict[Name, Steps]] = {}
-        self._done: list[Change] = []
-        self._undone: list[Change] = []
+        self._done: list[MarkChange] = []
+        self._undone: list[MarkChange] = []
 
     def of(self, view: str) -> dict[Name, Steps]:
         """Give the marks of a view."""
@@ -92,22 +92,22 @@ class Marks:
 
     def set(self, view: str, name: Name, steps: Steps | None) -> None:
         """Set a mark, or take it away."""
-        change = Change(view, name, self._found.get(view, {}).get(name), steps)
+        change = MarkChange(view, name, self._found.get(view, {}).get(name), steps)
         self._undone = []
         self._done.append(change)
         self._put(change, change.after)
 
-    def undo(self) -> Change | None:
+    def undo(self) -> MarkChange | None:
         """Take the last change back."""
         return self._step(self._done, self._undone, forwards=False)
 
-    def redo(self) -> Change | None:
+    def redo(self) -> MarkChange | None:
         """Repeat what was taken back."""
         return self._step(self._undone, self._done, forwards=True)
 
     @property
     def can(self) -> tuple[bool, bool]:
-        """Whether something can be taken back, and repeated."""
+        """True if something can be taken back, and if something can be repeated."""
         return bool(self._done), bool(self._undone)
 
     def settings(self, scan: Scan) -> dict[str, Any]:
@@ -130,7 +130,9 @@ class Marks:
             if of == kind:
                 yield list(steps)
 
-    def _step(self, source: list[Change], sink: list[Change], forwards: bool) -> Change | None:
+    def _step(
+        self, source: list[MarkChange], sink: list[MarkChange], forwards: bool
+    ) -> MarkChange | None:
         if not source:
             return None
         change = source.pop()
@@ -138,7 +140,7 @@ class Marks:
         self._put(change, change.after if forwards else change.before)
         return change
 
-    def _put(self, change: Change, steps: Steps | None) -> None:
+    def _put(self, change: MarkChange, steps: Steps | None) -> None:
         view = self._found.setdefault(change.view, {})
         if steps is None:
             view.pop(change.name, None)

@@ -1,4 +1,4 @@
-"""What marks tell of the rest: where the next ones lie, how far each is off, and outlines.
+"""Predictions from the marks of a view: where the next ones lie, how far each is off, and outlines.
 
 Places whose coordinates are known, circles and fiducials, give a rough pose from the third on
 (`sldvexp.pose.Aiming`). By it the outlines of the calibration object and of the structure are
@@ -29,7 +29,7 @@ ROUND, MOST = 24, 200
 
 @dataclass
 class Foresight:
-    """What marks tell.
+    """Predictions from the marks of a view.
 
     Parameters
     ----------

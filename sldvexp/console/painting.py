@@ -12,11 +12,13 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sldvexp.config.experiment import Experiment
-from sldvexp.console.board import Board
+from sldvexp.console.board import NoticeBoard
 from sldvexp.scan import ImageScan
 from sldvexp.session import LineDone
 from sldvexp.session.watching import complex_pixels
@@ -40,7 +42,7 @@ class Painter:
     Parameters
     ----------
     experiment : Experiment
-    board : Board
+    board : NoticeBoard
     painted : callable
         Called after some lines were painted, in the painter's thread.
 
@@ -52,7 +54,9 @@ class Painter:
         Part of the pixels that have any, by the lines' name and number.
     """
 
-    def __init__(self, experiment: Experiment, board: Board, painted: Callable[[], None]) -> None:
+    def __init__(
+        self, experiment: Experiment, board: NoticeBoard, painted: Callable[[], None]
+    ) -> None:
         self._experiment, self._board, self._painted = experiment, board, painted
         self.flagged: dict[Flag, int] = {}
         self.bad: dict[str, dict[int, float]] = {}
@@ -112,7 +116,7 @@ class Painter:
         for line, v, f in zip(lines, np.split(value, ends), np.split(flags, ends), strict=True):
             self.bad.setdefault(line.lines, {})[line.number] = float(np.mean(f != 0))
             tall, wide = spacing(line.dac, square, rows)
-            arrays = [line.dac.astype(np.int32).ravel(), v, f]
+            arrays: list[NDArray[Any]] = [line.dac.astype(np.int32).ravel(), v, f]
             self._board.add("image", arrays, tall=tall, wide=wide)
         for flag in Flag:
             self.flagged[flag] = self.flagged.get(flag, 0) + int(np.sum(flags & flag != 0))

@@ -14,7 +14,7 @@ from typing import Any
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.console.afterwards import Advise, Afterwards
-from sldvexp.console.board import Board
+from sldvexp.console.board import NoticeBoard
 from sldvexp.console.painting import Painter
 from sldvexp.lazy import xarray as xr
 from sldvexp.session import LineDone, Operator, ViewAhead, Watcher, Wish
@@ -31,7 +31,7 @@ class Scanning(Watcher):
     Parameters
     ----------
     experiment : Experiment
-    board : Board
+    board : NoticeBoard
     wishes : queue of dict
     advise : callable, optional
         Sentences on what to do after a view, see `sldvexp.console.afterwards`.
@@ -45,7 +45,7 @@ class Scanning(Watcher):
     def __init__(
         self,
         experiment: Experiment,
-        board: Board,
+        board: NoticeBoard,
         wishes: queue.Queue[dict[str, Any]],
         advise: Advise | None = None,
     ) -> None:

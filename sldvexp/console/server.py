@@ -28,7 +28,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from sldvexp.console.board import Board
+from sldvexp.console.board import NoticeBoard
 from sldvexp.errors import UserError
 
 PAGE = Path(__file__).with_name("page")
@@ -62,11 +62,11 @@ Wish = dict[str, Any]
 
 
 class Server:
-    """The console's server; as a context manager it serves in a thread of its own.
+    """Server of the console; as a context manager it serves in a thread of its own.
 
     Parameters
     ----------
-    board : Board
+    board : NoticeBoard
         What browsers see.
     wishes : queue of dict
         Gets what the controller wants, and `LOST` when it has gone.
@@ -80,7 +80,7 @@ class Server:
 
     def __init__(
         self,
-        board: Board,
+        board: NoticeBoard,
         wishes: queue.Queue[Wish],
         page_of_run: Callable[[], Path | None],
         port: int = 0,

@@ -103,7 +103,7 @@ def test_line_is_scanned_again_with_another_noise(scan, plain):
 def test_bad_lines_are_scanned_again(two_images, scan):
     vibrometer = replace(two_images.scene.vibrometer, drop_out=0.3)
     dull = replace(two_images, scene=replace(two_images.scene, vibrometer=vibrometer))
-    found, watcher = scan({6: ["again_bad"]}, dull)
+    found, _ = scan({6: ["again_bad"]}, dull)
     plain, _ = scan({}, dull, folder="dull")
     bad = [(plain["image/1"]["flags"].values.reshape(6, 7)[k] != 0).mean() > 0.2 for k in range(6)]
     again, before = (tree["image/1"]["velocity"].values.reshape(6, 7) for tree in (found, plain))

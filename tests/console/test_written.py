@@ -10,7 +10,7 @@ import yaml
 
 from sldvexp.cli.console import composed
 from sldvexp.config import hydra_plugin
-from sldvexp.console.marks import CIRCLE, CORNER, SPOT, Marks, view_names, wanted
+from sldvexp.console.marks import CIRCLE, CORNER, SPOT, AimedMarks, view_names, wanted
 from sldvexp.console.written import settings_with, write_experiment
 from sldvexp.errors import UserError
 from sldvexp.scan.by_digitizer import ByDigitizer
@@ -29,8 +29,8 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def marks() -> Marks:
-    made = Marks()
+def marks() -> AimedMarks:
+    made = AimedMarks()
     for number, steps in enumerate([(-371, 1322), (-517, 601), (588, 318), (551, 1430)], 1):
         made.set("1", (CIRCLE, number), steps)
     for number, steps in enumerate([(-661, 159), (-659, -1454), (683, -1503), (682, 165)], 1):
@@ -95,7 +95,7 @@ def test_places_of_each_kind_of_scan_have_their_own_key():
         (Rectangle(pixels=[3, 3]), CORNER, "corners"),
         (ByDigitizer(), SPOT, "dac"),
     ):
-        marks = Marks()
+        marks = AimedMarks()
         marks.set("a", (kind, 2), (3, 4))
         marks.set("a", (kind, 1), (1, 2))
         assert marks.settings(scan) == {"views": {"a": {key: [[1, 2], [3, 4]]}}}
