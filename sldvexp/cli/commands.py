@@ -28,6 +28,7 @@ COMMANDS = (
     "aim",
     "check",
     "compare",
+    "console",
     "export",
     "handbook",
     "list",

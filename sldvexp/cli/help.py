@@ -159,6 +159,22 @@ COMMAND_HELP = {
             ("--config-dir lab check monday plate", "one of yours and one of the program's"),
         ),
     ),
+    "console": CommandHelp(
+        "[settings] [--port number]",
+        "a page in the browser to aim, scan and watch a session",
+        (
+            "Serves a page on this machine alone and prints its address, in which the key to it "
+            "is. There the beam is aimed, the places are written as an experiment of your folder, "
+            "the scan is watched and steered, and its report is opened. One browser steers, others "
+            "watch. Settings are those of a run. Needs sldvexp[console]; sldvexp handbook console "
+            "explains the page.",
+        ),
+        (
+            ("console experiment=plate", "practise in the virtual lab"),
+            ("console --config-dir lab experiment=first", "with an instrument of yours"),
+        ),
+        {"port": "port of the page on this machine; without it a free one"},
+    ),
     "report": CommandHelp(
         "<runs or sweeps>",
         "their page, report.html, anew",

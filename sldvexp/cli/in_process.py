@@ -11,7 +11,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from sldvexp import dataset
+from sldvexp import dataset, session
 from sldvexp.cli.commands import KEY
 from sldvexp.cli.main import Command, hydra_raises
 from sldvexp.config.paths import RUN_FILE
@@ -72,6 +72,37 @@ def run(*settings: str, config_dir: str | Path | None = None, quiet: bool = Fals
     found = dataset.open_run(path)
     found.encoding["source"] = str(path)
     return found
+
+
+def watched_run(
+    settings: Sequence[str],
+    config_dir: str,
+    watcher: session.Watcher,
+    operator: session.Operator,
+) -> Path:
+    """Do one run in this process for somebody who watches and is asked; give its folder.
+
+    Parameters
+    ----------
+    settings : sequence of str
+        As on the command line.
+    config_dir : str
+        Folder of the user's own experiments; it may be missing.
+
+    Raises
+    ------
+    UserError
+        For a mistake in the settings or the data, with the sentence that the command prints.
+    """
+    added = ["--config-dir", config_dir] if Path(config_dir).is_dir() else []
+    call = _Call([*settings, *added], quiet=True)
+    call.watcher, call.operator = watcher, operator
+    with hydra_raises(), _as_a_command(call.arguments), handlers_kept():
+        call.run()
+    if call.told:
+        raise UserError("\n".join(call.told))
+    assert call.folder is not None  # a call that is refused says so
+    return call.folder
 
 
 class _Call(Command):

@@ -200,6 +200,32 @@ class Data:
 
 
 @dataclass(kw_only=True)
+class BenchQuestions:
+    """Questions that help a person to aim; each may be empty, if the device cannot answer it.
+
+    Parameters
+    ----------
+    device : str
+        That answers.
+    position : str
+        Answered by up_down,left_right, the DAC steps at which the mirrors stand.
+    light : str
+        Answered by how much of the laser's light comes back, from 0 to 1.
+    picture : str
+        Answered by a block, as those of `data` are, of a camera's picture: one byte a pixel, row by
+        row from above.
+    picture_size : list of int
+        Rows and columns of the picture.
+    """
+
+    device: str
+    position: str = ""
+    light: str = ""
+    picture: str = ""
+    picture_size: list[int] = field(default_factory=list)
+
+
+@dataclass(kw_only=True)
 class Profile:
     """Everything about an instrument that speaks through VISA.
 
@@ -214,6 +240,7 @@ class Profile:
     verify : list of Verify
         Asked after configuring and after every list of pixels.
     data : Data
+    bench : BenchQuestions, optional
     """
 
     tried_on_hardware: bool
@@ -222,3 +249,4 @@ class Profile:
     commands: CommandGroups
     verify: list[Verify] = field(default_factory=list)
     data: Data
+    bench: BenchQuestions | None = None

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from string import Formatter
+from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 import yaml
@@ -17,10 +18,13 @@ import yaml
 from sldvexp.config.paths import conf_dir, locate
 from sldvexp.errors import Checks, ConfigError, UserError, nearest
 from sldvexp.files import read_text
-from sldvexp.instrument.profile import CHANNELS, Commands, Profile
+from sldvexp.instrument.profile import CHANNELS, BenchQuestions, Commands, Profile
 from sldvexp.limits import YAML_BYTES, load_yaml, slow_pattern
 
 SUFFIXES = (".yaml", ".yml")
+
+#: Rows or columns of a camera's picture at most.
+LARGEST_PICTURE = 2000
 
 
 class _Texts(yaml.BaseLoader):
@@ -97,6 +101,8 @@ def _made(kind: Any, node: Any, key: str, checks: Checks) -> Any:
     if is_dataclass(kind):
         return _made_table(kind, node, key, checks)
     inner = get_args(kind)
+    if get_origin(kind) is UnionType:  # a table that may be left out
+        return _made(inner[0], node, key, checks)
     if get_origin(kind) is dict:
         checks.require(isinstance(node, dict), key, "must be a table, as in {name: value}")
         entries = node.items() if isinstance(node, dict) else ()
@@ -210,6 +216,8 @@ def check(profile: Profile, checks: Checks) -> None:
     for i, question in enumerate(profile.verify):
         _check_device(profile, checks, f"verify[{i}].device", question.device)
     _check_data(profile, checks)
+    if profile.bench is not None:
+        _check_bench(profile, profile.bench, checks)
 
 
 def _check_group(profile: Profile, checks: Checks, group: str, allowed: tuple[str, ...]) -> None:
@@ -241,6 +249,20 @@ def _check_data(profile: Profile, checks: Checks) -> None:
     for channel in CHANNELS if data.volts_per_count else ():
         key = f"data.volts_per_count.{channel}"
         checks.require(channel in data.volts_per_count, key, "is missing")
+
+
+def _check_bench(profile: Profile, bench: BenchQuestions, checks: Checks) -> None:
+    """Check that the questions go to a known device, and a picture, like samples, has a size."""
+    _check_device(profile, checks, "bench.device", bench.device)
+    if not bench.picture:
+        return
+    same = bench.device == profile.data.device
+    message = f"comes as a block as those of data.device, {profile.data.device}, do"
+    checks.require(same, "bench.picture", message)
+    size = bench.picture_size
+    good = len(size) == 2 and all(0 < n <= LARGEST_PICTURE for n in size)
+    message = f"must be rows and columns, up to {LARGEST_PICTURE} each, not {size}"
+    checks.require(good, "bench.picture_size", message)
 
 
 def _check_device(profile: Profile, checks: Checks, key: str, device: str) -> None:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from omegaconf import MISSING
 
 from sldvexp.config.registry import register
@@ -244,6 +245,40 @@ class CommandedInstrument:
         )
         self._position = steps[-1]
         return found
+
+    def read_position(self) -> tuple[int, int] | None:
+        """See `TellsAtBench`."""
+        bench = self.profile.bench
+        if bench is None or not bench.position:
+            return None
+        found = self._persistently(
+            "reading the mirrors back",
+            lambda dialogue: dialogue.numbers("bench.position", bench.device, bench.position, 2),
+        )
+        return round(found[0]), round(found[1])
+
+    def light_level(self) -> float | None:
+        """See `TellsAtBench`."""
+        bench = self.profile.bench
+        if bench is None or not bench.light:
+            return None
+        (found,) = self._persistently(
+            "reading the light",
+            lambda dialogue: dialogue.numbers("bench.light", bench.device, bench.light, 1),
+        )
+        return min(max(found, 0.0), 1.0)
+
+    def picture(self) -> NDArray[np.uint8] | None:
+        """See `TellsAtBench`."""
+        bench = self.profile.bench
+        if bench is None or not bench.picture:
+            return None
+        rows, columns = bench.picture_size
+        block = self._persistently(
+            "taking a picture",
+            lambda dialogue: dialogue.block(bench.picture, rows * columns, key="bench.picture"),
+        )
+        return np.frombuffer(block, np.uint8).reshape(rows, columns)
 
     def _restore(self, dialogue: Dialogue) -> None:
         """Bring the instrument to where the program believes it is."""

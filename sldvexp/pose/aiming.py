@@ -11,7 +11,7 @@ step)^2``; with errors that are stated right, ``cost`` of n marks is chi-square 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -19,21 +19,17 @@ import numpy as np
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.laser import TwoMirror
+from sldvexp.pose.few_points import AGREE, FLAT, contradiction_of, is_flat, joined
 from sldvexp.pose.outliers import MatchedPoints
-from sldvexp.pose.rough_pose import REFUTED, RoughPose, predicted_steps, rough_poses
-from sldvexp.statistics import chi_square_p_value
+from sldvexp.pose.rough_pose import RoughPose, predicted_steps, rough_poses
 from sldvexp.typing import Array
 
 #: Standard deviation of a person's pointing, DAC steps of each mirror (Table 4.3).
 POINTING = 1.0
-#: Probability from which marks agree with each other.
-AGREE = 0.01
 #: Standard deviations of the distance of two marks' steps within which they are one place.
 SAME = 3.0
 #: Standard deviations from which a mark lies beside where the others put it.
 BESIDE = 4.0
-#: Least extent of marks across a line, as a part of their length, that makes a pose strong.
-IN_LINE = 0.03
 #: Standard deviation of the origin, as a part of the distance, from which a pose is weak.
 WEAK = 0.05
 
@@ -267,7 +263,7 @@ class Aiming:
         position = np.array([self.places[name].position for name in names])
         centroid = position.mean(axis=0)
         extent = np.linalg.svd(position - centroid, compute_uv=False)
-        if extent[1] < IN_LINE * extent[0]:
+        if extent[1] < FLAT * extent[0]:
             return f"{joined(names)} lie in a line, which leaves the pose open: take one beside it"
         poses = self.poses
         if not poses:
@@ -282,7 +278,7 @@ class Aiming:
         std = math.sqrt(np.linalg.eigvalsh(poses[0].covariance[3:, 3:])[-1])
         if std < WEAK * distance:
             return ""
-        flat = extent[2] < IN_LINE * extent[0]
+        flat = is_flat(position)
         return (
             f"{joined(names)} {'lie in one plane and ' if flat else ''}leave the instrument's "
             f"place uncertain by {std:.2g} m in {distance:.2f}: take marks "
@@ -314,27 +310,28 @@ class Aiming:
         key = frozenset(names)
         if key not in self._poses:
             try:
-                self._poses[key] = self._solve(names, self.taken)
+                self._poses[key] = rough_poses(self._matched(names))
             except UserError:
                 self._poses[key] = []
         return self._poses[key]
 
-    def _solve(self, names: Sequence[str], taken: Mapping[str, Steps]) -> list[RoughPose]:
-        """Solve for the pose; the weight of a place's error depends on its distance."""
-        position = np.array([self.places[name].position for name in names]).reshape(-1, 3)
+    def _matched(self, names: Sequence[str]) -> MatchedPoints:
+        """Match some marks' places to their angles, with the errors of both."""
+        taken = self.taken
         dac = np.array([taken[name] for name in names], float).reshape(-1, 2)
         matched = MatchedPoints(
-            position,
+            np.array([self.places[name].position for name in names]).reshape(-1, 3),
             self.laser.angle_from_dac(dac),
             self.laser.step,
             self.laser.mirror_offset,
             std=np.full(len(names), self.pointing),
         )
-        poses = rough_poses(matched)
         if not any(self.places[name].std.any() for name in names):
-            return poses
-        place_std = np.array([self._place_std(self.places[name], poses[0]) for name in names])
-        return rough_poses(replace(matched, std=np.hypot(self.pointing, place_std)))
+            return matched
+        # The weight of a place's error depends on its distance.
+        pose = rough_poses(matched)[0]
+        place_std = np.array([self._place_std(self.places[name], pose) for name in names])
+        return replace(matched, std=np.hypot(self.pointing, place_std))
 
     def _place_std(self, place: AimingPlace, pose: RoughPose) -> float:
         """Give the standard deviation, DAC steps, of where a place is seen by its own."""
@@ -353,84 +350,18 @@ class Aiming:
                 )
 
     def _disagreement(self) -> str:
-        """Find marks that no pose puts where they were taken, and which of them is wrong."""
-        taken = self.taken
-        names = list(taken)
+        """Say which marks no pose explains, and what to do."""
+        names = list(self.taken)
         if len(names) < 3 or not self.poses:
             return ""
-        if len(names) == 3 or _probability(self.poses) >= REFUTED:
-            return "" if self._faces(self.poses[0]) else self._from_behind()
-        exchanged = list(self._exchanged())
-        if len(exchanged) == 1:
-            one, other = exchanged[0]
-            return (
-                f"{one} and {other} seem to be exchanged, since all marks agree with each other's "
-                "steps for the two: take both again"
-            )
-        wrong = list(self._wrong()) if len(names) > 4 else []
-        if len(wrong) == 1:
-            found = self.residual(wrong[0])
-            beside = "" if found is None else f" {np.linalg.norm(found.steps):.0f} steps"
-            return f"{wrong[0]} lies{beside} beside where the others put it: take it again"
-        size = math.sqrt(self.poses[0].cost / len(names) / 2) * self.pointing
-        told = f"{joined(names)} contradict one another by {size:.0f} steps"
-        if wrong or len(names) == 4:
-            return f"{told}: {joined(wrong or names, 'or')} is wrong, and one mark more tells which"
-        return f"{told}, and no single one explains it: take them again"
-
-    def _from_behind(self) -> str:
-        """Say that marks in a plane are seen as if they were mirrored."""
-        names = list(self.taken)
-        position = np.array([self.places[name].position for name in names])
-        extent = np.linalg.svd(position - position.mean(axis=0), compute_uv=False)
-        if extent[2] > IN_LINE * extent[0]:
-            return ""  # which only one side explains: there are objects to be walked around
-        return (
-            f"{joined(names)} are seen from behind, against the world's z axis: unless the "
-            "instrument stands there, two of them are exchanged or a mirror turns the other way"
-        )
-
-    def _exchanged(self) -> Iterator[tuple[str, str]]:
-        """Find pairs of marks with whose steps exchanged all marks agree."""
-        taken = self.taken
-        for one, other in combinations(taken, 2):
-            swapped = {**taken, one: taken[other], other: taken[one]}
-            poses = self._solve(list(taken), swapped)
-            if poses and _probability(poses) >= AGREE and self._faces(poses[0]):
-                yield one, other
-
-    def _wrong(self) -> Iterator[str]:
-        """Find marks without which the others agree."""
-        taken = self.taken
-        for name in taken:
-            poses = self._poses_from([other for other in taken if other != name])
-            if poses and _probability(poses) >= AGREE:
-                yield name
-
-    def _faces(self, pose: RoughPose) -> bool:
-        """Tell if the instrument stands before the marks, and not behind what they are on."""
-        height = np.mean([self.places[name].position[2] for name in self.taken])
-        return bool(pose.origin[2] > height)
-
-
-def _probability(poses: Sequence[RoughPose]) -> float:
-    """Give the probability of residuals at least as large as the best fitting pose's."""
-    return float(chi_square_p_value(min(pose.cost for pose in poses), poses[0].dof))
-
-
-def joined(names: Sequence[str], word: str = "and") -> str:
-    """Write names as in a sentence, a noun that all have but once.
-
-    Examples
-    --------
-    >>> joined(["mark 1", "mark 2", "mark 4"]), joined(["circle 1", "corner 2"], "or")
-    ('marks 1, 2 and 4', 'circle 1 or corner 2')
-    """
-    nouns = {name.rpartition(" ")[0] for name in names}
-    noun = next(iter(nouns)) if len(nouns) == 1 else ""
-    *some, last = [name.removeprefix(f"{noun} ") for name in names] if noun else names
-    listed = f"{', '.join(some)} {word} {last}" if some else last
-    return f"{noun}{'s' if word == 'and' and some else ''} {listed}" if noun else listed
+        found = contradiction_of(self._matched(names))
+        if found is None:
+            return ""
+        again = {"exchanged_points": "both", "wrong_point": "it", "residuals": "them"}
+        told = found.sentence(names)
+        if found.kind == "mirrored" or (found.kind == "wrong_point" and len(found.points) > 1):
+            return told
+        return f"{told}: take {again[found.kind]} again"
 
 
 def _metres(origin: Array) -> str:

@@ -199,9 +199,7 @@ class FromPoints(PoseMethod):
             [_as_solved(v.table, v.angle, laser) for v in views], [v.used for v in views]
         )
         findings = [no_pose(*f) for f in failed.items()] + [f for v in views for f in v.findings]
-        findings += [t for t in told if isinstance(t, Finding)]
-        if model is None:
-            findings += [f for v in views for f in _large_residuals(v, len(views))]
+        findings += _residual_findings(views, told if model else None)
         return PoseResult(pose, registration, findings)
 
 
@@ -440,23 +438,50 @@ def unlikely_residuals(view: str, probability: float) -> Finding:
     )
 
 
-def _large_residuals(view: ViewSolution, views: int) -> Iterator[Finding]:
-    """Find residuals larger than stated errors, or than any method's, explain."""
+def _residual_findings(
+    views: Sequence[ViewSolution], told: Sequence[str | Finding] | None
+) -> list[Finding]:
+    """Find residuals that are too large, once a view.
+
+    Parameters
+    ----------
+    told : sequence of str or Finding, optional
+        By a model of the errors, if there is one.
+    """
+    void = [v for v in views if any(f.severity is Severity.void for f in v.findings)]
+    large = [f for v in views if v not in void for f in _large_residuals(v)]
+    known = {*(f.subject for f in large), *(f"view {v.table.name}" for v in void)}
+    if told is None:
+        refuted = [f for v in views for f in _refuted_errors(v, len(views))]
+    else:
+        refuted = [t for t in told if isinstance(t, Finding)]
+    return large + [f for f in refuted if f.kind != "residuals" or f.subject not in known]
+
+
+def _large_residuals(view: ViewSolution) -> Iterator[Finding]:
+    """Find residuals larger than any method's: the points are not those of the angles."""
     solution, where = view.solution, f"view {view.table.name}"
-    if any(f.severity is Severity.void for f in view.findings):
-        return  # the cause is known
-    if solution.noise_known and solution.dof > 0:
-        probability = float(scipy.special.chdtrc(solution.dof, solution.cost))
-        if probability < UNLIKELY / views:
-            yield unlikely_residuals(where, probability)
-    elif np.isfinite(solution.s) and solution.s > LARGE:
+    if solution.dof <= 0:
+        return
+    scale = float(np.sqrt(np.sum(solution.residual**2) / solution.dof))
+    if scale > LARGE:
         yield Finding(
             "residuals",
             where,
-            f"{where}: the residuals, {solution.s:.1f} DAC steps, are larger than any method of "
+            f"{where}: the residuals, {scale:.1f} DAC steps, are larger than any method of "
             "Table 4.3 leaves; are the points matched to their angles, units and mirrors right?",
-            size=float(solution.s),
+            Severity.void,
+            size=scale,
         )
+
+
+def _refuted_errors(view: ViewSolution, views: int) -> Iterator[Finding]:
+    """Find residuals larger than stated errors explain."""
+    solution = view.solution
+    if solution.noise_known and solution.dof > 0:
+        probability = float(scipy.special.chdtrc(solution.dof, solution.cost))
+        if probability < UNLIKELY / views:
+            yield unlikely_residuals(f"view {view.table.name}", probability)
 
 
 def _target_notes(view: str, table: RegistrationTable, target: Target) -> Iterator[str]:

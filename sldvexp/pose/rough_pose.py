@@ -121,6 +121,8 @@ def rough_poses(matched: MatchedPoints) -> list[RoughPose]:
     )
     start = _starts(given)
     count = len(start.rotation)
+    if not count:
+        raise UserError("no pose has all marks in front of it")
     problem = weighted_problem(given).take(np.zeros(count, int))
     pose, cost, _ = levenberg_marquardt(problem, start, count, matched.max_iterations)
     found = _distinct(pose, cost)

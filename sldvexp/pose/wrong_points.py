@@ -20,7 +20,9 @@ import numpy as np
 from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import UserError
 from sldvexp.io.registration import RegistrationTable
+from sldvexp.pose.few_points import contradiction_of, joined
 from sldvexp.pose.outliers import MatchedPoints, RobustPose, exchanged, robust_pose
+from sldvexp.pose.rough_pose import rough_poses
 from sldvexp.targets import Target, TargetPoints
 from sldvexp.typing import Array, BoolArray
 from sldvexp.units import LengthUnit
@@ -74,8 +76,7 @@ def judge_points(
     everything = np.ones(len(matched), bool)
     findings = [] if target is None else list(_other_size(table, target.points()))
     if len(matched) <= matched.least:
-        told = f"{len(matched)} points are too few to tell a wrong one from the others"
-        return PointJudgement(everything, [*findings, _untested(table, told)])
+        return PointJudgement(everything, [*findings, *_few(table, matched)])
     found: RobustPose | None = None
     try:
         found = robust_pose(matched)
@@ -98,6 +99,40 @@ def _untested(table: RegistrationTable, why: str) -> Finding:
     """Say that wrong points could not be seen."""
     view = f"view {table.name}"
     return Finding("untested", view, f"{view}: {why}", Severity.note)
+
+
+def _few(table: RegistrationTable, matched: MatchedPoints) -> Iterator[Finding]:
+    """Say what a few points cannot tell, and where they contradict one another.
+
+    Without known errors only what no method of Table 4.3 would leave is a contradiction.
+    """
+    view, count = f"view {table.name}", len(matched)
+    yield _untested(table, f"{count} points are too few to tell a wrong one from the others")
+    if matched.adjust:
+        return  # which explains residuals, too
+    known = matched if matched.std is not None else replace(matched, std=np.full(count, LARGE))
+    if count == 3 and len(poses := rough_poses(known)) > 1:
+        places = " or ".join("({:.2f}, {:.2f}, {:.2f})".format(*pose.origin) for pose in poses)
+        told = (
+            f"{view}: its three points fit {len(poses)} poses, at {places} m; another point tells"
+        )
+        yield Finding("untested", view, told, Severity.doubtful)
+    found = contradiction_of(known)
+    if found is not None:
+        names = [f"point {number}" for number in table.number]
+        told = f"{view}: {found.sentence(names)}; the pose rests on all of them"
+        severity = Severity.doubtful if found.kind == "mirrored" else Severity.void
+        subject = f"{view}, {joined([names[k] for k in found.points])}"
+        remedy = f"take more points than {count}, and the wrong ones again"
+        yield Finding(
+            found.kind,
+            subject,
+            told,
+            severity,
+            p_value=found.p_value,
+            size=found.size,
+            remedy=remedy,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,7 +321,7 @@ def _wrong(
     swapped: list[int] = []
     for own in exchanged(matched, found):
         swapped += own
-        numbers = _joined([int(table.number[k]) for k in own])
+        numbers = joined([str(table.number[k]) for k in own])
         yield Finding(
             "exchanged_points",
             f"{view}, points {numbers}",
@@ -311,12 +346,6 @@ def _wrong(
             size=float(beside[k]),
             remedy=f"correct or remove point {number} in {file}",
         )
-
-
-def _joined(numbers: list[int]) -> str:
-    """Write numbers as in a sentence."""
-    *some, last = map(str, numbers)
-    return f"{', '.join(some)} and {last}"
 
 
 def _file(table: RegistrationTable) -> str:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose
 from sldvexp.instrument import Acquisition, Instrument, RawSamples
+from sldvexp.instrument.bench import make_safe
 from sldvexp.laser import TwoMirror
 from sldvexp.scan import Sampling
 from sldvexp.session.journal import Journal
@@ -119,10 +120,17 @@ class Camera:
         """Instrument, sampling as was said last."""
         if self._instrument is None:
             self._instrument = self._opened.enter_context(self._arrive())
+            self._watcher.arrived(self.rest)
         if self._wanted is not None and self._set != self._wanted:
             self._instrument.configure(self._wanted)
             self._set = self._wanted
         return self._instrument
+
+    def rest(self) -> None:
+        """Send the mirrors home and switch the generator off until the next line is scanned."""
+        if self._instrument is not None and self._set is not None:
+            known, self._set = self._set, None
+            make_safe(self._instrument, known)
 
     def sample(self, sampling: Sampling) -> None:
         """Say how all pixels that follow are sampled."""

@@ -18,6 +18,7 @@ from sldvexp.instrument.person import Mark, Place, Steps
 from sldvexp.laser import MIRRORS, TwoMirror, project
 from sldvexp.targets import Target
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
+from sldvexp.virtual_lab import camera
 from sldvexp.virtual_lab.beam import Beams, SceneObject, beams
 from sldvexp.virtual_lab.calibration_scene import CalibrationObject
 from sldvexp.virtual_lab.electronics import Electronics, PixelNoise
@@ -79,6 +80,7 @@ class VirtualLab:
         rotation, origin = self.true_pose(name)
         self.view = name
         self._rotation, self._origin = rotation, origin
+        self._pictured: NDArray[np.uint8] | None = None
         self._noise = PixelNoise(self._seed, name)
         self._jitter = PixelNoise(self._seed, f"{name}\0jitter")
         self._speckle = PixelNoise(self._seed, f"{name}\0speckle")
@@ -216,6 +218,33 @@ class VirtualLab:
                 "that the virtual lab has; send it elsewhere"
             )
         return light.origin[0] + distance * light.direction[0]
+
+    def read_position(self) -> tuple[int, int]:
+        """See `sldvexp.instrument.bench.TellsAtBench`."""
+        return self.position
+
+    def light_level(self) -> float:
+        """See `sldvexp.instrument.bench.TellsAtBench`; less where the laser is noisier."""
+        steps = np.array([self.position])
+        light = self.light(steps)
+        distance = np.min([o.seen(light, np.zeros(0))[0] for o in self.objects], axis=0)
+        if not self.shutter_open or not (np.isfinite(distance[0]) or self.scene.backdrop):
+            return 0.0
+        noisier = self._noisier(steps)
+        return 1.0 if noisier is None else 1.0 / float(noisier[0])
+
+    def picture(self) -> NDArray[np.uint8]:
+        """See `sldvexp.instrument.bench.TellsAtBench`: a camera that looks along the laser."""
+        rotation, origin = self._rotation, self._origin
+        if self._pictured is None:
+            self._pictured = camera.photograph(self.objects, rotation, origin)
+        if not self.shutter_open:
+            return self._pictured
+        light = self.light(np.array([self.position]))
+        distance = np.min([o.seen(light, np.zeros(0))[0] for o in self.objects], axis=0)
+        away = np.where(np.isfinite(distance), distance, camera.BACKDROP)[:, None]
+        (spot,) = light.origin + away * light.direction
+        return camera.with_spot(self._pictured, (spot - origin) @ rotation.T)
 
     def generator(self, what: str) -> np.random.Generator:
         """Make a generator of random numbers that belong to a name, whatever was drawn before."""

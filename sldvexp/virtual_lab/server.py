@@ -164,6 +164,8 @@ class Dialect:
             "CHAN:SCAL?": lambda: ",".join(map(repr, self.scale())).encode(),
             "GEN:OUTP?": lambda: b"1" if self.playing else b"0",
             "LAS:SHUT?": lambda: b"OPEN" if self.lab.shutter_open else b"CLOSED",
+            "LAS:LEV?": lambda: repr(self.lab.light_level()).encode(),
+            "CAM:PICT?": lambda: block(self.lab.picture().data),
             "MIRR:POS?": lambda: ",".join(map(str, self.lab.position)).encode(),
             "DATA?": lambda: block(self._last().counts.astype("<i2", copy=False).data),
             "STAT?": lambda: block(self._last().status.data),

@@ -134,14 +134,14 @@ def test_exchanged_marks_are_named():
             steps = view.seen()
             steps[[1, 4]] = steps[[4, 1]]
             told = view.aiming(range(count), steps).contradiction()
-            assert told.startswith("mark 2 and mark 5 seem to be exchanged"), told
+            assert told.startswith("marks 2 and 5 seem to be exchanged"), told
 
 
 def test_four_marks_cannot_tell_which_is_wrong():
     steps = (view := views(41, 1)[0]).seen()
     steps[2] += [25, -30]
     told = view.aiming(range(4), steps).contradiction()
-    assert told.endswith(": mark 1, 2, 3 or 4 is wrong, and one mark more tells which")
+    assert told.endswith(": mark 1, 2, 3 or 4 is wrong, and one more tells which")
 
 
 def test_marks_in_a_plane_are_seen_from_behind_when_two_are_exchanged():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from sldvexp.dataset import views_without_pose
+from sldvexp.dataset import verdict_of, views_without_pose
 from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_from_vector
 from sldvexp.io.registration import RegistrationTable, write
@@ -207,6 +207,57 @@ def test_few_points_are_said_to_hide_wrong_ones():
     (finding,) = Session(8, 1, points=5).solve().findings
     assert finding.kind == "untested"
     assert finding.severity.name == "note"
+
+
+def few(seed, count, spoil):
+    """Findings about a few points whose angles are spoilt, by a method that knows their errors."""
+    session = Session(seed, 1, points=count, depth=0.05)
+    spoil(session.angle[0])
+    return [f for f in session.solve(Manual(path="not read")).findings if f.severity.name != "note"]
+
+
+@pytest.mark.parametrize("method", [METHOD, Manual(path="not read")])
+@pytest.mark.parametrize("count", [4, 5, 6, 7])
+def test_invented_places_are_void(method, count):
+    """A handful of places that nobody pointed at give a pose, and a run that cannot be believed."""
+    rng = np.random.default_rng(count)
+    for seed in range(4):
+        session = Session(seed, 1, points=count, depth=0.05)
+        session.angle[0] = rng.uniform(-0.15, 0.15, (count, 2))
+        try:
+            found = session.solve(method)
+        except UserError as error:
+            assert "no pose was found" in str(error)  # noqa: PT017
+            continue
+        assert verdict_of(found.findings) == "void"
+
+
+def test_a_wrong_one_of_five_points_is_named():
+    def aside(angle):
+        angle[2] += 30 * LASER.step
+
+    (finding,) = few(8, 5, aside)
+    assert (finding.kind, finding.severity.name) == ("wrong_point", "void")
+    assert finding.subject == "view 0, point 3"
+    assert "point 3 lies " in finding.text
+    assert finding.size == pytest.approx(30 * np.sqrt(2), rel=0.3)
+    (finding,) = few(8, 4, aside)
+    assert finding.subject == "view 0, points 1, 2, 3 and 4"
+
+
+def test_exchanged_ones_of_five_points_are_named():
+    def exchange(angle):
+        angle[[1, 3]] = angle[[3, 1]]
+
+    (finding,) = few(9, 5, exchange)
+    assert (finding.kind, finding.severity.name) == ("exchanged_points", "void")
+    assert finding.subject == "view 0, points 2 and 4"
+
+
+def test_three_points_fit_several_poses():
+    (finding,) = few(10, 3, lambda angle: None)
+    assert (finding.kind, finding.severity.name) == ("untested", "doubtful")
+    assert "its three points fit 2 poses, at (" in finding.text
 
 
 def test_three_points_with_each_others_numbers_are_named_together():

@@ -115,8 +115,12 @@ class Browser:
 
     def open(self, path: Path) -> None:
         """Open a page of this machine, and forget what others said."""
+        self.open_address(path.as_uri())
+
+    def open_address(self, address: str) -> None:
+        """Open a page by its address, and forget what others said."""
         self.events = []
-        self.command("Page.navigate", url=path.as_uri())
+        self.command("Page.navigate", url=address)
         while not any(e["method"] == "Page.loadEventFired" for e in self.events):
             self.events.append(self._next())
 

@@ -1,0 +1,145 @@
+"""Pose of a view, and advice on the next, told while that one is scanned.
+
+A thread of its own computes it, so that the scan does not wait; views that come meanwhile are
+taken together.
+"""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from sldvexp.config.experiment import Experiment
+from sldvexp.dataset import Finding, verdict_of
+from sldvexp.errors import UserError
+from sldvexp.lazy import xarray as xr
+from sldvexp.pose.base import PoseResult
+
+log = logging.getLogger(__name__)
+
+Groups = Mapping[str, xr.Dataset]
+#: Advises from the groups of the views that are done, pose included, in sentences.
+Advise = Callable[[Groups], list[str]]
+MILLI = 1e3
+
+
+class Afterwards:
+    """Tells of views that are done.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Its pose method is used.
+    tell : callable
+        Gets the sentences of every view that is done.
+    advise : callable, optional
+        Sentences on what to do next.
+    planned : callable, optional
+        Gets these sentences.
+    """
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        tell: Callable[[dict[str, list[str]]], None],
+        advise: Advise | None = None,
+        planned: Callable[[list[str]], None] | None = None,
+    ) -> None:
+        self._experiment, self._tell, self._advise = experiment, tell, advise
+        self._planned = planned or (lambda told: None)
+        self._groups: dict[str, xr.Dataset] = {}
+        self._told: dict[str, list[str]] = {}
+        self._work: queue.Queue[tuple[str, Groups] | None] = queue.Queue()
+        self._thread = threading.Thread(target=self._do, name="afterwards", daemon=True)
+        self._thread.start()
+
+    def view_done(self, name: str, groups: Groups) -> None:
+        """Take the groups of a view."""
+        self._work.put((name, dict(groups)))
+
+    def end(self) -> None:
+        """Tell nothing more after what has been taken."""
+        self._work.put(None)
+
+    def join(self) -> None:
+        """Wait until all is told, once the end is said."""
+        self._thread.join()
+
+    def _do(self) -> None:
+        while (taken := self._work.get()) is not None:
+            name, groups = taken
+            self._groups |= groups
+            told = [line for g in groups.values() for line in _summary(g)]
+            self._told[name] = told
+            self._tell(self._told)
+            try:
+                result = self._pose()
+                if result is None:
+                    continue
+                for view in result.views:
+                    if view in self._told:
+                        lines = [t for t in self._told[view] if not t.startswith(POSE)]
+                        self._told[view] = [*sentences(result, view), *lines]
+                self._tell(self._told)
+                if self._advise is not None and self._work.empty():
+                    self._planned(self._advise({**self._groups, "pose": result.pose}))
+            except UserError as error:
+                self._told[name] = [*told, f"{POSE}: not known yet, {error}"]
+                self._tell(self._told)
+            except Exception:
+                log.exception("what is told after the view %s", name)
+
+    def _pose(self) -> PoseResult | None:
+        """Estimate the pose of all views that are done."""
+        e = self._experiment
+        if e.pose is None:
+            return None
+        found: PoseResult = e.pose.estimate(e.laser, e.target, self._groups)
+        return found
+
+
+#: How sentences on a pose begin.
+POSE = "Pose"
+
+
+def sentences(result: PoseResult, view: str) -> list[str]:
+    """Say where the instrument stood in a view, how well that is known, and what is doubtful.
+
+    Parameters
+    ----------
+    result : PoseResult
+    view : str
+        One of its views.
+    """
+    own = result.pose.sel(view=view)
+    origin, bound = own["origin"].values, own["origin_confidence"].values
+    level = 100 * float(result.pose.attrs.get("confidence_level", 0.95))
+    place, mm = (
+        ", ".join(f"{v:{f}}" for v in values)
+        for values, f in ((origin, ".4f"), (MILLI * bound, ".2g"))
+    )
+    findings = [f for f in result.findings if of_view(f, view)]
+    verdict = verdict_of(findings)
+    told = [f"{POSE}: origin ({place}) m +- ({mm}) mm, {level:.0f} % bounds; {verdict}"]
+    if "residual_rms" in own and np.isfinite(float(own["residual_rms"])):
+        told[0] += f"; residuals {float(own['residual_rms']):.2g} DAC steps"
+    return told + [f"{POSE} {f.severity.name}: {f.text}" for f in findings]
+
+
+def of_view(finding: Finding, view: str) -> bool:
+    """Tell whether a finding is about a view, or about all of them.
+
+    Examples
+    --------
+    >>> of_view(Finding("odd", "view left", "odd"), "right")
+    False
+    """
+    return "view" not in finding.subject or finding.subject.endswith(f"view {view}")
+
+
+def _summary(group: xr.Dataset) -> list[str]:
+    return str(group.attrs.get("summary", "")).splitlines()

@@ -1,0 +1,431 @@
+"""Aims and scans as the controller wishes, in the one thread that has the instrument.
+
+The instrument is opened when something needs it, and left (mirrors home, generator off) when the
+controller has gone, when another view is chosen, and when it fails. While nothing is wished, a
+quick look that was begun goes on from coarse to fine, and then the level is told where the beam
+stands.
+"""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
+from typing import Any
+
+import numpy as np
+
+from sldvexp.config.experiment import Experiment
+from sldvexp.console.board import NoticeBoard
+from sldvexp.console.marks import AimedMarks, Steps, kind_of, used_parts, view_names, wanted
+from sldvexp.console.outlook import Outlook
+from sldvexp.errors import UserError
+from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples
+from sldvexp.instrument import bench as aids
+from sldvexp.signal import Flag
+from sldvexp.stopping import undisturbed
+from sldvexp.typing import IntArray
+
+Wish = dict[str, Any]
+
+#: How often the level is told, s.
+LEVEL = 0.25
+#: How long the parts of a quick look take about, s, between which wishes are heard; and their most
+#: pixels.
+PART, MOST = 0.2, 256
+#: Cells along a side of a quick look, from coarse to fine.
+FINENESS = (8, 16, 32, 64, 128)
+#: A mirror that is held moves on so often, s, and only while the page says so so often, s.
+STRIDE, HELD = 0.05, 0.6
+#: Pictures of the camera are not taken more often than this, s.
+PICTURE = 0.2
+MILLI = 1e3
+#: Numbers of spots at most, and steps that no board has.
+MOST_SPOTS, BEYOND = 10_000, 2**20
+
+
+class AimingBench:
+    """Aims, and scans.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        With ready plugins; the instrument scans.
+    board : NoticeBoard
+        Where browsers see what happens.
+    wishes : queue of dict
+        Of the controller.
+    further : dict of str to callable, optional
+        What else can be wished, with the wish: a scan, a file.
+    """
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        board: NoticeBoard,
+        wishes: queue.Queue[Wish],
+    ) -> None:
+        self.experiment, self.board, self.wishes = experiment, board, wishes
+        self.marks = AimedMarks()
+        self.views = view_names(experiment)
+        self.view = self.views[0]
+        self.wanted = wanted(experiment)
+        self.outlook = Outlook(experiment, self.wanted)
+        self.kind = next(iter(self.wanted), "")
+        self.beam: Steps = (0, 0)
+        self.steered = False
+        self.further: dict[str, Callable[[Wish], None]] = {}
+        self._opened = ExitStack()
+        self._instrument: Instrument | None = None
+        self._set: Acquisition | None = None
+        self._look: Iterator[tuple[IntArray, int]] | None = None
+        self._held: tuple[Steps, float] | None = None
+        self._pace = PART
+        self._photographed = (0.0, (0, 0), "")
+        self._begin()
+
+    def serve(self) -> None:
+        """Do what is wished, until Ctrl-C."""
+        try:
+            while True:
+                self.turn()
+        finally:
+            self.leave()
+
+    def turn(self) -> None:
+        """Hear the next wish, or go on with what there is to do without one."""
+        busy = self._look is not None or self._held is not None
+        patience = 0.0 if self._look else STRIDE if busy else LEVEL
+        try:
+            wish = self.wishes.get(timeout=patience) if patience else self.wishes.get_nowait()
+        except queue.Empty:
+            self._safely(self._idle)
+            return
+        self._safely(lambda: self._do(wish))
+
+    def say(self, text: str, problem: bool = False) -> None:
+        """Tell the controller something in a sentence."""
+        self.board.tell("said", {"text": text, "problem": problem, "at": time.time()})
+
+    def leave(self) -> None:
+        """Leave the instrument, whose mirrors go home and whose generator is off then."""
+        self._look, self._held, self._set = None, None, None
+        opened, self._opened, self._instrument = self._opened, ExitStack(), None
+        self.beam = (0, 0)
+        with undisturbed():
+            opened.close()
+        self.board.tell("level", None)
+        self.board.tell("looking", False)
+        self._tell_beam()
+
+    # ---- what is wished ----
+
+    def _do(self, wish: Wish) -> None:
+        name = wish["do"]
+        known = {
+            "taken": self._taken,
+            "lost": self._lost,
+            "move": self._move,
+            "nudge": self._nudge,
+            "hold": self._hold,
+            "release": self._release,
+            "mark": self._mark,
+            "forget": self._forget,
+            "undo": self._undo,
+            "redo": self._redo,
+            "view": self._choose_view,
+            "add_view": self._add_view,
+            "kind": self._choose_kind,
+            "look": self._begin_look,
+            "stop_look": self._stop_look,
+            **self.further,
+        }
+        if name not in known:
+            raise UserError("that cannot be done now")
+        known[name](wish)
+
+    def _taken(self, wish: Wish) -> None:
+        self.steered = True
+        self.say("")
+
+    def _lost(self, wish: Wish) -> None:
+        self.steered = False
+        self.leave()
+        self.say("Nobody is steering: the mirrors are home and the generator is off.")
+
+    def _move(self, wish: Wish) -> None:
+        self._go(_pair(wish.get("to")))
+
+    def _nudge(self, wish: Wish) -> None:
+        by = _pair(wish.get("by"))
+        self._go((self.beam[0] + by[0], self.beam[1] + by[1]))
+
+    def _hold(self, wish: Wish) -> None:
+        """Move on and on, as long as the page says again and again that it is held."""
+        self._held = (_pair(wish.get("by")), time.monotonic() + HELD)
+
+    def _release(self, wish: Wish) -> None:
+        self._held = None
+
+    def _mark(self, wish: Wish) -> None:
+        """Take the beam's place for the mark that is meant."""
+        kind, number = self._named(wish)
+        self.marks.set(self.view, (kind, number), self.beam)
+        self._tell_marks()
+
+    def _forget(self, wish: Wish) -> None:
+        self.marks.set(self.view, self._named(wish), None)
+        self._tell_marks()
+
+    def _undo(self, wish: Wish) -> None:
+        self._tell_change(self.marks.undo())
+
+    def _redo(self, wish: Wish) -> None:
+        self._tell_change(self.marks.redo())
+
+    def _choose_view(self, wish: Wish) -> None:
+        name = _text(wish, "name")
+        if name not in self.views:
+            raise UserError("there is no such view")
+        self.leave()
+        self.view = name
+        self.board.begin("raster", view=name)
+        self._tell_marks()
+        if not self.experiment.instrument.takes_views_itself:
+            self.say(f"See that the instrument stands where the view {name} is measured from.")
+
+    def _add_view(self, wish: Wish) -> None:
+        """Add a view, named by the next number that is free."""
+        taken = set(self.views)
+        name = next(str(k) for k in range(1, len(taken) + 2) if str(k) not in taken)
+        self.views.append(name)
+        self._choose_view({"name": name})
+
+    def _choose_kind(self, wish: Wish) -> None:
+        """Sample as the part does whose marks come next."""
+        kind = _text(wish, "kind")
+        if kind not in self.wanted:
+            raise UserError("the scan has no such marks")
+        self.kind = kind
+        self._tell_marks()
+
+    def _begin_look(self, wish: Wish) -> None:
+        low, high = _pair(wish.get("low")), _pair(wish.get("high"))
+        board = self.experiment.laser.board.value
+        low = (max(low[0], board[0]), max(low[1], board[0]))
+        high = (min(high[0], board[1]), min(high[1], board[1]))
+        if low[0] >= high[0] or low[1] >= high[1]:
+            raise UserError("there is nothing to look at: the region is outside the board's range")
+        self._look = self._parts(low, high)
+        self.board.begin("raster", view=self.view)
+        self.board.tell("looking", True)
+
+    def _stop_look(self, wish: Wish) -> None:
+        self._look = None
+        self.board.tell("looking", False)
+        if self._instrument is not None:
+            self._instrument.move(self.beam)
+
+    def _named(self, wish: Wish) -> tuple[str, int]:
+        kind, number = _text(wish, "kind"), wish.get("number")
+        known = self.wanted.get(kind)
+        if type(number) is not int or not 1 <= number <= MOST_SPOTS:
+            raise UserError("there is no such mark")
+        if known is None or (known and number not in known):
+            raise UserError("there is no such mark")
+        return kind, number
+
+    # ---- without a wish ----
+
+    def _idle(self) -> None:
+        if not self.steered:
+            return
+        if self._held is not None:
+            by, until = self._held
+            if time.monotonic() > until:
+                self._held = None
+            else:
+                self._go((self.beam[0] + by[0], self.beam[1] + by[1]))
+        elif self._look is not None:
+            self._look_on(self._look)
+        else:
+            self._tell_level()
+
+    def _look_on(self, look: Iterator[tuple[IntArray, int]]) -> None:
+        """Scan the next part of a quick look."""
+        part = next(look, None)
+        if part is None:
+            self._stop_look({})
+            return
+        dac, cell = part
+        began = time.monotonic()
+        samples = self._ready().scan(dac)
+        self._pace = max((time.monotonic() - began) / len(dac), 1e-6)
+        value, flags = self._amplitude(samples)
+        self.board.add("raster", [dac.astype(np.int32).ravel(), value, flags], cell=cell)
+
+    def _parts(self, low: Steps, high: Steps) -> Iterator[tuple[IntArray, int]]:
+        """Yield the pixels of a quick look, coarse to fine, with the size of their cells."""
+        side = max(high[0] - low[0], high[1] - low[1])
+        for count in FINENESS:
+            cell = side / count
+            if cell < 1:
+                return
+            axes = [np.arange(a + cell / 2, b, cell) for a, b in zip(low, high, strict=True)]
+            grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+            pixels = np.rint(grid).astype(np.int64)
+            at = 0
+            while at < len(pixels):
+                size = int(np.clip(PART / self._pace, 1, MOST))
+                yield pixels[at : at + size], int(np.ceil(cell))
+                at += size
+
+    # ---- the instrument ----
+
+    def _ready(self) -> Instrument:
+        """Give the instrument in the view, sampling quickly, as the part that is aimed at does."""
+        if not self.steered:
+            raise UserError("nobody is steering")
+        e = self.experiment
+        if self._instrument is None:
+            opened = e.instrument.open(e.scene, e.laser, e.target, seed=e.seed, view=self.view)
+            self._instrument = self._opened.enter_context(opened)
+        wanted = self._sampling()
+        if self._set != wanted:
+            self._instrument.configure(wanted)
+            self._set = wanted
+        return self._instrument
+
+    def _sampling(self) -> Acquisition:
+        parts = used_parts(self.experiment.scan).values()
+        part = next((p for p in parts if kind_of(p) == self.kind), next(iter(parts)))
+        s = part.sampling
+        return aids.quick(Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude))
+
+    def _go(self, to: Steps) -> None:
+        """Move the beam, to the nearest place that the board has."""
+        low, high = self.experiment.laser.board.value
+        up_down, left_right = (min(max(step, low), high) for step in to)
+        self._ready().move((up_down, left_right))
+        self.beam = (up_down, left_right)
+        self._tell_beam()
+
+    def _amplitude(self, samples: RawSamples) -> tuple[Any, Any]:
+        """Compute the velocity's amplitude, mm/s, and flags of pixels."""
+        assert self._set is not None
+        image = self.experiment.signal.demodulate(
+            samples.counts,
+            np.arange(self._set.samples) / samples.rate,
+            self._set.excitation,
+            volts_per_count=samples.volts_per_count,
+        )
+        value = MILLI * np.abs(image.velocity[:, 0])
+        flags = image.flags.astype(np.uint8)
+        return np.where(np.isfinite(value), value, 0.0).astype(np.float32), flags
+
+    def _safely(self, work: Callable[[], None]) -> None:
+        """Do something; what goes wrong is told, and the instrument left if it was its fault."""
+        try:
+            work()
+        except InstrumentError as error:
+            with suppress(InstrumentError):
+                self.leave()
+            self.say(str(error), problem=True)
+        except UserError as error:
+            self._look = None
+            self.board.tell("looking", False)
+            self.say(str(error), problem=True)
+
+    # ---- what browsers see ----
+
+    def _begin(self) -> None:
+        e = self.experiment
+        low, high = e.laser.board.value
+        self.board.tell("setup", {"low": low, "high": high, "wanted": self.wanted})
+        self.board.begin("raster", view=self.view)
+        self.board.tell("level", None)
+        self.board.tell("looking", False)
+        self._tell_beam()
+        self._tell_marks()
+
+    def _tell_beam(self) -> None:
+        self.board.tell("beam", list(self.beam))
+
+    def _tell_level(self) -> None:
+        """Sample where the beam stands, and tell what comes back."""
+        instrument = self._ready()
+        samples = instrument.acquire()
+        value, flags = self._amplitude(samples)
+        volts = np.abs(samples.counts.astype(np.int32)).max(axis=2)[0] * samples.volts_per_count
+        light = aids.light_level(instrument, samples)
+        told = {
+            "velocity": round(float(value[0]), 4),
+            "reference": round(float(volts[1]), 4),
+            "light": round(light, 3),
+            "flags": [flag.name for flag in Flag if flags[0] & flag],
+        }
+        self.board.tell("level", told)
+        place = aids.read_position(instrument, self.beam)
+        if place != self.beam:
+            self.beam = place
+            self._tell_beam()
+        self._tell_picture(instrument)
+
+    def _tell_picture(self, instrument: Instrument) -> None:
+        when, beam, view = self._photographed
+        if (beam, view) == (self.beam, self.view) or time.monotonic() < when + PICTURE:
+            return
+        self._photographed = (time.monotonic(), self.beam, self.view)
+        if (seen := aids.picture(instrument)) is not None:
+            self.board.begin("camera", arrays=[seen], rows=seen.shape[0], columns=seen.shape[1])
+
+    def _tell_marks(self) -> None:
+        found = self.marks.of(self.view)
+        ahead = self.outlook.of(found)
+        undo, redo = self.marks.can
+        told = {
+            "view": self.view,
+            "views": [{"name": v, "marks": len(self.marks.of(v))} for v in self.views],
+            "kind": self.kind,
+            "marks": [
+                {"kind": kind, "number": number, "dac": list(steps)}
+                | ({"residual": ahead.residual[name]} if name in ahead.residual else {})
+                for name in sorted(found)
+                for (kind, number), steps in [(name, found[name])]
+            ],
+            "predicted": [
+                {"kind": kind, "number": number, "dac": list(steps)}
+                for (kind, number), steps in ahead.predicted.items()
+            ],
+            "outlines": [
+                {"points": np.round(points, 1).tolist(), "closed": True}
+                for points in ahead.outlines
+            ],
+            "pose": ahead.told,
+            "undo": undo,
+            "redo": redo,
+        }
+        self.board.tell("marks", told)
+
+    def _tell_change(self, change: Any) -> None:
+        """Show what was taken back or repeated, in its view."""
+        if change is None:
+            raise UserError("there is nothing to take back or to repeat")
+        if change.view != self.view:
+            self._choose_view({"name": change.view})
+        self._tell_marks()
+
+
+def _pair(value: object) -> Steps:
+    """Read two whole numbers of a wish."""
+    if not (isinstance(value, list) and len(value) == 2 and all(type(v) is int for v in value)):
+        raise UserError("a place is two whole numbers, up-down and left-right")
+    up_down, left_right = (min(max(v, -BEYOND), BEYOND) for v in value)
+    return up_down, left_right
+
+
+def _text(wish: Wish, key: str) -> str:
+    """Read a text of a wish, empty if it is none."""
+    value = wish.get(key)
+    return value if isinstance(value, str) else ""

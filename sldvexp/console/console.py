@@ -1,0 +1,136 @@
+"""Console as a whole: its board, its server, its bench, and the scan that it starts."""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from sldvexp.config.experiment import Experiment
+from sldvexp.config.paths import RUN_FILE
+from sldvexp.console.afterwards import Advise
+from sldvexp.console.bench import AimingBench, Wish
+from sldvexp.console.board import NoticeBoard
+from sldvexp.console.scanning import Asked, Scanning
+from sldvexp.console.server import Server
+from sldvexp.console.written import CHOICE, settings_with, write_experiment
+from sldvexp.errors import UserError
+from sldvexp.report import REPORT_FILE
+from sldvexp.session import Operator, Watcher
+
+#: Runs settings with a watcher and an operator; the run's folder.
+Run = Callable[[Sequence[str], Watcher, Operator], Path]
+
+
+class Console:
+    """A session in the browser; as a context manager it serves its page.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        With ready plugins.
+    settings : sequence of str
+        Of which it was made.
+    folder : Path
+        Of the user, where aimed experiments are written.
+    compose : callable
+        Makes the experiment of settings.
+    run : callable
+        Runs settings, see `Run`.
+    port : int
+        0 takes a free one.
+    advise : callable, optional
+        Sentences on where to stand next, from the groups of the views that are done.
+    """
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        settings: Sequence[str],
+        folder: Path,
+        compose: Callable[[Sequence[str]], Experiment],
+        run: Run,
+        port: int = 0,
+        advise: Advise | None = None,
+    ) -> None:
+        self.experiment, self.settings, self.folder = experiment, list(settings), folder
+        self.board = NoticeBoard()
+        self.wishes: queue.Queue[Wish] = queue.Queue()
+        self.bench = AimingBench(experiment, self.board, self.wishes)
+        self.server = Server(self.board, self.wishes, lambda: self._page, port)
+        self._compose, self._run, self._advise = compose, run, advise
+        self._page: Path | None = None
+        self.bench.further = {"write": self._write, "scan": self._scan}
+        base = next((m[1] for s in settings if (m := CHOICE.fullmatch(s))), "session")
+        self.board.tell("suggested", f"{base.rpartition('/')[2]}_aimed")
+        self.board.tell("phase", "aim")
+
+    @property
+    def address(self) -> str:
+        """Address of the page."""
+        return self.server.address
+
+    def __enter__(self) -> Console:
+        self.server.__enter__()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.server.__exit__(*exception)
+
+    def serve(self) -> None:
+        """Aim and scan as the controller wishes, until Ctrl-C."""
+        self.bench.serve()
+
+    def _write(self, wish: Wish) -> None:
+        """Write what was aimed, as an experiment."""
+        self._written(wish)
+
+    def _written(self, wish: Wish) -> list[str]:
+        """Write what was aimed; give the settings of a run of it."""
+        scan = self.bench.marks.settings(self.experiment.scan)
+        if not scan:
+            raise UserError("nothing is marked yet")
+        name = wish.get("name")
+        if not isinstance(name, str):
+            raise UserError("an experiment needs a name")
+        replace = wish.get("replace") is True
+        path = write_experiment(self.folder, name, self.settings, scan, replace)
+        settings = settings_with(self.settings, name)
+        self.board.tell("written", f"{path}; sldvexp {' '.join(settings)} scans it")
+        self.bench.say(f"Written to {path}.")
+        return settings
+
+    def _scan(self, wish: Wish) -> None:
+        """Scan what was aimed, as a run of the experiment that is written of it."""
+        scan = self.bench.marks.settings(self.experiment.scan)
+        settings = self._written(wish) if scan else self.settings
+        experiment = self._compose(settings) if scan else self.experiment
+        self.bench.leave()  # the run opens the instrument for itself
+        scanning = Scanning(experiment, self.board, self.wishes, self._advise)
+        self.board.tell("phase", "scan")
+        self.board.tell(
+            "result", {"told": "The report stands here when the scan is done.", "page": False}
+        )
+        self.bench.say("The scan begins.")
+        try:
+            folder = self._run(settings, scanning, Asked(scanning))
+        except UserError as error:
+            self._ended(str(error), problem=True)
+        except KeyboardInterrupt as stop:
+            if not scanning.stopped:
+                raise
+            self._ended(str(stop) or "stopped")
+        else:
+            self._page = folder / REPORT_FILE
+            told = f"The run is in {folder / RUN_FILE}."
+            self.board.tell("result", {"told": told, "page": self._page.is_file()})
+            self.board.tell("phase", "result")
+            self.bench.say("The scan is done.")
+        finally:
+            scanning.end()
+            if scanning.lost:
+                self.bench.steered = False
+
+    def _ended(self, why: str, problem: bool = False) -> None:
+        self.board.tell("result", {"told": why, "page": False})
+        self.bench.say(why, problem)

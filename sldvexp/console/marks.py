@@ -1,0 +1,148 @@
+"""Marks of each view: places that are aimed at, and where they were found.
+
+Every part of a scan wants places of its own: `CalibrationScan` the rough centres of the circles,
+`Rectangle` four corners of the region that is imaged, `ByDigitizer` any number of spots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import Any
+
+from sldvexp.config.experiment import Experiment
+from sldvexp.scan import Scan, ScanPart
+from sldvexp.scan.by_digitizer import ByDigitizer
+from sldvexp.scan.calibration import CalibrationScan
+from sldvexp.scan.rectangle import Rectangle
+from sldvexp.scan.session import Session
+from sldvexp.targets import Circles
+
+Steps = tuple[int, int]
+Name = tuple[str, int]
+
+CIRCLE, CORNER, SPOT, FIDUCIAL = "circle", "corner", "spot", "fiducial"
+#: Corners of a region.
+CORNERS = 4
+#: Where the places of a kind stand in a part's view.
+KEYS = {CIRCLE: "dac", CORNER: "corners", SPOT: "dac"}
+
+
+def used_parts(scan: Scan) -> dict[str, ScanPart]:
+    """List the parts of a scan that has places to aim at, by their keys below ``scan``.
+
+    The parts of a session that has no views at all are the calibration object and the structure.
+    """
+    if isinstance(scan, ScanPart):
+        return {"": scan}
+    assert isinstance(scan, Session)
+    parts = {f.name: getattr(scan, f.name) for f in fields(scan)}
+    used = {name: part for name, part in parts.items() if part.views}
+    return used or {name: parts[name] for name in ("calibration", "structure")}
+
+
+def kind_of(part: ScanPart) -> str:
+    """Name the kind of places that a part wants; empty if none."""
+    kinds = {CalibrationScan: CIRCLE, Rectangle: CORNER, ByDigitizer: SPOT}
+    return next((kind for of, kind in kinds.items() if isinstance(part, of)), "")
+
+
+def wanted(experiment: Experiment) -> dict[str, list[int]]:
+    """List the numbers of the places that every view wants, by their kinds; spots are open."""
+    found: dict[str, list[int]] = {}
+    for part in used_parts(experiment.scan).values():
+        kind = kind_of(part)
+        if kind == CIRCLE:
+            circles = isinstance(experiment.target, Circles)
+            found[kind] = sorted(experiment.target.circles) if circles else [1, 2, 3, 4]
+        elif kind == CORNER:
+            found[kind] = list(range(1, CORNERS + 1))
+        elif kind == SPOT:
+            found[kind] = []
+    return found
+
+
+def view_names(experiment: Experiment) -> list[str]:
+    """List the views to aim in: the scan's own, those of the virtual lab, or one."""
+    own = experiment.scan.view_names()
+    return own or list(getattr(experiment.scene, "views", {})) or ["1"]
+
+
+@dataclass(frozen=True)
+class MarkChange:
+    """One mark that was set or taken away: where it stood before and stands now."""
+
+    view: str
+    name: Name
+    before: Steps | None
+    after: Steps | None
+
+
+class AimedMarks:
+    """AimedMarks of all views, with a history that can be gone back and forth."""
+
+    def __init__(self) -> None:
+        self._found: dict[str, dict[Name, Steps]] = {}
+        self._done: list[MarkChange] = []
+        self._undone: list[MarkChange] = []
+
+    def of(self, view: str) -> dict[Name, Steps]:
+        """Give the marks of a view."""
+        return dict(self._found.get(view, {}))
+
+    def set(self, view: str, name: Name, steps: Steps | None) -> None:
+        """Set a mark, or take it away."""
+        change = MarkChange(view, name, self._found.get(view, {}).get(name), steps)
+        self._undone = []
+        self._done.append(change)
+        self._put(change, change.after)
+
+    def undo(self) -> MarkChange | None:
+        """Take the last change back."""
+        return self._step(self._done, self._undone, forwards=False)
+
+    def redo(self) -> MarkChange | None:
+        """Repeat what was taken back."""
+        return self._step(self._undone, self._done, forwards=True)
+
+    @property
+    def can(self) -> tuple[bool, bool]:
+        """True if something can be taken back, and if something can be repeated."""
+        return bool(self._done), bool(self._undone)
+
+    def settings(self, scan: Scan) -> dict[str, Any]:
+        """Make the part of a configuration that has the marks as ``scan`` wants them.
+
+        Only views of which something was marked are in it.
+        """
+        made: dict[str, Any] = {}
+        for key, part in used_parts(scan).items():
+            kind = kind_of(part)
+            views = {view: list(self._sorted(view, kind)) for view in self._found}
+            views = {view: places for view, places in views.items() if places}
+            if views:
+                inside = {view: {KEYS[kind]: places} for view, places in views.items()}
+                (made.setdefault(key, {}) if key else made)["views"] = inside
+        return made
+
+    def _sorted(self, view: str, kind: str) -> Iterator[list[int]]:
+        for (of, _), steps in sorted(self._found.get(view, {}).items()):
+            if of == kind:
+                yield list(steps)
+
+    def _step(
+        self, source: list[MarkChange], sink: list[MarkChange], forwards: bool
+    ) -> MarkChange | None:
+        if not source:
+            return None
+        change = source.pop()
+        sink.append(change)
+        self._put(change, change.after if forwards else change.before)
+        return change
+
+    def _put(self, change: MarkChange, steps: Steps | None) -> None:
+        view = self._found.setdefault(change.view, {})
+        if steps is None:
+            view.pop(change.name, None)
+        else:
+            view[change.name] = steps

@@ -1,0 +1,310 @@
+// Aiming: the field of view, the beam, the level, and the marks.
+
+import { Cells, paintRamp } from "./cells.js";
+
+const $ = (id) => document.getElementById(id);
+const STEPS = [1, 10, 100];
+const NAMES = { circle: "circle", corner: "corner", spot: "spot", fiducial: "mark" };
+/** The page says so often that an arrow is held, ms; the beam begins to run after a while. */
+const HELD = 200, LONG = 300;
+
+export class Aim {
+  constructor(page) {
+    this.page = page;
+    this.map = new Cells($("map"), () => this.drawOver());
+    $("map").cells = this.map;
+    this.beam = [0, 0];
+    this.marks = { marks: [], views: [], predicted: [], outlines: [] };
+    this.wanted = {};
+    this.chosen = null;
+    this.step = 10;
+    paintRamp($("ramp"));
+    this.topics = {
+      setup: (word) => this.setUp(word),
+      beam: (word) => this.showBeam(word),
+      level: (word) => this.showLevel(word),
+      marks: (word) => this.showMarks(word),
+      looking: (word) => { this.looking = word; $("look").textContent = word ? "Stop" : "Look"; },
+      written: (word) => { $("written").textContent = word; },
+      suggested: (word) => { if (!$("name").value) $("name").value = word; },
+    };
+    this.pictures = { raster: (header, arrays) => this.showRaster(header, arrays), camera: showCamera };
+    this.listen();
+  }
+
+  update(steering) {
+    this.steering = steering;
+    if (!steering) return;
+    $("undo").disabled = !this.marks.undo;
+    $("redo").disabled = !this.marks.redo;
+    $("go").disabled = !this.placeOf(this.chosen);
+    $("mark").disabled = !this.chosen;
+  }
+
+  setUp(word) {
+    this.wanted = word.wanted;
+    this.limits = [word.low, word.high];
+    for (const slide of [$("slide-up"), $("slide-left")]) { slide.min = word.low; slide.max = word.high; }
+    this.window([word.low, word.low], [word.high, word.high]);
+  }
+
+  /** Show a window of the field, a square within the board's range. */
+  window(low, high) {
+    const [least, most] = this.limits, side = Math.min(high[0] - low[0], most - least);
+    const from = low.map((v) => Math.round(Math.min(Math.max(v, least), most - side)));
+    this.map.show(from, from.map((v) => Math.round(v + side)));
+    $("window").textContent = `shown: up-down ${this.map.low[0]} to ${this.map.high[0]}, left-right ${this.map.low[1]} to ${this.map.high[1]}`;
+  }
+
+  zoom(factor) {
+    const { low, high } = this.map, side = Math.max(32, (high[0] - low[0]) * factor);
+    const inside = this.beam.every((b, k) => b >= low[k] && b <= high[k]);
+    const middle = inside && factor < 1 ? this.beam : low.map((v, k) => (v + high[k]) / 2);
+    this.window(middle.map((m) => m - side / 2), middle.map((m) => m + side / 2));
+  }
+
+  showBeam(at) {
+    this.beam = at;
+    $("at-up").textContent = at[0];
+    $("at-left").textContent = at[1];
+    if (document.activeElement !== $("slide-up")) $("slide-up").value = at[0];
+    if (document.activeElement !== $("slide-left")) $("slide-left").value = at[1];
+    this.drawOver();
+  }
+
+  showLevel(word) {
+    const told = (id, value, text) => { $(id).value = value; $(`${id}-told`).textContent = text; };
+    if (!word) {
+      for (const id of ["velocity", "reference", "light"]) told(id, 0, "–");
+      $("flags").textContent = "";
+      return;
+    }
+    this.most = Math.max(this.most ?? 0, word.velocity, this.map.top);
+    told("velocity", word.velocity / (this.most || 1), `${word.velocity.toFixed(3)} mm/s`);
+    $("reference").max = Math.max($("reference").max, word.reference);
+    told("reference", word.reference, `${word.reference.toFixed(3)} V`);
+    told("light", word.light, `${Math.round(100 * word.light)} %`);
+    $("flags").textContent = word.flags.length ? `not to be trusted: ${word.flags.join(", ").replaceAll("_", " ")}` : "good";
+  }
+
+  showRaster(header, [dac, value, flag]) {
+    if (header.begin) this.map.forget();
+    else this.map.add(dac, value, flag, header.cell);
+    $("range").textContent = `0 to ${this.map.top.toPrecision(3)} mm/s`;
+  }
+
+  // ---- marks ----
+
+  /** All marks that this view wants or has. */
+  list() {
+    const found = [];
+    for (const [kind, numbers] of Object.entries(this.wanted)) {
+      const own = this.marks.marks.filter((m) => m.kind === kind).map((m) => m.number);
+      const all = numbers.length ? numbers : [...own, Math.max(0, ...own) + 1];
+      for (const number of all) found.push({ kind, number });
+    }
+    return found;
+  }
+
+  at({ kind, number }, list = this.marks.marks) { return list.find((m) => m.kind === kind && m.number === number); }
+
+  placeOf(name) {
+    if (!name) return null;
+    return (this.at(name) ?? this.at(name, this.marks.predicted ?? []))?.dac ?? null;
+  }
+
+  showMarks(word) {
+    const other = word.view !== this.marks.view, before = this.marks.marks.length;
+    this.marks = { predicted: [], outlines: [], ...word };
+    const options = word.views.map(({ name, marks }) => new Option(marks ? `${name} (${marks} marks)` : name, name, false, name === word.view));
+    $("view").replaceChildren(...options);
+    if (other || !this.chosen || word.marks.length > before) this.chooseNext();
+    $("pose").textContent = word.pose ?? "";
+    this.drawMarks();
+  }
+
+  /** Choose the first mark that is not set yet, else leave the choice. */
+  chooseNext() {
+    const list = this.list();
+    this.choose(list.find((name) => !this.at(name)) ?? this.chosen ?? list[0] ?? null);
+  }
+
+  choose(name) {
+    this.chosen = name;
+    if (name && this.steering && this.marks.kind !== name.kind) this.page.wish("kind", { kind: name.kind });
+    this.drawMarks();
+  }
+
+  chooseBy(by) {
+    const list = this.list(), at = list.findIndex((n) => n.kind === this.chosen?.kind && n.number === this.chosen?.number);
+    if (list.length) this.choose(list[(at + by + list.length) % list.length]);
+  }
+
+  drawMarks() {
+    const rows = this.list().map((name) => {
+      const row = document.createElement("tr"), set = this.at(name), guess = this.at(name, this.marks.predicted);
+      const button = document.createElement("button");
+      button.type = "button";
+      button.textContent = `${NAMES[name.kind]} ${name.number}`;
+      const chosen = name.kind === this.chosen?.kind && name.number === this.chosen?.number;
+      button.setAttribute("aria-pressed", String(chosen));
+      button.addEventListener("click", () => this.choose(name));
+      const off = set?.residual === undefined ? "" : set.residual.toFixed(1);
+      const cells = [button, ...(set ?? guess)?.dac.map(String) ?? ["–", "–"], off].map((content) => {
+        const cell = document.createElement("td");
+        cell.append(content);
+        if (!set && guess) cell.className = "predicted";
+        return cell;
+      });
+      row.append(...cells);
+      if (chosen) row.className = "chosen";
+      return row;
+    });
+    $("marks").tBodies[0].replaceChildren(...rows);
+    $("marks").querySelector(".chosen")?.scrollIntoView({ block: "nearest" });
+    this.drawOver();
+    this.update(this.steering);
+  }
+
+  drawOver() {
+    const canvas = $("over"), context = canvas.getContext("2d"), { width, height } = canvas;
+    const at = (dac) => this.map.placeOf(dac).map((v, k) => v * [width, height][k]);
+    context.clearRect(0, 0, width, height);
+    context.lineWidth = 1.5;
+    context.lineJoin = "round";
+    for (const { points, closed } of this.marks.outlines ?? []) {
+      context.strokeStyle = "#19a3a3";
+      context.beginPath();
+      for (const [i, dac] of points.entries()) context[i ? "lineTo" : "moveTo"](...at(dac));
+      if (closed) context.closePath();
+      context.stroke();
+    }
+    context.font = "bold 13px sans-serif";
+    for (const mark of this.marks.predicted ?? []) if (!this.at(mark)) drawCross(context, at(mark.dac), "#19a3a3", `${mark.number}?`);
+    for (const mark of this.marks.marks) drawCross(context, at(mark.dac), mark.kind === "corner" ? "#e08a00" : "#2f9e3f", String(mark.number));
+    const [x, y] = at(this.beam);
+    for (const [colour, thick] of [["#fff", 4], ["#c00000", 2]]) {
+      context.strokeStyle = colour;
+      context.lineWidth = thick;
+      context.beginPath();
+      context.arc(x, y, 6, 0, 7);
+      for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) { context.moveTo(x + 6 * dx, y + 6 * dy); context.lineTo(x + 14 * dx, y + 14 * dy); }
+      context.stroke();
+    }
+  }
+
+  // ---- what the person does ----
+
+  look() {
+    if (this.looking) this.page.wish("stop_look");
+    else this.page.wish("look", { low: this.map.low, high: this.map.high });
+  }
+
+  mark() {
+    if (this.chosen) this.page.wish("mark", this.chosen);
+  }
+
+  go() {
+    const place = this.placeOf(this.chosen);
+    if (place) this.page.wish("move", { to: place.map(Math.round) });
+  }
+
+  setStep(step) {
+    this.step = step;
+    for (const radio of document.querySelectorAll("[name=step]")) radio.checked = Number(radio.value) === step;
+  }
+
+  listen() {
+    $("field").addEventListener("click", (event) => {
+      if (!this.steering) return;
+      const box = $("map").getBoundingClientRect();
+      this.page.wish("move", { to: this.map.stepsAt((event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height) });
+      $("field").focus({ preventScroll: true });
+    });
+    const actions = { look: () => this.look(), nearer: () => this.zoom(0.5), farther: () => this.zoom(2), mark: () => this.mark(), go: () => this.go() };
+    actions.whole = () => this.window(...this.limits.map((v) => [v, v]));
+    actions["add-view"] = () => this.page.wish("add_view");
+    actions.undo = () => this.page.wish("undo");
+    actions.redo = () => this.page.wish("redo");
+    actions.write = () => this.page.wish("write", { name: $("name").value.trim(), replace: $("replace").checked });
+    actions.start = () => this.page.wish("scan", { name: $("name").value.trim(), replace: $("replace").checked });
+    for (const [id, action] of Object.entries(actions)) $(id).addEventListener("click", action);
+    $("view").addEventListener("change", () => this.page.wish("view", { name: $("view").value }));
+    for (const radio of document.querySelectorAll("[name=step]")) radio.addEventListener("change", () => this.setStep(Number(radio.value)));
+    for (const id of ["slide-up", "slide-left"]) {
+      $(id).addEventListener("input", () => this.page.wish("move", { to: [Number($("slide-up").value), Number($("slide-left").value)] }));
+    }
+    for (const arrow of document.querySelectorAll("[data-by]")) this.listenToArrow(arrow);
+    document.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  /** A press of an arrow moves once; held longer, the beam runs until it is let go. */
+  listenToArrow(arrow) {
+    const by = () => arrow.dataset.by.split(",").map((v) => Number(v) * this.step);
+    let timer = null;
+    const release = () => {
+      if (timer === null) return;
+      clearInterval(timer);
+      timer = null;
+      this.page.wish("release");
+    };
+    arrow.addEventListener("pointerdown", (event) => {
+      if (!this.steering || event.button) return;
+      arrow.setPointerCapture(event.pointerId);
+      this.page.wish("nudge", { by: by() });
+      const begun = performance.now();
+      timer = setInterval(() => { if (performance.now() - begun >= LONG) this.page.wish("hold", { by: by() }); }, HELD);
+    });
+    for (const end of ["pointerup", "pointercancel", "lostpointercapture", "blur"]) arrow.addEventListener(end, release);
+    arrow.addEventListener("click", (event) => { if (event.detail === 0) this.page.wish("nudge", { by: by() }); });
+  }
+
+  key(event) {
+    const writes = event.target.closest("input:not([type=radio]):not([type=checkbox]), select, textarea, [role=tab]");
+    if (writes || $("aim").hidden || event.ctrlKey || event.metaKey || event.altKey) return;
+    const arrows = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
+    const keys = { m: () => this.mark(), n: () => this.chooseBy(1), p: () => this.chooseBy(-1), g: () => this.go(), l: () => this.look() };
+    keys.u = () => this.page.wish("undo");
+    keys.r = () => this.page.wish("redo");
+    keys["+"] = () => this.zoom(0.5);
+    keys["-"] = () => this.zoom(2);
+    STEPS.forEach((step, i) => { keys[String(i + 1)] = () => this.setStep(step); });
+    const arrow = arrows[event.key], action = keys[event.key];
+    if (arrow && event.target.type === "radio") return;
+    if (arrow && this.steering) this.page.wish("nudge", { by: arrow.map((v) => v * this.step * (event.shiftKey ? 10 : 1)) });
+    else if (action && (this.steering || "np+-123".includes(event.key))) action();
+    else return;
+    event.preventDefault();
+  }
+}
+
+function drawCross(context, [x, y], colour, text) {
+  for (const [stroke, thick] of [["#fff", 4], [colour, 2]]) {
+    context.strokeStyle = stroke;
+    context.lineWidth = thick;
+    context.beginPath();
+    context.moveTo(x - 6, y - 6); context.lineTo(x + 6, y + 6);
+    context.moveTo(x - 6, y + 6); context.lineTo(x + 6, y - 6);
+    context.stroke();
+  }
+  context.lineWidth = 3;
+  context.strokeStyle = "#fff";
+  context.strokeText(text, x + 8, y - 8);
+  context.fillStyle = colour;
+  context.fillText(text, x + 8, y - 8);
+}
+
+function showCamera(header, [grey]) {
+  const canvas = $("camera");
+  if (!grey) return;
+  $("camera-box").hidden = false;
+  canvas.width = header.columns;
+  canvas.height = header.rows;
+  const context = canvas.getContext("2d"), image = context.createImageData(header.columns, header.rows);
+  const pixels = new Uint32Array(image.data.buffer);
+  for (let i = 0; i < grey.length; i++) {
+    const g = grey[i];
+    pixels[i] = g === 255 ? 0xff2020ff : (255 << 24) | (g << 16) | (g << 8) | g;  // the spot is red
+  }
+  context.putImageData(image, 0, 0);
+}

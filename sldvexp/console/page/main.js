@@ -1,0 +1,101 @@
+// The page as a whole: the line to the console, who steers, and the tabs.
+
+import { Aim } from "./aim.js";
+import { Link } from "./link.js";
+import { Scan } from "./scan.js";
+
+const $ = (id) => document.getElementById(id);
+const page = { role: "watcher", known: {}, wish: (what, more) => link.wish(what, more), say };
+const watchOnly = new URLSearchParams(location.hash.slice(1)).has("watch");
+const aim = new Aim(page), scan = new Scan(page);
+
+/** Show a sentence; a problem is set apart. */
+function say(text, problem = false) {
+  $("said").textContent = text;
+  $("said").className = problem ? "problem" : "";
+}
+
+function showRole(role) {
+  const changed = role !== page.role;
+  page.role = role;
+  showWho();
+  if (changed) update();
+}
+
+function showWho() {
+  const who = page.known.who ?? { steered: false, browsers: 1 };
+  const others = who.browsers > 1 ? `; ${who.browsers} browsers are here` : "";
+  const steering = page.role === "controller";
+  const told = steering ? "You are steering" : who.steered ? "You are watching; somebody else is steering" : "You are watching; nobody is steering";
+  if (page.connected) $("who").textContent = told + others;
+  $("take").hidden = steering || who.steered || !page.connected;
+  $("leave").hidden = !steering;
+}
+
+/** Enable what can be done now. */
+function update() {
+  const steering = page.role === "controller" && page.connected;
+  for (const control of document.querySelectorAll(".steers")) control.disabled = !steering;
+  for (const control of document.querySelectorAll("#view, #name, #replace, #answer")) control.disabled = !steering;
+  aim.update(steering);
+  scan.update(steering);
+}
+
+function choose(tab) {
+  for (const each of document.querySelectorAll("[role=tab]")) {
+    const chosen = each.id === `tab-${tab}`;
+    each.setAttribute("aria-selected", String(chosen));
+    each.tabIndex = chosen ? 0 : -1;
+    $(each.getAttribute("aria-controls")).hidden = !chosen;
+  }
+}
+page.choose = choose;
+
+const tabs = [...document.querySelectorAll("[role=tab]")];
+for (const [i, tab] of tabs.entries()) {
+  tab.addEventListener("click", () => choose(tab.id.slice(4)));
+  tab.addEventListener("keydown", (event) => {
+    const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+    if (!by) return;
+    event.preventDefault();
+    event.stopPropagation();
+    const next = tabs[(i + by + tabs.length) % tabs.length];
+    choose(next.id.slice(4));
+    next.focus();
+  });
+}
+
+const topics = {
+  who: showWho,
+  said: (word) => say(word.text, word.problem),
+  phase: (word) => { if (word !== page.phase) choose(word === "aim" ? "aim" : word); page.phase = word; },
+  planned: (word) => { $("planned").replaceChildren(...word.map((text) => Object.assign(document.createElement("p"), { textContent: text }))); },
+  result: (word) => scan.result(word),
+};
+
+const link = new Link({
+  open() {
+    page.connected = true;
+    if (!watchOnly) link.wish("take");
+    showWho();
+  },
+  lost() {
+    page.connected = false;
+    page.role = "watcher";
+    $("who").textContent = "The connection is lost; the mirrors are sent home. Trying again …";
+    $("take").hidden = $("leave").hidden = true;
+    update();
+  },
+  role: showRole,
+  refused: (why) => say(why, true),
+  topic(name, word) {
+    page.known[name] = word;
+    (topics[name] ?? aim.topics[name] ?? scan.topics[name] ?? (() => {}))(word);
+    update();
+  },
+  picture(header, arrays) { (aim.pictures[header.picture] ?? scan.pictures[header.picture] ?? (() => {}))(header, arrays); },
+});
+
+$("take").addEventListener("click", () => link.wish("take"));
+$("leave").addEventListener("click", () => link.wish("leave"));
+update();

@@ -1,0 +1,86 @@
+// The scan: how far it is, the velocity image as it grows, and what can be wished.
+
+import { Cells, paintRamp } from "./cells.js";
+
+const $ = (id) => document.getElementById(id);
+
+/** Say a time as people do. */
+export function inWords(seconds) {
+  if (seconds < 90) return `${Math.round(seconds)} s`;
+  const minutes = Math.round(seconds / 60);
+  return minutes < 90 ? `${minutes} min` : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
+}
+
+export class Scan {
+  constructor(page) {
+    this.page = page;
+    this.image = new Cells($("image"), () => { $("image").dataset.cells = this.image.count; });
+    $("image").cells = this.image;
+    paintRamp($("image-ramp"));
+    this.topics = {
+      scan: (word) => this.show(word),
+      ask: (word) => this.ask(word),
+      done: (word) => this.done(word),
+    };
+    this.pictures = { image: (header, arrays) => this.grow(header, arrays) };
+    for (const id of ["pause", "again", "skip", "stop"]) $(id).addEventListener("click", () => this.page.wish(id));
+    $("go-on").addEventListener("click", () => this.page.wish("go_on"));
+    $("again-bad").addEventListener("click", () => this.page.wish("again_bad"));
+    const reply = () => { this.page.wish("answer", { text: $("answer").value }); $("answer").value = ""; };
+    $("reply").addEventListener("click", reply);
+    $("answer").addEventListener("keydown", (event) => { if (event.key === "Enter") reply(); });
+  }
+
+  update(steering) {
+    const now = this.now ?? {};
+    const can = { pause: now.running && !now.paused, "go-on": now.paused, again: now.running, "again-bad": now.running, skip: now.running, stop: now.running };
+    for (const [id, possible] of Object.entries(can)) $(id).disabled = !(steering && possible);
+  }
+
+  show(word) {
+    this.now = word;
+    $("progress").value = word.part ?? 0;
+    $("progress-told").textContent = word.told;
+    const facts = Object.entries(word.facts ?? {}).map(([name, value]) => {
+      const pair = document.createElement("div"), dt = document.createElement("dt"), dd = document.createElement("dd");
+      dt.textContent = name;
+      dd.textContent = value;
+      pair.append(dt, dd);
+      return pair;
+    });
+    $("facts").replaceChildren(...facts);
+  }
+
+  ask(word) {
+    $("ask").hidden = !word;
+    if (!word) return;
+    $("asked").textContent = word.text;
+    $("answer-box").hidden = !word.answer;
+    this.page.choose("scan");
+  }
+
+  done(views) {
+    const parts = views.flatMap(({ name, told }) => {
+      const head = document.createElement("h2"), list = document.createElement("ul");
+      head.textContent = `View ${name}`;
+      list.append(...told.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+      return [head, list];
+    });
+    $("views-done").replaceChildren(...parts);
+  }
+
+  grow(header, [dac, value, flag]) {
+    if (header.begin) {
+      this.image.forget();
+      if (header.low) this.image.show(header.low, header.high);
+      return;
+    }
+    this.image.add(dac, value, flag, header.tall, header.wide);
+    $("image-range").textContent = `0 to ${this.image.top.toPrecision(3)} mm/s; grey: not to be trusted, green: over the range`;
+  }
+
+  result(word) {
+    $("result-told").textContent = word.told;
+    $("report").hidden = !word.page;
+  }
+}

@@ -1,0 +1,169 @@
+"""A console in a process of its own, and a page of it in a real browser."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from sldvexp.virtual_lab.console import experiment
+from sldvexp.virtual_lab.lab import VirtualLab
+from tests.console.conftest import BENCH
+from tests.report.devtools import Browser
+
+PATIENCE = 120.0
+ROOT = Path(__file__).parents[2]
+
+
+class Served:
+    """A console that serves ``experiment=bench`` of a folder of its own."""
+
+    def __init__(self, folder: Path, *settings: str) -> None:
+        self.folder = folder
+        (folder / "my" / "experiment").mkdir(parents=True, exist_ok=True)
+        (folder / "my" / "experiment" / "bench.yaml").write_text(BENCH)
+        self.output = folder / "console.txt"
+        line = [sys.executable, "-u", "-m", "sldvexp.cli.main", "console", "experiment=bench"]
+        with self.output.open("w") as output:
+            self.process = subprocess.Popen(
+                [*line, *settings, "--config-dir", "my"],
+                cwd=folder,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, "PYTHONPATH": str(ROOT)},
+            )
+        end = time.monotonic() + PATIENCE
+        while not self.output.read_text().startswith("http"):
+            assert self.process.poll() is None, self.output.read_text()
+            assert time.monotonic() < end
+            time.sleep(0.05)
+        self.address = self.output.read_text().split()[0]
+
+    @property
+    def runs(self) -> list[Path]:
+        """Folders of the runs that it has begun, the oldest first."""
+        return sorted(path.parent for path in self.folder.glob("outputs/*/*/.hydra"))
+
+    def end(self, number: int = signal.SIGINT) -> int:
+        """End it and give its exit status."""
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        return self.process.wait(timeout=PATIENCE)
+
+
+class Page(Browser):
+    """The console's page, used by clicks and keys alone."""
+
+    def __init__(self, address: str, size: tuple[int, int], dark: bool = False) -> None:
+        super().__init__()
+        self.size(*size)
+        if dark:
+            scheme = {"name": "prefers-color-scheme", "value": "dark"}
+            self.command("Emulation.setEmulatedMedia", features=[scheme])
+        self.address = address
+        self.open_address(address)
+        self.until(lambda: "Connecting" not in self.text("who"))
+
+    def until(self, condition) -> None:
+        end = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < end, (self.text("who"), self.text("said"), self.said())
+            time.sleep(0.03)
+
+    def text(self, name: str) -> str:
+        return self.js("return document.getElementById(arguments[0]).textContent", name)
+
+    def can(self, name: str) -> bool:
+        return self.js(
+            "const e = document.getElementById(arguments[0]);"
+            "return !e.disabled && e.getClientRects().length > 0",
+            name,
+        )
+
+    def place(self, name: str, across: float = 0.5, down: float = 0.5) -> tuple[float, float]:
+        """Bring a part into view and say where it is."""
+        left, top, width, height = self.js(
+            "const e = document.getElementById(arguments[0]);"
+            "e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect();"
+            "return [b.left, b.top, b.width, b.height]",
+            name,
+        )
+        return left + across * width, top + down * height
+
+    def click(self, name: str) -> None:
+        self.until(lambda: self.can(name))
+        at = self.place(name)
+        self.mouse(at, at)
+
+    @property
+    def beam(self) -> tuple[int, int]:
+        return int(self.text("at-up")), int(self.text("at-left"))
+
+    def click_at(self, dac) -> None:
+        """Click on the field of view, and come as near as its pixels are to DAC steps."""
+        code = "return document.getElementById('map').cells.placeOf(arguments[0])"
+        at = self.place("map", *self.js(code, [float(d) for d in dac]))
+        before = self.text("at-up"), self.text("at-left")
+        self.mouse(at, at)
+        self.until(lambda: (self.text("at-up"), self.text("at-left")) != before)
+
+    def come_to(self, dac) -> None:
+        """Bring the beam to DAC steps by a click and by arrow keys."""
+        wanted = [int(d) for d in np.rint(dac)]
+        self.click_at(wanted)
+        for key, size in (("2", 10), ("1", 1)):
+            self.key(key)
+            for mirror, (more, less) in enumerate(
+                (("ArrowUp", "ArrowDown"), ("ArrowRight", "ArrowLeft"))
+            ):
+                while abs(off := wanted[mirror] - self.beam[mirror]) >= size:
+                    before = self.beam
+                    self.key(more if off > 0 else less)
+                    self.until(lambda before=before: self.beam != before)
+
+    @property
+    def marks(self) -> int:
+        """Number of marks that are set in this view."""
+        return self.js(
+            "return [...document.querySelectorAll('#marks tbody tr')].filter((row) =>"
+            "row.cells[1].textContent !== '–' && !row.cells[1].classList.contains('predicted'))"
+            ".length"
+        )
+
+    def mark(self) -> None:
+        count = self.marks
+        self.key("m")
+        self.until(lambda: self.marks == count + 1)
+
+    def choose_next_view(self) -> None:
+        """Choose the next view as a person at the keyboard does."""
+        before = self.js("return document.getElementById('view').value")
+        self.js("document.getElementById('view').focus()")
+        self.key("ArrowDown")
+        self.until(lambda: self.js("return document.getElementById('view').value") != before)
+        self.until(lambda: self.marks == 0)
+        self.js("document.getElementById('field').focus()")
+
+    def aim(self, lab: VirtualLab, view: str) -> None:
+        """Aim at three circles as they are seen, and go to the rest where it is predicted."""
+        lab.use_view(view)
+        for place in lab.true_dac(lab.calibration_object.center)[:3]:
+            self.come_to(place + np.array([2, -3]))  # nobody meets the middle
+            self.mark()
+        for _ in range(5):
+            self.until(lambda: self.can("go"))
+            before = self.beam
+            self.key("g")
+            self.until(lambda before=before: self.beam != before)
+            self.mark()
+
+
+def bench_lab() -> VirtualLab:
+    """The virtual lab that `BENCH` has, of which a test knows the truth."""
+    e = experiment(["experiment=plate"])
+    return VirtualLab(e.scene, e.laser, e.target, e.seed)

@@ -1,0 +1,292 @@
+"""The bench does what is wished, looks from coarse to fine, and leaves the instrument safe."""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sldvexp.console import bench as bench_module
+from sldvexp.console.bench import AimingBench
+from sldvexp.instrument.visa import Visa
+from sldvexp.virtual_lab.lab import VirtualLab
+from sldvexp.virtual_lab.server import Fault, LabServer
+
+
+class Seen:
+    """What a browser has seen of a board."""
+
+    def __init__(self, board):
+        self.board, self.reader = board, board.reader(lambda: None)
+        self.topics, self.parts = {}, []
+
+    def look(self):
+        more = True
+        while more:
+            news, more = self.board.news(self.reader)
+            for each in news:
+                if isinstance(each, str):
+                    word = json.loads(each)
+                    self.topics[word["topic"]] = word["word"]
+                else:
+                    (length,) = struct.unpack("<I", each[:4])
+                    self.parts.append((json.loads(each[4 : 4 + length]), each[4 + length :]))
+        return self.topics
+
+
+@pytest.fixture
+def bench(lab_experiment, board, wishes):
+    made = AimingBench(lab_experiment, board, wishes)
+    yield made
+    made.leave()
+
+
+@pytest.fixture
+def seen(board):
+    return Seen(board)
+
+
+@pytest.fixture
+def do(bench, wishes):
+    """Wish something, and let the bench do it."""
+
+    def done(what, **more):
+        wishes.put({"do": what, **more})
+        bench.turn()
+
+    done("taken")
+    return done
+
+
+@pytest.fixture
+def lab(lab_experiment):
+    e = lab_experiment
+    return VirtualLab(e.scene, e.laser, e.target, e.seed)
+
+
+@pytest.fixture
+def far(lab_experiment, board, wishes, lab):
+    """A bench whose instrument is spoken to over a socket."""
+    with LabServer(lab) as server:
+        instrument = Visa(resource=server.resource, timeout=5.0, retries=0)
+        made = AimingBench(replace(lab_experiment, instrument=instrument), board, wishes)
+        wishes.put({"do": "taken"})
+        made.turn()
+        yield made, server
+        made.leave()
+
+
+def test_beam_goes_where_it_is_sent_and_not_beyond_the_board(bench, do, seen):
+    do("move", to=[120, -40])
+    assert seen.look()["beam"] == [120, -40]
+    do("nudge", by=[-20, 100])
+    assert seen.look()["beam"] == [100, 60]
+    do("move", to=[5000, -99999])
+    assert seen.look()["beam"] == [4096, -4096]
+    assert bench._instrument.position == (4096, -4096)
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        {"do": "move"},
+        {"do": "move", "to": [1]},
+        {"do": "move", "to": [1.5, 2]},
+        {"do": "move", "to": [True, 2]},
+        {"do": "move", "to": "12"},
+        {"do": "move", "to": [None, 1]},
+        {"do": "mark", "kind": "circle", "number": 9},
+        {"do": "mark", "kind": "circle", "number": True},
+        {"do": "mark", "kind": "nothing", "number": 1},
+        {"do": "mark", "kind": ["circle"], "number": 1},
+        {"do": "view", "name": "nowhere"},
+        {"do": "view", "name": ["1"]},
+        {"do": "kind", "kind": {}},
+        {"do": "look", "low": [5000, 5000], "high": [6000, 6000]},
+        {"do": "undo"},
+        {"do": "_leave"},
+    ],
+    ids=str,
+)
+def test_wish_that_cannot_be_is_told_and_changes_nothing(bench, do, seen, wish):
+    do(wish.pop("do"), **wish)
+    assert seen.look()["said"]["problem"]
+    assert (bench.beam, bench.marks.of("1"), bench._instrument) == ((0, 0), {}, None)
+
+
+def test_marks_are_taken_taken_back_and_repeated_across_views(bench, do, seen):
+    do("move", to=[10, 20])
+    do("mark", kind="circle", number=1)
+    do("view", name="2")
+    assert bench.beam == (0, 0)  # another view is another place of the instrument
+    do("move", to=[30, 40])
+    do("mark", kind="corner", number=2)
+    marks = seen.look()["marks"]
+    assert [(m["kind"], m["number"], m["dac"]) for m in marks["marks"]] == [("corner", 2, [30, 40])]
+    do("undo")
+    assert seen.look()["marks"]["marks"] == []
+    do("undo")
+    assert (seen.look()["marks"]["view"], bench.marks.of("1")) == ("1", {})
+    do("redo")
+    do("redo")
+    assert (bench.view, bench.marks.of("2")) == ("2", {("corner", 2): (30, 40)})
+
+
+def test_three_circles_tell_where_the_fourth_and_the_corners_lie(bench, do, seen, lab):
+    true = np.rint(lab.true_dac(lab.calibration_object.center)).astype(int)
+    for number, place in enumerate(true[:3].tolist(), 1):
+        do("move", to=place)
+        do("mark", kind="circle", number=number)
+    marks = seen.look()["marks"]
+    predicted = {(p["kind"], p["number"]): p["dac"] for p in marks["predicted"]}
+    np.testing.assert_allclose(predicted["circle", 4], true[3], atol=15)
+    # As the example's operator saw the plate, whose rim the volume leaves out.
+    corners = np.array([predicted["corner", k] for k in (1, 2, 3, 4)])
+    seen_then = bench.experiment.scan.structure.views["1"].corners
+    for limit in (np.min, np.max):
+        np.testing.assert_allclose(limit(corners, axis=0), limit(seen_then, axis=0), atol=60)
+    assert len(marks["outlines"]) == 5
+    do("move", to=(true[3] + [40, 0]).tolist())
+    do("mark", kind="circle", number=4)
+    residual = {m["number"]: m["residual"] for m in seen.look()["marks"]["marks"]}
+    assert residual[4] > 20
+    assert "contradict" in seen.topics["marks"]["pose"]
+
+
+def test_quick_look_goes_from_coarse_to_fine_and_shows_what_moves(bench, do, seen, lab):
+    x, y = np.rint(lab.true_dac(lab.calibration_object.center[0])).astype(int).tolist()
+    do("look", low=[x - 200, y - 200], high=[x + 200, y + 200])
+    while bench._look is not None:
+        bench.turn()
+    seen.look()
+    parts = [(h, rest) for h, rest in seen.parts if h["picture"] == "raster" and "cell" in h]
+    cells = [h["cell"] for h, _ in parts]
+    assert cells == sorted(cells, reverse=True)
+    assert (cells[0], cells[-1]) == (50, 4)
+    header, rest = parts[-1]
+    (_, pairs), (_, count), _ = header["arrays"]
+    dac = np.frombuffer(rest, "<i4", pairs).reshape(-1, 2)
+    value = np.frombuffer(rest, "<f4", count, 4 * pairs)
+    assert value.max() < 1  # the last part is beside the circle
+    everything = [
+        (
+            np.frombuffer(r, "<i4", h["arrays"][0][1]).reshape(-1, 2),
+            np.frombuffer(r, "<f4", h["arrays"][1][1], 4 * h["arrays"][0][1]),
+        )
+        for h, r in parts
+    ]
+    dac, value = (np.concatenate(part) for part in zip(*everything, strict=True))
+    near = np.hypot(*(dac - [x, y]).T) < 40
+    assert value[near].min() > 5 > 1 > np.median(value[np.hypot(*(dac - [x, y]).T) > 180])
+    assert bench.beam == (0, 0)
+    assert bench._instrument.position == (0, 0)  # the beam is back where it was sent
+
+
+def test_look_is_stopped_and_a_move_comes_between_its_parts(bench, do, seen):
+    do("look", low=[-4096, -4096], high=[4096, 4096])
+    bench.turn()
+    do("move", to=[7, 7])
+    assert (seen.look()["beam"], bench._look is None) == ([7, 7], False)
+    do("stop_look")
+    assert (seen.look()["looking"], bench._look) == (False, None)
+
+
+def test_level_and_picture_are_told_where_the_beam_stands(bench, do, seen, lab):
+    place = np.rint(lab.true_dac(lab.calibration_object.center[1])).astype(int).tolist()
+    do("move", to=place)
+    bench.turn()
+    level = seen.look()["level"]
+    assert level["velocity"] > 5
+    assert level["reference"] == pytest.approx(1, abs=0.05)
+    assert (0 < level["light"] <= 1, level["flags"]) == (True, [])
+    (camera,) = [h for h, _ in seen.parts if h["picture"] == "camera"]
+    assert (camera["rows"], camera["columns"]) == (150, 200)
+
+
+def test_held_arrow_moves_on_and_stops_when_the_page_does_not_say_so_any_more(
+    bench, do, monkeypatch
+):
+    clock = [100.0]
+    monkeypatch.setattr(bench_module.time, "monotonic", lambda: clock[0])
+    do("hold", by=[0, 10])
+    for _ in range(3):
+        bench.turn()
+    assert bench.beam == (0, 30)
+    clock[0] += bench_module.HELD + 0.1
+    bench.turn()
+    bench.turn()
+    assert (bench.beam, bench._held) == ((0, 30), None)
+
+
+def test_lost_connection_in_mid_move_sends_the_mirrors_home_and_stops_the_generator(
+    far, wishes, lab
+):
+    bench, server = far
+    wishes.put({"do": "hold", "by": [5, 100]})
+    for _ in range(4):
+        bench.turn()
+    assert lab.position[1] >= 200
+    assert server.dialect.playing
+    wishes.put({"do": "lost"})
+    bench.turn()
+    bench.turn()  # and nothing moves any more
+    assert (lab.position, server.dialect.playing, bench._held) == ((0, 0), False, None)
+
+
+def test_lost_connection_in_a_quick_look_does_the_same(far, wishes, lab):
+    bench, server = far
+    wishes.put({"do": "look", "low": [-500, -500], "high": [500, 500]})
+    bench.turn()
+    bench.turn()
+    assert server.dialect.playing
+    wishes.put({"do": "lost"})
+    bench.turn()
+    assert (lab.position, server.dialect.playing, bench._look) == ((0, 0), False, None)
+
+
+def test_who_comes_after_a_lost_controller_goes_on(far, wishes, lab):
+    bench, _ = far
+    for wish in ({"do": "lost"}, {"do": "taken"}, {"do": "move", "to": [3, 4]}):
+        wishes.put(wish)
+        bench.turn()
+    assert lab.position == (3, 4)
+
+
+def test_level_position_and_picture_come_over_the_socket(far, wishes, seen):
+    bench, _ = far
+    wishes.put({"do": "move", "to": [-371, 1322]})
+    bench.turn()
+    bench.turn()
+    level = seen.look()["level"]
+    assert level["velocity"] > 5
+    assert [h["columns"] for h, _ in seen.parts if h["picture"] == "camera"] == [200]
+
+
+class Silent(Fault):
+    """An instrument that does not answer."""
+
+    def spoil(self, answer, send, server):
+        send(b"")
+
+
+def test_fault_of_the_instrument_is_told_and_the_bench_goes_on(far, wishes, seen, lab):
+    bench, server = far
+    bench._ready()
+    server.faults.append(Silent("SYST:ERR?", times=1))
+    wishes.put({"do": "move", "to": [3, 4]})
+    bench._instrument.profile  # noqa: B018 (it is opened)
+    bench._instrument._persistently._dialogue.timeout = 0.2
+    bench.turn()
+    assert seen.look()["said"]["problem"]
+    assert "no answer" in seen.topics["said"]["text"]
+    wishes.put({"do": "move", "to": [5, 6]})
+    bench.turn()
+    assert lab.position == (5, 6)
+
+
+def test_nothing_is_sampled_while_nobody_steers(bench, board, wishes):
+    bench.turn()
+    assert bench._instrument is None

@@ -1,0 +1,149 @@
+"""The console's page in a real browser, used by clicks and keys."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from tests.console.served import Page, Served, bench_lab
+from tests.report import devtools
+from tests.report.opened import DESKTOP, PHONE
+
+axe = pytest.importorskip("axe_core_python.base", reason="needs axe-core-python")
+
+pytestmark = [
+    pytest.mark.skipif(not devtools.PATH, reason="needs chromium"),
+    pytest.mark.xdist_group("browser"),
+]
+FAULTS = """
+return axe.run().then((found) => found.violations.map((v) =>
+  v.id + ": " + v.nodes.map((n) => n.html.slice(0, 100)).join(" | ")))
+"""
+TABS = ("aim", "scan", "plan", "result")
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory):
+    made = Served(tmp_path_factory.mktemp("console"))
+    yield made
+    made.end()
+
+
+@pytest.fixture
+def page(served):
+    made = Page(served.address, DESKTOP)
+    made.until(lambda: made.text("who").startswith("You are steering"))
+    yield made
+    made.close()
+
+
+def test_circle_is_found_on_a_quick_look_and_marked_by_a_click_and_a_key(page, served):
+    lab = bench_lab()
+    place = lab.true_dac(lab.calibration_object.center[0])
+    page.click("nearer")
+    page.key("l")
+    page.until(lambda: page.js("return document.getElementById('map').cells.count") > 5000)
+    page.key("l")
+    page.come_to(place)
+    page.until(lambda: page.text("velocity-told") > "5")
+    page.mark()
+    assert page.text("marks").count(str(round(place[0]))) == 1
+    page.key("u")
+    page.until(lambda: page.marks == 0)
+    page.key("r")
+    page.until(lambda: page.marks == 1)
+    assert page.said() == []
+    fetched = page.fetched()
+    assert len(fetched) > 5
+    assert [url for url in fetched if not url.startswith(served.address)] == []
+
+
+@pytest.mark.parametrize(("size", "dark"), [(DESKTOP, False), (PHONE, False), (DESKTOP, True)])
+def test_every_tab_is_open_to_everybody_and_no_wider_than_the_window(served, size, dark):
+    page = Page(served.address, size, dark)
+    try:
+        page.command("Runtime.evaluate", expression=axe.AXE_SCRIPT)
+        for tab in TABS:
+            page.click(f"tab-{tab}")
+            assert page.js(FAULTS) == []
+            assert page.js("return document.documentElement.scrollWidth - innerWidth") <= 0
+            if folder := os.environ.get("SLDVEXP_SHOTS"):
+                name = f"{tab}-{size[0]}{'-dark' if dark else ''}.png"
+                with open(f"{folder}/{name}", "wb") as file:
+                    file.write(page.picture())
+        assert page.said() == []
+    finally:
+        page.close()
+
+
+def test_second_browser_watches_and_cannot_steer(page, served):
+    other = Page(served.address, PHONE)
+    try:
+        other.until(lambda: "somebody else is steering" in other.text("who"))
+        assert not any(other.can(name) for name in ("look", "mark", "write", "start", "slide-up"))
+        page.come_to((123, -45))
+        other.until(lambda: other.beam == (123, -45))
+        other.key("ArrowUp")
+        other.js("document.getElementById('field').click()")
+        page.key("ArrowUp")
+        other.until(lambda: other.beam == (124, -45))
+        page.click("leave")
+        other.click("take")
+        other.until(lambda: other.text("who").startswith("You are steering"))
+        other.click_at((50, 60))
+        assert not page.can("mark")
+    finally:
+        other.close()
+
+
+def test_mirrors_go_home_when_the_browser_is_gone(page, served):
+    page.come_to((77, 88))
+    other = Page(f"{served.address}#watch", DESKTOP)
+    try:
+        other.until(lambda: other.beam == (77, 88))
+        page.open_address("about:blank")
+        other.until(lambda: other.beam == (0, 0))
+        assert "the mirrors are home and the generator is off" in other.text("said")
+    finally:
+        other.close()
+
+
+def test_arrow_that_is_held_moves_on_until_it_is_let_go(page):
+    page.js("document.querySelector('[data-by=\"0,1\"]').id = 'right'")
+    x, y = page.place("right")
+    told = {"button": "left", "clickCount": 1, "x": x, "y": y}
+    page.command("Input.dispatchMouseEvent", type="mousePressed", buttons=1, **told)
+    page.until(lambda: page.beam[1] > 100)
+    page.command("Input.dispatchMouseEvent", type="mouseReleased", buttons=0, **told)
+    page.key("ArrowUp")
+    page.until(lambda: page.beam[0] == 10)  # whatever was wished before is done
+    place = page.beam
+    page.key("ArrowUp")
+    page.until(lambda: page.beam[0] == 20)
+    assert page.beam[1] == place[1]
+
+
+PAINT = """
+const Cells = document.getElementById('map').cells.constructor;
+const cells = new Cells(document.createElement('canvas'));
+cells.canvas.width = cells.canvas.height = 600;
+const n = 100000, side = 316, step = 25, corner = -4000;
+const dac = new Int32Array(2 * n), value = new Float32Array(n);
+for (let i = 0; i < n; i++) {
+  dac[2 * i] = corner + step * Math.floor(i / side);
+  dac[2 * i + 1] = corner + step * (i % side);
+  value[i] = i % 97;
+}
+cells.add(dac, value, new Uint8Array(n), step);
+return [...Array(20)].map(() => {
+  const begun = performance.now();
+  cells.painted = 0;  // all of them, as when the window moves
+  cells.draw();
+  return (performance.now() - begun) / 1000;
+}).sort((a, b) => a - b)[arguments[0]];
+"""
+
+
+def test_hundred_thousand_pixels_are_painted_smoothly(page):
+    assert page.js(PAINT, 10) < 1 / 20

@@ -1,0 +1,108 @@
+"""What was aimed is an experiment that a run takes as it is, and no file is lost by it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+import yaml
+
+from sldvexp.cli.console import composed
+from sldvexp.config import hydra_plugin
+from sldvexp.console.marks import CIRCLE, CORNER, SPOT, AimedMarks, view_names, wanted
+from sldvexp.console.written import settings_with, write_experiment
+from sldvexp.errors import UserError
+from sldvexp.scan.by_digitizer import ByDigitizer
+from sldvexp.scan.calibration import CalibrationScan
+from sldvexp.scan.rectangle import Rectangle
+from sldvexp.scan.session import Session
+from tests.console.conftest import BENCH
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "bench.yaml").write_text(BENCH)
+    hydra_plugin.install()
+    return tmp_path
+
+
+@pytest.fixture
+def marks() -> AimedMarks:
+    made = AimedMarks()
+    for number, steps in enumerate([(-371, 1322), (-517, 601), (588, 318), (551, 1430)], 1):
+        made.set("1", (CIRCLE, number), steps)
+    for number, steps in enumerate([(-661, 159), (-659, -1454), (683, -1503), (682, 165)], 1):
+        made.set("1", (CORNER, number), steps)
+    return made
+
+
+def test_aimed_experiment_is_the_other_one_with_the_places_that_were_marked(folder, marks):
+    base = ["experiment=bench", "scan.structure.pixels=[9,11]", "seed=3"]
+    scan = marks.settings(composed(base, str(folder)).scan)
+    path = write_experiment(folder, "bench_aimed", base, scan)
+    made = composed(settings_with(base, "bench_aimed"), str(folder))
+    assert made.scan.view_names() == ["1"]
+    assert made.scan.calibration.views["1"].dac[0] == [-371, 1322]
+    assert made.scan.structure.views["1"].corners[3] == [682, 165]
+    assert (made.scan.calibration.fine.lines, made.scan.structure.pixels) == (16, [9, 11])
+    assert made.seed == 3
+    text = path.read_text()
+    assert f"sldvexp --config-dir {folder} experiment=bench_aimed" in text
+    assert yaml.safe_load(text)["defaults"] == ["/experiment/bench", "_self_"]
+
+
+def test_file_that_is_there_stays_unless_it_may_be_replaced(folder, marks):
+    scan = marks.settings(composed(["experiment=bench"], str(folder)).scan)
+    path = write_experiment(folder, "mine", ["experiment=bench"], scan)
+    path.write_text("dear to somebody")
+    with pytest.raises(UserError, match="is there already"):
+        write_experiment(folder, "mine", ["experiment=bench"], scan)
+    assert path.read_text() == "dear to somebody"
+    write_experiment(folder, "mine", ["experiment=bench"], scan, replace=True)
+    assert "Aimed with" in path.read_text()
+
+
+@pytest.mark.parametrize("name", ["", "../evil", "a/b", "a b", "x" * 65, ".hidden", "ü", "a\nb"])
+def test_name_that_is_none_is_refused(folder, name):
+    with pytest.raises(UserError, match="cannot be the name"):
+        write_experiment(folder, name, [], {})
+    assert [p.name for p in folder.rglob("*.yaml")] == ["bench.yaml"]
+
+
+def test_experiment_is_not_made_of_itself(folder):
+    with pytest.raises(UserError, match="of itself"):
+        write_experiment(folder, "bench", ["experiment=bench"], {}, replace=True)
+    assert (folder / "experiment" / "bench.yaml").read_text() == BENCH
+
+
+def test_file_is_whole_or_not_there(folder, monkeypatch):
+    def broken(*_, **__):
+        raise OSError(28, "no space left on device")
+
+    monkeypatch.setattr(os, "replace", broken)
+    monkeypatch.setattr(os, "rename", broken)
+    monkeypatch.setattr(Path, "replace", broken)
+    with pytest.raises((UserError, OSError)):
+        write_experiment(folder, "mine", ["experiment=bench"], {"views": {}})
+    assert [p.name for p in (folder / "experiment").iterdir()] == ["bench.yaml"]
+
+
+def test_places_of_each_kind_of_scan_have_their_own_key():
+    for scan, kind, key in (
+        (CalibrationScan(), CIRCLE, "dac"),
+        (Rectangle(pixels=[3, 3]), CORNER, "corners"),
+        (ByDigitizer(), SPOT, "dac"),
+    ):
+        marks = AimedMarks()
+        marks.set("a", (kind, 2), (3, 4))
+        marks.set("a", (kind, 1), (1, 2))
+        assert marks.settings(scan) == {"views": {"a": {key: [[1, 2], [3, 4]]}}}
+
+
+def test_session_without_views_wants_circles_and_corners_in_every_view_of_the_lab(folder):
+    made = composed(["experiment=bench"], str(folder))
+    assert isinstance(made.scan, Session)
+    assert wanted(made) == {CIRCLE: [1, 2, 3, 4], CORNER: [1, 2, 3, 4]}
+    assert view_names(made) == ["1", "2", "3", "4", "5"]
