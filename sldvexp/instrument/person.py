@@ -118,8 +118,8 @@ class AimingGuide(Protocol):
         """Marks with their steps, in the order in which they were taken."""
 
     @property
-    def hidden(self) -> list[str]:
-        """Marks that cannot be seen."""
+    def said(self) -> list[str]:
+        """Marks that were taken or cannot be seen, in the order in which that was said."""
 
     def take(self, name: str, dac: Sequence[float]) -> None:
         """Take a mark at some steps."""

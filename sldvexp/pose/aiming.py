@@ -153,6 +153,11 @@ class Aiming:
         return [name for name, steps in self._said.items() if steps is None]
 
     @property
+    def said(self) -> list[str]:
+        """Places that are taken or hidden, in the order in which that was said."""
+        return list(self._said)
+
+    @property
     def open(self) -> list[str]:
         """Places that are neither taken nor hidden."""
         return [name for name in self.places if name not in self._said]

@@ -44,7 +44,7 @@ HELP = (
     "it may be instead; Enter takes it, h leaves it out as hidden; u takes the last one back, r an "
     "earlier one; ? shows this."
 )
-REVIEW = "all marks are taken: Enter goes on, u takes the last one back, r an earlier one"
+REVIEW = "Enter goes on, u takes the last one back, r an earlier one"
 
 _STEPS = re.compile(r"(=?)\s*([+-]?\d+)[\s,;]+([+-]?\d+)")
 
@@ -120,7 +120,7 @@ class AtKeyboard:
         TakenBackError
             For the session to ask about that mark again.
         """
-        said = [*self.guide.hidden, *self.guide.taken]
+        said = self.guide.said
         if key.name == "u" and said:
             raise TakenBackError(int(said[-1].rpartition(" ")[2]))
         if key.name == "u":
@@ -251,12 +251,16 @@ class _Aim:
 
     def _show(self) -> None:
         """Draw the line that lives; what a narrow terminal has no room for is left out."""
-        parts = [self.name, f"beam {self.beam[0]} {self.beam[1]}", f"step {self.person.step}"]
+        parts = [self.name, f"beam {self.beam[0]} {self.beam[1]}"]
         if self.expected is not None:
             off = np.rint(self.expected.dac - self.beam).astype(int)
             parts.append(f"to go {off[0]:+d} {off[1]:+d}")
-        if not self.keyboard.is_waiting:  # whoever holds a key down shall not wait for the light
-            parts += self.person.level.read(self.instrument)
+        step = f"step {self.person.step}"
+        if self.keyboard.is_waiting:  # whoever holds a key down shall not wait for the light
+            parts.append(step)
+        else:
+            light, *volts = self.person.level.read(self.instrument)
+            parts += [light, step, *volts]
         self.keyboard.status(fitting(parts, self.keyboard.columns))
 
 
@@ -269,20 +273,19 @@ class Level:
     def read(self, instrument: Instrument) -> list[str]:
         """Sample a pixel, and say what came back."""
         if not self._can:
-            return []
+            return ["no level"]
         try:
             pixel = instrument.acquire()
             light = light_level(instrument, pixel)
         except InstrumentError as error:
             # A dead connection shows at the next move; an instrument may do without a level.
             self._can = False
-            return [f"no level: {error}"]
+            return ["no level", str(error)]
         volts = pixel.counts[0] * np.asarray(pixel.volts_per_count)[:, None]
         velocity, reference = volts.std(axis=1)
-        word = "over range" if np.any(pixel.status & Status.over_range) else ""
+        over = np.any(pixel.status & Status.over_range)
         return [
-            f"light [{bar(light)}]",
-            *([word] if word else []),
+            f"light [{bar(light)}]{' over range' if over else ''}",
             f"velocity {velocity:.4f} V",
             f"reference {reference:.4f} V",
         ]
