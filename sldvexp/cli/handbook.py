@@ -25,6 +25,7 @@ CHAPTERS = {
         "own_files",
         "other_instruments",
         "first_instrument",
+        "aiming",
         "console",
     ),
     "Work": (
