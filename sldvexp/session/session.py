@@ -88,7 +88,7 @@ def scan_views(
         kept = Journal(journal / view.name, lasting=e.instrument.real)
         plan = (watcher, view.name, view.lines, kept.left or e.instrument.left(view.name))
         with Camera(arrive, e.signal, kept, *plan) as camera:
-            at = ViewContext(view.name, camera, e.laser, e.target, operator, guide)
+            at = ViewContext(view.name, camera, e.laser, e.target, operator, guide=guide)
             groups = _scan_parts(e.scan.parts(view.name), at)
         if camera.skipped:
             skipped.append(_skipped(view, camera.lines_done))
