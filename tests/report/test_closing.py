@@ -91,7 +91,7 @@ def test_show_tells_every_number_of_a_run(sldvexp):
     for given in (done.folder, done.folder / "run.nc"):
         told = sldvexp("show", str(given))
         assert (told.status, told.err) == (0, "")
-        assert "point, frequency 450: V_z" in told.out
+        assert "point, 450 Hz: V_z" in told.out
         assert "Expected: 1 of 1 met" in told.out
         assert str(done.folder / "run.nc") in told.out
 
