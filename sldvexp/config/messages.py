@@ -210,7 +210,9 @@ def _refused(text: str, cause: OmegaConfBaseException, origins: Origins) -> str:
     new = isinstance(cause, ValidationError) and cause.parent_node is None
     if (new or isinstance(cause, KeyValidationError)) and f".{entry}" in name:
         table, _, leaf = name.partition(f".{entry}")
-        inner = f"{{{leaf[1:]}: {value}}}" if leaf else value
+        inner = value
+        for part in reversed(leaf[1:].split(".") if leaf else []):
+            inner = f"{{{part}: {inner}}}"
         return (
             f"{COMMAND_LINE}: {name} cannot be reached by dots; "
             f"write '{table}={{{entry}: {inner}}}'"

@@ -92,13 +92,12 @@ class Scan(ABC):
 
     def rough_poses(self) -> dict[str, KnownPose]:
         """Give the rough poses that views have, by the views' names."""
-        entries = (
-            (v, getattr(part, "views", {}).get(v))
-            for v in self.view_names()
-            for part in self.parts(v)
-        )
-        poses = ((view, getattr(entry, "pose", None)) for view, entry in entries)
-        return {view: pose for view, pose in poses if pose is not None}
+        poses = {}
+        for view in self.view_names():
+            for part in self.parts(view):
+                if pose := getattr(part.views[view], "pose", None):
+                    poses[view] = pose
+        return poses
 
 
 class ScanPart(Scan):

@@ -10,6 +10,7 @@ from typing import Any
 
 from sldvexp.dataset import Finding, Severity, with_findings
 from sldvexp.errors import ConfigError, Problem, UserError
+from sldvexp.geometry import KnownPose
 from sldvexp.instrument import Instrument
 from sldvexp.instrument.person import GuideMaker
 from sldvexp.laser import TwoMirror
@@ -179,15 +180,23 @@ def _arrive(
 ) -> AbstractContextManager[Instrument]:
     """Open the instrument in a view, where the operator must take it if it cannot go by itself."""
     if len(e.scan.view_names()) > 1 and not e.instrument.takes_views_itself:
-        operator.ask(_request(view, begun=any(kept.glob("[!.]*"))))
+        rough = e.scan.rough_poses().get(view)
+        operator.ask(_request(view, any(kept.glob("[!.]*")), rough))
     return e.instrument.open(e.scene, e.laser, e.target, seed=e.seed, view=view)
 
 
-def _request(view: str, begun: bool) -> str:
-    """Ask the operator for a view."""
+def _request(view: str, begun: bool, rough: KnownPose | None) -> str:
+    """Ask the operator for a view, at its rough pose if there is one."""
     if begun:
         return (
             f"The view {view} is scanned in part: the instrument must stand exactly where it "
             "stood then. Press Enter to go on: "
         )
-    return f"Move the instrument to the view {view}, then press Enter: "
+    place = ""
+    if rough is not None:
+        x, y, z = rough.origin
+        place = f", to about ({x:g}, {y:g}, {z:g}) {rough.unit.name}"
+        if rough.look_at:
+            x, y, z = rough.look_at
+            place += f", looking at ({x:g}, {y:g}, {z:g})"
+    return f"Move the instrument to the view {view}{place}, then press Enter: "

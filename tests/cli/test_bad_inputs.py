@@ -476,6 +476,42 @@ VELOCITIES = [
     ),
 ]
 
+
+def on_rough_pose(setting: str, answer: str) -> Bad:
+    return Bad(f"~experiment target=dissertation instrument=simulated {setting}", answer)
+
+
+ROUGH_POSES = [
+    on_rough_pose(
+        "scan=calibration scan.views.front.pose.origin=[0,0,1]",
+        "command line: scan.views.front.pose.origin cannot be reached by dots; write "
+        "'scan.views={front: {pose: {origin: [0,0,1]}}}'",
+    ),
+    on_rough_pose(
+        "scan=calibration 'scan.views={front: {pose: {origin: [0, 0, 1]}}}'",
+        "command line: scan.views.front.pose: give either euler or look_at, and the origin",
+    ),
+    on_rough_pose(
+        "scan=calibration 'scan.views={front: {dac: [[1, 2]], pose: {origin: [0, 0, 1], "
+        "look_at: [0, 0, 0]}}}'",
+        "command line: scan.views.front: give dac, path, or a rough pose, one of them",
+    ),
+    on_rough_pose(
+        "scan=session 'scan.poses={front: {origin: [0, 0], look_at: [0, 0, 0]}}'",
+        "command line: scan.poses.front.origin must be three numbers, not 2",
+    ),
+    on_rough_pose(
+        "scan=rectangle scan.stride=9 'scan.views={front: {pose: {origin: [0, 0, 1], "
+        "look_at: [0, 0, 0]}}}' 'scan.corners_at=[[0, 0, 0], [1, 0], [1, 1, 0]]'",
+        "command line: scan.corners_at[1] must be three numbers x, y, z, not [1, 0]",
+    ),
+    on_rough_pose(
+        "scan=session scene=calibration signal=sine_fit "
+        "'scan.poses={\"1\": {origin: [0.1, 0.1, 0.2], look_at: [0.1, 0.1, 0]}}'",
+        "scan: in the view 1, circle 3 is out of reach: the up_down angle of …",
+    ),
+]
+
 OTHER_POSES = [
     on_given(
         "{euler: [0, 0], origin: [0, 0, 1]}",
@@ -645,6 +681,7 @@ TABLE_OF_ALL = [
     *TARGETS,
     *REGISTRATIONS,
     *VELOCITIES,
+    *ROUGH_POSES,
     *OTHER_POSES,
     *EXPECTATIONS,
     *CODE,

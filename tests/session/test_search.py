@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +13,10 @@ from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_vecto
 from sldvexp.instrument import Replay
 from sldvexp.instrument.recording import JOURNAL
 from sldvexp.scan.calibration import Centres
+from sldvexp.session.camera import Operator
 from sldvexp.session.search import PredictedCircle, spots_of
 from sldvexp.session.session import scan_views
+from sldvexp.units import LengthUnit
 
 pytestmark = pytest.mark.usefixtures("client_clock")
 
@@ -49,6 +52,26 @@ def session(composed, degrees, mm, *more, seed=0):
 def centres_of(edges) -> np.ndarray:
     """Middles of the edges of each circle, in the order in which they were scanned."""
     return np.array([g["dac"].values.mean(axis=0) for _, g in edges.groupby("circle")])
+
+
+class Nobody(Operator):
+    """Says what was asked."""
+
+    def ask(self, request: str) -> str:
+        raise UserError(request)
+
+
+def test_the_operator_is_told_where_to_stand(composed, tmp_path, monkeypatch):
+    e = session(composed, 0.0, 0.0)
+    monkeypatch.setattr(type(e.instrument), "takes_views_itself", False)
+    pose = KnownPose(origin=[900, 500, 1600], look_at=[100, 120.5, 0], unit=LengthUnit.mm)
+    e = replace(e, scan=replace(e.scan, poses=e.scan.poses | {"a": pose}))
+    told = (
+        "Move the instrument to the view a, to about (900, 500, 1600) mm, looking at "
+        "(100, 120.5, 0), then press Enter: "
+    )
+    with pytest.raises(UserError, match=re.escape(told)):
+        scan_views(e, tmp_path, Nobody())
 
 
 @pytest.mark.whole
