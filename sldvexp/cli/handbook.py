@@ -26,6 +26,7 @@ CHAPTERS = {
         "other_instruments",
         "first_instrument",
         "console",
+        "aiming",
     ),
     "Work": ("own_experiments", "sweeps", "figures", "motion", "formats", "python", "how_to"),
     "Methods": (

@@ -6,6 +6,7 @@ What a person found in an earlier run, in the place of the person.
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -55,6 +56,11 @@ class Person(Protocol):
         Returns
         -------
         (up_down, left_right), steps, or None if the mark cannot be seen from here.
+
+        Raises
+        ------
+        TakenBackError
+            If an earlier mark shall be aimed at again first.
         """
 
     def digitise(self, spot: int, samples: int) -> list[Place]:
@@ -67,6 +73,100 @@ class Person(Protocol):
         samples : int
             How often.
         """
+
+
+class ExpectedPlace(Protocol):
+    """DAC steps at which a mark is expected, and their standard deviations, shape (2,)."""
+
+    @property
+    def dac(self) -> Array:
+        """Steps, not rounded."""
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations of both."""
+
+    @property
+    def others(self) -> list[Array]:
+        """Steps where it may be instead."""
+
+
+class ResidualOfMark(Protocol):
+    """Steps of a mark less those where the others put it, and their standard deviations."""
+
+    @property
+    def steps(self) -> Array:
+        """Of both mirrors."""
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations of both."""
+
+    @property
+    def beside(self) -> bool:
+        """True if that is more than errors explain."""
+
+
+class AimingGuide(Protocol):
+    """Knows marks of a view by their names, and tells from those taken where the others lie.
+
+    Whoever runs a session may give one: here nothing is known of poses.
+    """
+
+    @property
+    def taken(self) -> dict[str, Steps]:
+        """Marks with their steps, in the order in which they were taken."""
+
+    @property
+    def said(self) -> list[str]:
+        """Marks that were taken or cannot be seen, in the order in which that was said."""
+
+    def take(self, name: str, dac: Sequence[float]) -> None:
+        """Take a mark at some steps."""
+
+    def hide(self, name: str) -> None:
+        """Note that a mark cannot be seen."""
+
+    def repeat(self, name: str) -> Steps | None:
+        """Open a mark again; give the steps where it was."""
+
+    def predict(self, name: str) -> ExpectedPlace:
+        """Tell where a mark lies; UserError if that is not known."""
+
+    def residual(self, name: str) -> ResidualOfMark | None:
+        """Compare a mark with where the others put it; None if they do not say."""
+
+    def contradiction(self) -> str:
+        """Say in one sentence which marks contradict one another; empty if none do."""
+
+    def weakness(self) -> str:
+        """Say in one sentence why little follows from the marks; empty if enough does."""
+
+
+#: Makes a guide for the marks of a view.
+GuideMaker = Callable[[Sequence[Mark]], AimingGuide]
+
+
+class TakenBackError(Exception):
+    """A person wants to answer about an earlier mark again.
+
+    Parameters
+    ----------
+    number : int
+        Of the mark.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
+
+
+@runtime_checkable
+class Reviewer(Protocol):
+    """A person who looks at all marks of a view before the session goes on."""
+
+    def review(self) -> None:
+        """Look at them; raise `TakenBackError` to take one again."""
 
 
 @runtime_checkable
@@ -118,6 +218,11 @@ class RecordedPerson:
 def mark_name(number: int) -> str:
     """Name the answer about a mark."""
     return f"mark_{number}"
+
+
+def mark_label(number: int) -> str:
+    """Name a mark for people, and for an `AimingGuide`."""
+    return f"mark {number}"
 
 
 def spot_name(spot: int) -> str:

@@ -6,7 +6,7 @@ import shutil
 import weakref
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain, count
 from pathlib import Path
 
@@ -29,6 +29,7 @@ from sldvexp.dataset import (
 from sldvexp.errors import UserError
 from sldvexp.instrument import InstrumentError, ScanningPlugin
 from sldvexp.lazy import xarray as xr
+from sldvexp.pose.aiming import aiming_at_marks
 from sldvexp.pose.base import Refine
 from sldvexp.reconstruction import Reconstruction
 from sldvexp.reconstruction.system import Robust
@@ -137,7 +138,12 @@ def _scan(run: Run) -> None:
             for prefix, scan in scans.items():
                 journal = run.folder / JOURNAL / prefix
                 found = session.session.scan_views(
-                    replace(e, scan=scan), journal, run.operator, run.keep, run.watcher
+                    replace(e, scan=scan),
+                    journal,
+                    run.operator,
+                    run.keep,
+                    run.watcher,
+                    partial(aiming_at_marks, e.laser, e.pose),
                 )
                 run.tree |= {f"{prefix}{name}": group for name, group in found.items()}
     except (InstrumentError, NobodyThereError) as error:

@@ -18,8 +18,11 @@ from itertools import combinations
 import numpy as np
 
 from sldvexp.errors import UserError, nearest
+from sldvexp.instrument.person import Mark, Steps, mark_label
 from sldvexp.laser import TwoMirror
+from sldvexp.pose.base import PoseMethod
 from sldvexp.pose.few_points import AGREE, FLAT, contradiction_of, is_flat, joined
+from sldvexp.pose.manual import Manual
 from sldvexp.pose.outliers import MatchedPoints
 from sldvexp.pose.rough_pose import RoughPose, predicted_steps, rough_poses
 from sldvexp.typing import Array
@@ -32,8 +35,6 @@ SAME = 3.0
 BESIDE = 4.0
 #: Standard deviation of the origin, as a part of the distance, from which a pose is weak.
 WEAK = 0.05
-
-Steps = tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +151,11 @@ class Aiming:
     def hidden(self) -> list[str]:
         """Places that cannot be seen in this view."""
         return [name for name, steps in self._said.items() if steps is None]
+
+    @property
+    def said(self) -> list[str]:
+        """Places that are taken or hidden, in the order in which that was said."""
+        return list(self._said)
 
     @property
     def open(self) -> list[str]:
@@ -362,6 +368,21 @@ class Aiming:
         if found.kind == "mirrored" or (found.kind == "wrong_point" and len(found.points) > 1):
             return told
         return f"{told}: take {again[found.kind]} again"
+
+
+def aiming_at_marks(laser: TwoMirror, method: PoseMethod | None, marks: Sequence[Mark]) -> Aiming:
+    """Make an aiming at the marks of a session, with the eye's error as the pose method has it.
+
+    Examples
+    --------
+    >>> from sldvexp.pose.manual import Manual
+    >>> corner = Mark(3, np.array([0.3, 0.3, 0.0]), np.full(3, 0.0002))
+    >>> aiming = aiming_at_marks(TwoMirror(), Manual(pointing=2.0), [corner])
+    >>> aiming.open, aiming.pointing
+    (['mark 3'], 2.0)
+    """
+    places = [AimingPlace(mark_label(mark.number), mark.position, mark.std) for mark in marks]
+    return Aiming(laser, places, method.pointing if isinstance(method, Manual) else POINTING)
 
 
 def _metres(origin: Array) -> str:

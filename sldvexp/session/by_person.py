@@ -6,19 +6,32 @@ The person at the terminal: told where to point, asked what the digitizer shows.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from functools import partial
 
 import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.instrument import Instrument
-from sldvexp.instrument.person import Attended, Mark, Person, Place, Steps, mark_name, spot_name
+from sldvexp.instrument.person import (
+    Attended,
+    Mark,
+    Person,
+    Place,
+    Reviewer,
+    Steps,
+    TakenBackError,
+    mark_label,
+    mark_name,
+    spot_name,
+)
 from sldvexp.io.registration import RegistrationTable, from_dataset, to_dataset
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan.by_digitizer import ByDigitizer
 from sldvexp.scan.by_hand import ByHand
+from sldvexp.session.by_keys import AtKeyboard, beyond_board, in_mm, moved
 from sldvexp.session.camera import Operator, ViewContext
 from sldvexp.targets import Circles, Target
 from sldvexp.typing import Array, IntArray
@@ -36,24 +49,87 @@ def record_marks(scan: ByHand, at: ViewContext) -> dict[str, xr.Dataset]:
     UserError
         If there are no marks, or all are hidden.
     """
-    beam, found, dac = HOME, [], []
-    taken: dict[Steps, int] = {}
-    for mark in known_marks(scan, at.target):
-        if mark.number in scan.views[at.view].hidden:
-            continue
-        aim = partial(_aim, at, mark, beam, taken)
-        kept = at.camera.journal.answer(mark_name(mark.number), mark.position.tolist(), aim)
-        if kept is not None:
-            beam = (kept[0], kept[1])
-            found.append(mark)
-            dac.append(beam)
-            taken[beam] = mark.number
+    hidden = scan.views[at.view].hidden
+    marks = {m.number: m for m in known_marks(scan, at.target) if m.number not in hidden}
+    steps = _Answers(at, marks).all()
+    found = [(mark, steps[number]) for number, mark in marks.items() if steps[number] is not None]
     if not found:
         raise UserError(f"scan: none of the marks can be seen from the view {at.view}")
-    numbers = np.array([mark.number for mark in found])
-    position = np.array([mark.position for mark in found])
-    std = np.array([mark.std for mark in found])
-    return _group(at, numbers, position, std, np.array(dac, float))
+    numbers = np.array([mark.number for mark, _ in found])
+    position = np.array([mark.position for mark, _ in found])
+    std = np.array([mark.std for mark, _ in found])
+    return _group(at, numbers, position, std, np.array([dac for _, dac in found], float))
+
+
+class _Answers:
+    """Steps of all marks of a view: kept in the journal, or found by a person.
+
+    An answer is in the journal as soon as it is given; one that is taken back is not, so that a
+    session that is cut off goes on with what counted last.
+    """
+
+    def __init__(self, at: ViewContext, marks: Mapping[int, Mark]) -> None:
+        self._at, self._marks = at, marks
+        self._steps: dict[int, Steps | None] = {}
+        self._guide = None if at.guide is None else at.guide(list(marks.values()))
+        self._person: Person | None = None
+        self._opened = ExitStack()
+        self._beam = HOME
+
+    def all(self) -> dict[int, Steps | None]:
+        """Give the steps of all marks, None for those that cannot be seen."""
+        with self._opened:
+            while True:
+                try:
+                    for number in self._marks:
+                        if number not in self._steps:
+                            self._note(number, self._answer(self._marks[number]))
+                    # Who has just pointed may want to look at all; who only goes on does not.
+                    if isinstance(self._person, Reviewer):
+                        self._person.review()
+                    return self._steps
+                except TakenBackError as back:
+                    self._take_back(back.number)
+
+    def _who_aims(self) -> Person:
+        """Find who aims; the keys of a terminal are theirs until all marks are answered."""
+        at = self._at
+        if self._guide is not None and not isinstance(at.camera.instrument, Attended):
+            keyboard = self._opened.enter_context(at.operator.keyboard())
+            if keyboard is not None:
+                return AtKeyboard(at, self._guide, keyboard)
+        return person_at(at, taken=self._taken)
+
+    def _answer(self, mark: Mark) -> Steps | None:
+        """Look an answer up, or let a person aim, at other steps than those of other marks."""
+
+        def aim() -> Steps | None:
+            self._person = self._person or self._who_aims()
+            return self._person.aim(mark, self._beam)
+
+        journal = self._at.camera.journal
+        kept = journal.answer(mark_name(mark.number), mark.position.tolist(), aim)
+        return None if kept is None else (kept[0], kept[1])
+
+    def _note(self, number: int, steps: Steps | None) -> None:
+        self._steps[number] = steps
+        if steps is not None:
+            self._beam = steps
+        if self._guide is not None and steps is not None:
+            self._guide.take(mark_label(number), steps)
+        elif self._guide is not None:
+            self._guide.hide(mark_label(number))
+
+    def _take_back(self, number: int) -> None:
+        """Open a mark again; the beam begins where it was found."""
+        self._at.camera.journal.take_back(mark_name(number))
+        self._beam = self._steps.pop(number, None) or self._beam
+        if self._guide is not None:
+            self._guide.repeat(mark_label(number))
+
+    def _taken(self) -> dict[Steps, int]:
+        """Give the marks by the steps at which they were found."""
+        return {steps: number for number, steps in self._steps.items() if steps is not None}
 
 
 def record_spots(scan: ByDigitizer, at: ViewContext) -> dict[str, xr.Dataset]:
@@ -107,18 +183,25 @@ def known_marks(scan: ByHand, target: Target | None) -> list[Mark]:
 
 
 def person_at(
-    at: ViewContext, unit: LengthUnit = LengthUnit.m, taken: Mapping[Steps, int] | None = None
+    at: ViewContext,
+    unit: LengthUnit = LengthUnit.m,
+    taken: Callable[[], Mapping[Steps, int]] = dict,
 ) -> Person:
-    """Find who does what the instrument cannot: a simulated one's own person, or the one we ask."""
+    """Find who does what the instrument cannot: a simulated one's own person, or the one we ask.
+
+    Parameters
+    ----------
+    unit : LengthUnit
+        In which the digitizer shows coordinates.
+    taken : callable
+        Gives the steps at which other marks, by their numbers, were found in this view.
+    """
+    if (aimed := at.operator.person(at.view)) is not None:
+        return aimed
     instrument = at.camera.instrument
     if isinstance(instrument, Attended):
         return instrument.person
     return AtTerminal(at.operator, instrument, at.laser, at.view, unit, taken)
-
-
-def _aim(at: ViewContext, mark: Mark, start: Steps, taken: Mapping[Steps, int]) -> Steps | None:
-    """Let a person bring the beam onto a mark, at other steps than those of earlier marks."""
-    return person_at(at, taken=taken).aim(mark, start)
 
 
 def _digitise(
@@ -144,8 +227,6 @@ def _group(
 
 HIDDEN = "hidden"
 
-_STEPS = re.compile(r"(=?)\s*([+-]?\d+)[\s,;]+([+-]?\d+)")
-
 
 class AtTerminal:
     """A `Person` who sits at the terminal.
@@ -161,8 +242,8 @@ class AtTerminal:
     view : str
     unit : LengthUnit
         In which the digitizer shows coordinates.
-    taken : mapping of (up_down, left_right) to int, optional
-        Steps at which other marks, by their numbers, were found in this view.
+    taken : callable
+        Gives the steps at which other marks, by their numbers, were found in this view.
     """
 
     def __init__(
@@ -172,22 +253,21 @@ class AtTerminal:
         laser: TwoMirror,
         view: str,
         unit: LengthUnit = LengthUnit.m,
-        taken: Mapping[Steps, int] | None = None,
+        taken: Callable[[], Mapping[Steps, int]] = dict,
     ) -> None:
         self.operator = operator
         self.instrument = instrument
         self.laser = laser
         self.view = view
         self.unit = unit
-        self.taken = taken or {}
+        self.taken = taken
 
     def aim(self, mark: Mark, start: Steps) -> Steps | None:
         """See `Person`; every line that is typed moves the beam, an empty one accepts."""
         beam = start
         self.instrument.move(beam)
-        x, y, z = mark.position / LengthUnit.mm.value
         request = (
-            f"View {self.view}, mark {mark.number} at ({x:g}, {y:g}, {z:g}) mm. Type DAC steps "
+            f"View {self.view}, mark {mark.number} at {in_mm(mark)}. Type DAC steps "
             "up-down and left-right to move by (+5 -3) or a place to go to (=120 -40), Enter when "
             f"the spot is on the mark, {HIDDEN} if it cannot be seen.\n"
         )
@@ -196,17 +276,18 @@ class AtTerminal:
             answer = self.operator.ask(f"{request}{where}")
             if answer.lower() == HIDDEN:
                 return None
-            if not answer and beam not in self.taken:
+            taken = self.taken()
+            if not answer and beam not in taken:
                 return beam
             request = ""
             if not answer:
                 request = (
-                    f"mark {self.taken[beam]} was found at {beam[0]} {beam[1]}, where mark "
+                    f"mark {taken[beam]} was found at {beam[0]} {beam[1]}, where mark "
                     f"{mark.number} cannot be too: move the beam onto it, or type {HIDDEN}\n"
                 )
-            elif (wanted := _moved(beam, answer)) is None:
+            elif (wanted := moved(beam, answer)) is None:
                 request = f"{answer!r} is neither steps like +5 -3 nor a place like =120 -40\n"
-            elif problem := self._beyond(wanted):
+            elif problem := beyond_board(wanted, self.laser):
                 request = f"{problem}\n"
             else:
                 beam = wanted
@@ -225,22 +306,6 @@ class AtTerminal:
             problem = f"{answer!r} is not three numbers x y z\n" if place is None else ""
             places += [place] if place else []
         return places
-
-    def _beyond(self, beam: Steps) -> str:
-        """Say what is wrong with a place that the board does not have."""
-        low, high = self.laser.board.value
-        if low <= min(beam) and max(beam) <= high:
-            return ""
-        return f"{beam[0]} {beam[1]} is beyond the board's steps, {low} to {high}"
-
-
-def _moved(beam: Steps, answer: str) -> Steps | None:
-    """Read where the beam shall stand, None if the answer does not say it."""
-    match = _STEPS.fullmatch(answer)
-    if match is None:
-        return None
-    up_down, left_right = int(match[2]), int(match[3])
-    return (up_down, left_right) if match[1] else (beam[0] + up_down, beam[1] + left_right)
 
 
 def _place(answer: str, unit: LengthUnit) -> Place | None:

@@ -7,21 +7,26 @@ at the terminal, who is asked when something must be done by hand.
 from __future__ import annotations
 
 import signal as signals
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, Instrument, RawSamples
 from sldvexp.instrument.bench import make_safe
+from sldvexp.instrument.person import GuideMaker, Person
 from sldvexp.laser import TwoMirror
 from sldvexp.scan import Sampling
 from sldvexp.session.journal import Journal
+from sldvexp.session.keyboard import Keyboard, TerminalLostError
 from sldvexp.session.watching import LineDone, Watcher, complex_pixels
 from sldvexp.signal import ComplexImage, SignalEstimator
 from sldvexp.stopping import Stopped, undisturbed
 from sldvexp.targets import Target
 from sldvexp.typing import IntArray
+
+#: Sampling of a pixel that somebody aims by.
+LOOK = Acquisition(rate=25600.0, samples=64, excitation=())
 
 
 class NobodyThereError(UserError):
@@ -58,6 +63,28 @@ class Operator:
             except EOFError:
                 what = request.strip().splitlines()[-1].rstrip(":")
                 raise NobodyThereError(f"nobody is at the terminal to answer {what!r}") from None
+
+    def person(self, view: str) -> Person | None:
+        """Give who has aimed in a view already, in the place of all others; None if nobody has."""
+        return None
+
+    @contextmanager
+    def keyboard(self) -> Iterator[Keyboard | None]:
+        """Give the keys of the terminal one by one; None if there is none to sit at.
+
+        Raises
+        ------
+        NobodyThereError
+            If the terminal is lost.
+        """
+        if not Keyboard.is_there():
+            yield None
+            return
+        try:
+            with self._watcher.asking(""), Keyboard() as keyboard:
+                yield keyboard
+        except TerminalLostError:
+            raise NobodyThereError("nobody is at the terminal any more") from None
 
 
 class Camera:
@@ -134,6 +161,10 @@ class Camera:
         """Say how all pixels that follow are sampled."""
         s = sampling
         self._wanted = Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude)
+
+    def look(self) -> None:
+        """Say that pixels are only looked at from now on: few samples, the generator off."""
+        self._wanted = LOOK
 
     def image(self, name: str, lines: Sequence[IntArray], in_part: bool = False) -> ComplexImage:
         """Scan some lines and turn them into complex pixels.
@@ -228,6 +259,8 @@ class ViewContext:
     laser : TwoMirror
     target : Target or None
     operator : Operator
+    guide : callable, optional
+        Makes who tells a person where marks lie.
     """
 
     view: str
@@ -235,3 +268,4 @@ class ViewContext:
     laser: TwoMirror
     target: Target | None
     operator: Operator
+    guide: GuideMaker | None = None

@@ -142,6 +142,19 @@ class Journal:
         write_answer(path, question, answer)
         return answer
 
+    def take_back(self, name: str) -> None:
+        """Take an answer back, so that it is asked for again; its file stays, under another name.
+
+        Parameters
+        ----------
+        name : str
+            Of the question.
+        """
+        path = self.folder / f"{name}.json"
+        if path.exists():
+            earlier = len(list(self.folder.glob(f".{name}.*.json")))
+            path.replace(self.folder / f".{name}.{earlier + 1}.json")
+
 
 def require_same(folder: Path, configuration: object) -> None:
     """Tie a folder of scan lines to the configuration that they are measured with.

@@ -10,6 +10,7 @@ from typing import Any
 
 from sldvexp.errors import ConfigError, Problem, UserError
 from sldvexp.instrument import Instrument
+from sldvexp.instrument.person import GuideMaker
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan import Scan, ScanPart
@@ -44,6 +45,7 @@ def scan_views(
     operator: Operator | None = None,
     keep: Callable[[str, xr.Dataset], xr.Dataset] | None = None,
     watcher: Watcher | None = None,
+    guide: GuideMaker | None = None,
 ) -> dict[str, xr.Dataset]:
     """Scan everything that the configuration says, view by view.
 
@@ -57,6 +59,8 @@ def scan_views(
         What becomes of a group, by its name, before the next view: it may go to a file.
     watcher : Watcher, optional
         Told of every view and line.
+    guide : callable, optional
+        Makes who tells a person at the terminal where the marks of a view lie.
 
     Returns
     -------
@@ -80,7 +84,7 @@ def scan_views(
         kept = Journal(journal / view.name, lasting=e.instrument.real)
         plan = (watcher, view.name, view.lines, kept.left)
         with Camera(arrive, e.signal, kept, *plan) as camera:
-            at = ViewContext(view.name, camera, e.laser, e.target, operator)
+            at = ViewContext(view.name, camera, e.laser, e.target, operator, guide)
             groups = _scan_parts(e.scan.parts(view.name), at)
         watcher.view_done(view, groups)
         found |= {name: keep(name, g) if keep else g for name, g in groups.items()}

@@ -226,11 +226,14 @@ class WeightedFit:
         part : float
             Share of all combinations that is kept, those of the smallest lam_2.
         """
-        share = _shares(np.array(self.density) + np.array(gained))
+        density = np.array(self.density) + np.array(gained)
+        share = np.exp(density - np.max(density, axis=(0, 1)))
+        share /= share.sum(axis=(0, 1))
         by_weight = share.sum(axis=0)
         before = np.cumsum(by_weight, axis=0) - by_weight
         kept = np.clip(part - before, 0.0, by_weight) / np.where(by_weight > 0, by_weight, 1.0)
-        return replace(self, share=list(share * kept / part))
+        # what is small beside all may be large beside the part
+        return replace(self, share=list(_that_count(share * kept)))
 
     @property
     def condition(self) -> float:
@@ -299,8 +302,12 @@ class WeightedFit:
 
 def _shares(density: Array) -> Array:
     """Compute shares of combinations, (level, weight, column), from logarithms of densities."""
-    share = np.exp(density - np.max(density, axis=(0, 1)))
-    share /= share.sum(axis=(0, 1))
+    return _that_count(np.exp(density - np.max(density, axis=(0, 1))))
+
+
+def _that_count(share: Array) -> Array:
+    """Leave out negligible shares, (level, weight, column), and let the others add up to 1."""
+    share = share / share.sum(axis=(0, 1))
     share[share < NEGLIGIBLE] = 0
     return np.asarray(share / share.sum(axis=(0, 1)))
 

@@ -199,11 +199,17 @@ def test_the_largest_that_data_allow_are_kept():
     grids = [np.array([0.0, 2.0]), np.arange(-2.0, 9.0)]
     found = fitted(design, data, penalties, grids)
     nothing = [np.zeros_like(own) for own in found.density]
-    whole, tenth = (np.array(found.with_most(nothing, part).share) for part in (1.0, 0.1))
-    assert whole == pytest.approx(np.array(found.share))
-    assert tenth.sum(axis=(0, 1)) == pytest.approx(1.0)
-    assert np.all(tenth <= 10 * whole * (1 + 1e-12))
-    for c in range(2):
-        cut = int(np.searchsorted(np.cumsum(whole[:, :, c].sum(axis=0)), 0.1))
-        assert tenth[:, :cut, c] == pytest.approx(10 * whole[:, :cut, c])
-        assert not tenth[:, cut + 1 :, c].any()
+    whole = np.exp(np.array(found.density) - np.max(found.density, axis=(0, 1)))
+    whole /= whole.sum(axis=(0, 1))
+    assert np.array(found.with_most(nothing, 1.0).share) == pytest.approx(np.array(found.share))
+    for part in (0.1, 0.002):
+        kept = np.array(found.with_most(nothing, part).share)
+        assert kept.sum(axis=(0, 1)) == pytest.approx(1.0)
+        for c in range(2):
+            by_weight = whole[:, :, c].sum(axis=0)
+            cut = int(np.searchsorted(np.cumsum(by_weight), part))
+            wanted = whole[:, : cut + 1, c] / part
+            wanted[:, cut] *= (part - by_weight[:cut].sum()) / by_weight[cut]
+            # but for what is left out as negligible
+            assert kept[:, : cut + 1, c] == pytest.approx(wanted, abs=3e-3)
+            assert not kept[:, cut + 1 :, c].any()

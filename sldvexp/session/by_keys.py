@@ -1,0 +1,373 @@
+"""One view's marks by a person at a keyboard: arrow keys, what comes back, where the rest lies.
+
+The terminal shows one line that lives: the beam, its step, how far it is from where the mark is
+expected, light and velocity. From the third mark on the guide predicts, from the fourth on it
+compares, so that a wrong mark is seen when it is taken and not when the report is read.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+
+from sldvexp.errors import UserError
+from sldvexp.instrument import Instrument, InstrumentError, Status
+from sldvexp.instrument.bench import light_level
+from sldvexp.instrument.person import (
+    AimingGuide,
+    ExpectedPlace,
+    Mark,
+    Place,
+    Steps,
+    TakenBackError,
+    mark_label,
+)
+from sldvexp.laser import TwoMirror
+from sldvexp.session.camera import ViewContext
+from sldvexp.session.keyboard import Key, Keyboard
+from sldvexp.typing import Array
+from sldvexp.units import LengthUnit
+
+#: How often the light is looked at while no key is pressed, s.
+PERIOD = 0.3
+#: Characters of the bar.
+BAR = 10
+#: Steps of an arrow key, by the key that chooses them; Shift takes ten times as many.
+STEP_KEYS = {"1": 1, "2": 10, "3": 100}
+
+HELP = (
+    "Arrow keys move the beam, by 1, 10 or 100 steps (keys 1, 2, 3; with Shift ten times as far); "
+    "+5 -3 moves by and =120 -40 to typed steps; g goes where the mark is expected, g again where "
+    "it may be instead; Enter takes it, h leaves it out as hidden; u takes the last one back, r an "
+    "earlier one; ? shows this."
+)
+REVIEW = "Enter goes on, u takes the last one back, r an earlier one"
+
+_STEPS = re.compile(r"(=?)\s*([+-]?\d+)[\s,;]+([+-]?\d+)")
+
+
+class AtKeyboard:
+    """A `Person` who sits at a terminal with arrow keys.
+
+    Parameters
+    ----------
+    at : ViewContext
+    guide : AimingGuide
+        Of this view's marks; what is taken is told it by whoever asks this person.
+    keyboard : Keyboard
+        Open.
+    """
+
+    def __init__(self, at: ViewContext, guide: AimingGuide, keyboard: Keyboard) -> None:
+        self.at, self.guide, self.keyboard = at, guide, keyboard
+        self.step, self.level = 10, Level()
+        self._reported: dict[str, Steps] = {}
+        keyboard.say(HELP)
+
+    @cached_property
+    def ways(self) -> dict[str, Array]:
+        """Direction of each arrow in steps, as seen from the instrument: y is up, x to the left."""
+        up_down, left_right = (
+            np.sign(mirror.gain) for mirror in (self.at.laser.up_down, self.at.laser.left_right)
+        )
+        up, left = np.array([up_down, 0]), np.array([0, left_right])
+        return {"up": up, "down": -up, "left": left, "right": -left}
+
+    def aim(self, mark: Mark, start: Steps) -> Steps | None:
+        """See `Person`."""
+        self.at.camera.look()
+        self._report()
+        return _Aim(self, mark, start).result()
+
+    def digitise(self, spot: int, samples: int) -> list[Place]:
+        """See `Person`; nobody who points at marks is asked for it."""
+        raise NotImplementedError
+
+    def review(self) -> None:
+        """See `Reviewer`."""
+        for name in self.guide.taken:
+            self.keyboard.say(f"{name}: {self.in_words(name)}")
+        if told := self._doubts():
+            self.keyboard.say(told)
+        while True:
+            self.keyboard.status(REVIEW)
+            key = self.keyboard.key()
+            if key is not None and key.name == "enter":
+                return
+            if key is not None:
+                self.take_back(key)
+
+    def in_words(self, name: str) -> str:
+        """Say where a mark was taken, and how that agrees with the others."""
+        beam, found = self.guide.taken[name], self.guide.residual(name)
+        taken = f"taken at {beam[0]} {beam[1]}"
+        if found is None:
+            return taken
+        (up_down, left_right), (first, second) = found.steps, found.std
+        return (
+            f"{taken}, {up_down:+.1f} {left_right:+.1f} steps from where the others put it "
+            f"(+- {first:.1f} {second:.1f}){', too far' if found.beside else ''}"
+        )
+
+    def take_back(self, key: Key) -> None:
+        """Take back what a key says, if it says so.
+
+        Raises
+        ------
+        TakenBackError
+            For the session to ask about that mark again.
+        """
+        said = self.guide.said
+        if key.name == "u" and said:
+            raise TakenBackError(int(said[-1].rpartition(" ")[2]))
+        if key.name == "u":
+            self.keyboard.say("nothing is taken yet")
+        if key.name == "r" and (line := typed(self.keyboard, "again: mark ", "")) is not None:
+            if f"mark {line.strip()}" in said:
+                raise TakenBackError(int(line))
+            self.keyboard.say(
+                f"{line!r} is not a mark that was taken or left out: {', '.join(said)}"
+            )
+
+    def _report(self) -> None:
+        """Say what follows from the marks, once for each state of them."""
+        taken = dict(self.guide.taken)
+        if taken != self._reported:
+            self._reported = taken
+            if taken:
+                name = list(taken)[-1]
+                self.keyboard.say(f"{name}: {self.in_words(name)}")
+            if told := self._doubts():
+                self.keyboard.say(told)
+
+    def _doubts(self) -> str:
+        """Say which marks contradict one another, else why their pose is weak."""
+        return self.guide.contradiction() or self.guide.weakness()
+
+
+class _Aim:
+    """Bring the beam onto one mark."""
+
+    def __init__(self, person: AtKeyboard, mark: Mark, start: Steps) -> None:
+        self.person, self.keyboard, self.mark, self.beam = person, person.keyboard, mark, start
+        self.name = mark_label(mark.number)
+        self.instrument: Instrument = person.at.camera.instrument
+        self.expected = self._expected()
+        self.goals = list(_goals(self.expected))
+        self.goal = 0
+
+    def result(self) -> Steps | None:
+        """Follow the keys until the mark is taken, or left out."""
+        self.instrument.move(self.beam)
+        self.keyboard.say(
+            f"View {self.person.at.view}, {self.name} at {in_mm(self.mark)}{self._where()}"
+        )
+        while True:
+            self._show()
+            key = self.keyboard.key(PERIOD)
+            if key is None:
+                continue
+            if key.name == "h":
+                return None
+            if key.name == "enter":
+                if (other := self._other()) is None:
+                    return self.beam
+                self.keyboard.say(
+                    f"{other} was taken at {self.beam[0]} {self.beam[1]}, where {self.name} cannot "
+                    "be too: move the beam onto it, or press h if it cannot be seen"
+                )
+            else:
+                self._do(key)
+
+    def _do(self, key: Key) -> None:
+        """Do what any other key says."""
+        if key.name in self.person.ways:
+            step = self.person.step * (10 if key.shift else 1)
+            up_down, left_right = (
+                (self.beam + step * self.person.ways[key.name]).astype(int).tolist()
+            )
+            self._go((up_down, left_right))
+        elif key.name in STEP_KEYS:
+            self.person.step = STEP_KEYS[key.name]
+        elif key.name in ("+", "-", "="):
+            line = typed(self.keyboard, "move: ", key.name)
+            wanted = None if line is None else moved(self.beam, line.strip())
+            if wanted is not None:
+                self._go(wanted)
+            elif line is not None:
+                self.keyboard.say(f"{line!r} is neither steps like +5 -3 nor a place like =120 -40")
+        elif key.name == "g":
+            self._go_on()
+        elif key.name == "?":
+            self.keyboard.say(HELP)
+        else:
+            self.person.take_back(key)
+
+    def _go(self, wanted: Steps) -> None:
+        """Move the beam, unless the board has no such place."""
+        if problem := beyond_board(wanted, self.person.at.laser):
+            self.keyboard.say(problem)
+            return
+        self.beam = wanted
+        self.instrument.move(wanted)
+
+    def _go_on(self) -> None:
+        """Go where the mark is expected, or may be instead."""
+        if self.goals:
+            self._go(self.goals[self.goal % len(self.goals)])
+            self.goal += 1
+            return
+        try:
+            self.person.guide.predict(self.name)
+        except UserError as error:
+            self.keyboard.say(str(error))
+
+    def _expected(self) -> ExpectedPlace | None:
+        try:
+            return self.person.guide.predict(self.name)
+        except UserError:
+            return None
+
+    def _where(self) -> str:
+        """Say where the mark is expected."""
+        if self.expected is None:
+            return ""
+        (up_down, left_right), std = np.rint(self.expected.dac), self.expected.std
+        instead = f", or at {len(self.goals) - 1} other places" if len(self.goals) > 1 else ""
+        return (
+            f", expected at {up_down:.0f} {left_right:.0f} steps (+- {std[0]:.1f} {std[1]:.1f})"
+            f"{instead}: g goes there"
+        )
+
+    def _other(self) -> str | None:
+        """Find another mark that was taken where the beam stands."""
+        taken = self.person.guide.taken.items()
+        return next(
+            (name for name, steps in taken if steps == self.beam and name != self.name), None
+        )
+
+    def _show(self) -> None:
+        """Draw the line that lives; what a narrow terminal has no room for is left out."""
+        parts = [self.name, f"beam {self.beam[0]} {self.beam[1]}"]
+        if self.expected is not None:
+            off = np.rint(self.expected.dac - self.beam).astype(int)
+            parts.append(f"to go {off[0]:+d} {off[1]:+d}")
+        step = f"step {self.person.step}"
+        if self.keyboard.is_waiting:  # whoever holds a key down shall not wait for the light
+            parts.append(step)
+        else:
+            light, *volts = self.person.level.read(self.instrument)
+            parts += [light, step, *volts]
+        self.keyboard.status(fitting(parts, self.keyboard.columns))
+
+
+class Level:
+    """Light and velocity where the beam stands, in words; nothing of an instrument without them."""
+
+    def __init__(self) -> None:
+        self._can = True
+
+    def read(self, instrument: Instrument) -> list[str]:
+        """Sample a pixel, and say what came back."""
+        if not self._can:
+            return ["no level"]
+        try:
+            pixel = instrument.acquire()
+            light = light_level(instrument, pixel)
+        except InstrumentError as error:
+            # A dead connection shows at the next move; an instrument may do without a level.
+            self._can = False
+            return ["no level", str(error)]
+        volts = pixel.counts[0] * np.asarray(pixel.volts_per_count)[:, None]
+        velocity, reference = volts.std(axis=1)
+        over = np.any(pixel.status & Status.over_range)
+        return [
+            f"light [{bar(light)}]{' over range' if over else ''}",
+            f"velocity {velocity:.4f} V",
+            f"reference {reference:.4f} V",
+        ]
+
+
+def bar(level: float) -> str:
+    """Draw a level from 0 to 1.
+
+    Examples
+    --------
+    >>> bar(0.42), bar(1.0)
+    ('####......', '##########')
+    """
+    full = round(BAR * min(max(level, 0.0), 1.0))
+    return "#" * full + "." * (BAR - full)
+
+
+def fitting(parts: list[str], width: int) -> str:
+    """Join the first of some words, two blanks between them, as many as a line has room for.
+
+    Examples
+    --------
+    >>> fitting(["mark 1", "beam 0 0", "step 10"], 18)
+    'mark 1  beam 0 0'
+    """
+    line = parts[0]
+    for part in parts[1:]:
+        if len(line) + 2 + len(part) >= width:
+            break
+        line += f"  {part}"
+    return line
+
+
+def typed(keyboard: Keyboard, request: str, begun: str) -> str | None:
+    """Let a line be typed in the last line; None if it is given up with Escape."""
+    line = begun
+    while True:
+        keyboard.status(f"{request}{line}")
+        key = keyboard.key()
+        if key is None:
+            continue
+        if key.name == "enter":
+            return line
+        if key.name == "escape" or (key.name == "backspace" and not line):
+            return None
+        if key.name == "backspace":
+            line = line[:-1]
+        elif len(key.name) == 1 and key.name.isprintable():
+            line += key.name
+
+
+def _goals(expected: ExpectedPlace | None) -> Iterator[Steps]:
+    """Give whole steps of all places where a mark may be, the likeliest first."""
+    for dac in [] if expected is None else [expected.dac, *expected.others]:
+        up_down, left_right = np.rint(dac).astype(int).tolist()
+        yield up_down, left_right
+
+
+def in_mm(mark: Mark) -> str:
+    """Say where a mark stands."""
+    x, y, z = mark.position / LengthUnit.mm.value
+    return f"({x:g}, {y:g}, {z:g}) mm"
+
+
+def beyond_board(beam: Steps, laser: TwoMirror) -> str:
+    """Say what is wrong with a place that the board does not have."""
+    low, high = laser.board.value
+    if low <= min(beam) and max(beam) <= high:
+        return ""
+    return f"{beam[0]} {beam[1]} is beyond the board's steps, {low} to {high}"
+
+
+def moved(beam: Steps, answer: str) -> Steps | None:
+    """Read where the beam shall stand, None if the answer does not say it.
+
+    Examples
+    --------
+    >>> moved((10, 20), "+5 -3"), moved((10, 20), "=7, 8"), moved((10, 20), "left")
+    ((15, 17), (7, 8), None)
+    """
+    match = _STEPS.fullmatch(answer)
+    if match is None:
+        return None
+    up_down, left_right = int(match[2]), int(match[3])
+    return (up_down, left_right) if match[1] else (beam[0] + up_down, beam[1] + left_right)

@@ -1,0 +1,456 @@
+"""Marks aimed at with arrow keys: what moves, what is told, what is taken back, what is kept."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pty
+import re
+import select
+import signal
+import struct
+import subprocess
+import sys
+import termios
+import time
+from contextlib import contextmanager, suppress
+from functools import partial
+
+import numpy as np
+import pytest
+
+from sldvexp import dataset
+from sldvexp.errors import UserError
+from sldvexp.instrument import InstrumentError, RawSamples, Status
+from sldvexp.instrument.person import read_answer
+from sldvexp.laser import Mirror, TwoMirror
+from sldvexp.pose.aiming import aiming_at_marks
+from sldvexp.session import Operator
+from sldvexp.session.by_keys import Level, fitting, typed
+from sldvexp.session.keyboard import Key
+from sldvexp.session.session import scan_views
+from sldvexp.virtual_lab import LabServer, VirtualLab
+
+HAND = ["target=fiducials", "scan=by_hand", "scan.views={a: {}}"]
+PATIENCE = 60.0
+UP, DOWN, RIGHT, LEFT = (f"\x1b[{way}" for way in "ABCD")
+
+
+class Keys:
+    """A keyboard on which prepared keys are pressed; what is shown is remembered."""
+
+    columns = 100
+
+    def __init__(self, *keys):
+        self.keys = [k for key in keys for k in ([key] if isinstance(key, Key) else key.split())]
+        self.lines, self.shown = [], []
+
+    def key(self, patience=None):
+        if not self.keys:
+            raise KeyboardInterrupt
+        key = self.keys.pop(0)
+        return key if isinstance(key, Key) else Key({"_": " "}.get(key, key))
+
+    @property
+    def is_waiting(self):
+        return bool(self.keys)
+
+    def say(self, text):
+        self.lines.append(text)
+
+    def status(self, text):
+        self.shown.append(text)
+
+    def told(self, begin):
+        return [line for line in self.lines if line.startswith(begin)]
+
+
+class AtKeys(Operator):
+    """Sits at such a keyboard."""
+
+    def __init__(self, keys):
+        super().__init__()
+        self.keys = keys
+
+    @contextmanager
+    def keyboard(self):
+        yield self.keys
+
+
+class Session:
+    """A session by hand in front of the virtual lab, whose person is not there."""
+
+    def __init__(self, composed, folder, monkeypatch, *settings):
+        monkeypatch.delattr(VirtualLab, "person")
+        self.experiment, self.folder = composed(*HAND, *settings), folder
+        e = self.experiment
+        lab = VirtualLab(e.scene, e.laser, None, 0)
+        self.true = np.rint(lab.true_dac(e.target.points().position)).astype(int).tolist()
+        self.path = []
+        move = VirtualLab.move
+
+        def moved(lab, dac):
+            self.path.append(tuple(int(step) for step in dac))
+            move(lab, dac)
+
+        monkeypatch.setattr(VirtualLab, "move", moved)
+
+    def press(self, *keys):
+        """Press keys in a session, or the rest of it; Ctrl-C ends them if they do not end it."""
+        keyboard = Keys(*keys)
+        guide = partial(aiming_at_marks, self.experiment.laser, None)
+        self.group = None
+        try:
+            found = scan_views(self.experiment, self.folder, AtKeys(keyboard), guide=guide)
+            self.group = found["registration"]
+        except KeyboardInterrupt:
+            pass
+        return keyboard
+
+    def at(self, number, off=(0, 0)):
+        """Type where a mark is."""
+        up_down, left_right = np.add(self.true[number - 1], off).tolist()
+        return f"{' '.join(f'={up_down}')} _ {' '.join(str(left_right))} enter enter"
+
+    def kept(self):
+        """Steps in the journal, by mark."""
+        found = {}
+        for path in self.folder.glob("a/mark_*.json"):
+            found[int(path.stem.removeprefix("mark_"))] = read_answer(path)["answer"]
+        return found
+
+
+@pytest.fixture
+def session(composed, tmp_path, monkeypatch):
+    return Session(composed, tmp_path, monkeypatch)
+
+
+def test_arrows_move_the_beam(session):
+    session.press("3 up 2 left left 1 down", Key("right", shift=True), "enter")
+    expected = [(0, 0), (100, 0), (100, 10), (100, 20), (99, 20), (99, 10)]
+    assert session.path[: len(expected)] == expected
+    assert session.kept() == {1: [99, 10]}
+
+
+def test_arrows_move_the_spot_as_it_is_seen_whatever_the_wiring(session):
+    """With positive gains up and left count up; a mirror wired the other way counts down."""
+    session.experiment.laser = TwoMirror(
+        up_down=Mirror(-25.0), left_right=Mirror(25.0), mirror_offset=0.0
+    )
+    session.press("1 up left")
+    assert session.path[:3] == [(0, 0), (-1, 0), (-1, 1)]
+
+
+def test_a_whole_view_by_keys(session):
+    """After three marks the rest is expected where it is; residuals and the review tell of all."""
+    first = [session.at(k) for k in (1, 2, 3)]
+    keys = session.press(*first, "g", session.at(4), "g enter", "g enter", "enter")
+    assert session.group["point"].values.tolist() == [1, 2, 3, 4, 5, 6]
+    dac = session.group["dac"].isel(view=0).values
+    np.testing.assert_allclose(dac, session.true, atol=2)
+    assert "expected" not in keys.told("View a, mark 3 at")[0]
+    match = re.search(r"expected at (-?\d+) (-?\d+) steps", keys.told("View a, mark 5 at")[0])
+    np.testing.assert_allclose([int(match[1]), int(match[2])], session.true[4], atol=3)
+    assert keys.told("mark 3: taken at") == [
+        "mark 3: taken at {} {}".format(*session.true[2]),
+        *keys.told("mark 3: taken at")[1:],
+    ]
+    assert any("steps from where the others put it (+-" in t for t in keys.told("mark 4: "))
+    assert len(keys.told("mark 6: ")) == 1
+    assert keys.keys == []
+
+
+def test_a_wrong_mark_is_told_when_it_is_taken_and_taken_again(session):
+    right = [session.at(k) for k in (1, 2, 3, 4)]
+    keys = session.press(
+        *right, session.at(5, (30, -20)), "u", session.at(5), session.at(6), "enter"
+    )
+    told = [line for line in keys.lines if "lies" in line or "wrong" in line]
+    assert told
+    assert "too far" in keys.told("mark 5: taken at")[0]
+    assert session.group["dac"].sel(view="a", point=5).values.tolist() == session.true[4]
+
+
+def test_undo_and_repeat_go_back_to_where_the_mark_was(session):
+    keys = session.press(
+        session.at(1), session.at(2), "u", "1 up enter", "r 1 enter", "1 left enter"
+    )
+    (one, two) = session.true[:2]
+    assert session.kept() == {1: [one[0], one[1] + 1], 2: [two[0] + 1, two[1]]}
+    assert [line.split(" at ")[0] for line in keys.told("View a")] == [
+        f"View a, mark {k}" for k in (1, 2, 3, 2, 3, 1, 3)
+    ]
+    kept = sorted(path.name for path in session.folder.glob("a/.mark*"))
+    assert kept == [".mark_1.1.json", ".mark_2.1.json"]
+
+
+def test_a_hidden_mark_can_be_taken_back(session):
+    session.press(session.at(1), "h", session.at(3))
+    assert session.kept()[2] is None
+    session.press("r 2 enter", session.at(2))
+    assert session.kept() == {k: session.true[k - 1] for k in (1, 2, 3)}
+
+
+def test_what_was_taken_back_stays_so_after_a_cut(session):
+    """Neither the answer that was taken back counts, nor is one lost that counted."""
+    session.press(session.at(1), session.at(2), session.at(3, (9, 9)), "u")
+    assert session.kept() == {k: session.true[k - 1] for k in (1, 2)}
+    keys = session.press("u", session.at(2), session.at(3), *map(session.at, (4, 5, 6)), "enter")
+    assert keys.told("View a")[0].startswith("View a, mark 3 at")
+    assert keys.told("View a")[1].startswith("View a, mark 2 at")
+    np.testing.assert_array_equal(session.group["dac"].values[0], session.true)
+
+
+def test_who_only_goes_on_reviews_nothing(session):
+    session.press(*map(session.at, range(1, 7)))
+    assert session.group is None  # cut off at the review
+    session.press()
+    np.testing.assert_array_equal(session.group["dac"].values[0], session.true)
+
+
+def test_nothing_that_is_mistyped_moves_the_beam(session):
+    keys = session.press(
+        "= 1 enter", "= 9 9 9 9 _ 0 enter", "+ 5 escape", "- backspace backspace", "x", "g", "u",
+        "r 7 enter", "?",
+    )  # fmt: skip
+    assert set(session.path) == {(0, 0)}
+    told = "\n".join(keys.lines)
+    for part in (
+        "'=1' is neither steps like +5 -3 nor a place like =120 -40",
+        "9999 0 is beyond the board's steps, -4096 to 4096",
+        "three marks that are not in a line tell where the others lie; 0 are taken",
+        "nothing is taken yet",
+        "'7' is not a mark that was taken or left out",
+    ):
+        assert part in told
+    assert told.count("Arrow keys move the beam") == 2
+
+
+def test_two_marks_are_not_at_one_place(session):
+    keys = session.press(session.at(1), "enter", "1 up enter")
+    told = "mark 1 was taken at {} {}, where mark 2 cannot be too".format(*session.true[0])
+    assert any(line.startswith(told) for line in keys.lines)
+    assert session.kept()[2] == [session.true[0][0] + 1, session.true[0][1]]
+
+
+def test_a_narrow_terminal_shows_what_matters_most():
+    parts = ["mark 1", "beam 0 0", "to go +3 -2", "light [####......]"]
+    assert fitting(parts, 100) == "mark 1  beam 0 0  to go +3 -2  light [####......]"
+    assert fitting(parts, 30) == "mark 1  beam 0 0  to go +3 -2"
+    assert fitting(parts, 12) == "mark 1"
+
+
+def test_a_line_is_typed_with_mistakes():
+    assert typed(Keys("5 6 backspace up _ enter"), "move: ", "+") == "+5 "
+    assert typed(Keys("escape"), "move: ", "+") is None
+    assert typed(Keys("backspace backspace"), "move: ", "+") is None
+
+
+class Seen:
+    """An instrument with one pixel."""
+
+    def __init__(self, status=Status.good):
+        counts = np.array([[[0, 100, -100, 0], [0, 0, 0, 0]]], np.int16)
+        self.pixel = RawSamples(counts, np.array([0.01, 0.01]), 1.0, np.array([status], np.uint8))
+
+    def acquire(self):
+        return self.pixel
+
+
+def test_the_level_is_told():
+    bright = ["light [##########]", "velocity 0.7071 V", "reference 0.0000 V"]
+    assert Level().read(Seen()) == bright
+    assert Level().read(Seen(Status.dropped_out))[0] == "light [..........]"
+    assert Level().read(Seen(Status.over_range))[0] == "light [##########] over range"
+
+
+def test_an_instrument_without_a_level_is_asked_once():
+    class Blind:
+        asked = 0
+
+        def acquire(self):
+            self.asked += 1
+            raise InstrumentError("no such command")
+
+    level, blind = Level(), Blind()
+    assert level.read(blind) == ["no level", "no such command"]
+    assert level.read(blind) == ["no level"]
+    assert blind.asked == 1
+
+
+def test_nobody_is_asked_for_keys_where_there_are_none(composed, tmp_path, monkeypatch):
+    """With a guide at hand, too, a pipe is asked for lines, as ever."""
+    experiment = composed(*HAND)
+    monkeypatch.delattr(VirtualLab, "person")
+    monkeypatch.setattr("builtins.input", lambda request: (_ for _ in ()).throw(EOFError))
+    guide = partial(aiming_at_marks, experiment.laser, None)
+    with pytest.raises(
+        UserError, match="nobody is at the terminal to answer 'mark 1, beam at 0 0'"
+    ):
+        scan_views(experiment, tmp_path, guide=guide)
+
+
+class Terminal:
+    """A run at a real terminal, in front of an instrument on a socket."""
+
+    def __init__(self, folder, *arguments, columns=100):
+        self.keys, there = pty.openpty()
+        fcntl.ioctl(there, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+        self.modes = termios.tcgetattr(self.keys)
+
+        def controlled():
+            os.setsid()
+            fcntl.ioctl(there, termios.TIOCSCTTY, 0)
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+        command = [sys.executable, "-m", "sldvexp.cli.main", *arguments]
+        ends = {"stdin": there, "stdout": there, "stderr": there, "preexec_fn": controlled}
+        environment = {**os.environ, "TERM": "xterm"}
+        self.process = subprocess.Popen(command, cwd=folder, env=environment, **ends)
+        os.close(there)
+        self.shown = ""
+
+    def until(self, text):
+        """Read until a text was shown since the last time; all of that."""
+        shown, end = "", time.monotonic() + PATIENCE
+        while text not in shown and time.monotonic() < end:
+            if select.select([self.keys], [], [], 0.1)[0]:
+                try:
+                    shown += os.read(self.keys, 2**16).decode(errors="replace")
+                except OSError:  # the run has ended
+                    break
+        self.shown += shown
+        assert text in shown, self.shown
+        return shown
+
+    def type(self, keys):
+        os.write(self.keys, keys.encode())
+
+    def status(self):
+        while self.process.poll() is None:
+            if select.select([self.keys], [], [], 0.1)[0]:
+                with suppress(OSError):
+                    self.shown += os.read(self.keys, 2**16).decode(errors="replace")
+        return self.process.returncode
+
+
+class ByHand:
+    """Runs by hand with the whole command, in front of the virtual lab's server."""
+
+    def __init__(self, made, folder):
+        self.made, self.place, self.folder = made, folder, folder / "run"
+        self.lab = VirtualLab(made.scene, made.laser, None, 0)
+        points = made.target.points()
+        steps = np.rint(self.lab.true_dac(points.position)).astype(int).tolist()
+        self.where = dict(zip(points.number.tolist(), steps, strict=True))
+        self.server = LabServer(self.lab)
+
+    def start(self, **how):
+        settings = [
+            *("~experiment", "target=fiducials", "scan=by_hand", "scan.views={a: {}}"),
+            *("pose=manual", "instrument=visa", f"instrument.resource={self.server.resource}"),
+            *(f"instrument.timeout={PATIENCE}", f"hydra.run.dir={self.folder}"),
+        ]
+        return Terminal(self.place, *settings, **how)
+
+    def steer(self, terminal, number):
+        """Bring the beam onto a mark: some steps typed, the last ones by arrow keys; take it."""
+        up_down, left_right = self.where[number]
+        terminal.type(f"={up_down - 2} {left_right + 3}\n1{UP}{UP}{RIGHT}{RIGHT}{RIGHT}")
+        terminal.until(f"beam {up_down} {left_right}  ")
+        assert self.lab.position == (up_down, left_right)
+        terminal.type("\r")
+
+
+@pytest.fixture
+def by_hand(composed, tmp_path):
+    made = ByHand(composed("target=fiducials"), tmp_path)
+    with made.server:
+        yield made
+
+
+@pytest.mark.long
+def test_five_marks_at_a_real_terminal(by_hand, composed, tmp_path):
+    """Steered, predicted, taken back, cut off and gone on with; then the pose is right."""
+    terminal = by_hand.start()
+    for number in (1, 2, 3):
+        terminal.until(f"View a, mark {number} at ")
+        terminal.until("light [#")
+        by_hand.steer(terminal, number)
+    shown = terminal.until("g goes there")
+    assert "mark 3: taken at" in shown
+    terminal.until("beam")
+    terminal.type("u")
+    terminal.until("View a, mark 3 at ")
+    terminal.until("beam {} {}  ".format(*by_hand.where[3]))
+    terminal.type("\r")
+    terminal.until("View a, mark 4 at ")
+    terminal.type("\x03")
+    assert terminal.status() == 130, terminal.shown
+    assert termios.tcgetattr(terminal.keys) == terminal.modes
+    assert (
+        f"what was scanned is kept, go on with: sldvexp resume={by_hand.folder}" in terminal.shown
+    )
+    assert by_hand.lab.position == (0, 0)
+
+    terminal = Terminal(tmp_path, f"resume={by_hand.folder}", columns=50)
+    terminal.until("g goes there")
+    terminal.until("to go")
+    terminal.type("g")
+    terminal.until("to go +0 +0")
+    by_hand.steer(terminal, 4)
+    shown = terminal.until("g goes there")
+    expected = re.search(r"mark 5 at .*expected at (-?\d+) (-?\d+) steps", shown)
+    np.testing.assert_allclose([*map(int, expected.groups())], by_hand.where[5], atol=3)
+    terminal.until("to go")
+    terminal.type("g")
+    terminal.until(f"beam {expected[1]} {expected[2]}  ")
+    terminal.type("\r")
+    shown = terminal.until("View a, mark 6 at ")
+    assert "steps from where the others put it (+-" in shown
+    terminal.type("h")
+    terminal.until("Enter goes on")
+    terminal.type("\r")
+    assert terminal.status() == 0, terminal.shown
+    assert termios.tcgetattr(terminal.keys) == terminal.modes
+    with dataset.load(by_hand.folder / "run.nc") as tree:
+        registration, pose = tree["registration"].load(), tree["pose"].load()
+        verdict = tree["verdict"].attrs["verdict"]
+    assert registration["point"].values.tolist() == [1, 2, 3, 4, 5]
+    found = registration["dac"].isel(view=0).values
+    np.testing.assert_allclose(found, [by_hand.where[n] for n in (1, 2, 3, 4, 5)], atol=2)
+    off = np.abs(pose["origin"].values[0] - by_hand.made.scene.views["a"].origin)
+    assert (off < pose["origin_confidence"].values[0]).all()
+    assert verdict == "trusted"
+    configured = composed(*HAND, "pose=manual")
+    made = scan_views(configured, tmp_path / "configured")
+    other = configured.pose.estimate(configured.laser, configured.target, made).pose
+    apart = np.abs(pose["origin"].values[0] - other["origin"].values[0])
+    bound = pose["origin_confidence"].values[0] + other["origin_confidence"].values[0]
+    assert (apart < bound).all()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("end", ["SIGTERM", "SIGHUP", "instrument", "terminal"])
+def test_whatever_happens_the_beam_goes_home_and_the_terminal_is_given_back(by_hand, end):
+    terminal = by_hand.start()
+    terminal.until("light [#")
+    by_hand.steer(terminal, 1)
+    terminal.until("View a, mark 2 at ")
+    if end == "instrument":
+        by_hand.server.__exit__()
+        terminal.type(UP)
+        assert terminal.status() == 1
+    elif end == "terminal":
+        os.close(terminal.keys)
+        assert terminal.process.wait(PATIENCE) in (1, 129)
+    else:
+        terminal.process.send_signal(getattr(signal, end))
+        assert terminal.status() == 128 + getattr(signal, end)
+    if end != "terminal":
+        assert termios.tcgetattr(terminal.keys) == terminal.modes
+    if end != "instrument":
+        assert by_hand.lab.position == (0, 0)
+        assert not by_hand.server.dialect.playing
+    kept = by_hand.folder.rglob("mark_1.json")
+    assert [read_answer(path)["answer"] for path in kept] == [by_hand.where[1]]
