@@ -174,11 +174,11 @@ class AimingBench:
     def _mark(self, wish: Wish) -> None:
         """Take the beam's place for the mark that is meant."""
         kind, number = self._named(wish)
-        self.marks.set(self.view, (kind, number), self.beam)
+        self.marks.put(self.view, (kind, number), self.beam)
         self._tell_marks()
 
     def _forget(self, wish: Wish) -> None:
-        self.marks.set(self.view, self._named(wish), None)
+        self.marks.put(self.view, self._named(wish), None)
         self._tell_marks()
 
     def _undo(self, wish: Wish) -> None:

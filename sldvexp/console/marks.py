@@ -127,7 +127,7 @@ class AimedMarks:
         """Give the marks of a view."""
         return dict(self._found.get(view, {}))
 
-    def set(self, view: str, name: Name, steps: Steps | None) -> None:
+    def put(self, view: str, name: Name, steps: Steps | None) -> None:
         """Set a mark, or take it away."""
         change = MarkChange(view, name, self._found.get(view, {}).get(name), steps)
         self._undone = []

@@ -33,9 +33,9 @@ def folder(tmp_path: Path) -> Path:
 def marks() -> AimedMarks:
     made = AimedMarks()
     for number, steps in enumerate([(-371, 1322), (-517, 601), (588, 318), (551, 1430)], 1):
-        made.set("1", (CIRCLE, number), steps)
+        made.put("1", (CIRCLE, number), steps)
     for number, steps in enumerate([(-661, 159), (-659, -1454), (683, -1503), (682, 165)], 1):
-        made.set("1", (CORNER, number), steps)
+        made.put("1", (CORNER, number), steps)
     return made
 
 
@@ -97,8 +97,8 @@ def test_places_of_each_kind_of_scan_have_their_own_key():
         (ByDigitizer(), SPOT, "dac"),
     ):
         marks = AimedMarks()
-        marks.set("a", (kind, 2), (3, 4))
-        marks.set("a", (kind, 1), (1, 2))
+        marks.put("a", (kind, 2), (3, 4))
+        marks.put("a", (kind, 1), (1, 2))
         assert marks.settings(Experiment(scan=scan)) == {"views": {"a": {key: [[1, 2], [3, 4]]}}}
 
 
