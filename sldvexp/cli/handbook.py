@@ -28,7 +28,10 @@ CHAPTERS = {
         "console",
         "aiming",
     ),
-    "Work": ("own_experiments", "sweeps", "figures", "motion", "formats", "python", "how_to"),
+    "Work": (
+        *("own_experiments", "planning", "sweeps", "figures", "motion", "formats", "python"),
+        "how_to",
+    ),
     "Methods": (
         "choosing_a_method",
         "poses",
