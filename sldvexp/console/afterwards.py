@@ -22,8 +22,8 @@ from sldvexp.pose.base import PoseResult
 log = logging.getLogger(__name__)
 
 Groups = Mapping[str, xr.Dataset]
-#: Advises from the groups of the views that are done, pose included, in sentences.
-Advise = Callable[[Groups], list[str]]
+#: Advises from an experiment and the groups of its views that are done, in sentences.
+Advise = Callable[[Experiment, Groups], list[str]]
 MILLI = 1e3
 
 
@@ -86,7 +86,9 @@ class Afterwards:
                         self._told[view] = [*sentences(result, view), *lines]
                 self._tell(self._told)
                 if self._advise is not None and self._work.empty():
-                    self._planned(self._advise({**self._groups, "pose": result.pose}))
+                    self._planned(
+                        self._advise(self._experiment, {**self._groups, "pose": result.pose})
+                    )
             except UserError as error:
                 self._told[name] = [*told, f"{POSE}: not known yet, {error}"]
                 self._tell(self._told)

@@ -18,12 +18,14 @@ import numpy as np
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.console.board import NoticeBoard
-from sldvexp.console.marks import AimedMarks, Steps, kind_of, used_parts, view_names, wanted
+from sldvexp.console.marks import AimedMarks, Steps, kind_of, parts_of, view_names, wanted
 from sldvexp.console.outlook import Outlook
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples
 from sldvexp.instrument import bench as aids
-from sldvexp.signal import Flag
+from sldvexp.scan import Sampling
+from sldvexp.signal import Flag, SignalEstimator
+from sldvexp.signal.sine_fit import SineFit
 from sldvexp.stopping import undisturbed
 from sldvexp.typing import IntArray
 
@@ -71,6 +73,7 @@ class AimingBench:
         self.views = view_names(experiment)
         self.view = self.views[0]
         self.wanted = wanted(experiment)
+        self._signal: SignalEstimator = experiment.signal or SineFit()
         self.outlook = Outlook(experiment, self.wanted)
         self.kind = next(iter(self.wanted), "")
         self.beam: Steps = (0, 0)
@@ -171,11 +174,11 @@ class AimingBench:
     def _mark(self, wish: Wish) -> None:
         """Take the beam's place for the mark that is meant."""
         kind, number = self._named(wish)
-        self.marks.set(self.view, (kind, number), self.beam)
+        self.marks.put(self.view, (kind, number), self.beam)
         self._tell_marks()
 
     def _forget(self, wish: Wish) -> None:
-        self.marks.set(self.view, self._named(wish), None)
+        self.marks.put(self.view, self._named(wish), None)
         self._tell_marks()
 
     def _undo(self, wish: Wish) -> None:
@@ -298,9 +301,9 @@ class AimingBench:
         return self._instrument
 
     def _sampling(self) -> Acquisition:
-        parts = used_parts(self.experiment.scan).values()
-        part = next((p for p in parts if kind_of(p) == self.kind), next(iter(parts)))
-        s = part.sampling
+        parts = [p for p in parts_of(self.experiment).values() if hasattr(p, "sampling")]
+        chosen = [p for p in parts if kind_of(p) == self.kind] or parts
+        s = chosen[0].sampling if chosen else Sampling()
         return aids.quick(Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude))
 
     def _go(self, to: Steps) -> None:
@@ -314,7 +317,7 @@ class AimingBench:
     def _amplitude(self, samples: RawSamples) -> tuple[Any, Any]:
         """Compute the velocity's amplitude, mm/s, and flags of pixels."""
         assert self._set is not None
-        image = self.experiment.signal.demodulate(
+        image = self._signal.demodulate(
             samples.counts,
             np.arange(self._set.samples) / samples.rate,
             self._set.excitation,

@@ -87,7 +87,7 @@ class Console:
 
     def _written(self, wish: Wish) -> list[str]:
         """Write what was aimed; give the settings of a run of it."""
-        scan = self.bench.marks.settings(self.experiment.scan)
+        scan = self.bench.marks.settings(self.experiment)
         if not scan:
             raise UserError("nothing is marked yet")
         name = wish.get("name")
@@ -102,7 +102,7 @@ class Console:
 
     def _scan(self, wish: Wish) -> None:
         """Scan what was aimed, as a run of the experiment that is written of it."""
-        scan = self.bench.marks.settings(self.experiment.scan)
+        scan = self.bench.marks.settings(self.experiment)
         settings = self._written(wish) if scan else self.settings
         experiment = self._compose(settings) if scan else self.experiment
         self.bench.leave()  # the run opens the instrument for itself
@@ -113,7 +113,7 @@ class Console:
         )
         self.bench.say("The scan begins.")
         try:
-            folder = self._run(settings, scanning, Asked(scanning))
+            folder = self._run(settings, scanning, Asked(scanning, self.bench.marks))
         except UserError as error:
             self._ended(str(error), problem=True)
         except KeyboardInterrupt as stop:

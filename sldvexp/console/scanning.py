@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import queue
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.console.afterwards import Advise, Afterwards
 from sldvexp.console.board import NoticeBoard
+from sldvexp.console.marks import AimedMarks, AimedPerson
 from sldvexp.console.painting import Painter
 from sldvexp.lazy import xarray as xr
 from sldvexp.session import LineDone, Operator, ViewAhead, Watcher, Wish
@@ -207,11 +209,22 @@ class Asked(Operator):
     ----------
     scanning : Scanning
         Whose board shows the request, and whose wishes have the answer.
+    marks : AimedMarks, optional
+        Fiducials that were aimed at before the scan.
     """
 
-    def __init__(self, scanning: Scanning) -> None:
+    def __init__(self, scanning: Scanning, marks: AimedMarks | None = None) -> None:
         super().__init__(scanning)
-        self._scanning = scanning
+        self._scanning, self._marks = scanning, marks or AimedMarks()
+
+    def person(self, view: str) -> AimedPerson | None:
+        """See `Operator`."""
+        return self._marks.person(view)
+
+    @contextmanager
+    def keyboard(self) -> Iterator[None]:
+        """See `Operator`; the keys of a terminal are not the controller's."""
+        yield None
 
     def ask(self, request: str) -> str:
         """See `Operator`."""

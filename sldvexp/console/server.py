@@ -39,7 +39,7 @@ HOST = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?")
 #: Bytes of a wish at most.
 LONGEST = 2**14
 #: How soon a controller that has silently gone is missed, s: asked so often, waited for so long.
-ASKED, WAITED = 1.0, 2.0
+ASKED, WAITED = 1.0, 5.0
 #: Pause between two loads of news to a browser, s.
 PAUSE = 0.02
 #: Answers to who may not come.
