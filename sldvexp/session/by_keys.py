@@ -63,7 +63,7 @@ class AtKeyboard:
 
     def __init__(self, at: ViewContext, guide: AimingGuide, keyboard: Keyboard) -> None:
         self.at, self.guide, self.keyboard = at, guide, keyboard
-        self.step, self.level = 10, Level()
+        self.step, self.level = 10, LightLevel()
         self._reported: dict[str, Steps] = {}
         keyboard.say(HELP)
 
@@ -157,7 +157,7 @@ class _Aim:
         self.instrument: Instrument = person.at.camera.instrument
         self.expected = self._expected()
         self.goals = list(_goals(self.expected))
-        self.goal = 0
+        self.goal, self.looked = 0, False
 
     def result(self) -> Steps | None:
         """Follow the keys until the mark is taken, or left out."""
@@ -170,16 +170,10 @@ class _Aim:
             key = self.keyboard.key(PERIOD)
             if key is None:
                 continue
-            if key.name == "h":
-                return None
-            if key.name == "enter":
-                if (other := self._other()) is None:
-                    return self.beam
-                self.keyboard.say(
-                    f"{other} was taken at {self.beam[0]} {self.beam[1]}, where {self.name} cannot "
-                    "be too: move the beam onto it, or press h if it cannot be seen"
-                )
-            else:
+            if key.name == "h" or (key.name == "enter" and self._is_taken()):
+                self.keyboard.status("")
+                return None if key.name == "h" else self.beam
+            if key.name != "enter":
                 self._do(key)
 
     def _do(self, key: Key) -> None:
@@ -242,12 +236,25 @@ class _Aim:
             f"{instead}: g goes there"
         )
 
-    def _other(self) -> str | None:
-        """Find another mark that was taken where the beam stands."""
-        taken = self.person.guide.taken.items()
-        return next(
-            (name for name, steps in taken if steps == self.beam and name != self.name), None
-        )
+    def _is_taken(self) -> bool:
+        """Tell whether the mark can be where the beam stands, and that not by prediction alone."""
+        where = f"{self.beam[0]} {self.beam[1]}"
+        for name, steps in self.person.guide.taken.items():
+            if steps == self.beam and name != self.name:
+                self.keyboard.say(
+                    f"{name} was taken at {where}, where {self.name} cannot be too: move the beam "
+                    "onto it, or press h if it cannot be seen"
+                )
+                return False
+        if len(self.goals) > 1 and self.beam in self.goals and not self.looked:
+            # Taken unseen, it would confirm whichever pose it was predicted by.
+            self.looked = True
+            self.keyboard.say(
+                f"{where} is but one of {len(self.goals)} places where {self.name} may be: Enter "
+                "again if the spot is on it"
+            )
+            return False
+        return True
 
     def _show(self) -> None:
         """Draw the line that lives; what a narrow terminal has no room for is left out."""
@@ -264,7 +271,7 @@ class _Aim:
         self.keyboard.status(fitting(parts, self.keyboard.columns))
 
 
-class Level:
+class LightLevel:
     """Light and velocity where the beam stands, in words; nothing of an instrument without them."""
 
     def __init__(self) -> None:

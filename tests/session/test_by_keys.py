@@ -26,7 +26,7 @@ from sldvexp.instrument.person import read_answer
 from sldvexp.laser import Mirror, TwoMirror
 from sldvexp.pose.aiming import aiming_at_marks
 from sldvexp.session import Operator
-from sldvexp.session.by_keys import Level, fitting, typed
+from sldvexp.session.by_keys import LightLevel, fitting, typed
 from sldvexp.session.keyboard import Key
 from sldvexp.session.session import scan_views
 from sldvexp.virtual_lab import LabServer, VirtualLab
@@ -160,6 +160,15 @@ def test_a_whole_view_by_keys(session):
     assert keys.keys == []
 
 
+def test_one_place_of_several_is_not_taken_unseen(session):
+    """Who presses g and Enter would confirm whichever pose the place was predicted by."""
+    keys = session.press(*map(session.at, (1, 2, 3)), "g enter", "h")
+    assert any("is but one of" in line for line in keys.lines)
+    assert session.kept()[4] is None
+    keys = session.press("u g enter enter")
+    np.testing.assert_allclose(session.kept()[4], session.true[3], atol=3)
+
+
 def test_a_wrong_mark_is_told_when_it_is_taken_and_taken_again(session):
     right = [session.at(k) for k in (1, 2, 3, 4)]
     keys = session.press(
@@ -259,9 +268,9 @@ class Seen:
 
 def test_the_level_is_told():
     bright = ["light [##########]", "velocity 0.7071 V", "reference 0.0000 V"]
-    assert Level().read(Seen()) == bright
-    assert Level().read(Seen(Status.dropped_out))[0] == "light [..........]"
-    assert Level().read(Seen(Status.over_range))[0] == "light [##########] over range"
+    assert LightLevel().read(Seen()) == bright
+    assert LightLevel().read(Seen(Status.dropped_out))[0] == "light [..........]"
+    assert LightLevel().read(Seen(Status.over_range))[0] == "light [##########] over range"
 
 
 def test_an_instrument_without_a_level_is_asked_once():
@@ -272,7 +281,7 @@ def test_an_instrument_without_a_level_is_asked_once():
             self.asked += 1
             raise InstrumentError("no such command")
 
-    level, blind = Level(), Blind()
+    level, blind = LightLevel(), Blind()
     assert level.read(blind) == ["no level", "no such command"]
     assert level.read(blind) == ["no level"]
     assert blind.asked == 1
@@ -428,6 +437,25 @@ def test_five_marks_at_a_real_terminal(by_hand, composed, tmp_path):
     apart = np.abs(pose["origin"].values[0] - other["origin"].values[0])
     bound = pose["origin_confidence"].values[0] + other["origin_confidence"].values[0]
     assert (apart < bound).all()
+
+
+@pytest.mark.long
+def test_five_invented_places_are_told_at_once_and_void(by_hand):
+    terminal = by_hand.start()
+    invented = [(-500, 300), (250, -900), (1200, 40), (-30, 700), (640, 1100)]
+    for number, (up_down, left_right) in enumerate(invented, 1):
+        terminal.until(f"View a, mark {number} at ")
+        terminal.type(f"={up_down} {left_right}\n\r")
+    terminal.until("marks 1, 2, 3, 4 and 5 contradict one another by ")
+    terminal.type("h")
+    terminal.until("Enter goes on")
+    terminal.type("\r")
+    assert terminal.status() == 0, terminal.shown
+    with dataset.load(by_hand.folder / "run.nc") as tree:
+        found = tree["verdict"].load()
+    assert found.attrs["verdict"] == "void"
+    assert "points 1, 2, 3, 4 and 5 contradict one another by" in found["text"].values[0]
+    assert found["subject"].values[0] == "view a, points 1, 2, 3, 4 and 5"
 
 
 @pytest.mark.long
