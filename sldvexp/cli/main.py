@@ -25,7 +25,7 @@ from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
-from sldvexp import cli, config, pipeline, sweep, writing
+from sldvexp import cli, config, pipeline, session, sweep, writing
 from sldvexp.cli import commands
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
@@ -121,10 +121,22 @@ class Command:
         Whether mistakes are raised instead of told.
     quiet : bool
         Whether a single run prints neither a bar nor its closing table.
+    watcher : Watcher, optional
+        Shows how a single run gets on, in the place of the bar.
+    operator : Operator, optional
+        Is asked, in the place of the person at the terminal, for what must be done by hand.
     """
 
-    def __init__(self, arguments: Sequence[str], full_error: bool, quiet: bool = False):
+    def __init__(
+        self,
+        arguments: Sequence[str],
+        full_error: bool,
+        quiet: bool = False,
+        watcher: session.Watcher | None = None,
+        operator: session.Operator | None = None,
+    ):
         self.quiet = quiet
+        self.watcher, self.operator = watcher, operator
         self.arguments = arguments
         self.full_error = full_error
         self.status = DONE
@@ -311,6 +323,8 @@ class Command:
                         folder=str(self.folder),
                         quiet=self.quiet,
                         experiment=self.experiment,
+                        watcher=self.watcher,
+                        operator=self.operator,
                     )
                 self.status = self.status or (DONE if passed else MISSED)
         except KeyboardInterrupt as stop:

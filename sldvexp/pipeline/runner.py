@@ -24,7 +24,7 @@ from sldvexp.export import export_all
 from sldvexp.pipeline import provenance
 from sldvexp.pipeline.steps import SCAN, STEPS, Run, Step
 from sldvexp.report import REPORT_FILE, Report, attempt, closing_table, pose_text
-from sldvexp.session import Operator
+from sldvexp.session import Operator, Watcher
 from sldvexp.session.interruption import how_to_go_on, telling_of_the_scan
 from sldvexp.writing import making, take_over, whole_or_nothing
 
@@ -39,6 +39,8 @@ def run(
     quiet: bool = False,
     share: Callable[[Step, Run], None] | None = None,
     experiment: Experiment | None = None,
+    watcher: Watcher | None = None,
+    operator: Operator | None = None,
 ) -> bool:
     """Run one experiment.
 
@@ -55,6 +57,10 @@ def run(
         Does a step, or takes over what another run did, see `sldvexp.sweep.shared_steps.Store`.
     experiment : Experiment, optional
         Its plugins, if they are made already; `cfg` is checked and they are made of it otherwise.
+    watcher : Watcher, optional
+        Shows how the run gets on, in the place of the bar.
+    operator : Operator, optional
+        Is asked for what must be done by hand, in the place of the person at the terminal.
 
     Returns
     -------
@@ -74,18 +80,12 @@ def run(
             "there is nothing to do: choose an experiment, for example experiment=pose "
             "(sldvexp --help lists them), or a target, a pose or an instrument"
         )
-    bar = Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        TimeElapsedColumn(),
-        transient=True,
-        disable=quiet,
-    )
+    watching = watcher or Spinner(quiet)
     rng = np.random.default_rng(experiment.seed)
-    run = Run(experiment, rng, Path(folder), Operator(lambda: _paused(bar)))
+    run = Run(experiment, rng, Path(folder), operator or Operator(watching), watching)
     page = experiment.report if share is None else None
-    with bar, _page_if_unfinished(page, run.folder), _told_how_to_go_on(run.folder):
-        whole = _do(steps, run, bar, share or (lambda step, run: step.perform(run)))
+    with watching, _page_if_unfinished(page, run.folder), _told_how_to_go_on(run.folder):
+        whole = _do(steps, run, share or (lambda step, run: step.perform(run)))
     run.conclude()
     verdict = run.verdict
     for finding in findings_of(run.tree):
@@ -144,11 +144,11 @@ def _leave(
     return [path, *(folder / file.relative_to(new) for file in made)]
 
 
-def _do(steps: Sequence[Step], run: Run, bar: Progress, do: Callable[[Step, Run], None]) -> bool:
+def _do(steps: Sequence[Step], run: Run, do: Callable[[Step, Run], None]) -> bool:
     """Do one step after the other; False if doubt has stopped the run."""
-    task, scanned = bar.add_task("", total=len(steps)), False
-    for step in steps:
-        bar.update(task, description=step.name, advance=1)
+    scanned = False
+    for number, step in enumerate(steps, 1):
+        run.watcher.step_begun(step.name, number, len(steps))
         log.info(step.name)
         with telling_of_the_scan(run.folder, scanned):
             do(step, run)
@@ -186,14 +186,38 @@ def _page_if_unfinished(report: Report | None, folder: Path) -> Iterator[None]:
         raise
 
 
-@contextmanager
-def _paused(bar: Progress) -> Iterator[None]:
-    """Give the terminal back without the bar, which would draw over what is asked there."""
-    bar.stop()
-    try:
-        yield
-    finally:
-        bar.start()
+class Spinner(Watcher):
+    """Spins at the terminal beside the name of the step; a context.
+
+    Parameters
+    ----------
+    quiet : bool
+        Whether it shows nothing.
+    """
+
+    def __init__(self, quiet: bool) -> None:
+        columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+        self._bar = Progress(*columns, transient=True, disable=quiet)
+        self._task = self._bar.add_task("")
+
+    def __enter__(self) -> None:
+        self._bar.start()
+
+    def __exit__(self, *exception: object) -> None:
+        self._bar.stop()
+
+    def step_begun(self, name: str, number: int, count: int) -> None:
+        """See `Watcher`."""
+        self._bar.update(self._task, description=name, total=count, completed=number)
+
+    @contextmanager
+    def asking(self, request: str) -> Iterator[None]:
+        """Give the terminal back without the bar, which would draw over what is asked there."""
+        self._bar.stop()
+        try:
+            yield
+        finally:
+            self._bar.start()
 
 
 def _is_read(file: Path, texts: Iterable[str]) -> bool:

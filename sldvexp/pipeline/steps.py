@@ -32,7 +32,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import Refine
 from sldvexp.reconstruction import Reconstruction
 from sldvexp.reconstruction.system import Robust
-from sldvexp.session import Operator
+from sldvexp.session import Operator, Watcher
 from sldvexp.session.camera import NobodyThereError
 from sldvexp.session.interruption import has_lines, how_to_go_on
 from sldvexp.stopping import stopping_once
@@ -56,6 +56,7 @@ class Run:
     rng : Generator
     folder : Path
     operator : Operator
+    watcher : Watcher
     tree : dict of str to Dataset
         Groups by their path.
     inputs : list of str
@@ -70,6 +71,7 @@ class Run:
     rng: np.random.Generator
     folder: Path
     operator: Operator = field(default_factory=Operator)
+    watcher: Watcher = field(default_factory=Watcher)
     tree: dict[str, xr.Dataset] = field(default_factory=dict)
     inputs: list[str] = field(default_factory=list)
     reused: list[str] = field(default_factory=list)
@@ -135,7 +137,7 @@ def _scan(run: Run) -> None:
             for prefix, scan in scans.items():
                 journal = run.folder / JOURNAL / prefix
                 found = session.session.scan_views(
-                    replace(e, scan=scan), journal, run.operator, run.keep
+                    replace(e, scan=scan), journal, run.operator, run.keep, run.watcher
                 )
                 run.tree |= {f"{prefix}{name}": group for name, group in found.items()}
     except (InstrumentError, NobodyThereError) as error:

@@ -2,3 +2,8 @@ from . import session as session
 from .camera import Camera as Camera
 from .camera import Operator as Operator
 from .journal import Journal as Journal
+from .watching import LineDone as LineDone
+from .watching import PartAhead as PartAhead
+from .watching import ViewAhead as ViewAhead
+from .watching import Watcher as Watcher
+from .watching import Wish as Wish

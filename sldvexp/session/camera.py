@@ -6,19 +6,19 @@ at the terminal, who is asked when something must be done by hand.
 
 from __future__ import annotations
 
+import signal as signals
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
-from dataclasses import dataclass, replace
-
-import numpy as np
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass
 
 from sldvexp.errors import UserError
-from sldvexp.instrument import Acquisition, Instrument, RawSamples, Status
+from sldvexp.instrument import Acquisition, Instrument, RawSamples
 from sldvexp.laser import TwoMirror
 from sldvexp.scan import Sampling
 from sldvexp.session.journal import Journal
-from sldvexp.signal import ComplexImage, Flag, SignalEstimator
-from sldvexp.stopping import undisturbed
+from sldvexp.session.watching import LineDone, Watcher, complex_pixels
+from sldvexp.signal import ComplexImage, SignalEstimator
+from sldvexp.stopping import Stopped, undisturbed
 from sldvexp.targets import Target
 from sldvexp.typing import IntArray
 
@@ -27,17 +27,21 @@ class NobodyThereError(UserError):
     """Something must be done by hand, but there is nobody to ask."""
 
 
+class ViewSkipped(Exception):  # noqa: N818, for it is no error
+    """The rest of a view is left out, as a watcher wished."""
+
+
 class Operator:
     """Asks at the terminal.
 
     Parameters
     ----------
-    screen : callable, optional
-        Makes a context in which nothing else is drawn there.
+    watcher : Watcher, optional
+        Told of it, so that nothing else is drawn there.
     """
 
-    def __init__(self, screen: Callable[[], AbstractContextManager[object]] = nullcontext) -> None:
-        self._screen = screen
+    def __init__(self, watcher: Watcher | None = None) -> None:
+        self._watcher = watcher or Watcher()
 
     def ask(self, request: str) -> str:
         """Show a request and wait for a line, which is returned without spaces around it.
@@ -47,7 +51,7 @@ class Operator:
         NobodyThereError
             If the input has ended.
         """
-        with self._screen():
+        with self._watcher.asking(request):
             try:
                 return input(request).strip()
             except EOFError:
@@ -68,6 +72,14 @@ class Camera:
     signal : SignalEstimator
     journal : Journal
         Of this view.
+    watcher : Watcher, optional
+        Told of every line, and asked between them.
+    view : str
+        Its name, for the watcher.
+    planned : int
+        Number of scan lines of the view.
+    left : tuple of str and int, optional
+        Where the view was left when it was scanned before, see `Journal.left`.
     """
 
     def __init__(
@@ -75,15 +87,23 @@ class Camera:
         arrive: Callable[[], AbstractContextManager[Instrument]],
         signal: SignalEstimator,
         journal: Journal,
+        watcher: Watcher | None = None,
+        view: str = "",
+        planned: int = 0,
+        left: tuple[str, int] | None = None,
     ) -> None:
         self.signal = signal
         self.journal = journal
+        self.kind = ""  # of the part that is scanned
+        self.skipped = False  # whether the rest of the view is left out
+        self._watcher = watcher or Watcher()
+        self._view, self._left = view, left
         self._arrive = arrive
         self._opened = ExitStack()
         self._instrument: Instrument | None = None
         self._wanted: Acquisition | None = None
         self._set: Acquisition | None = None
-        self._taken = 0
+        self._taken, self._repeated = 0, planned
 
     def __enter__(self) -> Camera:
         return self
@@ -107,7 +127,7 @@ class Camera:
         s = sampling
         self._wanted = Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude)
 
-    def image(self, name: str, lines: Sequence[IntArray]) -> ComplexImage:
+    def image(self, name: str, lines: Sequence[IntArray], in_part: bool = False) -> ComplexImage:
         """Scan some lines and turn them into complex pixels.
 
         Parameters
@@ -115,33 +135,77 @@ class Camera:
         name : str
             Of these lines, unique in the view.
         lines : sequence of ndarray of int, shape (pixel, 2)
+        in_part : bool
+            Whether the first of the lines are of use when the rest is skipped.
 
         Returns
         -------
         ComplexImage
             Of the pixels of all lines, in their order.
+
+        Raises
+        ------
+        ViewSkipped
+            If the watcher wishes it, and what is done is of no use.
         """
         assert self._wanted is not None, "call sample first"
-        samples = [self._line(f"{name}_{k:03d}", dac) for k, dac in enumerate(lines)]
-        times = np.arange(self._wanted.samples) / samples[0].rate
-        status = np.concatenate([s.status for s in samples])
-        image = self.signal.demodulate(
-            np.concatenate([s.counts for s in samples]),
-            times,
-            self._wanted.excitation,
-            volts_per_count=samples[0].volts_per_count,
-            quality=status & Status.dropped_out == 0,
-        )
-        over = np.where(status & Status.over_range, Flag.saturated, 0).astype(np.uint8)
-        return replace(image, flags=image.flags | over)
+        first, self._taken = self._taken, self._taken + len(lines)
+        done: list[RawSamples] = []
+        while not self._skips(name, lines, done, first) and len(done) < len(lines):
+            done.append(self._line(name, lines, len(done), first))
+        if len(done) < len(lines) and not (in_part and done):
+            raise ViewSkipped
+        return complex_pixels(self.signal, self._wanted, done)
 
-    def _line(self, name: str, dac: IntArray) -> RawSamples:
-        """Scan one line; its number in the view makes a repeated one the same on a virtual lab."""
-        number, self._taken = self._taken, self._taken + 1
+    def _skips(
+        self, name: str, lines: Sequence[IntArray], done: list[RawSamples], first: int
+    ) -> bool:
+        """Do what the watcher wishes before the next line; True if the rest is left out."""
+        if self._left == (name, len(done)):
+            self.skipped = True
+        while not self.skipped:
+            wish = self._watcher.between_lines(self._view, name, len(done), len(lines))
+            for number in wish.again:
+                done[number - 1] = self._line(name, lines, number - 1, first, again=True)
+            if wish.stop:
+                raise Stopped(signals.SIGINT)
+            if wish.skip:
+                self.journal.leave(name, len(done))
+                self.skipped = True
+            if not wish.again:
+                break
+        return self.skipped
+
+    def _line(
+        self, name: str, lines: Sequence[IntArray], place: int, first: int, again: bool = False
+    ) -> RawSamples:
+        """Scan one line; its number in the view makes a repeated one the same on a virtual lab.
+
+        One that is scanned again on purpose gets a number of its own, and so another noise.
+        """
         assert self._wanted is not None
-        return self.journal.line(
-            name, dac, self._wanted, lambda: self.instrument.scan(dac, stream=number)
-        )
+        dac, number, scanned = lines[place], first + place, False
+        if again:
+            number, self._repeated = self._repeated, self._repeated + 1
+
+        def measure() -> RawSamples:
+            nonlocal scanned
+            scanned = True
+            return self.instrument.scan(dac, stream=number)
+
+        where = line_name(name, place)
+        if again:
+            samples = self.journal.replaced(where, dac, self._wanted, measure)
+        else:
+            samples = self.journal.line(where, dac, self._wanted, measure)
+        told = (name, place + 1, len(lines), dac, samples, not scanned, again)
+        self._watcher.line_done(LineDone(self._view, self.kind, *told, self._wanted, self.signal))
+        return samples
+
+
+def line_name(name: str, place: int) -> str:
+    """Name a line in the journal by that of its lines and its place among them, from 0."""
+    return f"{name}_{place:03d}"
 
 
 @dataclass(frozen=True)

@@ -28,12 +28,14 @@ from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan.calibration import CalibrationScan, EdgeMethod
 from sldvexp.scan.lines import across, along_ellipse
-from sldvexp.session.camera import Camera, ViewContext
+from sldvexp.session.camera import Camera, ViewContext, line_name
 from sldvexp.signal import ComplexImage, instrument_fault
 from sldvexp.signal.instrument_faults import MOST, moving
 from sldvexp.targets import Circles
 from sldvexp.typing import IntArray
 
+#: Of both stages' lines in the journal, behind the number of the circle.
+COARSE, FINE = "coarse", "fine"
 PLACE = {
     EdgeMethod.pixel: pixel_edges,
     EdgeMethod.gradient: gradient_edges,
@@ -55,6 +57,17 @@ def scan_calibration(scan: CalibrationScan, at: ViewContext) -> dict[str, xr.Dat
     except UserError as error:
         raise UserError(f"scan: in the view {at.view}, {error}") from None
     return {f"edge/{at.view}": edges_to_dataset(edges)}
+
+
+def circle_lines(scan: CalibrationScan, view: str) -> dict[str, int]:
+    """List names and pixels of the lines of a view's circles, in their order."""
+    circles = range(1, len(scan.centres(view)) + 1)
+    return {
+        line_name(f"{circle}_{name}", k): stage.pixels
+        for name, stage in ((COARSE, scan.coarse), (FINE, scan.fine))
+        for circle in circles
+        for k in range(stage.lines)
+    }
 
 
 def scan_circles(
@@ -102,7 +115,7 @@ def _look(
 ) -> CoarseScan:
     """Scan coarse lines across one circle; the ellipse that they show."""
     name = f"the circle around DAC steps ({centre[0]}, {centre[1]})"
-    key = f"{number}_coarse"
+    key = f"{number}_{COARSE}"
     stage = scan.coarse
     dac = _on_board(across(centre, stage.lines, stage.pixels, stage.stride), laser)
     image = camera.image(key, list(dac))
@@ -119,7 +132,7 @@ def _edges(
 ) -> ScanLineEdges:
     """Scan fine lines around the ellipse of the coarse ones; the edges of the circle."""
     assert look.ellipse is not None
-    key = f"{number}_fine"
+    key = f"{number}_{FINE}"
     length, direction = principal_axes(look.ellipse.parameters)
     axes = (direction * length).T
     stage = scan.fine

@@ -9,7 +9,7 @@ from sldvexp import dataset
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan import ImageScan
-from sldvexp.session.camera import ViewContext
+from sldvexp.session.camera import ViewContext, line_name
 from sldvexp.signal import ComplexImage, Flag, instrument_fault
 from sldvexp.typing import Array, IntArray
 
@@ -29,7 +29,7 @@ def scan_image(scan: ImageScan, at: ViewContext) -> dict[str, xr.Dataset]:
     """
     at.camera.sample(scan.sampling)
     lines = scan.lines(at.view)
-    image = at.camera.image(NAME, lines)
+    image = at.camera.image(NAME, lines, in_part=True)
     if (image.flags != 0).all():
         why = instrument_fault(image) or "for more than one reason"
         raise UserError(
@@ -37,11 +37,17 @@ def scan_image(scan: ImageScan, at: ViewContext) -> dict[str, xr.Dataset]:
             f"{why}; put it right, then delete {at.camera.journal.folder / NAME}_* and resume "
             "the run"
         )
-    dac = np.concatenate(lines)
+    every = np.concatenate(lines)
+    dac = every[: len(image.flags)]  # all, unless the rest was skipped
     group = image_to_dataset(image, dac, at.laser.angle_from_dac(dac), scan.sampling.frequency)
-    if shape := scan.shape(at.view):
+    if (shape := scan.shape(at.view)) and len(dac) == len(every):
         group.attrs["shape"] = list(shape)
     return {f"image/{at.view}": group}
+
+
+def image_lines(scan: ImageScan, view: str) -> dict[str, int]:
+    """List names and pixels of the lines of a view's image."""
+    return {line_name(NAME, k): len(dac) for k, dac in enumerate(scan.lines(view))}
 
 
 def image_to_dataset(

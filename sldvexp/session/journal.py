@@ -23,6 +23,8 @@ log = logging.getLogger(__name__)
 
 #: Digest of all that decides what is measured, in the folder of the lines.
 CONFIGURATION = "configuration.sha256"
+#: Name of what is kept of a view whose rest was left out.
+LEFT = "left"
 
 
 class Journal:
@@ -71,9 +73,41 @@ class Journal:
                     "belongs to another configuration, start the run in a new one"
                 )
             return samples
+        return self.replaced(name, dac, acquisition, measure)
+
+    def replaced(
+        self,
+        name: str,
+        dac: IntArray,
+        acquisition: Acquisition,
+        measure: Callable[[], RawSamples],
+    ) -> RawSamples:
+        """Measure a line and keep it, in the place of what was kept of it, if anything was."""
         samples = measure()
-        write_line(path, dac, acquisition, samples, self.lasting)
+        write_line(self.folder / f"{name}.npz", dac, acquisition, samples, self.lasting)
         return samples
+
+    def has(self, name: str) -> bool:
+        """Tell whether there is a line of that name, whole or damaged."""
+        return (self.folder / f"{name}.npz").is_file()
+
+    def leave(self, lines: str, done: int) -> None:
+        """Keep that the rest of the view is left out.
+
+        Parameters
+        ----------
+        lines : str
+            Name of the lines that were scanned together last.
+        done : int
+            How many of them are kept.
+        """
+        write_answer(self.folder / f"{LEFT}.json", lines, done)
+
+    @property
+    def left(self) -> tuple[str, int] | None:
+        """Name and number of the lines after which the rest was left out; None if it was not."""
+        kept = read_answer(self.folder / f"{LEFT}.json")
+        return None if kept is None else (kept["question"], kept["answer"])
 
     def answer(self, name: str, question: Any, ask: Callable[[], Any]) -> Any:
         """Return what a person answered: kept earlier, or asked for now and kept.

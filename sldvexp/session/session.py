@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,12 +12,13 @@ from sldvexp.errors import ConfigError, Problem, UserError
 from sldvexp.instrument import Instrument
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
-from sldvexp.scan import Scan
+from sldvexp.scan import Scan, ScanPart
 from sldvexp.session.by_person import joined, record_marks, record_spots
-from sldvexp.session.camera import Camera, Operator, ViewContext
-from sldvexp.session.circles import scan_calibration
-from sldvexp.session.images import scan_image
+from sldvexp.session.camera import Camera, Operator, ViewContext, ViewSkipped
+from sldvexp.session.circles import circle_lines, scan_calibration
+from sldvexp.session.images import image_lines, scan_image
 from sldvexp.session.journal import Journal, require_same
+from sldvexp.session.watching import PartAhead, ViewAhead, Watcher
 
 #: Of the dissertation's instrument (Section 3.2.1).
 PIXELS_PER_SECOND = 6.0
@@ -30,12 +31,19 @@ KINDS: dict[str, Callable[[Any, ViewContext], dict[str, xr.Dataset]]] = {
     "spots": record_spots,
 }
 
+#: Names and pixels of the lines of a part in one view, by the part's `kind`; a person scans none.
+LINES: dict[str, Callable[[Any, str], dict[str, int]]] = {
+    "circles": circle_lines,
+    "image": image_lines,
+}
+
 
 def scan_views(
     experiment: Any,
     journal: Path,
     operator: Operator | None = None,
     keep: Callable[[str, xr.Dataset], xr.Dataset] | None = None,
+    watcher: Watcher | None = None,
 ) -> dict[str, xr.Dataset]:
     """Scan everything that the configuration says, view by view.
 
@@ -47,6 +55,8 @@ def scan_views(
         Folder for finished scan lines; what it has is not scanned again.
     keep : callable
         What becomes of a group, by its name, before the next view: it may go to a file.
+    watcher : Watcher, optional
+        Told of every view and line.
 
     Returns
     -------
@@ -54,22 +64,61 @@ def scan_views(
         The groups that the parts' kinds make, as ``edge/<view>``.
     """
     e = experiment
-    operator = operator or Operator()
+    watcher = watcher or Watcher()
+    operator = operator or Operator(watcher)
     require_same(journal, (e.seed, e.target, e.laser, e.scene, e.scan, type(e.instrument).__name__))
     if not e.scan.view_names():
         raise ConfigError([Problem("scan.views", "needs at least one view")])
     print(estimate(e.scan))
     _require_on_board(e.scan, e.laser)
+    views = _ahead(e.scan, journal)
+    watcher.session_begun(views)
     found: dict[str, xr.Dataset] = {}
-    for view in e.scan.view_names():
-        arrive = partial(_arrive, e, view, operator, journal / view)
-        kept = Journal(journal / view, lasting=e.instrument.real)
-        with Camera(arrive, e.signal, kept) as camera:
-            at = ViewContext(view, camera, e.laser, e.target, operator)
-            for part in e.scan.parts(view):
-                groups = KINDS[part.kind](part, at)
-                found |= {name: keep(name, g) if keep else g for name, g in groups.items()}
+    for view in views:
+        watcher.view_begun(view)
+        arrive = partial(_arrive, e, view.name, operator, journal / view.name)
+        kept = Journal(journal / view.name, lasting=e.instrument.real)
+        plan = (watcher, view.name, view.lines, kept.left)
+        with Camera(arrive, e.signal, kept, *plan) as camera:
+            at = ViewContext(view.name, camera, e.laser, e.target, operator)
+            groups = _scan_parts(e.scan.parts(view.name), at)
+        watcher.view_done(view, groups)
+        found |= {name: keep(name, g) if keep else g for name, g in groups.items()}
+    if not found:
+        raise UserError(
+            "scan: the rest of every view was skipped, and nothing is left to go on with"
+        )
+    watcher.session_done()
     return joined(found)
+
+
+def _scan_parts(parts: list[ScanPart], at: ViewContext) -> dict[str, xr.Dataset]:
+    """Scan all parts of a view, or those before the rest is skipped."""
+    found: dict[str, xr.Dataset] = {}
+    with suppress(ViewSkipped):
+        for part in parts:
+            at.camera.kind = part.kind
+            found |= KINDS[part.kind](part, at)
+            if at.camera.skipped:
+                break
+    return found
+
+
+def _ahead(scan: Scan, journal: Path) -> tuple[ViewAhead, ...]:
+    """Say what every view takes, and how much of it the journal has."""
+
+    def part_ahead(part: ScanPart, view: str) -> PartAhead:
+        lines = LINES[part.kind](part, view) if part.kind in LINES else {}
+        kept = Journal(journal / view)
+        there = sum(pixels for name, pixels in lines.items() if kept.has(name))
+        total = sum(lines.values())
+        return PartAhead(part.kind, len(lines), total, there, part.seconds(view))
+
+    names = scan.view_names()
+    return tuple(
+        ViewAhead(name, k, len(names), tuple(part_ahead(p, name) for p in scan.parts(name)))
+        for k, name in enumerate(names, 1)
+    )
 
 
 def estimate(scan: Scan) -> str:
