@@ -12,8 +12,8 @@ from pathlib import Path
 
 from sldvexp.cli.list import files, folders
 from sldvexp.errors import UserError, nearest
+from sldvexp.progress import span
 from sldvexp.sweep.matrix import Cell, read_matrix
-from sldvexp.sweep.sweep import span
 from sldvexp.sweep.trial import Trials, Verdict
 
 EXPERIMENT, MATRIX = "experiment", "matrix"

@@ -25,7 +25,7 @@ from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
-from sldvexp import cli, config, pipeline, session, sweep, writing
+from sldvexp import cli, config, pipeline, progress, session, sweep, writing
 from sldvexp.cli import commands
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
@@ -67,9 +67,11 @@ def main() -> None:
         with hydra_raises() as full_error:
             status = Command(sys.argv[1:], full_error).run()
     except KeyboardInterrupt as stop:
+        progress.clear_note()
         print(f"sldvexp: {str(stop) or 'interrupted'}", file=sys.stderr)
         status = exit_status(stop)
     finally:
+        progress.clear_note()
         gc.enable()
     sys.exit(status)
 
@@ -198,6 +200,8 @@ class Command:
         return self.status
 
     def _compose_and_run(self, options: Namespace) -> None:
+        if not options.cfg and not options.info:
+            progress.note("reading the configuration")
         if self._check(options) and not options.multirun:
             self.arguments = [*self.arguments, "-m"]
             options.multirun = True
@@ -289,6 +293,7 @@ class Command:
             if config.messages.sentence(error, config.Origins(self.arguments)) is None:
                 self.defect = error
             raise
+        progress.note("loading the program")
         folder = Path(cfg.hydra.run.dir)
         self.folder = folder.absolute()
         require_no_links(folder)
@@ -400,6 +405,7 @@ class Command:
         return False
 
     def _say(self, told: str) -> None:
+        progress.clear_note()
         for line in told.splitlines():
             print(f"sldvexp: {shown(line)}", file=sys.stderr)
         self.status = FAILED

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from omegaconf import DictConfig, OmegaConf
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from sldvexp import dataset
 from sldvexp.config import schema
@@ -22,6 +21,7 @@ from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import UserError
 from sldvexp.export import export_all
 from sldvexp.pipeline import provenance
+from sldvexp.pipeline.run_progress import RunProgress
 from sldvexp.pipeline.steps import SCAN, STEPS, Run, Step
 from sldvexp.report import REPORT_FILE, Report, attempt, closing_table, pose_text
 from sldvexp.session import Operator, Watcher
@@ -58,7 +58,7 @@ def run(
     experiment : Experiment, optional
         Its plugins, if they are made already; `cfg` is checked and they are made of it otherwise.
     watcher : Watcher, optional
-        Shows how the run gets on, in the place of the bar.
+        Shows how the run gets on, in the place of `RunProgress`.
     operator : Operator, optional
         Is asked for what must be done by hand, in the place of the person at the terminal.
 
@@ -80,23 +80,26 @@ def run(
             "there is nothing to do: choose an experiment, for example experiment=pose "
             "(sldvexp --help lists them), or a target, a pose or an instrument"
         )
-    watching = watcher or Spinner(quiet)
+    watching = watcher or RunProgress(quiet)
     rng = np.random.default_rng(experiment.seed)
     run = Run(experiment, rng, Path(folder), operator or Operator(watching), watching)
     page = experiment.report if share is None else None
-    with watching, _page_if_unfinished(page, run.folder), _told_how_to_go_on(run.folder):
-        whole = _do(steps, run, share or (lambda step, run: step.perform(run)))
-    run.conclude()
-    verdict = run.verdict
-    for finding in findings_of(run.tree):
-        log.info("%s: %s: %s", verdict, finding.severity.name, finding.text)
-    attributes = {**provenance.attributes(cfg, run.inputs, start), VERDICT: run.verdict}
-    if run.reused:
-        attributes["reused_steps"] = ", ".join(run.reused)
-    report = experiment.report
-    if report is not None and share is not None and not report.each_run:
-        report = None
-    made = _leave(run, attributes, report, list(_texts(OmegaConf.to_container(cfg))))
+    do = share or (lambda step, run: step.perform(run))
+    with watching:
+        with _page_if_unfinished(page, run.folder), _told_how_to_go_on(run.folder):
+            whole = _do(steps, run, do)
+        run.conclude()
+        for finding in findings_of(run.tree):
+            log.info("%s: %s: %s", run.verdict, finding.severity.name, finding.text)
+        attributes = {**provenance.attributes(cfg, run.inputs, start), VERDICT: run.verdict}
+        if run.reused:
+            attributes["reused_steps"] = ", ".join(run.reused)
+        report = experiment.report
+        if report is not None and share is not None and not report.each_run:
+            report = None
+        last = len(steps) + 1
+        watching.step_begun("results" if report is None else "results and page", last, last)
+        made = _leave(run, attributes, report, list(_texts(OmegaConf.to_container(cfg))))
     if not quiet:
         closing_table(RunData(run.kept, attributes), made)
     return whole and ("check" not in run.tree or bool(run.tree["check"]["passed"].all()))
@@ -148,7 +151,7 @@ def _do(steps: Sequence[Step], run: Run, do: Callable[[Step, Run], None]) -> boo
     """Do one step after the other; False if doubt has stopped the run."""
     scanned = False
     for number, step in enumerate(steps, 1):
-        run.watcher.step_begun(step.name, number, len(steps))
+        run.watcher.step_begun(step.name, number, len(steps) + 1)  # the last are the results
         log.info(step.name)
         with telling_of_the_scan(run.folder, scanned):
             do(step, run)
@@ -184,40 +187,6 @@ def _page_if_unfinished(report: Report | None, folder: Path) -> Iterator[None]:
             reason = str(end) if known else "the program has a fault, of which the log tells"
             attempt(lambda: report.of_unfinished(folder, reason), folder)
         raise
-
-
-class Spinner(Watcher):
-    """Spins at the terminal beside the name of the step; a context.
-
-    Parameters
-    ----------
-    quiet : bool
-        Whether it shows nothing.
-    """
-
-    def __init__(self, quiet: bool) -> None:
-        columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-        self._bar = Progress(*columns, transient=True, disable=quiet)
-        self._task = self._bar.add_task("")
-
-    def __enter__(self) -> None:
-        self._bar.start()
-
-    def __exit__(self, *exception: object) -> None:
-        self._bar.stop()
-
-    def step_begun(self, name: str, number: int, count: int) -> None:
-        """See `Watcher`."""
-        self._bar.update(self._task, description=name, total=count, completed=number)
-
-    @contextmanager
-    def asking(self, request: str) -> Iterator[None]:
-        """Give the terminal back without the bar, which would draw over what is asked there."""
-        self._bar.stop()
-        try:
-            yield
-        finally:
-            self._bar.start()
 
 
 def _is_read(file: Path, texts: Iterable[str]) -> bool:

@@ -203,6 +203,18 @@ class Watcher:
         return nullcontext()
 
 
+def in_words(lines: str) -> str:
+    """Say which lines are scanned together, in the singular.
+
+    Examples
+    --------
+    >>> in_words("image"), in_words("2_coarse")
+    ('line', 'circle 2, coarse line')
+    """
+    circle, _, stage = lines.partition("_")
+    return f"circle {circle}, {stage} line" if stage else "line"
+
+
 def complex_pixels(
     signal: SignalEstimator, acquisition: Acquisition, lines: Sequence[RawSamples]
 ) -> ComplexImage:

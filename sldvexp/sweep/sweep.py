@@ -1,6 +1,6 @@
 """A sweep from the command line: its folder, its lock, and what it leaves behind at the end.
 
-`Progress` says how far it is after every run that was computed; for runs of other processes
+`RunCount` says how far it is after every run that was computed; for runs of other processes
 `Watch` waits for the sign that each leaves.
 """
 
@@ -18,6 +18,7 @@ from types import TracebackType
 
 from sldvexp.errors import UserError
 from sldvexp.pipeline.provenance import about_program
+from sldvexp.progress import span
 from sldvexp.report import Report
 from sldvexp.sweep import record
 from sldvexp.sweep.collect import collect
@@ -80,7 +81,7 @@ class Sweep:
             self._added.append(f"{BATCH}={os.cpu_count() or 1}")
             self.batched = True
         self._held, self._made = ExitStack(), False
-        self._progress = Progress(len(self.plan.jobs), self.folder)
+        self._progress = RunCount(len(self.plan.jobs), self.folder)
         register_resolver()
 
     def arguments(self, arguments: Sequence[str]) -> list[str]:
@@ -172,11 +173,7 @@ def _command(options: Namespace) -> str:
     return shlex.join(["sldvexp", "-m", *given, *options.overrides])
 
 
-#: Largest count of each unit that is told in it.
-MOST = 90
-
-
-class Progress:
+class RunCount:
     """Counts the runs of a sweep, as one process does them.
 
     Parameters
@@ -216,14 +213,6 @@ class Progress:
         told += f", {self._failed} failed" if self._failed else ""
         told += f"; about {span(open_runs * self._busy / self._computed)} left" if open_runs else ""
         return f"{told}: {run}"
-
-
-def span(seconds: float) -> str:
-    """Say a time span in words, such as ``3 min``."""
-    if seconds <= MOST:
-        return f"{seconds:.0f} s"
-    minutes = seconds / 60
-    return f"{minutes:.0f} min" if minutes <= MOST else f"{minutes / 60:.1f} h"
 
 
 #: Folder of the signs, in that of the sweep.

@@ -16,7 +16,7 @@ import xarray as xr
 from hydra.errors import MissingConfigException
 
 from sldvexp.config import Origins, messages
-from sldvexp.sweep.sweep import BATCH, SIGNS, Progress, Sweep, Watch, leave_sign
+from sldvexp.sweep.sweep import BATCH, SIGNS, RunCount, Sweep, Watch, leave_sign
 
 SWEEP = ("-m", "experiment=point", "reconstruction=absolute,relative", "seed=1,-1")
 #: What is started with each launcher beside its name, and the module it comes with.
@@ -189,4 +189,4 @@ def test_signs_of_runs_are_told_once_each(tmp_path, capsys):
         leave_sign(tmp_path / "seed=2", False)
     assert sorted(told) == [(str(tmp_path / "seed=1"), True), (str(tmp_path / "seed=2"), False)]
     assert not (tmp_path / SIGNS).exists()
-    assert Progress(2, tmp_path).tell(tmp_path / "seed=2", False) == ""
+    assert RunCount(2, tmp_path).tell(tmp_path / "seed=2", False) == ""
