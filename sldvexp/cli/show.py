@@ -1,7 +1,11 @@
-"""`sldvexp show`: the page of an experiment or of a plugin, with every setting and its meaning."""
+"""`sldvexp show`: the page of an experiment or of a plugin, with every setting and its meaning.
+
+Of a run, all that it found.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
@@ -9,18 +13,19 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
+from sldvexp import cli
 from sldvexp.cli.layout import columns, wrapped
 from sldvexp.cli.list import EXPERIMENT, files, folders, origin
 from sldvexp.config import Origins, docs, messages, registry
 from sldvexp.config.docs import as_yaml
 from sldvexp.config.experiment import SINGLE_GROUPS
-from sldvexp.config.paths import conf_dir, displayed
+from sldvexp.config.paths import RUN_FILE, conf_dir, displayed
 from sldvexp.config.sources import ConfigLayer
 from sldvexp.errors import UserError, nearest
 
 
 def run(words: list[str], config_dir: str | None) -> int:
-    """Print the page about one choice, or the list of those that part of a name fits.
+    """Print the page about one choice, or the list of those that part of a name fits, or a run.
 
     Raises
     ------
@@ -31,8 +36,11 @@ def run(words: list[str], config_dir: str | None) -> int:
         told = f", not {' '.join(words)}" if words else ""
         raise UserError(
             f"command line: show takes one group=name, as in reconstruction=absolute{told}; "
-            "sldvexp list lists them"
+            "sldvexp list lists them; or the folder of a run"
         )
+    if is_run(words[0]):
+        cli.details.print_details(Path(words[0]))
+        return 0
     found = choices_of(words[0], folders(config_dir))
     if len(found) > 1:
         print("\n".join([f"Several have {words[0]}:", *columns(_told_of(found, config_dir))]))
@@ -52,6 +60,14 @@ def run(words: list[str], config_dir: str | None) -> int:
         lines = plugin_lines(group, node, None)
     print("\n".join([found[0], "", *lines]))
     return 0
+
+
+def is_run(word: str) -> bool:
+    """Tell whether a word is a file, or a folder that no choice could be meant by."""
+    path = Path(word)
+    return path.suffix == ".nc" or (
+        path.is_dir() and (os.sep in word or (path / RUN_FILE).exists())
+    )
 
 
 def choices_of(word: str, folders: list[Path]) -> list[str]:

@@ -23,7 +23,7 @@ from sldvexp.export import export_all
 from sldvexp.pipeline import provenance
 from sldvexp.pipeline.run_progress import RunProgress
 from sldvexp.pipeline.steps import SCAN, STEPS, Run, Step
-from sldvexp.report import REPORT_FILE, Report, attempt, closing_table, pose_text
+from sldvexp.report import REPORT_FILE, Report, attempt, pose_text, print_closing
 from sldvexp.session import Operator, Watcher
 from sldvexp.session.interruption import how_to_go_on, telling_of_the_scan
 from sldvexp.writing import making, take_over, whole_or_nothing
@@ -101,7 +101,7 @@ def run(
         watching.step_begun("results" if report is None else "results and page", last, last)
         made = _leave(run, attributes, report, list(_texts(OmegaConf.to_container(cfg))))
     if not quiet:
-        closing_table(RunData(run.kept, attributes), made)
+        print_closing(RunData(run.kept, attributes), made)
     return whole and ("check" not in run.tree or bool(run.tree["check"]["passed"].all()))
 
 

@@ -2,6 +2,8 @@ from .base import REPORT_FILE as REPORT_FILE
 from .base import Report as Report
 from .base import attempt as attempt
 from .base import notes as notes
+from .closing import closing_lines as closing_lines
+from .closing import print_closing as print_closing
 from .numbers import LARGEST as LARGEST
 from .numbers import first as first
 from .numbers import number as number

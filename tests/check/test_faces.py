@@ -137,7 +137,8 @@ def test_the_command_holds_the_face_against_the_back(sldvexp):
     few = ("scan.pixels=[11,13]", "volume.shape=[5,4]")
     done = sldvexp("experiment=plate_faces", *few)
     assert done.status in (0, 2), done.err
-    assert "note: face and back of the sheet agree: by their slopes the faces are " in done.out
+    told = sldvexp("show", str(done.folder)).out
+    assert "note: face and back of the sheet agree: by their slopes the faces are " in told
     faces = done.tree["examined/faces"]
     arm, std = faces["lever_arm"].item(), faces["lever_arm_std"].item()
     assert arm == pytest.approx(3e-3, abs=3.3 * std)

@@ -27,7 +27,7 @@ def test_first_own_run_works_as_it_stands(sldvexp):
     done = sldvexp(*words)
     assert (program, done.status) == ("sldvexp", 0)
     assert "verdict: trusted" in done.out
-    assert "point, frequency 450: V_z" in done.out
+    assert "found: velocity at 450 Hz: x " in done.out
 
 
 def test_links_lead_somewhere_and_to_every_page():

@@ -1,0 +1,104 @@
+"""Five lines close a run: what was found, how good, the verdict, where it lies, what to do next."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sldvexp.dataset import Finding, RunData, Severity, findings_to_dataset, group
+from sldvexp.report import closing_lines, print_closing
+
+FILES = [Path("there/run.nc"), Path("there/pose.txt"), Path("there/report.html")]
+LABELS = ["found", "bounds", "verdict", "files", "next"]
+
+
+def lines(groups, files=FILES):
+    made = list(closing_lines(RunData(groups), files))
+    assert [label for label, _ in made] == LABELS
+    return dict(made)
+
+
+def verdict(*findings):
+    return findings_to_dataset(findings)
+
+
+def test_a_field_is_told_by_its_largest_velocities_on_the_surface():
+    field = group(
+        "field",
+        {"component": ["x", "z"], "frequency": [100.0, 200.0]},
+        velocity=[[[1e-3, 2e-3], [0.0, 0.02j]], [[0.0, 1e-3], [0.0, 0.01]]],
+        confidence=np.full((2, 2, 2), 3e-4),
+    )
+    told = lines({"field": field, "verdict": verdict()})
+    assert told["found"] == (
+        "velocity on the surface at 200 Hz, the strongest of 2 frequencies: "
+        "x 2.00 ± 0.30, z 20.00 ± 0.30 mm/s"
+    )
+    assert told["bounds"] == "95 %, r.m.s. of them x 0.3, z 0.3 mm/s"
+    assert told["verdict"].startswith("trusted: nothing that could be tested speaks against")
+    assert told["files"] == "there/run.nc, pose.txt, report.html"
+    assert (
+        told["next"] == "sldvexp show there tells every number and note; or open there/report.html"
+    )
+
+
+def test_the_worst_finding_stands_beside_the_verdict_and_its_remedy_comes_next():
+    sign = Finding("sign", "view a", "view a has the wrong sign", Severity.void, remedy="x=[a]")
+    gain = Finding("gain", "view b", "view b is 1.4 times", Severity.doubtful, remedy="x=[b]")
+    told = lines({"verdict": verdict(gain, sign, Finding("n", "run", "note", Severity.note))})
+    assert told["verdict"] == (
+        "void: the bounds cannot be believed: view a has the wrong sign (and 1 more)"
+    )
+    assert told["next"].startswith("x=[a]; sldvexp show there tells")
+
+
+def test_a_run_that_was_stopped_says_so_first():
+    told = lines({"verdict": verdict(Finding("stopped", "run", "stopped there", Severity.note))})
+    assert told["found"] == "stopped there"
+
+
+def test_what_was_expected_and_missed_is_named():
+    check = group(
+        "check",
+        {"quantity": ["a", "b", "c"]},
+        passed=np.array([True, False, False]),
+    )
+    assert lines({"check": check})["bounds"] == "none; expected: 1 of 3 met, not b and 1 more"
+
+
+def test_images_alone_tell_how_many_pixels_are_flagged():
+    image = group("image", {"frequency": [200.0]}, velocity=[[0.01], [0.02j]], flags=[0, 4])
+    told = lines({"image/a": image, "image/b": image}, FILES[:1])
+    assert told["found"] == "images of 2 views"
+    assert told["bounds"] == "none; 2 of 4 pixels flagged"
+    assert told["next"] == "sldvexp show there tells every number and note"
+
+
+def test_what_a_file_says_cannot_act_on_a_terminal(capsys):
+    odd = Finding("odd", "run", "seen \x9b2J here", Severity.void)
+    print_closing({"verdict": verdict(odd)}, FILES)
+    said = capsys.readouterr().out
+    assert len(said.splitlines()) == 5
+    assert all(line.isprintable() for line in said.splitlines())
+
+
+def test_show_tells_every_number_of_a_run(sldvexp):
+    done = sldvexp("experiment=point")
+    assert len(done.out.splitlines()) == 5 + 5
+    for given in (done.folder, done.folder / "run.nc"):
+        told = sldvexp("show", str(given))
+        assert (told.status, told.err) == (0, "")
+        assert "point, frequency 450: V_z" in told.out
+        assert "Expected: 1 of 1 met" in told.out
+        assert str(done.folder / "run.nc") in told.out
+
+
+@pytest.mark.parametrize("name", ["", "run.nc"])
+def test_show_of_no_run_is_refused_in_a_sentence(sldvexp, tmp_path, name):
+    (tmp_path / "x").mkdir()
+    done = sldvexp("show", f"{tmp_path}/x/{name}")
+    assert done.status == 1
+    assert done.err.count("\n") == 1
+    assert "has no run.nc; give a finished run" in done.err
