@@ -318,7 +318,9 @@ class Command:
         try:
             self._warn_of_mixed_tables(cfg, origins)
             if job.mode is RunMode.MULTIRUN:
-                computed = sweep.job.perform(cfg, job.runtime.output_dir, lines["task"], told)
+                watcher = self.sweep.watcher() if self.sweep else None
+                where = job.runtime.output_dir
+                computed = sweep.job.perform(cfg, where, lines["task"], told, watcher)
             else:
                 assert self.folder is not None
                 _keep_settings(Path(job.runtime.output_dir))

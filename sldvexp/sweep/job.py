@@ -15,6 +15,7 @@ from sldvexp.config.paths import JOURNAL, RUN_FILE, locate
 from sldvexp.errors import UserError
 from sldvexp.lazy import netCDF4
 from sldvexp.pipeline import provenance, runner
+from sldvexp.session import Watcher
 from sldvexp.sweep import record
 from sldvexp.sweep.lock import LOCK_FILE, locked
 from sldvexp.sweep.record import Record, State, Stopwatch
@@ -23,7 +24,11 @@ from sldvexp.writing import sweep_up
 
 
 def perform(
-    cfg: DictConfig, folder: str, overrides: list[str], tell: Callable[[Exception], str | None]
+    cfg: DictConfig,
+    folder: str,
+    overrides: list[str],
+    tell: Callable[[Exception], str | None],
+    watcher: Watcher | None = None,
 ) -> bool:
     """Do a run, unless its folder has what it would give, and leave a record of it.
 
@@ -35,6 +40,8 @@ def perform(
         Of the command line, for this run.
     tell : callable
         The sentence about an exception, None if it is a defect of the program.
+    watcher : Watcher, optional
+        Shows how the run gets on.
 
     Returns
     -------
@@ -45,7 +52,7 @@ def perform(
     with locked(place / LOCK_FILE):  # a worker of a killed sweep may still be at it
         if is_current(place, identity, cfg.sweep.retry):
             return False
-        _perform(cfg, place, identity, overrides, tell)
+        _perform(cfg, place, identity, overrides, tell, watcher)
     return True
 
 
@@ -55,21 +62,20 @@ def _perform(
     identity: str,
     overrides: list[str],
     tell: Callable[[Exception], str | None],
+    watcher: Watcher | None,
 ) -> None:
     sweep_up(place, place / JOURNAL)
     _put_aside(place, identity, cfg.sweep.retry)
     watch, process = Stopwatch(), os.getpid()
+    store = Store(cfg, place.parent / SHARED)
 
     def note(state: State, reason: str = "", inputs: dict[str, str] | None = None) -> None:
-        seconds = watch.seconds()
-        record.write(
-            place, Record(state, identity, reason, seconds, process, overrides, inputs or {})
-        )
+        about = (watch.seconds(), process, overrides, inputs or {}, store.seconds, store.reused)
+        record.write(place, Record(state, identity, reason, *about))
 
     note(State.running)
     try:
-        store = Store(cfg, place.parent / SHARED)
-        passed = runner.run(cfg, str(place), quiet=True, share=store)
+        passed = runner.run(cfg, str(place), quiet=True, share=store, watcher=watcher)
     except Exception as error:  # what Ctrl-C or a signal stops stays noted as running
         note(State.failed, tell(error) or f"{type(error).__name__}: {error}")
         raise

@@ -49,6 +49,10 @@ class Record:
         What makes it differ from the experiment's file.
     inputs : dict of str to str
         Digests of the files it read.
+    steps : dict of str to float, s
+        How long each step took.
+    reused : list of str
+        Those that another run had done.
     """
 
     state: State = State.waiting
@@ -58,6 +62,8 @@ class Record:
     process: int = 0
     overrides: list[str] = field(default_factory=list)
     inputs: dict[str, str] = field(default_factory=dict)
+    steps: dict[str, float] = field(default_factory=dict)
+    reused: list[str] = field(default_factory=list)
 
 
 def write(folder: Path, record: Record) -> None:

@@ -27,6 +27,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline import provenance
 from sldvexp.pipeline.steps import Run, Step
 from sldvexp.sweep.lock import locked
+from sldvexp.sweep.record import Stopwatch
 from sldvexp.writing import whole_or_nothing
 
 log = logging.getLogger(__name__)
@@ -51,16 +52,25 @@ class Store:
         The run's configuration.
     folder : Path
         Of the entries.
+
+    Attributes
+    ----------
+    seconds : dict of str to float, s
+        How long each step took that is done.
+    reused : list of str
+        Those that were taken over.
     """
 
     def __init__(self, cfg: DictConfig, folder: Path):
         self.cfg, self.folder = cfg, folder
+        self.seconds: dict[str, float] = {}
+        self.reused: list[str] = []
         self._states: dict[str, str] = {}
         self._done: list[Step] = []
 
     def __call__(self, step: Step, run: Run) -> None:
         """Do a step, or what is the same; two processes never do the same one at once."""
-        key, known = self._key(step), len(run.inputs)
+        watch, key, known = Stopwatch(), self._key(step), len(run.inputs)
         if step.shared:
             path = self.folder / f"{step.name.replace(' ', '_')}-{key[:DIGITS]}.nc"
             with locked(path.with_suffix(".lock")):
@@ -68,6 +78,7 @@ class Store:
                     _work(path, step, run)
         else:
             step.perform(run)
+        self.seconds[step.name], self.reused = watch.seconds(), run.reused
         self._done.append(step)
         self._states[step.name] = _digest([key, _digests(run.inputs[known:])])
 

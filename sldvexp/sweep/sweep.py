@@ -18,6 +18,7 @@ from types import TracebackType
 
 from sldvexp.errors import UserError
 from sldvexp.pipeline.provenance import about_program
+from sldvexp.pipeline.run_progress import RunProgress
 from sldvexp.progress import span
 from sldvexp.report import Report
 from sldvexp.sweep import record
@@ -27,6 +28,7 @@ from sldvexp.sweep.plan import RESOLVER, Plan, folder_name, register_resolver
 from sldvexp.sweep.record import State, Stopwatch
 from sldvexp.sweep.shared_steps import SHARED
 from sldvexp.sweep.summary import write_summary
+from sldvexp.sweep.time_left import SweepTimeLeft
 from sldvexp.writing import require_no_links, sweep_up
 
 SWEEPS = Path("outputs/sweeps")
@@ -81,7 +83,7 @@ class Sweep:
             self._added.append(f"{BATCH}={os.cpu_count() or 1}")
             self.batched = True
         self._held, self._made = ExitStack(), False
-        self._progress = RunCount(len(self.plan.jobs), self.folder)
+        self._count = RunCount(self.folders, self.plan.jobs)
         register_resolver()
 
     def arguments(self, arguments: Sequence[str]) -> list[str]:
@@ -142,8 +144,12 @@ class Sweep:
         computed : bool
             Whether it was done now.
         """
-        if line := self._progress.tell(Path(run), computed):
+        if line := self._count.tell(Path(run), computed):
             print(line, flush=True)
+
+    def watcher(self) -> RunProgress:
+        """Make who shows at the terminal how the next run gets on."""
+        return RunProgress(title=self._count.next)
 
     def finish(self, rank: str, report: Report | None = None) -> set[str]:
         """Leave one dataset and one table of all runs, and print them in order of merit.
@@ -178,17 +184,23 @@ class RunCount:
 
     Parameters
     ----------
-    total : int
-        Runs of the sweep.
-    folder : Path
-        Of the sweep.
+    folders : sequence of Path
+        Of all runs, in the plan's order.
+    jobs : sequence of sequence of str
+        Their overrides.
     """
 
-    def __init__(self, total: int, folder: Path):
-        self.total, self.folder = total, folder
-        self._finished = self._failed = self._computed = 0
-        self._busy = 0.0
+    def __init__(self, folders: Sequence[Path], jobs: Sequence[Sequence[str]]):
+        self._numbers = {folder.name: number for number, folder in enumerate(folders)}
+        self._total = len(jobs)
+        self._finished = self._failed = 0
+        self._left = SweepTimeLeft(jobs)
         self._watch = Stopwatch()
+
+    @property
+    def next(self) -> str:
+        """Title of the run that is next, as in ``run 2 of 6``."""
+        return f"run {self._finished + self._failed + 1} of {self._total}"
 
     def tell(self, run: Path, computed: bool) -> str:
         """Count a run; the line about it, empty if it was done already.
@@ -200,18 +212,19 @@ class RunCount:
         computed : bool
             Whether it was done now.
         """
-        failed = record.read(run).state is State.failed
+        found, total = record.read(run), self._total
+        failed = found.state is State.failed
         self._finished += not failed
         self._failed += failed
         spent, self._watch = self._watch.seconds(), Stopwatch()
+        self._left.add(self._numbers[run.name], found, spent if computed else None)
         if not computed:
             return ""
-        self._computed += 1
-        self._busy += spent
-        open_runs = self.total - self._finished - self._failed
-        told = f"{self._finished} of {self.total} done"
+        open_runs = total - self._finished - self._failed
+        told = f"{self._finished} of {total} done"
         told += f", {self._failed} failed" if self._failed else ""
-        told += f"; about {span(open_runs * self._busy / self._computed)} left" if open_runs else ""
+        left = self._left.seconds if open_runs else None
+        told += f"; about {span(left)} left" if left is not None else ""
         return f"{told}: {run}"
 
 

@@ -28,6 +28,7 @@ def test_a_field_is_told_by_its_largest_velocities_on_the_surface():
     field = group(
         "field",
         {"component": ["x", "z"], "frequency": [100.0, 200.0]},
+        element=[[0, 1]],
         velocity=[[[1e-3, 2e-3], [0.0, 0.02j]], [[0.0, 1e-3], [0.0, 0.01]]],
         confidence=np.full((2, 2, 2), 3e-4),
     )

@@ -189,4 +189,4 @@ def test_signs_of_runs_are_told_once_each(tmp_path, capsys):
         leave_sign(tmp_path / "seed=2", False)
     assert sorted(told) == [(str(tmp_path / "seed=1"), True), (str(tmp_path / "seed=2"), False)]
     assert not (tmp_path / SIGNS).exists()
-    assert RunCount(2, tmp_path).tell(tmp_path / "seed=2", False) == ""
+    assert RunCount([tmp_path / "seed=2"], [["seed=2"]]).tell(tmp_path / "seed=2", False) == ""

@@ -1,0 +1,113 @@
+"""Time left of a sweep, from the times that the steps of its finished runs took.
+
+A run that is open takes the time of each step that it computes, and what is besides: reading,
+writing, composing. A step that runs share is computed by the first of them alone; those are known
+beforehand, since it is decided by the settings that it and the steps before it read. So one scan
+for ten methods is counted once, and ten scans for ten seeds ten times. Times are medians over runs
+without the first one, which loads the program besides; before there is a second they are told only
+of runs beside which loading is nothing.
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections import defaultdict
+from collections.abc import Sequence
+
+from sldvexp.config.experiment import Experiment
+from sldvexp.pipeline.steps import STEPS, Step
+from sldvexp.sweep.record import Record
+
+#: Runs of so many seconds take long beside loading the program, s.
+LONG = 30.0
+#: Keys of the configuration that a step may read.
+KEYS = frozenset(Experiment.__dataclass_fields__)
+
+
+class SweepTimeLeft:
+    """Time left of the open runs of a sweep.
+
+    Parameters
+    ----------
+    jobs : sequence of sequence of str
+        The overrides of every run, in the order in which they are done.
+    """
+
+    def __init__(self, jobs: Sequence[Sequence[str]]) -> None:
+        self._jobs = jobs
+        self._open = dict.fromkeys(range(len(jobs)))
+        self._known: set[tuple[str, tuple[str, ...]]] = set()  # shared steps that are kept
+        self._computed: dict[str, list[float]] = defaultdict(list)
+        self._taken: dict[str, list[float]] = defaultdict(list)
+        self._besides: list[float] = []
+        self._seconds = self._passed = 0.0
+
+    def add(self, number: int, record: Record, passed: float | None) -> None:
+        """Note a run that has come to its end.
+
+        Parameters
+        ----------
+        number : int
+            Of the run, from 0.
+        record : Record
+        passed : float or None, s
+            Since the run before came to its end, which is less than the run took if several are
+            done at once; None if it was done before.
+        """
+        self._open.pop(number, None)
+        for step in STEPS:
+            if step.shared and step.name in record.steps:
+                self._known.add((step.name, deciding(step, self._jobs[number])))
+        if passed is None or not record.state.finished:
+            return
+        for name, seconds in record.steps.items():
+            (self._taken if name in record.reused else self._computed)[name].append(seconds)
+        self._besides.append(record.seconds - sum(record.steps.values()))
+        if len(self._besides) != 1:
+            self._seconds += record.seconds
+            self._passed += passed
+        elif record.seconds < LONG:
+            self._besides[0] = float("nan")
+
+    @property
+    def seconds(self) -> float | None:
+        """Time left, s; None if it cannot be told."""
+        if not self._besides or (len(self._besides) == 1 and self._besides[0] != self._besides[0]):
+            return None
+        known, total = set(self._known), 0.0
+        for number in self._open:
+            total += _usual(self._besides)
+            for step in STEPS:
+                which = step.name, deciding(step, self._jobs[number])
+                taken = step.shared and which in known
+                known.add(which)
+                total += _usual((self._taken if taken else self._computed)[step.name])
+        return total * (self._passed / self._seconds if self._seconds else 1.0)
+
+
+def _usual(seconds: Sequence[float]) -> float:
+    """Take the median without the first; zero if nothing is known."""
+    return statistics.median(seconds[1:] or seconds) if seconds else 0.0
+
+
+def deciding(step: Step, overrides: Sequence[str]) -> tuple[str, ...]:
+    """Choose the overrides of a run that decide what a shared step adds.
+
+    Examples
+    --------
+    >>> scan = next(step for step in STEPS if step.name == "scan")
+    >>> deciding(scan, ["seed=2", "pose=edge", "scan.pixels=[3,4]", "experiment=plate"])
+    ('seed=2', 'scan.pixels=[3,4]', 'experiment=plate')
+    """
+    earlier = STEPS[: STEPS.index(step)]
+    before = [s for s in earlier if s.name in step.after(earlier)]
+    reads = {key for s in (step, *before) for key in s.reads}
+    for upstream in before:
+        reads.update(_key(o) for o in deciding(upstream, overrides))
+    return tuple(o for o in overrides if _key(o) in reads or _key(o) not in KEYS)
+
+
+def _key(override: str) -> str:
+    """Find the key of the configuration that an override is about, as ``laser``."""
+    name = override.lstrip("+~").partition("=")[0].rpartition("@")[2]
+    return name.replace("/", ".").partition(".")[0]
