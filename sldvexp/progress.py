@@ -9,20 +9,19 @@ from __future__ import annotations
 
 import os
 import stat
+import statistics
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, TextIO
 
-import numpy as np
+from sldvexp.telling import DUMB
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
     from rich.live import Live
 
-#: Terminals that cannot draw over what they show.
-DUMB = ("dumb", "unknown")
 #: How often rows are drawn, Hz.
 REFRESH = 5
 #: Columns of the spinner before the first row.
@@ -232,9 +231,10 @@ class TimeLeft:
     def rate(self, kind: str) -> float | None:
         """Estimate what a unit takes, s; None before any part is done."""
         if parts := self._parts.get(kind):
-            units, seconds = np.array(list(parts)).T  # which another thread may add to
-            most = self.OUTLIER * np.median(seconds / units)
-            return float(np.minimum(seconds, most * units).sum() / units.sum())
+            done = list(parts)  # which another thread may add to
+            most = self.OUTLIER * statistics.median(seconds / units for units, seconds in done)
+            usual = sum(min(seconds, most * units) for units, seconds in done)
+            return usual / sum(units for units, _ in done)
         if (measured := self.rate(self._last) if self._last else None) is None:
             return None
         own, other = self._known.get(kind, 0.0), self._known.get(self._last, 0.0)

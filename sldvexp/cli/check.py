@@ -12,7 +12,7 @@ from pathlib import Path
 
 from sldvexp.cli.list import files, folders
 from sldvexp.errors import UserError, nearest
-from sldvexp.progress import span
+from sldvexp.progress import doing, span
 from sldvexp.sweep.matrix import Cell, read_matrix
 from sldvexp.sweep.trial import Trials, Verdict
 
@@ -43,11 +43,13 @@ def run(words: list[str], config_dir: str | None) -> int:
     where = Path(f"outputs/{datetime.now():%Y-%m-%d/%H-%M-%S.%f}")
     wanted = [each for word in words for each in named(word, config_dir)]
     verdicts: list[Verdict] = []
+    total = sum(len(cells) for cells, _ in wanted)
     for number, (cells, own) in enumerate(wanted):
         trials = Trials(cells, ["--config-dir", own] if own else [], where / str(number))
         for name in trials.cells:
             begun = time.monotonic()
-            with redirect_stdout(StringIO()):  # what single runs say
+            place = f"{len(verdicts) + 1} of {total}: {name}"
+            with doing(place), redirect_stdout(StringIO()):  # what single runs say
                 verdict = trials.judge(name)
             verdicts.append(verdict)
             state = "passed" if verdict.passed else "FAILED"

@@ -11,6 +11,7 @@ from sldvexp import dataset
 from sldvexp.config.experiment import NAMED_GROUPS, SINGLE_GROUPS
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError
+from sldvexp.progress import doing
 from sldvexp.report.html.page import Html
 from sldvexp.sweep import recorded_config
 from sldvexp.sweep.collect import collect
@@ -36,7 +37,8 @@ def run(words: list[str], config_dir: str | None) -> int:
         raise UserError("command line: compare takes the folders of at least two runs")
     differing = settings_that_differ([_recorded(folder) for folder in folders])
     keys, cells = list(differing), list(zip(*differing.values(), strict=True))
-    table = collect(keys, cells or [()] * len(folders), folders)
+    with doing(f"collecting {len(folders)} runs"):
+        table = collect(keys, cells or [()] * len(folders), folders)
     where = Path(f"outputs/{datetime.now():%Y-%m-%d/%H-%M-%S.%f}")
     where.mkdir(parents=True)
     table.attrs["runs"] = [str(folder.resolve()) for folder in folders]

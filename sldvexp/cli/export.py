@@ -15,6 +15,7 @@ from sldvexp.config.refusals import refusal
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.export import Export
+from sldvexp.progress import doing
 from sldvexp.writing import replacing
 
 
@@ -49,7 +50,10 @@ def run(words: list[str], config_dir: str | None) -> int:
         }
         found = RunData(groups, dict(tree.attrs), path.parent)
     with replacing(path.parent) as made:
-        files = [export.export(found, made, export.called) for export in exports]
+        files = []
+        for name, export in zip(formats, exports, strict=True):
+            with doing(f"format {len(files) + 1} of {len(formats)}: {name}"):
+                files.append(export.export(found, made, export.called))
     for file in files:
         print(path.parent / file.relative_to(made))
     return 0

@@ -25,7 +25,7 @@ from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
-from sldvexp import cli, config, pipeline, progress, session, sweep, writing
+from sldvexp import cli, config, pipeline, progress, session, sweep, telling, writing
 from sldvexp.cli import commands
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
@@ -68,7 +68,7 @@ def main() -> None:
             status = Command(sys.argv[1:], full_error).run()
     except KeyboardInterrupt as stop:
         progress.clear_note()
-        print(f"sldvexp: {str(stop) or 'interrupted'}", file=sys.stderr)
+        telling.tell(str(stop) or "interrupted", telling.YELLOW)
         status = exit_status(stop)
     finally:
         progress.clear_note()
@@ -409,7 +409,7 @@ class Command:
     def _say(self, told: str) -> None:
         progress.clear_note()
         for line in told.splitlines():
-            print(f"sldvexp: {shown(line)}", file=sys.stderr)
+            telling.tell(line)
         self.status = FAILED
 
 

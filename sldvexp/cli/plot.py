@@ -13,6 +13,7 @@ from sldvexp.errors import UserError, nearest
 from sldvexp.plot import FIGURES, figures_of, save
 from sldvexp.plot.catalogue import FORMATS, USUAL
 from sldvexp.plot.selection import require
+from sldvexp.progress import doing
 from sldvexp.units import LengthUnit, unit_named
 from sldvexp.writing import require_no_link, require_no_links
 
@@ -66,10 +67,13 @@ def run(
         raise UserError(f"{path}: has nothing that a figure could show")
     require_no_link(path.parent / FOLDER)
     require_no_links(path.parent / FOLDER)
-    for name in names or known:
-        drawn = known[name](**look)
-        for file in save(drawn, path.parent / FOLDER / name, formats=formats, dpi=dots):
-            print(file)
+    wanted = names or list(known)
+    for number, name in enumerate(wanted, 1):
+        with doing(f"figure {number} of {len(wanted)}: {name}"):
+            drawn = known[name](**look)
+            files = save(drawn, path.parent / FOLDER / name, formats=formats, dpi=dots)
+        for file in files:
+            print(file, flush=True)
     return 0
 
 

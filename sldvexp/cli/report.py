@@ -15,6 +15,7 @@ from sldvexp.config import registry
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
+from sldvexp.progress import doing
 from sldvexp.report.html import unfinished
 from sldvexp.report.html.page import Html
 from sldvexp.sweep import ranking
@@ -39,7 +40,9 @@ def run(words: list[str], config_dir: str | None) -> int:
     found = [given / SWEEP_FILE, given / RUN_FILE] if given.is_dir() else [given]
     path = next((file for file in found if file.is_file()), None)
     if path is None and given.is_dir() and not unfinished.unfinished_because(given):
-        print(Html().of_unfinished(given))
+        with doing(f"making the page of {given}"):
+            page = Html().of_unfinished(given)
+        print(page)
         return 0
     if path is None:
         for file in filter(Path.exists, found):
@@ -49,7 +52,9 @@ def run(words: list[str], config_dir: str | None) -> int:
         )
         raise UserError(f"{given}: {wanted}; give a run.nc, or the folder of a run or of a sweep")
     report = Html()
-    print(_of_sweep(report, path) if path.name == SWEEP_FILE else report.of_run(path))
+    with doing(f"making the page of {path}"):
+        page = _of_sweep(report, path) if path.name == SWEEP_FILE else report.of_run(path)
+    print(page)
     return 0
 
 

@@ -26,6 +26,8 @@ from sldvexp.files import read_text
 from sldvexp.lazy import xarray as xr
 from sldvexp.limits import YAML_BYTES, load_yaml
 from sldvexp.pipeline import provenance, runner
+from sldvexp.pipeline.run_progress import RunProgress
+from sldvexp.progress import doing
 from sldvexp.sweep import recorded_config
 from sldvexp.sweep.recorded_config import Recorded
 
@@ -55,7 +57,7 @@ def run(words: list[str], config_dir: str | None) -> int:
     os.chdir(_started_in(found))
     folder.mkdir(parents=True)
     try:
-        runner.run(config, str(folder), quiet=True)
+        runner.run(config, str(folder), quiet=True, watcher=RunProgress())
     except BaseException:
         with suppress(OSError):
             folder.rmdir()  # a folder in which nothing is says nothing
@@ -124,7 +126,8 @@ def _report(found: Recorded, before: xr.DataTree, path: Path) -> int:
         for name in sorted({*found.packages, *now})
         if found.packages.get(name) != now.get(name)
     ]
-    differences = compare(before, _loaded(path))
+    with doing("comparing"):
+        differences = compare(before, _loaded(path))
     counts = {kind: sum(d.kind is kind for d in differences) for kind in AgreementLevel}
     for difference in differences:
         if difference.kind is not AgreementLevel.identical:

@@ -6,7 +6,6 @@ Also `report=none`, which makes none, and the notes of a run's stages, which eve
 from __future__ import annotations
 
 import logging
-import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from typing import Any
 from sldvexp.config.registry import register
 from sldvexp.dataset import VERDICT, Finding, RunData, findings_of
 from sldvexp.errors import UserError
+from sldvexp.telling import YELLOW, tell
 
 log = logging.getLogger(__name__)
 
@@ -122,10 +122,10 @@ def attempt(make: Callable[[], Path | None], dataset: Path) -> list[Path]:
     except Exception as error:  # whatever it is, it must not cost the run
         told = str(error) if isinstance(error, UserError) else f"{type(error).__name__}: {error}"
         log.info("the report failed", exc_info=True)
-        print(
-            f"sldvexp: report: was not made ({' '.join(told.split())}); the results are whole in "
+        tell(
+            f"report: was not made ({' '.join(told.split())}); the results are whole in "
             f"{dataset}, and sldvexp report {dataset} tries again",
-            file=sys.stderr,
+            YELLOW,
         )
         return []
     return [page] if page else []

@@ -14,6 +14,7 @@ from sldvexp import dataset
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
+from sldvexp.progress import doing
 from sldvexp.report import NARROWEST, REPORT_FILE, Report, attempt
 from sldvexp.sweep import ranking
 
@@ -59,7 +60,8 @@ def write_summary(
     if report:
         if report.each_run:
             _pages_of_runs(report, [folder / r for row in rows if (r := row[ranking.FOLDER])])
-        pages = attempt(lambda: report.of_sweep(path, rows), path)
+        with doing(f"making the page of {path}"):
+            pages = attempt(lambda: report.of_sweep(path, rows), path)
     unit = ranking.units(table, by)
     console.print(ranking.terminal_table(rows, keys, by, unit, console.width))
     for file in (path, folder / TABLE_FILE, *pages):
@@ -74,7 +76,8 @@ def _pages_of_runs(report: Report, runs: Sequence[Path]) -> None:
         page = path.with_name(REPORT_FILE)
         made = page.is_file() and page.stat().st_mtime >= path.stat().st_mtime
         if path.is_file() and not made:
-            attempt(partial(report.of_run, path), path)
+            with doing(f"making the page of {path}"):
+                attempt(partial(report.of_run, path), path)
 
 
 def _from(folder: Path, run: str) -> str:

@@ -19,7 +19,7 @@ from types import TracebackType
 from sldvexp.errors import UserError
 from sldvexp.pipeline.provenance import about_program
 from sldvexp.pipeline.run_progress import RunProgress
-from sldvexp.progress import span
+from sldvexp.progress import doing, span
 from sldvexp.report import Report
 from sldvexp.sweep import record
 from sldvexp.sweep.collect import collect
@@ -166,7 +166,8 @@ class Sweep:
         set of str
             States that runs are in, see `sldvexp.sweep.record.State`.
         """
-        table = collect(self.plan.names, self.plan.cells(), self.folders)
+        with doing(f"collecting {len(self.folders)} runs"):
+            table = collect(self.plan.names, self.plan.cells(), self.folders)
         table.attrs |= {"command": self._command, **about_program()}
         write_summary(table, self.plan.names, self.folder, rank, report)
         return {str(state) for state in table["state"].values.ravel()}
