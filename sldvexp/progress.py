@@ -13,13 +13,14 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, TextIO
+from typing import TextIO
+
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.live import Live
+from rich.spinner import Spinner
+from rich.text import Text
 
 from sldvexp.telling import clear_note, is_terminal, live_stream
-
-if TYPE_CHECKING:
-    from rich.console import Console, ConsoleOptions, RenderResult
-    from rich.live import Live
 
 #: How often rows are drawn, Hz.
 REFRESH = 5
@@ -102,10 +103,6 @@ class Progress:
             self._live.start()
 
     def _made(self, stream: TextIO) -> Live:
-        # Rich takes 0.1 s to import, which only a terminal needs.
-        from rich.console import Console
-        from rich.live import Live
-
         console = Console(file=stream)
         return Live(
             self,
@@ -117,9 +114,6 @@ class Progress:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Draw the rows, a spinner before the first."""
-        from rich.spinner import Spinner
-        from rich.text import Text
-
         # One column less than there are: some terminals begin a new line behind the last.
         width = max(options.max_width - 1 - SPINNER, 1)
         frames = Spinner("dots" if console.encoding.startswith("utf") else "line").frames
