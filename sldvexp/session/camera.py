@@ -96,6 +96,7 @@ class Camera:
         self.journal = journal
         self.kind = ""  # of the part that is scanned
         self.skipped = False  # whether the rest of the view is left out
+        self.lines_done = 0
         self._watcher = watcher or Watcher()
         self._view, self._left = view, left
         self._arrive = arrive
@@ -162,7 +163,7 @@ class Camera:
     ) -> bool:
         """Do what the watcher wishes before the next line; True if the rest is left out."""
         if self._left == (name, len(done)):
-            self.skipped = True
+            self._leave(*self._left)
         while not self.skipped:
             wish = self._watcher.between_lines(self._view, name, len(done), len(lines))
             for number in wish.again:
@@ -170,11 +171,15 @@ class Camera:
             if wish.stop:
                 raise Stopped(signals.SIGINT)
             if wish.skip:
-                self.journal.leave(name, len(done))
-                self.skipped = True
+                self._leave(name, len(done))
             if not wish.again:
                 break
         return self.skipped
+
+    def _leave(self, name: str, done: int) -> None:
+        """Leave the rest of the view out, here and whenever it is resumed or played again."""
+        self.journal.leave(name, done)
+        self.skipped = True
 
     def _line(
         self, name: str, lines: Sequence[IntArray], place: int, first: int, again: bool = False
@@ -198,6 +203,7 @@ class Camera:
             samples = self.journal.replaced(where, dac, self._wanted, measure)
         else:
             samples = self.journal.line(where, dac, self._wanted, measure)
+        self.lines_done += not again
         told = (name, place + 1, len(lines), dac, samples, not scanned, again)
         self._watcher.line_done(LineDone(self._view, self.kind, *told, self._wanted, self.signal))
         return samples
