@@ -79,8 +79,8 @@ COMMAND_HELP = {
             "Shows the page of one choice: every setting with its value, type, unit and meaning; "
             "of an experiment what it chooses, sets and expects. Part of a name is enough; if it "
             "fits several, they are listed.",
-            "Of a run, given by its folder, it shows every number, finding and note; the run itself "
-            "ends in five lines.",
+            "Of a run, given by its folder, it shows every number, finding and note, where the run "
+            "itself ends in five lines.",
         ),
         (
             ("show pose=edge", "every setting of that method"),
