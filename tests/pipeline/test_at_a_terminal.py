@@ -145,9 +145,19 @@ def test_no_colour_where_none_is_wanted(tmp_path):
 def test_a_mistake_is_red_at_a_terminal(tmp_path):
     terminal = Terminal(tmp_path, 80, "experiment=point", "seed=-1")
     text = terminal.read()
-    assert terminal.shown[0] != text  # something was said before that
+    assert terminal.shown[0] == ["reading the configuration"]
     assert text == ["sldvexp: command line: seed must be zero or a positive integer, not -1"]
     assert "31" in terminal.screen.colours
+
+
+@pytest.mark.whole
+def test_a_command_shows_what_it_does_and_leaves_its_answer(tmp_path, sldvexp):
+    sldvexp("experiment=point", "hydra.run.dir=r")
+    terminal = Terminal(tmp_path, 80, "report", "r")
+    assert terminal.read() == ["r/report.html"]
+    assert terminal.shown[0] == ["loading the program"]
+    assert rows(terminal, "making the page of r/run.nc  . s")
+    assert terminal.screen.cursor
 
 
 @pytest.mark.whole
