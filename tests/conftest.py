@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -28,6 +29,9 @@ from sldvexp.instrument import connection
 from sldvexp.report.html.page import Html
 from sldvexp.stopping import handlers_kept
 from sldvexp.testing import faults
+
+with suppress(ImportError):  # so that no command keeps xarray in this process from it
+    import dask  # noqa: F401
 
 #: Heavy libraries by a module of theirs, since one that is imported lazily stands in sys.modules
 #: from the start.
