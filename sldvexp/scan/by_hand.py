@@ -9,7 +9,8 @@ import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
-from sldvexp.scan.base import PersonPart, check_view_names
+from sldvexp.geometry import KnownPose
+from sldvexp.scan.base import PersonPart, check_rough_pose, check_view_names
 from sldvexp.targets import FiducialPoint, FiducialPoints
 from sldvexp.typing import IntArray
 from sldvexp.units import LengthUnit
@@ -23,9 +24,13 @@ class Marks:
     ----------
     hidden : list of int
         Numbers of the marks that cannot be seen from there.
+    pose : KnownPose, optional
+        Where the instrument roughly stands: the beam begins where it predicts a mark, and marks
+        that are found correct it.
     """
 
     hidden: list[int] = field(default_factory=list)
+    pose: KnownPose | None = None
 
 
 @register("scan", "by_hand")
@@ -54,6 +59,9 @@ class ByHand(PersonPart):
     def __post_init__(self) -> None:
         checks = Checks()
         check_view_names(checks, self.views)
+        for name, view in self.views.items():
+            if view.pose is not None:
+                check_rough_pose(checks, f"views.{name}.pose", view.pose)
         checks.done()
         self.own_marks()
         for name, view in self.views.items():

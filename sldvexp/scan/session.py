@@ -40,7 +40,8 @@ class Session(Scan):
         Where the instrument stands, as a person finds it.
     poses : dict of str to KnownPose
         Rough poses of views, once for all parts: of these views `calibration` finds the circles,
-        unless `marks` has the view, and `structure` images the region of its `corners_at`.
+        unless `marks` has the view, which then begin where they are predicted, and `structure`
+        images the region of its `corners_at`.
     """
 
     calibration: CalibrationScan = field(default_factory=CalibrationScan)
@@ -98,9 +99,10 @@ class Session(Scan):
             for view, pose in found
             if self.structure.corners_at and view not in self.pixels.views
         }
+        marks = {v: replace(m, pose=m.pose or self.poses.get(v)) for v, m in marked.items()}
         return {
             "calibration": replace(self.calibration, views=circles | self.calibration.views),
             "structure": replace(self.structure, views=regions | self.structure.views),
             "pixels": self.pixels,
-            "marks": self.marks,
+            "marks": replace(self.marks, views=marks),
         }

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from sldvexp.errors import UserError
+from sldvexp.geometry import KnownPose
 from sldvexp.instrument import Instrument
 from sldvexp.instrument.person import (
     Attended,
@@ -27,7 +28,7 @@ from sldvexp.instrument.person import (
     spot_name,
 )
 from sldvexp.io.registration import RegistrationTable, from_dataset, to_dataset
-from sldvexp.laser import TwoMirror
+from sldvexp.laser import TwoMirror, corrected_pose, dac_of_points
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan.by_digitizer import ByDigitizer
 from sldvexp.scan.by_hand import ByHand
@@ -51,7 +52,7 @@ def record_marks(scan: ByHand, at: ViewContext) -> dict[str, xr.Dataset]:
     """
     hidden = scan.views[at.view].hidden
     marks = {m.number: m for m in known_marks(scan, at.target) if m.number not in hidden}
-    steps = _Answers(at, marks).all()
+    steps = _Answers(at, marks, scan.views[at.view].pose).all()
     found = [(mark, steps[number]) for number, mark in marks.items() if steps[number] is not None]
     if not found:
         raise UserError(f"scan: none of the marks can be seen from the view {at.view}")
@@ -68,13 +69,14 @@ class _Answers:
     session that is cut off goes on with what counted last.
     """
 
-    def __init__(self, at: ViewContext, marks: Mapping[int, Mark]) -> None:
-        self._at, self._marks = at, marks
+    def __init__(self, at: ViewContext, marks: Mapping[int, Mark], rough: KnownPose | None) -> None:
+        self._at, self._marks, self._rough = at, marks, rough
         self._steps: dict[int, Steps | None] = {}
         self._guide = None if at.guide is None else at.guide(list(marks.values()))
         self._person: Person | None = None
         self._opened = ExitStack()
         self._beam = HOME
+        self._again: dict[int, Steps] = {}  # where marks were found that are open again
 
     def all(self) -> dict[int, Steps | None]:
         """Give the steps of all marks, None for those that cannot be seen."""
@@ -105,7 +107,7 @@ class _Answers:
 
         def aim() -> Steps | None:
             self._person = self._person or self._who_aims()
-            return self._person.aim(mark, self._beam)
+            return self._person.aim(mark, self._start(mark))
 
         journal = self._at.camera.journal
         kept = journal.answer(mark_name(mark.number), mark.position.tolist(), aim)
@@ -123,9 +125,31 @@ class _Answers:
     def _take_back(self, number: int) -> None:
         """Open a mark again; the beam begins where it was found."""
         self._at.camera.journal.take_back(mark_name(number))
-        self._beam = self._steps.pop(number, None) or self._beam
+        if (found := self._steps.pop(number, None)) is not None:
+            self._again[number] = found
         if self._guide is not None:
             self._guide.repeat(mark_label(number))
+
+    def _start(self, mark: Mark) -> Steps:
+        """Say where the beam begins: where a mark was, is predicted, or where the beam is.
+
+        The rough pose, corrected by the marks that are found, predicts it.
+        """
+        if mark.number in self._again:
+            return self._again.pop(mark.number)
+        if self._rough is None:
+            return self._beam
+        laser, pose = self._at.laser, (self._rough.rotation, self._rough.place)
+        taken = self._taken()
+        try:
+            if taken:
+                at = [self._marks[number].position for number in taken.values()]
+                pose = corrected_pose(at, list(taken), *pose, laser)
+            steps = dac_of_points(mark.position[None], *pose, laser, [mark_label(mark.number)])[0]
+        except UserError:  # out of the mirrors' reach, as a mark that is hidden may be
+            return self._beam
+        up_down, left_right = np.rint(steps).astype(int).tolist()
+        return up_down, left_right
 
     def _taken(self) -> dict[Steps, int]:
         """Give the marks by the steps at which they were found."""

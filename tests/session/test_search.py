@@ -54,6 +54,47 @@ def centres_of(edges) -> np.ndarray:
     return np.array([g["dac"].values.mean(axis=0) for _, g in edges.groupby("circle")])
 
 
+class Eye:
+    """Points at marks of a virtual lab without error, and remembers where the beam began."""
+
+    def __init__(self, lab, hidden=()):
+        self.lab, self.hidden, self.began, self.true = lab, hidden, [], []
+
+    def aim(self, mark, start):
+        if mark.number in self.hidden:
+            return None
+        self.began.append(start)
+        self.true.append(self.lab.true_dac(mark.position))
+        up_down, left_right = np.rint(self.true[-1]).astype(int).tolist()
+        return up_down, left_right
+
+
+@pytest.mark.parametrize("where", ["scan.views.a", "scan.poses"])
+def test_the_beam_begins_where_a_rough_pose_predicts_a_mark(composed, tmp_path, monkeypatch, where):
+    marks = "{a: {hidden: [3]}}"
+    scan = ["scan=by_hand", f"scan.views={marks}"]
+    if where == "scan.poses":
+        scan = ["scan=session", f"scan.marks.views={marks}"]
+    e = composed(*scan, "target=fiducials", "scene.operator.mark_error=false")
+    rough = off(e.scene.views["a"], 1.0, 20.0, None)
+    if where == "scan.poses":
+        e = replace(e, scan=replace(e.scan, poses={"a": rough}))
+    else:
+        e.scan.views["a"].pose = rough
+    eyes = []
+
+    def eye(lab):
+        eyes[:] = eyes or [Eye(lab, hidden=(5,))]
+        return eyes[0]
+
+    monkeypatch.setattr("sldvexp.virtual_lab.VirtualLab.person", property(eye))
+    found = scan_views(e, tmp_path)["registration"]
+    assert found["point"].values.tolist() == [1, 2, 4, 6]
+    beside = np.abs(np.array(eyes[0].began) - eyes[0].true).max(axis=1)
+    assert beside[0] > 250
+    assert (beside[1:] < [30, 30, 20]).all()
+
+
 class Nobody(Operator):
     """Says what was asked."""
 
