@@ -23,6 +23,7 @@ from sldvexp.laser import TwoMirror, dac_jacobian, dac_of_points, rays
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.uncertainty import half_width, standard_error
 from sldvexp.scan import Scan, ScanPart
+from sldvexp.scan.by_hand import ByHand
 from sldvexp.sweep import recorded_config
 from sldvexp.targets import Circles, Target
 from sldvexp.typing import Array
@@ -80,6 +81,7 @@ class Surroundings:
     ----------
     laser : TwoMirror
     target : Target or None
+        Marks that the scan has of its own are one.
     scan : Scan or None
     surface : ndarray, shape (triangle, 3, 3), m
         Corners of the volume's surface; none without a volume.
@@ -207,7 +209,13 @@ def _around(e: Experiment, volume: xr.Dataset | None) -> Surroundings:
         lowest = volume["element"].values[: volume.attrs["triangles"], :3]
         layer = int(np.abs(volume["depth"].values).argmin())
         surface = volume["position"].values[lowest + layer * int(volume.attrs["surface_nodes"])]
-    return Surroundings(e.laser, e.target, e.scan, surface)
+    own = [part.own_marks() for part in _parts(e.scan) if isinstance(part, ByHand)]
+    return Surroundings(e.laser, next(filter(None, own), e.target), e.scan, surface)
+
+
+def _parts(scan: Scan | None) -> list[ScanPart]:
+    """List the parts of a scan's first view, which are of the same kinds in all."""
+    return scan.parts(scan.view_names()[0]) if scan and scan.view_names() else []
 
 
 def known_lines(view: AimedView, around: Surroundings, unit: LengthUnit) -> Iterator[str]:

@@ -79,6 +79,7 @@ def run(
         Path(to),
         name or USUAL_NAME,
         replace=experiment.overwrite,
+        config_dir=config_dir,
     )
     drawn = planner.figure.draw(found)
     written += save(drawn, Path(to) / FIGURES / (name or USUAL_NAME), formats=USUAL)

@@ -59,7 +59,9 @@ def of_run(run: RunData, experiment: Experiment, place: Place) -> GivenStands:
 
 
 def of_experiment(experiment: Experiment, place: Place) -> GivenStands:
-    """Take the stands that a configuration gives: of ``pose=given``, or of a virtual lab.
+    """Take the stands that a configuration gives.
+
+    Those of ``pose=given``, rough poses of the scan, or those of a virtual lab.
 
     Raises
     ------
@@ -69,13 +71,14 @@ def of_experiment(experiment: Experiment, place: Place) -> GivenStands:
     if isinstance(experiment.pose, Given):
         found = experiment.pose.read()
         poses = dict(zip(found.views, zip(found.rotation, found.origin, strict=True), strict=True))
-    elif experiment.scene is not None:
-        known: dict[str, KnownPose] = experiment.scene.views
-        poses = {n: (p.rotation, p.unit.value * np.array(p.origin)) for n, p in known.items()}
     else:
+        known: dict[str, KnownPose] = experiment.scan.rough_poses() if experiment.scan else {}
+        known = known or getattr(experiment.scene, "views", {})
+        poses = {name: (pose.rotation, pose.place) for name, pose in known.items()}
+    if not poses:
         raise UserError(
             "plan: there are no stands to go on from: give a run's folder, or their poses with "
-            "pose=given and pose.views"
+            "pose=given and pose.views, or rough ones in the scan"
         )
     stands = tuple(
         _stand(name, origin, rotation, place) for name, (rotation, origin) in poses.items()

@@ -37,6 +37,7 @@ def write(
     folder: Path,
     name: str,
     replace: bool,
+    config_dir: str | None = None,
 ) -> list[Path]:
     """Write the files of a plan.
 
@@ -54,6 +55,8 @@ def write(
         For ``experiment=`` and ``pose=``.
     replace : bool
         Whether files that exist are replaced.
+    config_dir : str, optional
+        Folder of the user's that has some of what was chosen.
 
     Raises
     ------
@@ -62,8 +65,9 @@ def write(
     """
     if wrong := unusable(name):
         raise UserError(f"command line: --name={name}: {wrong}")
+    whole = experiment_text(plan, config, plugins, choices, config_dir)
     texts = {
-        folder / "experiment" / f"{name}.yaml": experiment_text(plan, config, plugins, choices),
+        folder / "experiment" / f"{name}.yaml": whole,
         folder / "pose" / f"{name}.yaml": pose_text(plan),
     }
     for path in texts:
@@ -83,17 +87,21 @@ def write(
 
 
 def experiment_text(
-    plan: StandPlan, config: DictConfig, plugins: Mapping[str, str], choices: Mapping[str, str]
+    plan: StandPlan,
+    config: DictConfig,
+    plugins: Mapping[str, str],
+    choices: Mapping[str, str],
+    config_dir: str | None = None,
 ) -> str:
     """Write the experiment with the plan's views."""
     values = _as_data(config)
     _put_views(values, plan, plugins)
     chosen = {g: choices.get(g, f"schema/{plugins[g]}") for g in plugins}
-    base = _base(chosen)
+    base = _base(chosen, config_dir)
     wider = [g for g in plugins if _has_more(base.get(g), values[g])]
     if wider:  # an entry of a table that the plan does not have: from the plugin alone
         chosen |= {g: f"schema/{plugins[g]}" for g in wider}
-        base = _base(chosen)
+        base = _base(chosen, config_dir)
     differing = _differences(values, base)
     overrides = ({f"override /{g}": chosen[g]} for g in SINGLE_GROUPS if g in chosen)
     defaults = ["_self_", *overrides]
@@ -105,9 +113,10 @@ def experiment_text(
     return "\n".join([*told, _dumped({"defaults": defaults}), _dumped(differing)])
 
 
-def _base(chosen: Mapping[str, str]) -> dict[str, Any]:
+def _base(chosen: Mapping[str, str], config_dir: str | None) -> dict[str, Any]:
     """Compose the choices alone, as data."""
-    origins = Origins(["~experiment", *(f"{g}={choice}" for g, choice in chosen.items())])
+    options = ["--config-dir", config_dir] if config_dir else []
+    origins = Origins(["~experiment", *(f"{g}={c}" for g, c in chosen.items()), *options])
     return _as_data(origins.compose())
 
 
@@ -144,14 +153,17 @@ def _put_views(values: dict[str, Any], plan: StandPlan, plugins: Mapping[str, st
     corners = {s.name: {"corners": s.corners.tolist()} for s in plan.added}
     stays = len(plan.added) < len(plan.stands)
     places = [(values.get("scan"), plugins.get("scan"))]
-    if plugins.get("scan") == "session":
-        scan = values["scan"]
+    poses = {s.name: as_pose(s) for s in plan.added}
+    scan = values.get("scan") or {}
+    if scan.get("poses"):  # rough ones, which predict circles and regions
+        scan["poses"] = {**(scan["poses"] if stays else {}), **poses}
+        places = []
+    elif plugins.get("scan") == "session":
         places = [(scan["calibration"], "calibration"), (scan["structure"], "rectangle")]
     for scan, kind in places:
         if kind in ("calibration", "rectangle") and scan is not None:
             new = circles if kind == "calibration" else corners
             scan["views"] = {**(scan["views"] if stays else {}), **new}
-    poses = {s.name: as_pose(s) for s in plan.added}
     if values.get("scene") is not None:
         values["scene"]["views"] = {**(values["scene"]["views"] if stays else {}), **poses}
     if plugins.get("pose") == "given" and not values["pose"]["path"]:

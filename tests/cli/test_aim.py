@@ -64,6 +64,19 @@ def test_all_views_are_told_with_circles_and_corners(sldvexp):
     assert "  surface of the volume from (" in front
 
 
+def test_marks_are_listed_that_a_scan_by_hand_has_of_its_own(sldvexp):
+    scan = (
+        "scan=by_hand",
+        "scan.fiducials={3: {x: 0, y: 0}, 7: {x: 300, y: 0}, 9: {x: 0, y: 200}}",
+        "scan.unit=mm",
+        "scan.views={front: {pose: {origin: [0.3, 0.0, 2], look_at: [0.3, 0, 0]}}}",
+    )
+    done = sldvexp("aim", "~experiment", *scan)
+    assert (done.status, done.err) == (0, "")
+    assert "  mark 7 (0.30000, 0.00000, 0.00000) m: dac 0 0, mirrors" in done.out
+    assert done.out.count("mark") == 3
+
+
 def test_what_the_beam_cannot_reach_is_said_in_its_line(sldvexp):
     done = sldvexp("aim", *GIVEN, "view=front", "at=5,0,0", "at=0,0,3", "at=0.45,0.1,0")
     far, behind, here = done.out.splitlines()[1:]

@@ -63,6 +63,50 @@ def test_the_planned_poses_can_be_taken_instead_of_being_found(planned, sldvexp)
     assert pose["views"]["1"]["look_at"]
 
 
+#: Rough poses that predict circles and region.
+ROUGH = [
+    "~experiment",
+    "target=dissertation",
+    "laser=mine",
+    "scan=session",
+    "instrument=visa",
+    "signal=sine_fit",
+    "pose=edge",
+    "volume=grid",
+    "volume.center=[0.42,0.14,0]",
+    "volume.shape=[9,7]",
+    "reconstruction=samplewise",
+    "plan.candidates=300",
+    "scan.structure.stride=90",
+    "scan.structure.corners_at=[[0.28,0.02,0],[0.56,0.02,0],[0.56,0.26,0],[0.28,0.26,0]]",
+]
+STANDS = {
+    "front": {"origin": [0.3, 0.1, 1.7], "look_at": [0.3, 0.1, 0]},
+    "left": {"origin": [-0.7, 0.2, 1.4], "look_at": [0.3, 0.1, 0]},
+    "right": {"origin": [1.2, 0.3, 1.3], "look_at": [0.3, 0.1, 0]},
+}
+POSES = f"scan.poses={STANDS}".replace("'", "")
+
+
+def test_rough_poses_of_a_folder_of_ones_own_are_checked_and_planned_anew(sldvexp):
+    file = Path("lab/laser/mine.yaml")
+    file.parent.mkdir(parents=True)
+    file.write_text("defaults: [schema/two_mirror@_here_, _self_]\nup_down: {gain: 22}\n")
+    own = ("--config-dir", "lab", *ROUGH, POSES)
+    checked = sldvexp("plan", "check", *own)
+    assert (checked.status, checked.err) == (0, "")
+    assert all(f"│ {name} " in checked.out for name in STANDS)
+    done = sldvexp("plan", *own, "plan.stands=3", "--to", "lab", "--name", "next")
+    assert (done.status, done.err) == (0, "")
+    made = yaml.safe_load(Path("lab/experiment/next.yaml").read_text())
+    assert list(made["scan"]["poses"]) == ["1", "2", "3"]
+    assert "calibration" not in made["scan"]
+    told = sldvexp("aim", "--config-dir", "lab", "experiment=next", "view=2")
+    assert (told.status, told.err) == (0, "")
+    assert told.out.count("circle") == 4
+    assert "out of reach" not in told.out
+
+
 def test_a_plan_replaces_files_only_if_asked(planned, sldvexp):
     before = Path("lab/experiment/monday.yaml").read_bytes()
     again = ("plan", *QUICK, "plan.stands=3", "--to", "lab", "--name", "monday")
