@@ -26,7 +26,7 @@ from sldvexp.writing import NEW, READY
 #: Each is a module of this room; its `run` gets the words after it and the user's folder.
 COMMANDS = (
     *("check", "compare", "console", "export", "handbook"),
-    *("list", "plot", "report", "rerun", "show"),
+    *("list", "plan", "plot", "report", "rerun", "show"),
 )
 
 #: Those that read what runs have left.

@@ -7,26 +7,36 @@ of the user's folder, and the scan is a run of it as any other.
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from omegaconf import open_dict
 
-from sldvexp import config, console
+from sldvexp import config, console, planner
+from sldvexp.cli.help import COMMAND_HELP
 from sldvexp.cli.in_process import watched_run
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
+from sldvexp.config.planning import PlanCriterion
+from sldvexp.dataset import RunData
 from sldvexp.errors import UserError
 from sldvexp.instrument import ScanningPlugin
+from sldvexp.lazy import xarray as xr
+from sldvexp.planner import StandPlan
 from sldvexp.session import Operator, Watcher
+from sldvexp.typing import Array
 
-OPTIONS = {
-    "port": "port of the page on this machine; without it a free one",
-}
+#: Options of this command with what they take.
+OPTIONS = COMMAND_HELP["console"].options
 
 #: Packages of the extra `console`.
 NEEDED = ("starlette", "uvicorn", "websockets")
+#: Advice while the views are too few for any.
+TOO_FEW = (
+    "So few views do not determine three components anywhere; three that stand well apart do. "
+    "sldvexp plan finds stands for all of them."
+)
 #: Folder for what is aimed, without ``--config-dir``.
 OWN_FOLDER = "conf"
 
@@ -41,7 +51,7 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
     """
     if missing := [name for name in NEEDED if importlib.util.find_spec(name) is None]:
         raise UserError(
-            f"console needs {' and '.join(missing)}: pip install 'sldvexp[console]' installs them"
+            f"console needs {' and '.join(missing)}: pip install 'sldvexp[console]' installs it"
         )
     experiment = composed(words, config_dir)
     if experiment.scan is None or not isinstance(experiment.instrument, ScanningPlugin):
@@ -57,7 +67,7 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
     def scanned(settings: Sequence[str], watcher: Watcher, operator: Operator) -> Path:
         return watched_run(settings, str(folder), watcher, operator)
 
-    with console.Console(experiment, words, folder, aimed, scanned, _number(port)) as made:
+    with console.Console(experiment, words, folder, aimed, scanned, _number(port), advice) as made:
         print(f"{made.address}\nopen it in a browser on this machine; Ctrl-C ends it", flush=True)
         with suppress(KeyboardInterrupt):
             made.serve()
@@ -77,6 +87,49 @@ def composed(words: Sequence[str], config_dir: str | None) -> Experiment:
     with open_dict(cfg):
         cfg.pop("hydra", None)
     return config.schema.build(cfg)
+
+
+def advice(experiment: Experiment, groups: Mapping[str, xr.Dataset]) -> list[str]:
+    """Say which bounds the views that are done reach, and where to stand next.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        With a volume, whose surface is to be seen.
+    groups : mapping of str to xarray.Dataset
+        Of the views: their images, and the group ``pose``.
+    """
+    if experiment.volume is None or not any(name.startswith("image/") for name in groups):
+        return ["Without a volume and images of it nobody can say where to stand next."]
+    done = RunData(dict(groups), {}, Path())
+    told = []
+    with suppress(UserError):  # of so few views
+        told.append(f"If you stopped here: {_reached(planner.check_stands(experiment, done))}.")
+    try:
+        after = planner.next_stand(experiment, done)
+    except UserError as error:
+        return [*told, f"No stand can be advised: {error}."] if told else [TOO_FEW]
+    for stand in after.added:
+        place, what = (_metres(point) for point in (stand.origin, stand.look_at))
+        told.append(f"Stand next at {place} m and look at {what} m. Then: {_reached(after)}.")
+    return told
+
+
+def _reached(plan: StandPlan) -> str:
+    """Say which bound a plan reaches, or that it does not determine all components."""
+    if plan.undetermined:
+        return (
+            f"{plan.undetermined} of {len(plan.place.nodes)} nodes are seen by too few views to "
+            "determine all components"
+        )
+    which = "largest" if plan.goal.criterion is PlanCriterion.worst else "r.m.s."
+    return (
+        f"the {which} bound is {1e3 * plan.asked:.3g} mm/s, of the noise at every place by itself"
+    )
+
+
+def _metres(point: Array) -> str:
+    return "(" + ", ".join(f"{x:.2f}" for x in point) + ")"
 
 
 def _number(port: str | None) -> int:

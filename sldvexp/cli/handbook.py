@@ -25,9 +25,13 @@ CHAPTERS = {
         "own_files",
         "other_instruments",
         "first_instrument",
+        "console",
         "aiming",
     ),
-    "Work": ("own_experiments", "sweeps", "figures", "motion", "formats", "python", "how_to"),
+    "Work": (
+        *("own_experiments", "planning", "sweeps", "figures", "motion", "formats", "python"),
+        "how_to",
+    ),
     "Methods": (
         "choosing_a_method",
         "poses",

@@ -11,14 +11,13 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from sldvexp import dataset
+from sldvexp import dataset, session
 from sldvexp.cli.commands import KEY
 from sldvexp.cli.main import Command, hydra_raises
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.limits import shown
-from sldvexp.session import Operator, Watcher
 from sldvexp.stopping import handlers_kept
 
 __version__ = version("sldvexp")
@@ -76,7 +75,10 @@ def run(*settings: str, config_dir: str | Path | None = None, quiet: bool = Fals
 
 
 def watched_run(
-    settings: Sequence[str], config_dir: str, watcher: Watcher, operator: Operator
+    settings: Sequence[str],
+    config_dir: str,
+    watcher: session.Watcher,
+    operator: session.Operator,
 ) -> Path:
     """Do one run in this process for somebody who watches and is asked; give its folder.
 

@@ -148,8 +148,6 @@ class Command:
         self.experiment: Experiment | None = None  # of a single run, checked before it begins
         self.folder: Path | None = None  # of a single run
         self.held = ExitStack()  # its lock
-        self.watcher: session.Watcher | None = None  # of a single run
-        self.operator: session.Operator | None = None  # whom it asks
 
     def __getstate__(self) -> dict[str, Any]:
         """Take along to other processes all but the sweep, which stays in this one."""

@@ -1,4 +1,4 @@
-"""The bench: aims and scans as the controller wishes, in the one thread that has the instrument.
+"""Aims and scans as the controller wishes, in the one thread that has the instrument.
 
 The instrument is opened when something needs it, and left (mirrors home, generator off) when the
 controller has gone, when another view is chosen, and when it fails. While nothing is wished, a
@@ -17,13 +17,15 @@ from typing import Any
 import numpy as np
 
 from sldvexp.config.experiment import Experiment
-from sldvexp.console.board import Board
-from sldvexp.console.marks import Marks, Steps, kind_of, used_parts, view_names, wanted
+from sldvexp.console.board import NoticeBoard
+from sldvexp.console.marks import AimedMarks, Steps, kind_of, parts_of, view_names, wanted
 from sldvexp.console.outlook import Outlook
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples
 from sldvexp.instrument import bench as aids
-from sldvexp.signal import Flag
+from sldvexp.scan import Sampling
+from sldvexp.signal import Flag, SignalEstimator
+from sldvexp.signal.sine_fit import SineFit
 from sldvexp.stopping import undisturbed
 from sldvexp.typing import IntArray
 
@@ -45,14 +47,14 @@ MILLI = 1e3
 MOST_SPOTS, BEYOND = 10_000, 2**20
 
 
-class Bench:
+class AimingBench:
     """Aims, and scans.
 
     Parameters
     ----------
     experiment : Experiment
         With ready plugins; the instrument scans.
-    board : Board
+    board : NoticeBoard
         Where browsers see what happens.
     wishes : queue of dict
         Of the controller.
@@ -63,14 +65,15 @@ class Bench:
     def __init__(
         self,
         experiment: Experiment,
-        board: Board,
+        board: NoticeBoard,
         wishes: queue.Queue[Wish],
     ) -> None:
         self.experiment, self.board, self.wishes = experiment, board, wishes
-        self.marks = Marks()
+        self.marks = AimedMarks()
         self.views = view_names(experiment)
         self.view = self.views[0]
         self.wanted = wanted(experiment)
+        self._signal: SignalEstimator = experiment.signal or SineFit()
         self.outlook = Outlook(experiment, self.wanted)
         self.kind = next(iter(self.wanted), "")
         self.beam: Steps = (0, 0)
@@ -171,11 +174,11 @@ class Bench:
     def _mark(self, wish: Wish) -> None:
         """Take the beam's place for the mark that is meant."""
         kind, number = self._named(wish)
-        self.marks.set(self.view, (kind, number), self.beam)
+        self.marks.put(self.view, (kind, number), self.beam)
         self._tell_marks()
 
     def _forget(self, wish: Wish) -> None:
-        self.marks.set(self.view, self._named(wish), None)
+        self.marks.put(self.view, self._named(wish), None)
         self._tell_marks()
 
     def _undo(self, wish: Wish) -> None:
@@ -230,8 +233,9 @@ class Bench:
     def _named(self, wish: Wish) -> tuple[str, int]:
         kind, number = _text(wish, "kind"), wish.get("number")
         known = self.wanted.get(kind)
-        whole = type(number) is int and 1 <= number <= MOST_SPOTS
-        if known is None or not whole or (known and number not in known):
+        if type(number) is not int or not 1 <= number <= MOST_SPOTS:
+            raise UserError("there is no such mark")
+        if known is None or (known and number not in known):
             raise UserError("there is no such mark")
         return kind, number
 
@@ -283,7 +287,7 @@ class Bench:
     # ---- the instrument ----
 
     def _ready(self) -> Instrument:
-        """Give the instrument, opened in the view, sampling quickly as the part that is aimed at."""
+        """Give the instrument in the view, sampling quickly, as the part that is aimed at does."""
         if not self.steered:
             raise UserError("nobody is steering")
         e = self.experiment
@@ -297,9 +301,9 @@ class Bench:
         return self._instrument
 
     def _sampling(self) -> Acquisition:
-        parts = used_parts(self.experiment.scan).values()
-        part = next((p for p in parts if kind_of(p) == self.kind), next(iter(parts)))
-        s = part.sampling
+        parts = [p for p in parts_of(self.experiment).values() if hasattr(p, "sampling")]
+        chosen = [p for p in parts if kind_of(p) == self.kind] or parts
+        s = chosen[0].sampling if chosen else Sampling()
         return aids.quick(Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude))
 
     def _go(self, to: Steps) -> None:
@@ -313,7 +317,7 @@ class Bench:
     def _amplitude(self, samples: RawSamples) -> tuple[Any, Any]:
         """Compute the velocity's amplitude, mm/s, and flags of pixels."""
         assert self._set is not None
-        image = self.experiment.signal.demodulate(
+        image = self._signal.demodulate(
             samples.counts,
             np.arange(self._set.samples) / samples.rate,
             self._set.excitation,

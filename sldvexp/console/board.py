@@ -1,4 +1,4 @@
-"""What browsers shall see: topics whose last word counts, and pictures that grow.
+"""A board that browsers read: topics whose last word counts, and pictures that grow.
 
 The bench writes here and never waits for a browser. Every browser has a `Reader` of its own, which
 takes what is new since it read last: of a topic only the last word, of a picture all its parts in
@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 AT_ONCE = 64
 
 
-class Board:
-    """What is to be seen, written by one thread and read by many."""
+class NoticeBoard:
+    """Board of all that browsers see, written by some threads and read by others."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -106,19 +106,19 @@ class _Picture:
 class Reader:
     """How far a browser has read."""
 
-    board: Board
+    board: NoticeBoard
     wake: Callable[[], None]
     count: int = 0
     read: dict[str, tuple[int, int]] = field(default_factory=dict)
 
 
 def packed(header: dict[str, Any], arrays: Sequence[NDArray[Any]]) -> bytes:
-    """Pack a header and arrays: its length, the header as JSON, and the arrays, each at fours.
+    r"""Pack a header and arrays: its length, the header as JSON, and the arrays, each at fours.
 
     Examples
     --------
     >>> packed({"a": 1}, [np.array([1, 2], np.int16)])[:4]
-    b'(\\x00\\x00\\x00'
+    b' \x00\x00\x00'
     """
     shapes = [[a.dtype.str[1:], a.size] for a in arrays]
     text = json.dumps({**header, "arrays": shapes}, allow_nan=False).encode()

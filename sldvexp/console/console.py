@@ -1,17 +1,16 @@
-"""The console as a whole: its board, its server, its bench, and the scan that it starts."""
+"""Console as a whole: its board, its server, its bench, and the scan that it starts."""
 
 from __future__ import annotations
 
 import queue
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.console.afterwards import Advise
-from sldvexp.console.bench import Bench, Wish
-from sldvexp.console.board import Board
+from sldvexp.console.bench import AimingBench, Wish
+from sldvexp.console.board import NoticeBoard
 from sldvexp.console.scanning import Asked, Scanning
 from sldvexp.console.server import Server
 from sldvexp.console.written import CHOICE, settings_with, write_experiment
@@ -55,9 +54,9 @@ class Console:
         advise: Advise | None = None,
     ) -> None:
         self.experiment, self.settings, self.folder = experiment, list(settings), folder
-        self.board = Board()
+        self.board = NoticeBoard()
         self.wishes: queue.Queue[Wish] = queue.Queue()
-        self.bench = Bench(experiment, self.board, self.wishes)
+        self.bench = AimingBench(experiment, self.board, self.wishes)
         self.server = Server(self.board, self.wishes, lambda: self._page, port)
         self._compose, self._run, self._advise = compose, run, advise
         self._page: Path | None = None
@@ -82,9 +81,13 @@ class Console:
         """Aim and scan as the controller wishes, until Ctrl-C."""
         self.bench.serve()
 
-    def _write(self, wish: Wish) -> list[str]:
-        """Write what was aimed; the settings of a run of it."""
-        scan = self.bench.marks.settings(self.experiment.scan)
+    def _write(self, wish: Wish) -> None:
+        """Write what was aimed, as an experiment."""
+        self._written(wish)
+
+    def _written(self, wish: Wish) -> list[str]:
+        """Write what was aimed; give the settings of a run of it."""
+        scan = self.bench.marks.settings(self.experiment)
         if not scan:
             raise UserError("nothing is marked yet")
         name = wish.get("name")
@@ -99,8 +102,8 @@ class Console:
 
     def _scan(self, wish: Wish) -> None:
         """Scan what was aimed, as a run of the experiment that is written of it."""
-        scan = self.bench.marks.settings(self.experiment.scan)
-        settings = self._write(wish) if scan else self.settings
+        scan = self.bench.marks.settings(self.experiment)
+        settings = self._written(wish) if scan else self.settings
         experiment = self._compose(settings) if scan else self.experiment
         self.bench.leave()  # the run opens the instrument for itself
         scanning = Scanning(experiment, self.board, self.wishes, self._advise)
@@ -110,7 +113,7 @@ class Console:
         )
         self.bench.say("The scan begins.")
         try:
-            folder = self._run(settings, scanning, Asked(scanning))
+            folder = self._run(settings, scanning, Asked(scanning, self.bench.marks))
         except UserError as error:
             self._ended(str(error), problem=True)
         except KeyboardInterrupt as stop:

@@ -1,7 +1,9 @@
-"""What is aimed at in each view, where it was found, and how that is taken back.
+"""Marks of each view: places that are aimed at, and where they were found.
 
 Every part of a scan wants places of its own: `CalibrationScan` the rough centres of the circles,
-`Rectangle` four corners of the region that is imaged, `ByDigitizer` any number of spots.
+`Rectangle` four corners of the region that is imaged, `ByDigitizer` any number of spots. Fiducials
+of `ByHand` are no part of a configuration, which only says which of them are hidden; the run gets
+where they were found from `AimedPerson`, in the place of a person at the terminal.
 """
 
 from __future__ import annotations
@@ -11,14 +13,17 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from sldvexp.config.experiment import Experiment
+from sldvexp.instrument import InstrumentError
+from sldvexp.instrument.person import Mark, Place, Steps
 from sldvexp.scan import Scan, ScanPart
 from sldvexp.scan.by_digitizer import ByDigitizer
+from sldvexp.scan.by_hand import ByHand
 from sldvexp.scan.calibration import CalibrationScan
 from sldvexp.scan.rectangle import Rectangle
 from sldvexp.scan.session import Session
-from sldvexp.targets import Circles
+from sldvexp.session.by_person import known_marks
+from sldvexp.targets import Circles, FiducialPoints
 
-Steps = tuple[int, int]
 Name = tuple[str, int]
 
 CIRCLE, CORNER, SPOT, FIDUCIAL = "circle", "corner", "spot", "fiducial"
@@ -28,29 +33,38 @@ CORNERS = 4
 KEYS = {CIRCLE: "dac", CORNER: "corners", SPOT: "dac"}
 
 
-def used_parts(scan: Scan) -> dict[str, ScanPart]:
+def used_parts(scan: Scan, by_hand: bool = False) -> dict[str, ScanPart]:
     """List the parts of a scan that has places to aim at, by their keys below ``scan``.
 
-    The parts of a session that has no views at all are the calibration object and the structure.
+    The parts of a session that has no views at all are the calibration object, or marks if the
+    instrument is posed by hand, and the structure.
     """
     if isinstance(scan, ScanPart):
         return {"": scan}
     assert isinstance(scan, Session)
     parts = {f.name: getattr(scan, f.name) for f in fields(scan)}
     used = {name: part for name, part in parts.items() if part.views}
-    return used or {name: parts[name] for name in ("calibration", "structure")}
+    if used:
+        return used
+    first = "marks" if by_hand else "calibration"
+    return {name: parts[name] for name in (first, "structure")}
 
 
 def kind_of(part: ScanPart) -> str:
     """Name the kind of places that a part wants; empty if none."""
-    kinds = {CalibrationScan: CIRCLE, Rectangle: CORNER, ByDigitizer: SPOT}
+    kinds = {CalibrationScan: CIRCLE, Rectangle: CORNER, ByDigitizer: SPOT, ByHand: FIDUCIAL}
     return next((kind for of, kind in kinds.items() if isinstance(part, of)), "")
+
+
+def parts_of(experiment: Experiment) -> dict[str, ScanPart]:
+    """List the parts of an experiment's scan that has places to aim at, see `used_parts`."""
+    return used_parts(experiment.scan, isinstance(experiment.target, FiducialPoints))
 
 
 def wanted(experiment: Experiment) -> dict[str, list[int]]:
     """List the numbers of the places that every view wants, by their kinds; spots are open."""
     found: dict[str, list[int]] = {}
-    for part in used_parts(experiment.scan).values():
+    for part in parts_of(experiment).values():
         kind = kind_of(part)
         if kind == CIRCLE:
             circles = isinstance(experiment.target, Circles)
@@ -59,6 +73,8 @@ def wanted(experiment: Experiment) -> dict[str, list[int]]:
             found[kind] = list(range(1, CORNERS + 1))
         elif kind == SPOT:
             found[kind] = []
+        elif isinstance(part, ByHand):
+            found[kind] = [mark.number for mark in known_marks(part, experiment.target)]
     return found
 
 
@@ -69,7 +85,7 @@ def view_names(experiment: Experiment) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Change:
+class MarkChange:
     """One mark that was set or taken away: where it stood before and stands now."""
 
     view: str
@@ -78,59 +94,97 @@ class Change:
     after: Steps | None
 
 
-class Marks:
-    """Marks of all views, with a history that can be gone back and forth."""
+class AimedPerson:
+    """A `Person` who has pointed at the fiducials of a view before.
+
+    Parameters
+    ----------
+    found : dict of int to (up_down, left_right)
+        Steps by the marks' numbers.
+    """
+
+    def __init__(self, found: dict[int, Steps]) -> None:
+        self.found = found
+
+    def aim(self, mark: Mark, start: Steps) -> Steps | None:
+        """See `Person`; a mark that was not found is hidden."""
+        return self.found.get(mark.number)
+
+    def digitise(self, spot: int, samples: int) -> list[Place]:
+        """See `Person`; who points has no digitizer."""
+        raise InstrumentError("nobody digitises where fiducials are pointed at")
+
+
+class AimedMarks:
+    """AimedMarks of all views, with a history that can be gone back and forth."""
 
     def __init__(self) -> None:
         self._found: dict[str, dict[Name, Steps]] = {}
-        self._done: list[Change] = []
-        self._undone: list[Change] = []
+        self._done: list[MarkChange] = []
+        self._undone: list[MarkChange] = []
 
     def of(self, view: str) -> dict[Name, Steps]:
         """Give the marks of a view."""
         return dict(self._found.get(view, {}))
 
-    def set(self, view: str, name: Name, steps: Steps | None) -> None:
+    def put(self, view: str, name: Name, steps: Steps | None) -> None:
         """Set a mark, or take it away."""
-        change = Change(view, name, self._found.get(view, {}).get(name), steps)
+        change = MarkChange(view, name, self._found.get(view, {}).get(name), steps)
         self._undone = []
         self._done.append(change)
         self._put(change, change.after)
 
-    def undo(self) -> Change | None:
+    def undo(self) -> MarkChange | None:
         """Take the last change back."""
         return self._step(self._done, self._undone, forwards=False)
 
-    def redo(self) -> Change | None:
+    def redo(self) -> MarkChange | None:
         """Repeat what was taken back."""
         return self._step(self._undone, self._done, forwards=True)
 
     @property
     def can(self) -> tuple[bool, bool]:
-        """Whether something can be taken back, and repeated."""
+        """True if something can be taken back, and if something can be repeated."""
         return bool(self._done), bool(self._undone)
 
-    def settings(self, scan: Scan) -> dict[str, Any]:
-        """Make the part of a configuration that has the marks as ``scan`` wants them.
+    def settings(self, experiment: Experiment) -> dict[str, Any]:
+        """Make the part ``scan`` of a configuration that has the marks as its parts want them.
 
         Only views of which something was marked are in it.
         """
         made: dict[str, Any] = {}
-        for key, part in used_parts(scan).items():
+        numbers = wanted(experiment)
+        for key, part in parts_of(experiment).items():
             kind = kind_of(part)
-            views = {view: list(self._sorted(view, kind)) for view in self._found}
-            views = {view: places for view, places in views.items() if places}
+            views: dict[str, Any] = {}
+            for view in self._found:
+                places = list(self._sorted(view, kind))
+                if places and kind == FIDUCIAL:
+                    found = self.numbers(view, kind)
+                    views[view] = {"hidden": [n for n in numbers[kind] if n not in found]}
+                elif places:
+                    views[view] = {KEYS[kind]: places}
             if views:
-                inside = {view: {KEYS[kind]: places} for view, places in views.items()}
-                (made.setdefault(key, {}) if key else made)["views"] = inside
+                (made.setdefault(key, {}) if key else made)["views"] = views
         return made
+
+    def numbers(self, view: str, kind: str) -> set[int]:
+        """Give the numbers of a view's marks of a kind."""
+        return {number for of, number in self._found.get(view, {}) if of == kind}
+
+    def person(self, view: str) -> AimedPerson | None:
+        """Give the person who has found this view's fiducials, None if nobody has."""
+        found = {n: steps for (of, n), steps in self.of(view).items() if of == FIDUCIAL}
+        return AimedPerson(found) if found else None
 
     def _sorted(self, view: str, kind: str) -> Iterator[list[int]]:
         for (of, _), steps in sorted(self._found.get(view, {}).items()):
             if of == kind:
                 yield list(steps)
 
-    def _step(self, source: list[Change], sink: list[Change], forwards: bool) -> Change | None:
+    def _step(
+        self, source: list[MarkChange], sink: list[MarkChange], forwards: bool
+    ) -> MarkChange | None:
         if not source:
             return None
         change = source.pop()
@@ -138,7 +192,7 @@ class Marks:
         self._put(change, change.after if forwards else change.before)
         return change
 
-    def _put(self, change: Change, steps: Steps | None) -> None:
+    def _put(self, change: MarkChange, steps: Steps | None) -> None:
         view = self._found.setdefault(change.view, {})
         if steps is None:
             view.pop(change.name, None)

@@ -1,4 +1,4 @@
-"""What marks tell of the rest: where the next ones lie, how far each is off, and outlines.
+"""Predictions from the marks of a view: where the next ones lie, how far each is off, and outlines.
 
 Places whose coordinates are known, circles and fiducials, give a rough pose from the third on
 (`sldvexp.pose.Aiming`). By it the outlines of the calibration object and of the structure are
@@ -15,10 +15,12 @@ from typing import Any
 import numpy as np
 
 from sldvexp.config.experiment import Experiment
-from sldvexp.console.marks import CIRCLE, CORNER, FIDUCIAL, Name, Steps
+from sldvexp.console.marks import CIRCLE, CORNER, FIDUCIAL, Name, Steps, parts_of
 from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_from_euler
 from sldvexp.pose import Aiming, AimingPlace
+from sldvexp.scan.by_hand import ByHand
+from sldvexp.session.by_person import known_marks
 from sldvexp.targets import Circles
 from sldvexp.targets.base import std_of_bound
 from sldvexp.typing import Array, IntArray
@@ -29,7 +31,7 @@ ROUND, MOST = 24, 200
 
 @dataclass
 class Foresight:
-    """What marks tell.
+    """Predictions from the marks of a view.
 
     Parameters
     ----------
@@ -118,10 +120,10 @@ def known_places(
         for number, rim in zip(sorted(target.circles), circle_rims(target), strict=True):
             place = AimingPlace(f"circle {number}", rim.mean(axis=0), std)
             found[CIRCLE, number] = place
-    if FIDUCIAL in wanted and target is not None:
-        points = target.points()
-        for number, position, std in zip(points.number, points.position, points.std, strict=True):
-            found[FIDUCIAL, int(number)] = AimingPlace(f"mark {number}", position, std)
+    for part in parts_of(experiment).values():
+        for mark in known_marks(part, target) if isinstance(part, ByHand) else ():
+            place = AimingPlace(f"mark {mark.number}", mark.position, mark.std)
+            found[FIDUCIAL, mark.number] = place
     return found
 
 

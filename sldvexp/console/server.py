@@ -28,7 +28,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from sldvexp.console.board import Board
+from sldvexp.console.board import NoticeBoard
 from sldvexp.errors import UserError
 
 PAGE = Path(__file__).with_name("page")
@@ -39,7 +39,7 @@ HOST = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?")
 #: Bytes of a wish at most.
 LONGEST = 2**14
 #: How soon a controller that has silently gone is missed, s: asked so often, waited for so long.
-ASKED, WAITED = 1.0, 2.0
+ASKED, WAITED = 1.0, 5.0
 #: Pause between two loads of news to a browser, s.
 PAUSE = 0.02
 #: Answers to who may not come.
@@ -62,11 +62,11 @@ Wish = dict[str, Any]
 
 
 class Server:
-    """The console's server; as a context manager it serves in a thread of its own.
+    """Server of the console; as a context manager it serves in a thread of its own.
 
     Parameters
     ----------
-    board : Board
+    board : NoticeBoard
         What browsers see.
     wishes : queue of dict
         Gets what the controller wants, and `LOST` when it has gone.
@@ -80,7 +80,7 @@ class Server:
 
     def __init__(
         self,
-        board: Board,
+        board: NoticeBoard,
         wishes: queue.Queue[Wish],
         page_of_run: Callable[[], Path | None],
         port: int = 0,
@@ -92,14 +92,14 @@ class Server:
         try:
             self._socket = socket.create_server(("127.0.0.1", port))
         except OSError as error:
-            raise UserError(
-                f"cannot listen on 127.0.0.1, port {port}: {error.strerror}; port 0 takes a free one"
-            ) from None
+            told = f"cannot listen on 127.0.0.1, port {port}: {error.strerror}"
+            raise UserError(f"{told}; without --port a free one is taken") from None
         self.port: int = self._socket.getsockname()[1]
         settings = uvicorn.Config(
             guarded(self._application()),
             lifespan="off",
             log_config=None,
+            log_level="critical",  # a run has a log of its own
             access_log=False,
             server_header=False,
             proxy_headers=False,
@@ -195,7 +195,10 @@ class Server:
                 woken.clear()
                 news, more = self.board.news(reader)
                 for each in news:
-                    await (browser.send_text if isinstance(each, str) else browser.send_bytes)(each)
+                    if isinstance(each, str):
+                        await browser.send_text(each)
+                    else:
+                        await browser.send_bytes(each)
                 await browser.send_text(json.dumps({"role": self._role(browser)}))
                 await asyncio.sleep(0 if more else PAUSE)
 

@@ -42,7 +42,7 @@ def write_experiment(
     settings : sequence of str
         With which the console was started.
     scan : dict
-        As `Marks.settings` makes it.
+        As `AimedMarks.settings` makes it.
     replace : bool
         Whether a file of that name may be replaced.
 

@@ -1,4 +1,4 @@
-"""What a person at the bench asks of an instrument: where the beam stands, light, a picture.
+"""Questions of a person at the bench to an instrument: the beam's place, light, a picture.
 
 A scan needs none of it. An instrument that can tell has the methods of `TellsAtBench`, of which
 each gives None if it cannot; for one without them the functions here find the same by what every

@@ -196,6 +196,8 @@ def person_at(
     taken : callable
         Gives the steps at which other marks, by their numbers, were found in this view.
     """
+    if (aimed := at.operator.person(at.view)) is not None:
+        return aimed
     instrument = at.camera.instrument
     if isinstance(instrument, Attended):
         return instrument.person

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, Instrument, RawSamples
 from sldvexp.instrument.bench import make_safe
-from sldvexp.instrument.person import GuideMaker
+from sldvexp.instrument.person import GuideMaker, Person
 from sldvexp.laser import TwoMirror
 from sldvexp.scan import Sampling
 from sldvexp.session.journal import Journal
@@ -63,6 +63,10 @@ class Operator:
             except EOFError:
                 what = request.strip().splitlines()[-1].rstrip(":")
                 raise NobodyThereError(f"nobody is at the terminal to answer {what!r}") from None
+
+    def person(self, view: str) -> Person | None:
+        """Give who has aimed in a view already, in the place of all others; None if nobody has."""
+        return None
 
     @contextmanager
     def keyboard(self) -> Iterator[Keyboard | None]:

@@ -6,13 +6,13 @@ import json
 import queue
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import Any
 
 import pytest
 from websockets.sync.client import ClientConnection, connect
 
-from sldvexp.console.board import Board
+from sldvexp.console.board import NoticeBoard
 from sldvexp.console.server import Server
 from sldvexp.virtual_lab.console import experiment
 
@@ -44,8 +44,8 @@ volume: {size: [0.26, 0.21], shape: [9, 7], thickness: 0.024, margin: 0.016}
 class Heard:
     """A browser that is none: it says what it wishes and keeps what it is told."""
 
-    def __init__(self, line: ClientConnection) -> None:
-        self.line = line
+    def __init__(self, coming: ClientConnection) -> None:
+        self.coming, self.line = coming, coming.__enter__()
         self.topics: dict[str, Any] = {}
         self.pictures: list[bytes] = []
         self.refused: list[str] = []
@@ -53,6 +53,10 @@ class Heard:
 
     def wish(self, what: str, **more: Any) -> None:
         self.line.send(json.dumps({"do": what, **more}))
+
+    def leave(self) -> None:
+        with suppress(Exception):
+            self.coming.__exit__(None, None, None)
 
     def until(self, condition: Callable[[], object]) -> None:
         """Listen until a condition holds."""
@@ -75,8 +79,8 @@ def wishes() -> queue.Queue[dict[str, Any]]:
 
 
 @pytest.fixture
-def board() -> Board:
-    return Board()
+def board() -> NoticeBoard:
+    return NoticeBoard()
 
 
 @pytest.fixture
@@ -97,7 +101,9 @@ def join(server) -> Iterator[Callable[..., Heard]]:
             wanted = f"http://{host}" if origin == "own" else origin
             address = f"ws://{host}/{token or server.token}/talk"
             made = connect(address, sock=line, origin=wanted, close_timeout=1, proxy=None)
-            return Heard(come.enter_context(made))
+            heard = Heard(made)
+            come.callback(heard.leave)
+            return heard
 
         yield joined
 

@@ -153,7 +153,7 @@ class Page(Browser):
         """Aim at three circles as they are seen, and go to the rest where it is predicted."""
         lab.use_view(view)
         for place in lab.true_dac(lab.calibration_object.center)[:3]:
-            self.come_to(place + [2, -3])  # nobody meets the middle
+            self.come_to(place + np.array([2, -3]))  # nobody meets the middle
             self.mark()
         for _ in range(5):
             self.until(lambda: self.can("go"))

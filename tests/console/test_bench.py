@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sldvexp.console import bench as bench_module
-from sldvexp.console.bench import Bench
+from sldvexp.console.bench import AimingBench
 from sldvexp.instrument.visa import Visa
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.server import Fault, LabServer
@@ -39,7 +39,7 @@ class Seen:
 
 @pytest.fixture
 def bench(lab_experiment, board, wishes):
-    made = Bench(lab_experiment, board, wishes)
+    made = AimingBench(lab_experiment, board, wishes)
     yield made
     made.leave()
 
@@ -72,7 +72,7 @@ def far(lab_experiment, board, wishes, lab):
     """A bench whose instrument is spoken to over a socket."""
     with LabServer(lab) as server:
         instrument = Visa(resource=server.resource, timeout=5.0, retries=0)
-        made = Bench(replace(lab_experiment, instrument=instrument), board, wishes)
+        made = AimingBench(replace(lab_experiment, instrument=instrument), board, wishes)
         wishes.put({"do": "taken"})
         made.turn()
         yield made, server

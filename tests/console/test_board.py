@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import pytest
 
-from sldvexp.console.board import AT_ONCE, Board, packed
+from sldvexp.console.board import AT_ONCE, NoticeBoard, packed
 
 
 def words(news):
@@ -24,7 +24,7 @@ def headers(news):
 
 
 def test_reader_gets_the_last_word_once():
-    board = Board()
+    board = NoticeBoard()
     reader = board.reader(lambda: None)
     for k in range(5):
         board.tell("beam", k)
@@ -35,7 +35,7 @@ def test_reader_gets_the_last_word_once():
 
 
 def test_picture_comes_in_its_order_a_part_at_a_time_and_begins_anew():
-    board = Board()
+    board = NoticeBoard()
     reader = board.reader(lambda: None)
     board.begin("image", view="1")
     for k in range(AT_ONCE + 5):
@@ -54,7 +54,7 @@ def test_picture_comes_in_its_order_a_part_at_a_time_and_begins_anew():
 
 
 def test_late_reader_sees_what_an_early_one_has_seen():
-    board = Board()
+    board = NoticeBoard()
     board.tell("beam", [1, 2])
     board.begin("image")
     board.add("image", [np.arange(3, dtype=np.float32)])
@@ -63,7 +63,7 @@ def test_late_reader_sees_what_an_early_one_has_seen():
 
 
 def test_readers_are_woken_until_they_leave():
-    board, woken = Board(), []
+    board, woken = NoticeBoard(), []
     reader = board.reader(lambda: woken.append(1))
     board.tell("beam", 1)
     board.begin("image")
@@ -90,4 +90,4 @@ def test_arrays_are_packed_at_fours_with_the_low_byte_first(kind):
 
 def test_word_that_is_no_number_is_refused():
     with pytest.raises(ValueError, match="JSON"):
-        Board().tell("level", float("nan"))
+        NoticeBoard().tell("level", float("nan"))

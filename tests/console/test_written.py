@@ -10,7 +10,8 @@ import yaml
 
 from sldvexp.cli.console import composed
 from sldvexp.config import hydra_plugin
-from sldvexp.console.marks import CIRCLE, CORNER, SPOT, Marks, view_names, wanted
+from sldvexp.config.experiment import Experiment
+from sldvexp.console.marks import CIRCLE, CORNER, SPOT, AimedMarks, view_names, wanted
 from sldvexp.console.written import settings_with, write_experiment
 from sldvexp.errors import UserError
 from sldvexp.scan.by_digitizer import ByDigitizer
@@ -29,18 +30,18 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def marks() -> Marks:
-    made = Marks()
+def marks() -> AimedMarks:
+    made = AimedMarks()
     for number, steps in enumerate([(-371, 1322), (-517, 601), (588, 318), (551, 1430)], 1):
-        made.set("1", (CIRCLE, number), steps)
+        made.put("1", (CIRCLE, number), steps)
     for number, steps in enumerate([(-661, 159), (-659, -1454), (683, -1503), (682, 165)], 1):
-        made.set("1", (CORNER, number), steps)
+        made.put("1", (CORNER, number), steps)
     return made
 
 
 def test_aimed_experiment_is_the_other_one_with_the_places_that_were_marked(folder, marks):
     base = ["experiment=bench", "scan.structure.pixels=[9,11]", "seed=3"]
-    scan = marks.settings(composed(base, str(folder)).scan)
+    scan = marks.settings(composed(base, str(folder)))
     path = write_experiment(folder, "bench_aimed", base, scan)
     made = composed(settings_with(base, "bench_aimed"), str(folder))
     assert made.scan.view_names() == ["1"]
@@ -54,7 +55,7 @@ def test_aimed_experiment_is_the_other_one_with_the_places_that_were_marked(fold
 
 
 def test_file_that_is_there_stays_unless_it_may_be_replaced(folder, marks):
-    scan = marks.settings(composed(["experiment=bench"], str(folder)).scan)
+    scan = marks.settings(composed(["experiment=bench"], str(folder)))
     path = write_experiment(folder, "mine", ["experiment=bench"], scan)
     path.write_text("dear to somebody")
     with pytest.raises(UserError, match="is there already"):
@@ -95,10 +96,10 @@ def test_places_of_each_kind_of_scan_have_their_own_key():
         (Rectangle(pixels=[3, 3]), CORNER, "corners"),
         (ByDigitizer(), SPOT, "dac"),
     ):
-        marks = Marks()
-        marks.set("a", (kind, 2), (3, 4))
-        marks.set("a", (kind, 1), (1, 2))
-        assert marks.settings(scan) == {"views": {"a": {key: [[1, 2], [3, 4]]}}}
+        marks = AimedMarks()
+        marks.put("a", (kind, 2), (3, 4))
+        marks.put("a", (kind, 1), (1, 2))
+        assert marks.settings(Experiment(scan=scan)) == {"views": {"a": {key: [[1, 2], [3, 4]]}}}
 
 
 def test_session_without_views_wants_circles_and_corners_in_every_view_of_the_lab(folder):

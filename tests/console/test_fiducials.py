@@ -1,0 +1,84 @@
+"""Fiducials that are aimed at on the page, for poses by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sldvexp.config.experiment import Experiment
+from sldvexp.console.bench import AimingBench
+from sldvexp.console.marks import FIDUCIAL, AimedMarks, wanted
+from sldvexp.console.scanning import Asked, Scanning
+from sldvexp.instrument import InstrumentError
+from sldvexp.session.session import scan_views
+from sldvexp.virtual_lab import VirtualLab
+from sldvexp.virtual_lab.console import experiment
+from tests.console.test_bench import Seen
+
+HAND = [
+    *("~experiment", "target=fiducials", "scene=annular_plate", "scan=by_hand"),
+    *("instrument=simulated", "pose=registration"),
+    "scene.views={a: {euler: [0.1, 2.9, 0.3], origin: [0.3, 0.2, 1.7]}}",
+]
+
+
+@pytest.fixture(scope="module")
+def by_hand():
+    return experiment(HAND)
+
+
+@pytest.fixture
+def lab(by_hand):
+    return VirtualLab(by_hand.scene, by_hand.laser, by_hand.target, 0)
+
+
+def true_steps(by_hand, lab):
+    return np.rint(lab.true_dac(by_hand.target.points().position)).astype(int).tolist()
+
+
+def test_marks_of_the_target_are_wanted_and_predicted_from_the_third_on(
+    by_hand, lab, board, wishes
+):
+    bench, seen = AimingBench(by_hand, board, wishes), Seen(board)
+    steps = true_steps(by_hand, lab)
+    numbers = wanted(by_hand)[FIDUCIAL]
+    assert len(numbers) == len(steps) > 4
+    wishes.put({"do": "taken"})
+    for number, place in list(zip(numbers, steps, strict=True))[:4]:
+        wishes.put({"do": "move", "to": place})
+        wishes.put({"do": "mark", "kind": FIDUCIAL, "number": number})
+    while not wishes.empty():
+        bench.turn()
+    marks = seen.look()["marks"]
+    predicted = {p["number"]: p["dac"] for p in marks["predicted"]}
+    np.testing.assert_allclose(predicted[numbers[4]], steps[4], atol=20)
+    assert seen.topics["said"]["problem"] is False
+    bench.leave()
+
+
+def test_scan_gets_the_places_that_were_aimed_at_and_hides_the_others(
+    by_hand, lab, board, wishes, tmp_path
+):
+    marks, numbers = AimedMarks(), wanted(by_hand)[FIDUCIAL]
+    steps = dict(zip(numbers, true_steps(by_hand, lab), strict=True))
+    for number in numbers[:5]:
+        marks.put("a", (FIDUCIAL, number), tuple(steps[number]))
+    settings = marks.settings(by_hand)
+    assert settings == {"views": {"a": {"hidden": numbers[5:]}}}
+    made = experiment([*HAND, f"scan.views={{a: {{hidden: {numbers[5:]}}}}}"])
+    watcher = Scanning(made, board, wishes)
+    found = scan_views(made, tmp_path, Asked(watcher, marks), watcher=watcher)
+    watcher.end()
+    assert found["registration"]["dac"].values[0].tolist() == [steps[n] for n in numbers[:5]]
+
+
+def test_nobody_digitises_who_only_pointed():
+    marks = AimedMarks()
+    marks.put("a", (FIDUCIAL, 1), (1, 2))
+    assert marks.person("b") is None
+    with pytest.raises(InstrumentError, match="nobody digitises"):
+        marks.person("a").digitise(1, 7)
+
+
+def test_scan_without_marks_of_its_own_wants_nothing():
+    assert wanted(Experiment(scan=experiment(["experiment=plate"]).scan.pixels)) == {}

@@ -1,0 +1,177 @@
+"""A scan that is paused, steered, left alone and stopped: nothing is lost, and bits stay."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sldvexp.console.painting import Painter, spacing
+from sldvexp.console.scanning import Asked, Scanning
+from sldvexp.instrument.visa import Visa
+from sldvexp.session.session import scan_views
+from sldvexp.stopping import Stopped
+from sldvexp.virtual_lab.lab import VirtualLab
+from sldvexp.virtual_lab.server import LabServer
+from tests.console.test_bench import Seen
+
+
+class Scripted(Scanning):
+    """A controller who wishes something when so many lines are done."""
+
+    def __init__(self, *args, script=()):
+        super().__init__(*args)
+        self.script, self.done, self.look = dict(script), 0, []
+
+    def line_done(self, line):
+        super().line_done(line)
+        if line.again:
+            return
+        self.done += 1
+        for wish in self.script.get(self.done, ()):
+            if callable(wish):
+                wish()
+            else:
+                self.wishes.put({"do": wish})
+
+    def _pause(self, why):
+        super()._pause(why)
+        self.look.append(self.script["at_rest"]()) if "at_rest" in self.script else None
+
+
+@pytest.fixture
+def two_images(lab_experiment):
+    """Two views of the plate alone, of few pixels."""
+    structure = lab_experiment.scan.structure
+    views = {name: structure.views[name] for name in ("1", "2")}
+    scan = replace(structure, views=views, pixels=[6, 7])
+    return replace(lab_experiment, scan=scan)
+
+
+@pytest.fixture
+def plain(two_images, tmp_path):
+    return scan_views(two_images, tmp_path / "plain")
+
+
+@pytest.fixture
+def scan(two_images, board, wishes, tmp_path):
+    """Scan with a script of wishes; what was scanned."""
+
+    def scanned(script, experiment=two_images, folder="watched"):
+        watcher = Scripted(experiment, board, wishes, script=script)
+        try:
+            return scan_views(
+                experiment, tmp_path / folder, Asked(watcher), watcher=watcher
+            ), watcher
+        finally:
+            watcher.end()
+
+    return scanned
+
+
+def same(a, b):
+    return a.keys() == b.keys() and all(
+        a[name]["velocity"].values.tobytes() == b[name]["velocity"].values.tobytes() for name in a
+    )
+
+
+def test_scan_that_is_watched_has_the_bits_of_one_that_is_not(scan, plain):
+    assert same(scan({})[0], plain)
+
+
+def test_pause_rests_the_instrument_and_the_scan_goes_on_with_the_same_bits(
+    two_images, scan, plain
+):
+    e = two_images
+    lab = VirtualLab(e.scene, e.laser, e.target, e.seed)
+    with LabServer(lab) as server:
+        far = replace(e, instrument=Visa(resource=server.resource, timeout=10.0))
+        rest = [lambda: (lab.position, server.dialect.playing)]
+        script = {3: ["pause", "go_on"], 8: ["lost", "taken", "go_on"], "at_rest": rest[0]}
+        found, watcher = scan(script, far)
+    assert same(found, plain)
+    assert watcher.look == [((0, 0), False)] * 2
+
+
+def test_line_is_scanned_again_with_another_noise(scan, plain):
+    found, _ = scan({2: ["again"]})
+    again, before = (tree["image/1"]["velocity"].values.reshape(6, 7) for tree in (found, plain))
+    assert [(again[k] == before[k]).all() for k in range(6)] == [True, False, *4 * [True]]
+
+
+def test_bad_lines_are_scanned_again(two_images, scan):
+    vibrometer = replace(two_images.scene.vibrometer, drop_out=0.3)
+    dull = replace(two_images, scene=replace(two_images.scene, vibrometer=vibrometer))
+    found, _ = scan({6: ["again_bad"]}, dull)
+    plain, _ = scan({}, dull, folder="dull")
+    bad = [(plain["image/1"]["flags"].values.reshape(6, 7)[k] != 0).mean() > 0.2 for k in range(6)]
+    again, before = (tree["image/1"]["velocity"].values.reshape(6, 7) for tree in (found, plain))
+    assert any(bad)
+    assert [bool((again[k] != before[k]).any()) for k in range(6)] == bad
+
+
+def test_view_is_skipped_and_the_next_one_scanned(scan, plain):
+    found, _ = scan({3: ["skip"]})
+    assert found["image/1"].sizes["pixel"] == 3 * 7
+    assert found["image/2"].equals(plain["image/2"])
+
+
+def test_stopped_scan_goes_on_where_it_was_to_the_same_bits(scan, plain):
+    with pytest.raises(Stopped):
+        scan({5: ["stop"]})
+    found, watcher = scan({})
+    assert same(found, plain)
+    assert watcher._scanned == watcher._pixels - 5 * 7
+
+
+def test_browsers_see_how_far_it_is_and_every_pixel(scan, board, plain):
+    seen = Seen(board)
+    scan({2: ["pause", seen.look, "go_on"]})
+    word = seen.look()["scan"]
+    assert (word["running"], word["part"]) == (False, 1.0)
+    assert word["facts"]["view"] == "2, 2 of 2"
+    assert "reference 1" in word["facts"]["level"]
+    images = [h for h, _ in seen.parts if h["picture"] == "image"]
+    assert [h["name"] for h in images if h.get("begin") and "name" in h][-1] == "2 image"
+
+
+def test_operator_is_asked_on_the_page(board, wishes):
+    seen = Seen(board)
+
+    class Answered:
+        def get(self):
+            told.append(seen.look()["ask"])
+            return answers.pop(0)
+
+    told, answers = (
+        [],
+        [{"do": "move"}, {"do": "lost"}, {"do": "taken"}, {"do": "answer", "text": " 1 2 3 "}],
+    )
+    watcher = Scanning(None, board, Answered())
+    assert Asked(watcher).ask("View a, spot 1: x y z in m: ") == "1 2 3"
+    assert told[0] == {"text": "View a, spot 1: x y z in m", "answer": True}
+    answers = [{"do": "answer", "text": ""}]
+    Asked(watcher).ask("Move the instrument to the view a, then press Enter: ")
+    assert told[-1] == {
+        "text": "Move the instrument to the view a, then say Go on",
+        "answer": False,
+    }
+    assert seen.look()["ask"] is None
+    watcher.end()
+
+
+def test_pixels_of_lines_meet_their_neighbours():
+    row = np.array([[0, 0], [0, 10], [0, 20]])
+    assert spacing(row, ([-1, -1], [99, 99]), 10) == (10, 10)
+    slope = np.array([[0, 0], [1, 2], [2, 4]])
+    assert spacing(slope, ([0, 0], [9, 9]), 0) == (2, 2)
+    assert spacing(row[:1], ([0, 0], [9, 9]), 0) == (1, 1)
+
+
+def test_picture_that_cannot_be_painted_does_not_end_a_scan(two_images, scan, plain, monkeypatch):
+    def broken(*_):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(Painter, "_paint", broken)
+    assert same(scan({})[0], plain)
