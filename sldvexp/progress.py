@@ -7,20 +7,20 @@ alone. `TimeLeft` estimates how long something takes from the parts of it that a
 
 from __future__ import annotations
 
-import os
-import stat
+import math
 import statistics
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, TextIO
+from contextlib import contextmanager
+from typing import TextIO
 
-from sldvexp.telling import DUMB
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.live import Live
+from rich.spinner import Spinner
+from rich.text import Text
 
-if TYPE_CHECKING:
-    from rich.console import Console, ConsoleOptions, RenderResult
-    from rich.live import Live
+from sldvexp.telling import clear_note, is_terminal, live_stream
 
 #: How often rows are drawn, Hz.
 REFRESH = 5
@@ -56,30 +56,6 @@ def first_that_fits(candidates: Sequence[str], width: int) -> str:
     return chosen if len(chosen) <= width else f"{chosen[: max(width - 1, 0)]}…"
 
 
-def live_stream() -> TextIO | None:
-    """Find the terminal for live rows: standard error, or standard output; None if there is none.
-
-    Behind a pipe somebody else may write to the same terminal, so nothing is drawn there then.
-    """
-    if os.environ.get("TERM", "") in DUMB:
-        return None
-    if _is_terminal(sys.stdout):
-        return sys.stderr if _is_terminal(sys.stderr) else sys.stdout
-    return sys.stderr if _is_terminal(sys.stderr) and _is_file(sys.stdout) else None
-
-
-def _is_terminal(stream: TextIO) -> bool:
-    with suppress(ValueError, AttributeError):  # closed, or none at all
-        return stream.isatty()
-    return False
-
-
-def _is_file(stream: TextIO) -> bool:
-    with suppress(OSError, ValueError, AttributeError):
-        return stat.S_ISREG(os.fstat(stream.fileno()).st_mode)
-    return False
-
-
 class Progress:
     """Rows that tell what goes on; a context, after which they are gone.
 
@@ -111,7 +87,7 @@ class Progress:
 
     def say(self, line: str) -> None:
         """Print a plain line, unless standard output is a terminal that has the rows."""
-        if not self._quiet and not (self._live is not None and _is_terminal(sys.stdout)):
+        if not self._quiet and not (self._live is not None and is_terminal(sys.stdout)):
             print(line, flush=True)
 
     @contextmanager
@@ -127,24 +103,17 @@ class Progress:
             self._live.start()
 
     def _made(self, stream: TextIO) -> Live:
-        # Rich takes 0.1 s to import, which only a terminal needs.
-        from rich.console import Console
-        from rich.live import Live
-
         console = Console(file=stream)
         return Live(
             self,
             console=console,
             refresh_per_second=REFRESH,
             transient=True,
-            redirect_stdout=_is_terminal(sys.stdout),
+            redirect_stdout=is_terminal(sys.stdout),
         )
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Draw the rows, a spinner before the first."""
-        from rich.spinner import Spinner
-        from rich.text import Text
-
         # One column less than there are: some terminals begin a new line behind the last.
         width = max(options.max_width - 1 - SPINNER, 1)
         frames = Spinner("dots" if console.encoding.startswith("utf") else "line").frames
@@ -170,38 +139,14 @@ def doing(what: str) -> Iterator[None]:
         yield
 
 
-#: Whether a note stands on the terminal's last line.
-_noted = False
-
-
-def note(text: str) -> None:
-    """Write one line to a terminal, in plain words at once, until something else is shown there."""
-    global _noted
-    clear_note()
-    if (stream := live_stream()) is not None:
-        with suppress(OSError):
-            stream.write(text)
-            stream.flush()
-            _noted = True
-
-
-def clear_note() -> None:
-    """Take the note away."""
-    global _noted
-    if _noted and (stream := live_stream()) is not None:
-        with suppress(OSError):
-            stream.write("\r\x1b[2K")
-            stream.flush()
-    _noted = False
-
-
 class TimeLeft:
     """Time that is left of work whose parts take time in proportion to their units.
 
-    The rate of a kind is the mean time of a unit over the last `RECENT` parts of that kind, of
-    which none counts for more than `OUTLIER` times the median: one that waited for an instrument
-    to be plugged in again says nothing of the others. Before a kind has begun, its units take
-    what is known of them and as much besides as those of the kind that was measured last.
+    The rate of a kind is the mean time of a unit over the last `RECENT` parts of that kind. A part
+    of more than `OUTLIER` times the median counts for no more than that, as long as it is alone or
+    of few: one that waited for an instrument to be plugged in again says nothing of the others,
+    but hitches that come again and again are part of the work. Before a kind has begun, its units
+    take what is known of them and as much besides as those of the kind that was measured last.
 
     Parameters
     ----------
@@ -211,6 +156,7 @@ class TimeLeft:
 
     RECENT = 100
     OUTLIER = 4.0
+    FEW = 0.05
 
     def __init__(self, known: Mapping[str, float]) -> None:
         self._known = dict(known)
@@ -233,6 +179,9 @@ class TimeLeft:
         if parts := self._parts.get(kind):
             done = list(parts)  # which another thread may add to
             most = self.OUTLIER * statistics.median(seconds / units for units, seconds in done)
+            outliers = sum(seconds > most * units for units, seconds in done)
+            if outliers > max(1, self.FEW * len(done)):
+                most = math.inf
             usual = sum(min(seconds, most * units) for units, seconds in done)
             return usual / sum(units for units, _ in done)
         if (measured := self.rate(self._last) if self._last else None) is None:

@@ -17,6 +17,7 @@ from sldvexp.sweep import recorded_config
 from sldvexp.sweep.collect import collect
 from sldvexp.sweep.recorded_config import Recorded
 from sldvexp.sweep.summary import write_summary
+from sldvexp.telling import clear_note
 
 RANK = "sweep.rank="
 #: Settings that change no number.
@@ -65,6 +66,7 @@ def runs_in(paths: Sequence[Path]) -> list[Path]:
         else:
             here = sorted(file.parent for file in path.glob(f"*/{RUN_FILE}"))
         if not here and (path / ".hydra").is_dir():
+            clear_note()
             print(f"{path}: left out, its run left no {RUN_FILE}")
         elif not here:
             raise UserError(f"{path}: has no {RUN_FILE}; give folders of finished runs, or sweeps")

@@ -50,7 +50,7 @@ def run(words: list[str], config_dir: str | None) -> int:
         }
         found = RunData(groups, dict(tree.attrs), path.parent)
     with replacing(path.parent) as made:
-        files = []
+        files: list[Path] = []
         for name, export in zip(formats, exports, strict=True):
             with doing(f"format {len(files) + 1} of {len(formats)}: {name}"):
                 files.append(export.export(found, made, export.called))

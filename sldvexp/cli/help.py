@@ -73,17 +73,20 @@ COMMAND_HELP = {
         ),
     ),
     "show": CommandHelp(
-        "group=name, or part of a name",
-        "what can be set of a choice, and what it means",
+        "group=name, part of a name, or a run",
+        "what can be set of a choice, and all that a run found",
         (
             "Shows the page of one choice: every setting with its value, type, unit and meaning; "
             "of an experiment what it chooses, sets and expects. Part of a name is enough; if it "
             "fits several, they are listed.",
+            "Of a run, given by its folder, it shows every number, finding and note, where the run "
+            "itself ends in five lines.",
         ),
         (
             ("show pose=edge", "every setting of that method"),
             ("show bitangent", "found by its name: pose=bitangent and others"),
             ("show experiment=plate", "what the default experiment does"),
+            (f"show {RUN}", "all that this run found"),
         ),
     ),
     "handbook": CommandHelp(

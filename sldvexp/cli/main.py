@@ -25,7 +25,7 @@ from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
-from sldvexp import cli, config, pipeline, progress, session, sweep, telling, writing
+from sldvexp import cli, config, pipeline, session, sweep, telling, writing
 from sldvexp.cli import commands
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
@@ -67,11 +67,10 @@ def main() -> None:
         with hydra_raises() as full_error:
             status = Command(sys.argv[1:], full_error).run()
     except KeyboardInterrupt as stop:
-        progress.clear_note()
         telling.tell(str(stop) or "interrupted", telling.YELLOW)
         status = exit_status(stop)
     finally:
-        progress.clear_note()
+        telling.clear_note()
         gc.enable()
     sys.exit(status)
 
@@ -91,6 +90,7 @@ def hydra_raises() -> Iterator[bool]:
 
 def _warning(message: Warning | str, category: type[Warning], *place: Any, **line: Any) -> str:
     """Format a warning: about plugins of others in one sentence, without its place."""
+    telling.clear_note()
     if issubclass(category, registry.PluginWarning):
         return f"sldvexp: {shown(str(message))}\n"
     return USUAL_WARNING(message, category, *place, **line)
@@ -201,7 +201,7 @@ class Command:
 
     def _compose_and_run(self, options: Namespace) -> None:
         if not options.cfg and not options.info:
-            progress.note("reading the configuration")
+            telling.note("reading the configuration")
         if self._check(options) and not options.multirun:
             self.arguments = [*self.arguments, "-m"]
             options.multirun = True
@@ -232,6 +232,8 @@ class Command:
 
     def _command(self, options: Namespace) -> int:
         """Do what a command names; only a user's mistakes are told in a sentence."""
+        if options.overrides[0] in commands.OF_RUNS:
+            telling.note("loading the program")
         try:
             return commands.run(options)
         except (UserError, BrokenPipeError):
@@ -293,7 +295,7 @@ class Command:
             if config.messages.sentence(error, config.Origins(self.arguments)) is None:
                 self.defect = error
             raise
-        progress.note("loading the program")
+        telling.note("loading the program")
         folder = Path(cfg.hydra.run.dir)
         self.folder = folder.absolute()
         require_no_links(folder)

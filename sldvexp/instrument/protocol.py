@@ -126,6 +126,10 @@ class ScanningPlugin(ABC):
         """List files that are read besides the configuration."""
         return []
 
+    def left(self, view: str) -> tuple[str, int] | None:
+        """Say after which lines, and how many of them, a recorded view was left; None if whole."""
+        return None
+
     @abstractmethod
     def open(
         self,

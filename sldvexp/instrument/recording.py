@@ -19,7 +19,7 @@ from sldvexp.config.paths import JOURNAL, locate
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import require_file
-from sldvexp.instrument.person import RecordedPerson
+from sldvexp.instrument.person import RecordedPerson, read_answer, write_answer
 from sldvexp.instrument.protocol import (
     CHANNELS,
     Acquisition,
@@ -104,6 +104,29 @@ def asked(acquisition: Acquisition) -> Array:
     """Express an acquisition as numbers that can be kept and compared."""
     a = acquisition
     return np.array([a.rate, a.samples, a.amplitude, *a.excitation], float)
+
+
+#: Name of what is kept of a view whose rest was left out.
+LEFT = "left"
+
+
+def write_left(folder: Path, lines: str, done: int) -> None:
+    """Keep, in a view's folder, that the rest of the view is left out.
+
+    Parameters
+    ----------
+    lines : str
+        Name of the lines that were scanned together last.
+    done : int
+        How many of them are kept.
+    """
+    write_answer(folder / f"{LEFT}.json", lines, done)
+
+
+def read_left(folder: Path) -> tuple[str, int] | None:
+    """Read name and number of the lines after which a view was left; None if it was not."""
+    kept = read_answer(folder / f"{LEFT}.json")
+    return None if kept is None else (str(kept["question"]), int(kept["answer"]))
 
 
 class Recording:
@@ -198,6 +221,10 @@ class Replay(ScanningPlugin):
 
     real = False
     path: str = MISSING
+
+    def left(self, view: str) -> tuple[str, int] | None:
+        """See `ScanningPlugin`."""
+        return read_left(locate(self.path) / JOURNAL / view)
 
     def open(
         self,

@@ -130,6 +130,7 @@ class ScanProgress:
         known = {p.kind: p.seconds / p.pixels for p in parts if p.pixels}
         self._lines = TimeLeft(known)
         self._done = Counter({kind: 0 for kind in known})  # pixels of each kind, of all views
+        self._kept: Counter[str] = Counter()  # pixels to come of this view that the journal has
         self._view = views[0]
         self._where = ""
         self._opening: list[float] = []  # excess of each view's first line, s
@@ -141,6 +142,7 @@ class ScanProgress:
     def view_begun(self, view: ViewAhead) -> None:
         """Note a view."""
         self._view, self._where, self._is_first = view, "", True
+        self._kept = Counter({part.kind: part.kept for part in view.parts})
         self._stamp, self.waited = self._clock(), 0.0
 
     def between_lines(self, lines: str, done: int, count: int) -> None:
@@ -155,6 +157,7 @@ class ScanProgress:
         if not line.again:
             self._done[line.kind] += pixels
         if line.kept:
+            self._kept[line.kind] -= pixels
             return
         self._scanning += seconds
         if self._is_first and self._lines.rate(line.kind) is not None:
@@ -193,7 +196,7 @@ class ScanProgress:
         """Time left in s, None if it cannot be told."""
         every = _pixels(self._views)
         ahead = [view for view in self._views if view.number > self._view.number]
-        kept = Counter[str]()
+        kept = self._kept.copy()
         for view in ahead:
             kept.update({part.kind: part.kept for part in view.parts})
         left = {kind: max(every[kind] - self._done[kind] - kept[kind], 0) for kind in every}
@@ -201,7 +204,8 @@ class ScanProgress:
         if seconds is None or not self._scanning:
             return None
         opened = self._opening[1:] or self._opening or [0.0]
-        to_open = sum(view.kept < view.pixels for view in ahead)
+        closed = [self._view, *ahead] if self._is_first else ahead
+        to_open = sum(view.kept < view.pixels for view in closed)
         besides = self._computing / self._scanning
         return seconds * (1 + besides) + to_open * sum(opened) / len(opened)
 

@@ -133,22 +133,21 @@ def _scan(run: Run) -> None:
     ):
         raise UserError("scan: needs signal=sine_fit and a laser to make pixels of samples")
     run.inputs += [*chain(*(scan.inputs() for scan in scans.values())), *e.instrument.inputs()]
+    skipped: list[Finding] = []
     try:
         with stopping_once():
             for prefix, scan in scans.items():
                 journal = run.folder / JOURNAL / prefix
                 found = session.session.scan_views(
-                    replace(e, scan=scan),
-                    journal,
-                    run.operator,
-                    run.keep,
-                    run.watcher,
-                    partial(aiming_at_marks, e.laser, e.pose),
+                    replace(e, scan=scan), journal, run.operator, run.keep, run.watcher
                 )
+                skipped += take_findings(found)
                 run.tree |= {f"{prefix}{name}": group for name, group in found.items()}
     except (InstrumentError, NobodyThereError) as error:
         kept = f"; {how_to_go_on(run.folder)}" if has_lines(run.folder) else ""
         raise UserError(f"{error}{kept}") from error
+    if skipped:
+        run.tree[f"{VERDICT}/scan"] = findings_to_dataset(skipped)
 
 
 def _pose(run: Run) -> None:
@@ -498,7 +497,7 @@ STEPS: tuple[Step, ...] = (
         SCAN,
         lambda e: bool(e.scan or e.compare_scan),
         _scan,
-        makes=SCANNED,
+        makes=(*SCANNED, f"{VERDICT}/scan"),
         needs=("target",),
         reads=MEASURING,
     ),

@@ -7,18 +7,15 @@ at the terminal, who is asked when something must be done by hand.
 from __future__ import annotations
 
 import signal as signals
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, Instrument, RawSamples
-from sldvexp.instrument.bench import make_safe
-from sldvexp.instrument.person import GuideMaker, Person
 from sldvexp.laser import TwoMirror
 from sldvexp.scan import Sampling
 from sldvexp.session.journal import Journal
-from sldvexp.session.keyboard import Keyboard, TerminalLostError
 from sldvexp.session.watching import LineDone, Watcher, complex_pixels
 from sldvexp.signal import ComplexImage, SignalEstimator
 from sldvexp.stopping import Stopped, undisturbed
@@ -124,6 +121,7 @@ class Camera:
         self.journal = journal
         self.kind = ""  # of the part that is scanned
         self.skipped = False  # whether the rest of the view is left out
+        self.lines_done = 0
         self._watcher = watcher or Watcher()
         self._view, self._left = view, left
         self._arrive = arrive
@@ -162,10 +160,6 @@ class Camera:
         s = sampling
         self._wanted = Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude)
 
-    def look(self) -> None:
-        """Say that pixels are only looked at from now on: few samples, the generator off."""
-        self._wanted = LOOK
-
     def image(self, name: str, lines: Sequence[IntArray], in_part: bool = False) -> ComplexImage:
         """Scan some lines and turn them into complex pixels.
 
@@ -201,7 +195,7 @@ class Camera:
     ) -> bool:
         """Do what the watcher wishes before the next line; True if the rest is left out."""
         if self._left == (name, len(done)):
-            self.skipped = True
+            self._leave(*self._left)
         while not self.skipped:
             wish = self._watcher.between_lines(self._view, name, len(done), len(lines))
             for number in wish.again:
@@ -209,11 +203,15 @@ class Camera:
             if wish.stop:
                 raise Stopped(signals.SIGINT)
             if wish.skip:
-                self.journal.leave(name, len(done))
-                self.skipped = True
+                self._leave(name, len(done))
             if not wish.again:
                 break
         return self.skipped
+
+    def _leave(self, name: str, done: int) -> None:
+        """Leave the rest of the view out, here and whenever it is resumed or played again."""
+        self.journal.leave(name, done)
+        self.skipped = True
 
     def _line(
         self, name: str, lines: Sequence[IntArray], place: int, first: int, again: bool = False
@@ -237,6 +235,7 @@ class Camera:
             samples = self.journal.replaced(where, dac, self._wanted, measure)
         else:
             samples = self.journal.line(where, dac, self._wanted, measure)
+        self.lines_done += not again
         told = (name, place + 1, len(lines), dac, samples, not scanned, again)
         self._watcher.line_done(LineDone(self._view, self.kind, *told, self._wanted, self.signal))
         return samples

@@ -15,7 +15,7 @@ from sldvexp.errors import UserError
 from sldvexp.files import read_bytes
 from sldvexp.instrument import Acquisition, RawSamples
 from sldvexp.instrument.person import read_answer, write_answer
-from sldvexp.instrument.recording import asked, read_line, write_line
+from sldvexp.instrument.recording import asked, read_left, read_line, write_left, write_line
 from sldvexp.typing import IntArray
 from sldvexp.writing import make_folder, whole_or_nothing
 
@@ -92,22 +92,13 @@ class Journal:
         return (self.folder / f"{name}.npz").is_file()
 
     def leave(self, lines: str, done: int) -> None:
-        """Keep that the rest of the view is left out.
-
-        Parameters
-        ----------
-        lines : str
-            Name of the lines that were scanned together last.
-        done : int
-            How many of them are kept.
-        """
-        write_answer(self.folder / f"{LEFT}.json", lines, done)
+        """Keep that the rest of the view is left out, see `sldvexp.instrument.recording`."""
+        write_left(self.folder, lines, done)
 
     @property
     def left(self) -> tuple[str, int] | None:
         """Name and number of the lines after which the rest was left out; None if it was not."""
-        kept = read_answer(self.folder / f"{LEFT}.json")
-        return None if kept is None else (kept["question"], kept["answer"])
+        return read_left(self.folder)
 
     def answer(self, name: str, question: Any, ask: Callable[[], Any]) -> Any:
         """Return what a person answered: kept earlier, or asked for now and kept.

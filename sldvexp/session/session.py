@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from sldvexp.dataset import Finding, Severity, with_findings
 from sldvexp.errors import ConfigError, Problem, UserError
 from sldvexp.instrument import Instrument
 from sldvexp.instrument.person import GuideMaker
@@ -45,7 +46,6 @@ def scan_views(
     operator: Operator | None = None,
     keep: Callable[[str, xr.Dataset], xr.Dataset] | None = None,
     watcher: Watcher | None = None,
-    guide: GuideMaker | None = None,
 ) -> dict[str, xr.Dataset]:
     """Scan everything that the configuration says, view by view.
 
@@ -59,8 +59,6 @@ def scan_views(
         What becomes of a group, by its name, before the next view: it may go to a file.
     watcher : Watcher, optional
         Told of every view and line.
-    guide : callable, optional
-        Makes who tells a person at the terminal where the marks of a view lie.
 
     Returns
     -------
@@ -78,14 +76,17 @@ def scan_views(
     views = _ahead(e.scan, journal)
     watcher.session_begun(views)
     found: dict[str, xr.Dataset] = {}
+    skipped: list[Finding] = []
     for view in views:
         watcher.view_begun(view)
         arrive = partial(_arrive, e, view.name, operator, journal / view.name)
         kept = Journal(journal / view.name, lasting=e.instrument.real)
-        plan = (watcher, view.name, view.lines, kept.left)
+        plan = (watcher, view.name, view.lines, kept.left or e.instrument.left(view.name))
         with Camera(arrive, e.signal, kept, *plan) as camera:
-            at = ViewContext(view.name, camera, e.laser, e.target, operator, guide)
+            at = ViewContext(view.name, camera, e.laser, e.target, operator)
             groups = _scan_parts(e.scan.parts(view.name), at)
+        if camera.skipped:
+            skipped.append(_skipped(view, camera.lines_done))
         watcher.view_done(view, groups)
         found |= {name: keep(name, g) if keep else g for name, g in groups.items()}
     if not found:
@@ -93,7 +94,16 @@ def scan_views(
             "scan: the rest of every view was skipped, and nothing is left to go on with"
         )
     watcher.session_done()
+    first = next(iter(found))
+    if skipped:
+        found[first] = with_findings(found[first], skipped)
     return joined(found)
+
+
+def _skipped(view: ViewAhead, done: int) -> Finding:
+    """Say that the rest of a view was skipped."""
+    told = f"the rest of view {view.name} was skipped: {done} of {view.lines} lines were scanned"
+    return Finding("skipped", f"view {view.name}", told, Severity.note)
 
 
 def _scan_parts(parts: list[ScanPart], at: ViewContext) -> dict[str, xr.Dataset]:

@@ -11,8 +11,8 @@ import shlex
 import shutil
 import threading
 from argparse import Namespace
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 
@@ -128,11 +128,15 @@ class Sweep:
         """True if any run has left a record."""
         return any((folder / record.FILE).is_file() for folder in self.folders)
 
-    def watched(self) -> AbstractContextManager[object]:
+    @contextmanager
+    def watched(self) -> Iterator[None]:
         """Tell, while in it, what runs of other processes come to as they end."""
         if self._launcher == IN_THIS_PROCESS:
-            return nullcontext()
-        return Watch(self.folder, self.tell)
+            yield
+            return
+        shown = doing(f"{len(self.plan.jobs)} runs by {self._launcher}")
+        with shown, Watch(self.folder, self.tell):
+            yield
 
     def tell(self, run: str, computed: bool) -> None:
         """Print how far this is, after a run.

@@ -270,7 +270,8 @@ def test_fault_ends_in_a_right_result_or_names_its_cause(row, sldvexp):
         done = sldvexp(*SMALL, IDEAL, *row.lab, *where, *row.settings)
     if row.told:
         assert done.status == 1
-        (sentence,) = done.err.splitlines()
+        *warnings, sentence = done.err.splitlines()
+        assert all(line.startswith("sldvexp: warning: ") for line in warnings)
         assert re.search(row.told, sentence), sentence
         assert sorted(p.name for p in done.folder.glob("*.nc")) == []
         return

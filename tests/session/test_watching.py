@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from sldvexp.config.paths import JOURNAL
+from sldvexp.dataset import take_findings
 from sldvexp.errors import UserError
+from sldvexp.instrument import Replay
 from sldvexp.session import Watcher, Wish
 from sldvexp.session.session import scan_views
 from sldvexp.stopping import Stopped
@@ -127,10 +132,20 @@ def test_a_skipped_image_keeps_the_lines_that_are_done_also_when_resumed(compose
     assert watcher.heard == ["session", "a", "a done", "b", "b done", "session done"]
     assert found["image/b"].identical(whole["image/b"])
     assert "shape" not in found["image/a"].attrs
+    (told,) = take_findings(dict(found))
+    assert told.text == "the rest of view a was skipped: 2 of 4 lines were scanned"
     short = whole["image/a"].isel(pixel=slice(12))
     np.testing.assert_array_equal(found["image/a"]["velocity"], short["velocity"])
     np.testing.assert_array_equal(found["image/a"]["dac"], short["dac"])
     require_same(scan_views(experiment, tmp_path / "skipped"), found)
+
+    # So does a recording, and the recording of one.
+    (tmp_path / "run").mkdir()
+    (tmp_path / "skipped").rename(tmp_path / "run" / JOURNAL)
+    for last, again in (("run", "second"), ("second", "third")):
+        replayed = replace(experiment, instrument=Replay(str(tmp_path / last)), scene=None)
+        (tmp_path / again).mkdir()
+        require_same(scan_views(replayed, tmp_path / again / JOURNAL), found)
 
 
 def test_a_skipped_calibration_object_leaves_nothing_of_its_view(composed, tmp_path):
@@ -147,4 +162,6 @@ def test_of_a_skipped_view_what_was_whole_stays(composed, tmp_path):
     whole = scan_views(experiment, tmp_path / "whole")
     watcher = Told({("a", "image", 0): Wish(skip=True)})
     found = scan_views(experiment, tmp_path / "skipped", watcher=watcher)
+    (told,) = take_findings(found)
+    assert told.text == "the rest of view a was skipped: 44 of 48 lines were scanned"
     require_same(found, {"edge/a": whole["edge/a"]})
