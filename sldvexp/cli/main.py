@@ -409,7 +409,6 @@ class Command:
         return False
 
     def _say(self, told: str) -> None:
-        progress.clear_note()
         for line in told.splitlines():
             telling.tell(line)
         self.status = FAILED

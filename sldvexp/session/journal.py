@@ -23,8 +23,6 @@ log = logging.getLogger(__name__)
 
 #: Digest of all that decides what is measured, in the folder of the lines.
 CONFIGURATION = "configuration.sha256"
-#: Name of what is kept of a view whose rest was left out.
-LEFT = "left"
 
 
 class Journal:
