@@ -139,7 +139,12 @@ def _scan(run: Run) -> None:
             for prefix, scan in scans.items():
                 journal = run.folder / JOURNAL / prefix
                 found = session.session.scan_views(
-                    replace(e, scan=scan), journal, run.operator, run.keep, run.watcher
+                    replace(e, scan=scan),
+                    journal,
+                    run.operator,
+                    run.keep,
+                    run.watcher,
+                    partial(aiming_at_marks, e.laser, e.pose),
                 )
                 skipped += take_findings(found)
                 run.tree |= {f"{prefix}{name}": group for name, group in found.items()}

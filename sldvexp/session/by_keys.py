@@ -26,7 +26,7 @@ from sldvexp.instrument.person import (
     mark_label,
 )
 from sldvexp.laser import TwoMirror
-from sldvexp.session.camera import ViewContext
+from sldvexp.session.camera import Camera, ViewContext
 from sldvexp.session.keyboard import Key, Keyboard
 from sldvexp.typing import Array
 from sldvexp.units import LengthUnit
@@ -63,7 +63,7 @@ class AtKeyboard:
 
     def __init__(self, at: ViewContext, guide: AimingGuide, keyboard: Keyboard) -> None:
         self.at, self.guide, self.keyboard = at, guide, keyboard
-        self.step, self.level = 10, Level()
+        self.step, self.level = 10, LightLevel()
         self._reported: dict[str, Steps] = {}
         keyboard.say(HELP)
 
@@ -78,7 +78,6 @@ class AtKeyboard:
 
     def aim(self, mark: Mark, start: Steps) -> Steps | None:
         """See `Person`."""
-        self.at.camera.look()
         self._report()
         return _Aim(self, mark, start).result()
 
@@ -157,7 +156,7 @@ class _Aim:
         self.instrument: Instrument = person.at.camera.instrument
         self.expected = self._expected()
         self.goals = list(_goals(self.expected))
-        self.goal = 0
+        self.goal, self.looked = 0, False
 
     def result(self) -> Steps | None:
         """Follow the keys until the mark is taken, or left out."""
@@ -170,16 +169,10 @@ class _Aim:
             key = self.keyboard.key(PERIOD)
             if key is None:
                 continue
-            if key.name == "h":
-                return None
-            if key.name == "enter":
-                if (other := self._other()) is None:
-                    return self.beam
-                self.keyboard.say(
-                    f"{other} was taken at {self.beam[0]} {self.beam[1]}, where {self.name} cannot "
-                    "be too: move the beam onto it, or press h if it cannot be seen"
-                )
-            else:
+            if key.name == "h" or (key.name == "enter" and self._is_taken()):
+                self.keyboard.status("")
+                return None if key.name == "h" else self.beam
+            if key.name != "enter":
                 self._do(key)
 
     def _do(self, key: Key) -> None:
@@ -242,12 +235,25 @@ class _Aim:
             f"{instead}: g goes there"
         )
 
-    def _other(self) -> str | None:
-        """Find another mark that was taken where the beam stands."""
-        taken = self.person.guide.taken.items()
-        return next(
-            (name for name, steps in taken if steps == self.beam and name != self.name), None
-        )
+    def _is_taken(self) -> bool:
+        """Tell whether the mark can be where the beam stands, and that not by prediction alone."""
+        where = f"{self.beam[0]} {self.beam[1]}"
+        for name, steps in self.person.guide.taken.items():
+            if steps == self.beam and name != self.name:
+                self.keyboard.say(
+                    f"{name} was taken at {where}, where {self.name} cannot be too: move the beam "
+                    "onto it, or press h if it cannot be seen"
+                )
+                return False
+        if len(self.goals) > 1 and self.beam in self.goals and not self.looked:
+            # Taken unseen, it would confirm whichever pose it was predicted by.
+            self.looked = True
+            self.keyboard.say(
+                f"{where} is but one of {len(self.goals)} places where {self.name} may be: Enter "
+                "again if the spot is on it"
+            )
+            return False
+        return True
 
     def _show(self) -> None:
         """Draw the line that lives; what a narrow terminal has no room for is left out."""
@@ -259,26 +265,26 @@ class _Aim:
         if self.keyboard.is_waiting:  # whoever holds a key down shall not wait for the light
             parts.append(step)
         else:
-            light, *volts = self.person.level.read(self.instrument)
+            light, *volts = self.person.level.read(self.person.at.camera, self.instrument)
             parts += [light, step, *volts]
         self.keyboard.status(fitting(parts, self.keyboard.columns))
 
 
-class Level:
+class LightLevel:
     """Light and velocity where the beam stands, in words; nothing of an instrument without them."""
 
     def __init__(self) -> None:
         self._can = True
 
-    def read(self, instrument: Instrument) -> list[str]:
+    def read(self, camera: Camera, instrument: Instrument) -> list[str]:
         """Sample a pixel, and say what came back."""
         if not self._can:
             return ["no level"]
         try:
-            pixel = instrument.acquire()
+            pixel = camera.look()
             light = light_level(instrument, pixel)
         except InstrumentError as error:
-            # A dead connection shows at the next move; an instrument may do without a level.
+            # A dead connection shows at the next move; to move, no instrument needs to sample.
             self._can = False
             return ["no level", str(error)]
         volts = pixel.counts[0] * np.asarray(pixel.volts_per_count)[:, None]

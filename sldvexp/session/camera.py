@@ -7,15 +7,18 @@ at the terminal, who is asked when something must be done by hand.
 from __future__ import annotations
 
 import signal as signals
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, Instrument, RawSamples
+from sldvexp.instrument.bench import make_safe
+from sldvexp.instrument.person import GuideMaker, Person
 from sldvexp.laser import TwoMirror
 from sldvexp.scan import Sampling
 from sldvexp.session.journal import Journal
+from sldvexp.session.keyboard import Keyboard, TerminalLostError
 from sldvexp.session.watching import LineDone, Watcher, complex_pixels
 from sldvexp.signal import ComplexImage, SignalEstimator
 from sldvexp.stopping import Stopped, undisturbed
@@ -159,6 +162,15 @@ class Camera:
         """Say how all pixels that follow are sampled."""
         s = sampling
         self._wanted = Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude)
+
+    def look(self) -> RawSamples:
+        """Sample a pixel where the beam stands: few samples, the generator off."""
+        instrument = self._instrument or self.instrument
+        if self._set != LOOK:
+            self._set = None  # a scan that goes on must configure again, also after a fault
+            instrument.configure(LOOK)
+            self._set = LOOK
+        return instrument.acquire()
 
     def image(self, name: str, lines: Sequence[IntArray], in_part: bool = False) -> ComplexImage:
         """Scan some lines and turn them into complex pixels.

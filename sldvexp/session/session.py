@@ -46,6 +46,7 @@ def scan_views(
     operator: Operator | None = None,
     keep: Callable[[str, xr.Dataset], xr.Dataset] | None = None,
     watcher: Watcher | None = None,
+    guide: GuideMaker | None = None,
 ) -> dict[str, xr.Dataset]:
     """Scan everything that the configuration says, view by view.
 
@@ -59,6 +60,8 @@ def scan_views(
         What becomes of a group, by its name, before the next view: it may go to a file.
     watcher : Watcher, optional
         Told of every view and line.
+    guide : callable, optional
+        Makes who tells a person at the terminal where the marks of a view lie.
 
     Returns
     -------
@@ -83,7 +86,7 @@ def scan_views(
         kept = Journal(journal / view.name, lasting=e.instrument.real)
         plan = (watcher, view.name, view.lines, kept.left or e.instrument.left(view.name))
         with Camera(arrive, e.signal, kept, *plan) as camera:
-            at = ViewContext(view.name, camera, e.laser, e.target, operator)
+            at = ViewContext(view.name, camera, e.laser, e.target, operator, guide)
             groups = _scan_parts(e.scan.parts(view.name), at)
         if camera.skipped:
             skipped.append(_skipped(view, camera.lines_done))

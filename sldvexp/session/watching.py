@@ -8,7 +8,7 @@ they may be; what is told is never changed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -173,6 +173,16 @@ class Watcher:
 
     def view_begun(self, view: ViewAhead) -> None:
         """Note that a view begins; the instrument is not there yet."""
+
+    def arrived(self, rest: Callable[[], None]) -> None:
+        """Note that the instrument stands in the view.
+
+        Parameters
+        ----------
+        rest : callable
+            Sends the mirrors home and switches the generator off, for a pause in `between_lines`;
+            the next line brings both back.
+        """
 
     def between_lines(self, view: str, lines: str, done: int, count: int) -> Wish:
         """Say what comes next; who wants a pause waits here.

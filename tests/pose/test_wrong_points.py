@@ -217,11 +217,11 @@ def few(seed, count, spoil):
 
 
 @pytest.mark.parametrize("method", [METHOD, Manual(path="not read")])
-@pytest.mark.parametrize("count", [4, 5, 6, 7])
-def test_invented_places_are_void(method, count):
+@pytest.mark.parametrize(("count", "sessions"), [(4, 3), (5, 3), (6, 1)])
+def test_invented_places_are_void(method, count, sessions):
     """A handful of places that nobody pointed at give a pose, and a run that cannot be believed."""
     rng = np.random.default_rng(count)
-    for seed in range(4):
+    for seed in range(sessions):
         session = Session(seed, 1, points=count, depth=0.05)
         session.angle[0] = rng.uniform(-0.15, 0.15, (count, 2))
         try:

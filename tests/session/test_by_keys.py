@@ -25,8 +25,8 @@ from sldvexp.instrument import InstrumentError, RawSamples, Status
 from sldvexp.instrument.person import read_answer
 from sldvexp.laser import Mirror, TwoMirror
 from sldvexp.pose.aiming import aiming_at_marks
-from sldvexp.session import Operator
-from sldvexp.session.by_keys import Level, fitting, typed
+from sldvexp.session import Camera, Journal, Operator
+from sldvexp.session.by_keys import LightLevel, fitting, typed
 from sldvexp.session.keyboard import Key
 from sldvexp.session.session import scan_views
 from sldvexp.virtual_lab import LabServer, VirtualLab
@@ -49,11 +49,13 @@ class Keys:
         if not self.keys:
             raise KeyboardInterrupt
         key = self.keys.pop(0)
+        if key == "idle":
+            return None
         return key if isinstance(key, Key) else Key({"_": " "}.get(key, key))
 
     @property
     def is_waiting(self):
-        return bool(self.keys)
+        return self.keys[:1] not in ([], ["idle"])
 
     def say(self, text):
         self.lines.append(text)
@@ -160,6 +162,15 @@ def test_a_whole_view_by_keys(session):
     assert keys.keys == []
 
 
+def test_one_place_of_several_is_not_taken_unseen(session):
+    """Who presses g and Enter would confirm whichever pose the place was predicted by."""
+    keys = session.press(*map(session.at, (1, 2, 3)), "g enter", "h")
+    assert any("is but one of" in line for line in keys.lines)
+    assert session.kept()[4] is None
+    keys = session.press("u g enter enter")
+    np.testing.assert_allclose(session.kept()[4], session.true[3], atol=3)
+
+
 def test_a_wrong_mark_is_told_when_it_is_taken_and_taken_again(session):
     right = [session.at(k) for k in (1, 2, 3, 4)]
     keys = session.press(
@@ -233,6 +244,21 @@ def test_two_marks_are_not_at_one_place(session):
     assert session.kept()[2] == [session.true[0][0] + 1, session.true[0][1]]
 
 
+def test_light_is_looked_at_while_no_key_is_pressed(session):
+    keys = session.press("idle", session.at(1))
+    assert any("light [" in line and "velocity" in line for line in keys.shown)
+
+
+def test_an_instrument_that_cannot_sample_is_aimed_all_the_same(session, monkeypatch):
+    def cannot(lab, acquisition):
+        raise InstrumentError("no board")
+
+    monkeypatch.setattr(VirtualLab, "configure", cannot)
+    keys = session.press("idle", session.at(1), "idle", session.at(2), "idle")
+    assert "mark 1  beam 0 0  no level  step 10  no board" in keys.shown
+    assert session.kept() == {k: session.true[k - 1] for k in (1, 2)}
+
+
 def test_a_narrow_terminal_shows_what_matters_most():
     parts = ["mark 1", "beam 0 0", "to go +3 -2", "light [####......]"]
     assert fitting(parts, 100) == "mark 1  beam 0 0  to go +3 -2  light [####......]"
@@ -247,35 +273,52 @@ def test_a_line_is_typed_with_mistakes():
 
 
 class Seen:
-    """An instrument with one pixel."""
+    """A camera with one pixel."""
 
     def __init__(self, status=Status.good):
         counts = np.array([[[0, 100, -100, 0], [0, 0, 0, 0]]], np.int16)
         self.pixel = RawSamples(counts, np.array([0.01, 0.01]), 1.0, np.array([status], np.uint8))
 
-    def acquire(self):
+    def look(self):
         return self.pixel
 
 
 def test_the_level_is_told():
     bright = ["light [##########]", "velocity 0.7071 V", "reference 0.0000 V"]
-    assert Level().read(Seen()) == bright
-    assert Level().read(Seen(Status.dropped_out))[0] == "light [..........]"
-    assert Level().read(Seen(Status.over_range))[0] == "light [##########] over range"
+    assert LightLevel().read(Seen(), None) == bright
+    assert LightLevel().read(Seen(Status.dropped_out), None)[0] == "light [..........]"
+    assert LightLevel().read(Seen(Status.over_range), None)[0] == "light [##########] over range"
 
 
 def test_an_instrument_without_a_level_is_asked_once():
     class Blind:
         asked = 0
 
-        def acquire(self):
+        def look(self):
             self.asked += 1
             raise InstrumentError("no such command")
 
-    level, blind = Level(), Blind()
-    assert level.read(blind) == ["no level", "no such command"]
-    assert level.read(blind) == ["no level"]
+    level, blind = LightLevel(), Blind()
+    assert level.read(blind, None) == ["no level", "no such command"]
+    assert level.read(blind, None) == ["no level"]
     assert blind.asked == 1
+
+
+def test_a_scan_after_a_look_samples_as_it_should(composed, tmp_path):
+    """Neither a look before the pixels nor one between them changes what is scanned."""
+    settings = ["scan=rectangle", "scan.pixels=[2,2]"]
+    corners = "scan.views={a: {corners: [[0, 0], [40, 0], [40, -40], [0, -40]]}}"
+    part = (e := composed(*settings, corners)).scan.parts("a")[0]
+    camera = Camera(lambda: VirtualLab(e.scene, e.laser, None, 0), e.signal, Journal(tmp_path))
+    lines = [np.array([[0, 0], [5, 0]]), np.array([[0, 9], [5, 9]])]
+    with camera:
+        assert camera.look().counts.shape == (1, 2, 64)
+        camera.sample(part.sampling)
+        first = camera.image("one", lines)
+        camera.look()
+        again = camera.image("two", lines)
+    assert first.velocity.shape == again.velocity.shape == (4, 1)
+    np.testing.assert_allclose(first.velocity, again.velocity, rtol=0.2)
 
 
 def test_nobody_is_asked_for_keys_where_there_are_none(composed, tmp_path, monkeypatch):
@@ -428,6 +471,25 @@ def test_five_marks_at_a_real_terminal(by_hand, composed, tmp_path):
     apart = np.abs(pose["origin"].values[0] - other["origin"].values[0])
     bound = pose["origin_confidence"].values[0] + other["origin_confidence"].values[0]
     assert (apart < bound).all()
+
+
+@pytest.mark.long
+def test_five_invented_places_are_told_at_once_and_void(by_hand):
+    terminal = by_hand.start()
+    invented = [(-500, 300), (250, -900), (1200, 40), (-30, 700), (640, 1100)]
+    for number, (up_down, left_right) in enumerate(invented, 1):
+        terminal.until(f"View a, mark {number} at ")
+        terminal.type(f"={up_down} {left_right}\n\r")
+    terminal.until("marks 1, 2, 3, 4 and 5 contradict one another by ")
+    terminal.type("h")
+    terminal.until("Enter goes on")
+    terminal.type("\r")
+    assert terminal.status() == 0, terminal.shown
+    with dataset.load(by_hand.folder / "run.nc") as tree:
+        found = tree["verdict"].load()
+    assert found.attrs["verdict"] == "void"
+    assert "points 1, 2, 3, 4 and 5 contradict one another by" in found["text"].values[0]
+    assert found["subject"].values[0] == "view a, points 1, 2, 3, 4 and 5"
 
 
 @pytest.mark.long
