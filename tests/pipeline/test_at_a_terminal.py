@@ -167,7 +167,7 @@ def test_a_dumb_terminal_gets_plain_lines(tmp_path):
     terminal = Terminal(tmp_path, 80, "experiment=point", "hydra.run.dir=r", TERM="dumb")
     text = terminal.read()
     assert text[:2] == [
-        "step 1 of 5: line-of-sight velocities",
-        "step 2 of 5: comparison of the views of points",
+        "step 1 of 6: line-of-sight velocities",
+        "step 2 of 6: comparison of the views of points",
     ]
     assert not terminal.screen.colours
