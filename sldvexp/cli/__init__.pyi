@@ -1,6 +1,7 @@
 from . import check as check
 from . import compare as compare
 from . import completion as completion
+from . import console as console
 from . import details as details
 from . import export as export
 from . import handbook as handbook
