@@ -19,7 +19,7 @@ from sldvexp.sweep.summary import write_summary
 
 RANK = "sweep.rank="
 #: Settings that change no number.
-IDLE = ("export", "report", "sweep")
+IDLE = ("export", "report", "sweep", "plan")
 
 
 def run(words: list[str], config_dir: str | None) -> int:

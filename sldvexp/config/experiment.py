@@ -12,6 +12,8 @@ from dataclasses import dataclass, field, fields
 from enum import Enum
 from typing import Any
 
+from sldvexp.config.planning import PlanSettings
+
 
 @dataclass(frozen=True)
 class Group:
@@ -133,6 +135,8 @@ class Experiment:
         where the data enters. Nothing is repaired that is not named here.
     overwrite : bool
         Whether a finished run in the folder is replaced, once this one is done.
+    plan : PlanSettings
+        Where ``sldvexp plan`` may put the instrument, and for what.
     """
 
     seed: int = 0
@@ -271,6 +275,7 @@ class Experiment:
     use_repair: list[str] = field(default_factory=list)
     overwrite: bool = False
     sweep: SweepSettings = field(default_factory=SweepSettings)
+    plan: PlanSettings = field(default_factory=PlanSettings)
 
 
 #: What each field of `Experiment` says of the plugins that it holds, in the order of the flow.

@@ -66,13 +66,15 @@ def build(config: DictConfig) -> Experiment:
         problems.append(Problem("seed", f"must be zero or a positive integer, not {config.seed}"))
     if problems:
         raise ConfigError(problems)
-    sweep = _object(config.sweep, "sweep", problems)
-    made = {*values, "expect", "sweep"}
+    others = {key: _object(config[key], key, problems) for key in ("sweep", "plan")}
+    if problems:
+        raise ConfigError(problems)
+    made = {*values, "expect", *others}
     plain = OmegaConf.masked_copy(
         config, [f.name for f in fields(Experiment) if f.name not in made]
     )
     settings: Any = OmegaConf.to_container(plain, resolve=True)
-    return Experiment(**settings, expect=expect, sweep=sweep, **values)
+    return Experiment(**settings, expect=expect, **others, **values)
 
 
 def _expected_of_nothing(

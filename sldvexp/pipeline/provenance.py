@@ -22,7 +22,7 @@ from sldvexp.errors import UserError
 from sldvexp.files import require_file
 
 #: Settings that change no number.
-NO_NUMBERS = ("report", "sweep", "overwrite")
+NO_NUMBERS = ("report", "sweep", "overwrite", "plan")
 PACKAGES = ("sldvexp", "numpy", "scipy", "xarray", "netCDF4", "hydra-core", "omegaconf")
 
 

@@ -157,6 +157,24 @@ def residuals_only(parts: RegionIterator, theta: Array, data: list[Array]) -> Fi
     return FieldBounds(left, None, None, None, np.nan, None)
 
 
+def noise_only(parts: RegionIterator, system: NormalEquations) -> Array:
+    """Compute the variances from the pixels' noise alone, (layer, surface_node, parameter).
+
+    They do not depend on any velocity: images may be empty.
+    """
+    model, rings = parts.model, rings_of(parts.visibility.rule)
+    small = system.is_small
+    whole = (
+        WholeInverse.from_system(system, model.parameters)
+        if small
+        else NearInverse.from_system(system, rings)
+    )
+    found = Bounds.empty(parts.visibility, model, np.zeros(len(model.pixel_std), int), 0)
+    for part in parts.overlapping(rings, whole=small):
+        found.add_noise(part, whole.of_part(part))
+    return found.noise[..., 0]
+
+
 def with_bounds(
     parts: RegionIterator,
     system: NormalEquations,

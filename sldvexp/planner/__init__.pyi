@@ -1,0 +1,4 @@
+from .planned import Plan as Plan
+from .planned import check_stands as check_stands
+from .planned import next_stand as next_stand
+from .planned import plan as plan

@@ -1,0 +1,95 @@
+"""Images that a stand will take: corners of the region and circles in DAC steps, and the pixels.
+
+A scan is told of both in steps of the D/A board. From a place and the point that is looked at they
+follow by the two-mirror model, as well as the instrument will stand there: a centimetre beside it
+moves them by some twenty steps of a 12-bit board.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sldvexp.config.experiment import Experiment
+from sldvexp.planner.aim import aimed, angles_of
+from sldvexp.planner.place import Place
+from sldvexp.scan.rectangle import Rectangle
+from sldvexp.scan.session import Session
+from sldvexp.scan.lines import rectangle, strided
+from sldvexp.typing import Array, IntArray
+
+#: Rows and columns of an image where nothing says how many.
+USUAL_PIXELS = (41, 41)
+#: Part by which the region goes beyond what must be in it, so that the outermost nodes have pixels
+#: on all sides.
+BESIDE = 0.015
+
+
+@dataclass(frozen=True, eq=False)
+class Stand:
+    """One place of the instrument with what it looks at.
+
+    Attributes
+    ----------
+    name : str
+    origin, look_at : ndarray, shape (3,), m
+    rotation : ndarray, shape (3, 3)
+        World to laser.
+    corners : ndarray of int, shape (4, 2), steps
+        Of the region that is imaged.
+    circles : ndarray of int, shape (circle, 2), steps
+        Centres of the calibration object's circles; none of other objects.
+    """
+
+    name: str
+    origin: Array
+    look_at: Array
+    rotation: Array
+    corners: IntArray
+    circles: IntArray
+
+    def named(self, name: str) -> Stand:
+        """Give it another name."""
+        return replace(self, name=name)
+
+
+def stand_at(name: str, origin: Array, place: Place) -> Stand:
+    """Aim an upright instrument at the object from a place."""
+    look_at, rotation = aimed(origin[None], place.to_be_seen, place.laser)
+    # Written in millimetres: what is written is what was computed with.
+    return known_stand(name, origin, look_at[0].round(4), rotation[0], place)
+
+
+def known_stand(
+    name: str, origin: Array, look_at: Array, rotation: Array, place: Place
+) -> Stand:
+    """Take an instrument as it stands."""
+    edge = _dac(origin, rotation, place.outline, place)
+    low, high = edge.min(axis=0), edge.max(axis=0)
+    widen = BESIDE * (high - low)
+    (a, b), (c, d) = np.floor(low - widen).astype(int), np.ceil(high + widen).astype(int)
+    corners = np.clip([[a, b], [a, d], [c, d], [c, b]], *place.laser.board.value)
+    circles = np.rint(_dac(origin, rotation, place.marks.centres, place)).astype(int)
+    return Stand(name, origin, look_at, rotation, corners, circles)
+
+
+def _dac(origin: Array, rotation: Array, points: Array, place: Place) -> Array:
+    """Project points to DAC steps, kept within the board, shape (point, 2)."""
+    if not len(points):
+        return np.zeros((0, 2))
+    angles = angles_of(origin[None], rotation[None], points, place.laser)[0]
+    ends = place.laser.angle_from_dac(np.array([[s, s] for s in place.laser.board.value]))
+    return place.laser.dac_from_angle(np.clip(angles, ends.min(axis=0), ends.max(axis=0)))
+
+
+def raster_of(stand: Stand, experiment: Experiment) -> IntArray:
+    """Lay the pixels of a stand's image as the scan would, shape (row, column, 2), steps."""
+    scan = experiment.scan
+    part = scan.structure if isinstance(scan, Session) else scan
+    if experiment.plan.pixels:
+        return rectangle(stand.corners, *experiment.plan.pixels)
+    if isinstance(part, Rectangle) and part.stride is not None:
+        return strided(stand.corners, part.stride)
+    pixels = part.pixels if isinstance(part, Rectangle) and part.pixels else USUAL_PIXELS
+    return rectangle(stand.corners, *pixels)

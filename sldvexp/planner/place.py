@@ -1,0 +1,380 @@
+"""Place: the object in its room, and what of it a stand would see, or why not.
+
+A node of the surface is seen if it faces the stand within the incidence allowed, nothing stands in
+between, the mirrors reach it, and it is neither too near nor too far. A stand is refused as a whole
+if it is outside of the room or in a forbidden part of it, or does not see the whole calibration
+object, from whose circles its pose is found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from sldvexp.config.experiment import Experiment
+from sldvexp.config.planning import ForbiddenBox, PlanRoom
+from sldvexp.errors import UserError
+from sldvexp.field.visibility.projection import Occlusion
+from sldvexp.field.visibility.view import View
+from sldvexp.laser import TwoMirror
+from sldvexp.lazy import scipy
+from sldvexp.planner.aim import angles_of, limits
+from sldvexp.targets import Circles, Target
+from sldvexp.typing import Array, BoolArray, IntArray
+from sldvexp.volume import Prisms, Volume
+
+#: Nodes that stands are compared on while they are looked for.
+NODES_FOR_SEARCH = 150
+#: Cosine between normals of a surface that counts as flat, which hides nothing of itself.
+FLAT = 1 - 1e-6
+#: Points on the rim of each circle that beams must reach.
+RIM = 8
+
+
+class Reason(IntEnum):
+    """Why a stand does not see a node, or is refused as a whole; `seen` is neither."""
+
+    seen = 0
+    behind = 1
+    incidence = 2
+    hidden = 3
+    blocked = 4
+    mirrors = 5
+    near = 6
+    far = 7
+    outside = 8
+    forbidden = 9
+    target_mirrors = 10
+    target_incidence = 11
+    target_blocked = 12
+
+    @property
+    def told(self) -> str:
+        """Words of a table."""
+        return _TOLD[self]
+
+
+_TOLD = {
+    Reason.seen: "seen",
+    Reason.behind: "facing away",
+    Reason.incidence: "beyond the incidence allowed",
+    Reason.hidden: "hidden by the surface itself",
+    Reason.blocked: "behind a forbidden box",
+    Reason.mirrors: "beyond the mirrors",
+    Reason.near: "too near",
+    Reason.far: "too far",
+    Reason.outside: "stands outside of the room",
+    Reason.forbidden: "stands in a forbidden box",
+    Reason.target_mirrors: "calibration object beyond the mirrors",
+    Reason.target_incidence: "calibration object too oblique",
+    Reason.target_blocked: "calibration object behind a forbidden box",
+}
+
+#: Settings that each reason comes from, for messages.
+SETTING_OF = {
+    Reason.behind: "the normals of the volume",
+    Reason.incidence: "plan.room.incidence",
+    Reason.hidden: "the shape of the volume",
+    Reason.blocked: "plan.room.forbidden",
+    Reason.mirrors: "plan.room.mirrors",
+    Reason.near: "plan.room.distance",
+    Reason.far: "plan.room.distance",
+    Reason.outside: "plan.room.low and plan.room.high",
+    Reason.forbidden: "plan.room.forbidden",
+    Reason.target_mirrors: "plan.room.mirrors with the calibration object",
+    Reason.target_incidence: "plan.room.incidence with the calibration object",
+    Reason.target_blocked: "plan.room.forbidden with the calibration object",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Marks:
+    """Points of the calibration object that beams must reach.
+
+    Parameters
+    ----------
+    position : ndarray, shape (mark, 3), m
+    normal : ndarray, shape (mark, 3)
+        Zero where a mark is seen from everywhere.
+    centres : ndarray, shape (circle, 3), m
+        Of its circles, which a scan is told of; none of other objects.
+    """
+
+    position: Array
+    normal: Array
+    centres: Array
+
+    @classmethod
+    def from_target(cls, target: Target | None) -> Marks:
+        """Take the rims of circles, or the points of any other object."""
+        if target is None:
+            return cls(*(np.zeros((0, 3)) for _ in range(3)))
+        if not isinstance(target, Circles):
+            position = target.points().position
+            return cls(position, np.zeros_like(position), np.zeros((0, 3)))
+        centres, rims, normals = [], [], []
+        turn = np.arange(RIM) * 2 * np.pi / RIM
+        for number in sorted(target.circles):
+            circle = target.circles[number]
+            plane = target.planes[circle.plane]
+            axes = plane.axes()
+            centre = np.array(plane.origin) + np.array([circle.x, circle.y]) @ axes[:2]
+            ring = np.stack([np.cos(turn), np.sin(turn)], axis=1) @ axes[:2]
+            centres.append(centre)
+            rims.append(centre + circle.diameter / 2 * ring)
+            normals.append(np.broadcast_to(axes[2], ring.shape))
+        unit = target.unit.value
+        return cls(unit * np.concatenate(rims), np.concatenate(normals), unit * np.array(centres))
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Object, calibration object, laser and room.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (node, 3), m
+        Of the surface: some of them, or all.
+    frame : ndarray, shape (node, 3, 3)
+    outline : ndarray, shape (point, 3), m
+        Corners of all that is imaged: the volume's outermost layers and their margin.
+    """
+
+    nodes: Array
+    frame: Array
+    outline: Array
+    marks: Marks
+    laser: TwoMirror
+    room: PlanRoom
+    both_sides: bool
+    surface: Prisms
+    clearance: float | None
+
+    @classmethod
+    def from_experiment(cls, experiment: Experiment) -> Place:
+        """Take the object and its room from a configuration.
+
+        Raises
+        ------
+        UserError
+            If there is no volume or no laser, or a forbidden box holds the object.
+        """
+        volume: Volume | None = experiment.volume
+        if volume is None:
+            raise UserError(
+                "plan: there is no volume, so that nobody knows what is to be seen; choose one "
+                "with volume=grid, volume=mesh ..., or an experiment that has one"
+            )
+        if experiment.laser is None:
+            raise UserError("plan: there is no laser, whose mirrors limit where it can stand")
+        prisms = volume.prisms()
+        marks = Marks.from_target(experiment.target)
+        grazing = np.cos(np.radians(experiment.plan.room.incidence))
+        flat = (prisms.frame[:, 2] @ prisms.frame[0, 2]).min() > FLAT
+        place = cls(
+            prisms.surface,
+            prisms.frame,
+            outline_of(prisms, volume.unit.value * volume.margin),
+            marks,
+            experiment.laser,
+            experiment.plan.room,
+            volume.sight.both_sides,
+            prisms,
+            None if flat else float(np.ptp(prisms.depth)) / 2 / grazing,
+        )
+        place._check_boxes()
+        return place
+
+    @property
+    def middle(self) -> Array:
+        """Middle of the surface, m."""
+        return np.asarray((self.nodes.max(axis=0) + self.nodes.min(axis=0)) / 2)
+
+    @property
+    def to_be_seen(self) -> Array:
+        """Points that beams of every stand must reach together, shape (point, 3), m."""
+        return np.concatenate([self.outline, self.marks.position])
+
+    def with_nodes(self, chosen: IntArray) -> Place:
+        """Keep some nodes only."""
+        return Place(**{**vars(self), "nodes": self.nodes[chosen], "frame": self.frame[chosen]})
+
+    def thinned(self) -> Place:
+        """Keep so many nodes as stands are compared on, spread over the surface."""
+        return self.with_nodes(spread(self.nodes, NODES_FOR_SEARCH))
+
+    def examine(self, origins: Array, rotations: Array) -> Examination:
+        """Find what each stand sees, and why not the rest."""
+        way = origins[:, None] - self.nodes[None]
+        distance = np.linalg.norm(way, axis=-1)
+        directions = way / distance[..., None]
+        why = np.zeros(distance.shape, np.int8)
+        low, high = limits(self.laser, self.room.mirrors)
+        angles = angles_of(origins, rotations, self.nodes, self.laser)
+        why[((angles < low) | (angles > high)).any(axis=-1)] = Reason.mirrors
+        why[distance > self.room.distance[1]] = Reason.far
+        why[distance < self.room.distance[0]] = Reason.near
+        cosine = np.einsum("sni,ni->sn", directions, self.frame[:, 2])
+        cosine = np.abs(cosine) if self.both_sides else cosine
+        for box in self._solid:
+            why[(why == 0) & crosses(origins, self.nodes, box)] = Reason.blocked
+        why[cosine < np.cos(np.radians(self.room.incidence))] = Reason.incidence
+        why[cosine <= 0] = Reason.behind
+        refused = self._refused(origins, rotations)
+        if self.clearance is not None:
+            self._hide(origins, rotations, why, refused)
+        return Examination(origins, rotations, directions, why, refused)
+
+    def _refused(self, origins: Array, rotations: Array) -> IntArray:
+        """Find why stands are refused as a whole; 0 where they are not."""
+        refused = np.zeros(len(origins), np.int8)
+        if len(self.marks.position):
+            low, high = limits(self.laser, self.room.mirrors)
+            angles = angles_of(origins, rotations, self.marks.position, self.laser)
+            beyond = ((angles < low) | (angles > high)).any(axis=(1, 2))
+            refused[beyond] = Reason.target_mirrors
+            for box in self._solid:
+                behind = crosses(origins, self.marks.position, box).any(axis=1)
+                refused[behind] = Reason.target_blocked
+            way = origins[:, None] - self.marks.position[None]
+            way /= np.linalg.norm(way, axis=-1, keepdims=True)
+            cosine = np.einsum("smi,mi->sm", way, self.marks.normal)
+            faces = np.any(self.marks.normal != 0, axis=1)
+            oblique = (cosine < np.cos(np.radians(self.room.incidence))) & faces
+            refused[oblique.any(axis=1)] = Reason.target_incidence
+        kept_out = self.kept_out(origins)
+        return np.where(kept_out > 0, kept_out, refused)
+
+    def kept_out(self, origins: Array) -> IntArray:
+        """Find which stands the room does not allow, and why; 0 where it does."""
+        refused = np.zeros(len(origins), np.int8)
+        for box in self.room.forbidden.values():
+            inside = ((origins > box.low) & (origins < box.high)).all(axis=1)
+            refused[inside] = Reason.forbidden
+        low = [-np.inf if v is None else v for v in self.room.low]
+        high = [np.inf if v is None else v for v in self.room.high]
+        refused[((origins < low) | (origins > high)).any(axis=1)] = Reason.outside
+        return refused
+
+    @property
+    def _solid(self) -> list[ForbiddenBox]:
+        """Boxes that stop beams."""
+        return [box for box in self.room.forbidden.values() if not box.beams]
+
+    def _hide(self, origins: Array, rotations: Array, why: IntArray, refused: IntArray) -> None:
+        """Mark the nodes that the surface itself hides from stands that are not refused."""
+        assert self.clearance is not None
+        for k in np.flatnonzero((refused == 0) & (why == 0).any(axis=1)):
+            view = View.from_arrays(
+                "stand", rotations[k], origins[k], [0.0], 1.0, dac=np.zeros((1, 2))
+            )
+            surface, triangles = self.surface.surface, self.surface.triangles
+            occlusion = Occlusion.prepare(view, self.laser, surface, triangles, self.clearance)
+            seen = np.flatnonzero(why[k] == 0)
+            why[k, seen[occlusion.hides(self.nodes[seen])]] = Reason.hidden
+
+    def _check_boxes(self) -> None:
+        """Refuse boxes in which the object itself stands, and through which no beam passes."""
+        for name, box in self.room.forbidden.items():
+            for what, points in (("object", self.nodes), ("calibration object", self.marks.centres)):
+                inside = ((points > box.low) & (points < box.high)).all(axis=1)
+                if inside.any() and not box.beams:
+                    raise UserError(
+                        f"plan.room.forbidden.{name}: holds {inside.sum()} of {len(inside)} points "
+                        f"of the {what} itself, which nothing outside of it could see; make the "
+                        "box smaller, or let beams through with beams: true"
+                    )
+
+
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """What stands see.
+
+    Attributes
+    ----------
+    origins : ndarray, shape (stand, 3), m
+    rotations : ndarray, shape (stand, 3, 3)
+    directions : ndarray, shape (stand, node, 3)
+        Unit vectors from the nodes to the stands.
+    why : ndarray of int, shape (stand, node)
+        Why a node is not seen, a `Reason`.
+    refused : ndarray of int, shape (stand,)
+        Why a stand is refused as a whole, a `Reason`.
+    """
+
+    origins: Array
+    rotations: Array
+    directions: Array
+    why: IntArray
+    refused: IntArray
+
+    @property
+    def seen(self) -> BoolArray:
+        """Nodes that each stand sees, shape (stand, node)."""
+        return np.asarray(self.why == Reason.seen)
+
+    @property
+    def share(self) -> Array:
+        """Part of the nodes that each stand sees, 0 where it is refused, shape (stand,)."""
+        return np.where(self.refused == 0, self.seen.mean(axis=1), 0.0)
+
+    @property
+    def looks(self) -> Array:
+        """Directions, zero where a node is not seen."""
+        return self.directions * self.seen[..., None]
+
+    def take(self, chosen: IntArray | BoolArray | list[int]) -> Examination:
+        """Keep some stands."""
+        return Examination(*(values[chosen] for values in vars(self).values()))
+
+    def and_also(self, other: Examination) -> Examination:
+        """Put the stands of another behind these."""
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Examination(*(np.concatenate(pair) for pair in pairs))
+
+
+def outline_of(prisms: Prisms, margin: float) -> Array:
+    """Find the corners of the outermost layers, widened along the surface by a margin, m."""
+    layers = prisms.position.reshape(prisms.layers, -1, 3)[[0, -1]]
+    step = margin * prisms.frame[:, :2]
+    points = [layers]
+    if margin:
+        points += [layers + a * step[:, 0] + b * step[:, 1] for a in (-1, 1) for b in (-1, 1)]
+    every = np.concatenate(points).reshape(-1, 3)
+    hull = scipy.spatial.ConvexHull(every, qhull_options="QJ")
+    return np.asarray(every[hull.vertices])
+
+
+def spread(points: Array, count: int) -> IntArray:
+    """Choose points that are far from one another, each the farthest from those before.
+
+    Examples
+    --------
+    >>> spread(np.array([[0.0, 0, 0], [0.1, 0, 0], [1, 0, 0]]), 2).tolist()
+    [0, 2]
+    """
+    if len(points) <= count:
+        return np.arange(len(points))
+    chosen = np.zeros(count, int)
+    nearest = np.full(len(points), np.inf)
+    for k in range(1, count):
+        last = points[chosen[k - 1]]
+        nearest = np.minimum(nearest, np.sum((points - last) ** 2, axis=1))
+        chosen[k] = int(np.argmax(nearest))
+    return np.sort(chosen)
+
+
+def crosses(origins: Array, points: Array, box: ForbiddenBox) -> BoolArray:
+    """Tell which ways from stands to points cross a box, shape (stand, point).
+
+    A way ``O + s (P - O)`` is between the two planes of an axis for an interval of s; it crosses
+    the box if the three intervals and that from 0 to 1 have something in common.
+    """
+    begin, way = origins[:, None], points[None] - origins[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        one, other = (np.array(box.low) - begin) / way, (np.array(box.high) - begin) / way
+    enters = np.fmax(np.fmin(one, other).max(axis=-1), 0.0)
+    leaves = np.fmin(np.fmax(one, other).min(axis=-1), 1.0)
+    return np.asarray(enters < leaves)

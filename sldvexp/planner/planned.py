@@ -1,0 +1,293 @@
+"""Plan of stands: found, or given, with the bounds that they reach.
+
+`plan` finds stands for a configuration, `next_stand` the one that helps most after those that are
+there, and `check_stands` says what given stands see. All three return a `Plan`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+
+from sldvexp.config.experiment import Experiment
+from sldvexp.config.planning import FEWEST_STANDS, MOST_STANDS, PlanCriterion
+from sldvexp.dataset import RunData
+from sldvexp.errors import UserError
+from sldvexp.field.visibility.view import View
+from sldvexp.planner import done
+from sldvexp.planner.criterion import Goal, covariance_of, directions_wanted
+from sldvexp.planner.done import NOBODY, GivenStands
+from sldvexp.planner.expected import ExpectedBounds, empty_view, expected_bounds
+from sldvexp.planner.images import Stand, raster_of, stand_at
+from sldvexp.planner.place import NODES_FOR_SEARCH, Examination, Place, spread
+from sldvexp.planner.search import Candidates, candidates, exchange, greedy, move
+from sldvexp.scan.base import Sampling, Scan
+from sldvexp.typing import Array
+
+#: Noise of the vibrometer before a sine is fitted, where nothing tells it: 0.5 % of 0.1 m/s, r.m.s.
+USUAL_NOISE = 5e-4
+#: Pixels that speckle costs, where nothing tells it.
+USUAL_DROP_OUT = 0.002
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Stands with what they see and the bounds that they reach.
+
+    Attributes
+    ----------
+    stands : tuple of Stand
+        Those that were there already, then the new ones.
+    new : int
+        How many of the last are new.
+    place : Place
+        With all nodes of the surface.
+    examined : Examination
+        What each stand sees of these.
+    goal : Goal
+        What was asked for, with the nodes' factors.
+    expected : ExpectedBounds
+        In units of the pixels' noise.
+    noise : float, m/s
+        Standard error of a pixel's velocity, of real and imaginary part each.
+    confidence : float
+        Level of the bounds.
+    by_count : dict of int to float
+        Bound asked for that so many stands reach, m/s; only with a bound wanted.
+    """
+
+    stands: tuple[Stand, ...]
+    new: int
+    place: Place
+    examined: Examination
+    goal: Goal
+    expected: ExpectedBounds
+    noise: float
+    confidence: float
+    by_count: dict[int, float]
+
+    @property
+    def bounds(self) -> Array:
+        """Half-widths of the intervals of every node's components, (node, component), m/s."""
+        return np.asarray(self._scale * self.expected.std)
+
+    @property
+    def asked(self) -> float:
+        """Bound that was asked for, by the criterion, m/s."""
+        return self._scale * self.goal.of(covariance_of(self.examined.looks))
+
+    @property
+    def mean(self) -> Array:
+        """Root mean square of `bounds` over the nodes that are determined, (component,), m/s."""
+        return np.asarray(np.sqrt(np.nanmean(self.bounds**2, axis=0)))
+
+    @property
+    def worst(self) -> Array:
+        """Largest of `bounds`, (component,), m/s."""
+        return np.asarray(np.nanmax(self.bounds, axis=0))
+
+    @property
+    def undetermined(self) -> int:
+        """How many nodes have a component that is not determined."""
+        return int(np.isnan(self.expected.std).any(axis=1).sum())
+
+    @property
+    def added(self) -> tuple[Stand, ...]:
+        """New stands."""
+        return self.stands[len(self.stands) - self.new :]
+
+    @property
+    def _scale(self) -> float:
+        return NormalDist().inv_cdf(0.5 + self.confidence / 2) * self.noise
+
+
+def plan(experiment: Experiment) -> Plan:
+    """Find stands for a configuration.
+
+    Raises
+    ------
+    UserError
+        If there is no volume, no stand is feasible, or a wanted bound is out of reach.
+    """
+    task = _Task.of(experiment, NOBODY)
+    settings = experiment.plan
+    if settings.wanted is None:
+        return task.planned(settings.stands)
+    by_count: dict[int, float] = {}
+    for count in range(FEWEST_STANDS, settings.stands + 1):
+        found = task.planned(count)
+        by_count[count] = found.asked
+        if found.asked <= settings.wanted:
+            return replace(found, by_count=by_count)
+    raise UserError(
+        f"plan.wanted: {settings.stands} stands reach {1e3 * by_count[settings.stands]:.3g} mm/s, "
+        f"not {1e3 * settings.wanted:.3g} mm/s; "
+        + (
+            f"allow more of them with plan.stands={MOST_STANDS}, or "
+            if settings.stands < MOST_STANDS
+            else ""
+        )
+        + "sample each pixel longer, or take more pixels"
+    )
+
+
+def next_stand(experiment: Experiment, run: RunData | None = None) -> Plan:
+    """Find the stand that helps most after those that are there.
+
+    Parameters
+    ----------
+    run : RunData, optional
+        With the poses and images that are done; without it the stands of the configuration.
+    """
+    task = _Task.of(experiment, _given(experiment, run))
+    return task.planned(1)
+
+
+def check_stands(experiment: Experiment, run: RunData | None = None) -> Plan:
+    """Say what given stands see, and which bounds they reach.
+
+    Parameters
+    ----------
+    run : RunData, optional
+        With their poses and images; without it the stands of the configuration.
+    """
+    task = _Task.of(experiment, _given(experiment, run))
+    return task.result(())
+
+
+def _given(experiment: Experiment, run: RunData | None) -> GivenStands:
+    place = Place.from_experiment(experiment)
+    if run is None:
+        return done.of_experiment(experiment, place)
+    return done.of_run(run, experiment, place)
+
+
+@dataclass(eq=False)
+class _Task:
+    """What is the same for any number of stands; candidates are drawn once."""
+
+    experiment: Experiment
+    given: GivenStands
+    place: Place
+    thinned: Place
+    goal: Goal
+    rng: np.random.Generator
+    found: Candidates | None = None
+
+    @classmethod
+    def of(cls, experiment: Experiment, given: GivenStands) -> _Task:
+        place = Place.from_experiment(experiment)
+        thinned = place.thinned()
+        of, criterion = experiment.plan.of, experiment.plan.criterion
+        wanted = directions_wanted(of, thinned.frame)
+        goal = Goal(wanted, criterion, np.ones(len(thinned.nodes)))
+        rng = np.random.default_rng(experiment.seed)
+        return cls(experiment, given, place, thinned, goal, rng)
+
+    def planned(self, count: int) -> Plan:
+        """Find so many stands beside those given.
+
+        Factors of the nodes are not known before there is a layout; the worst node depends on
+        them, so that the layout is then found once more.
+        """
+        if self.found is None:
+            wanted = self.experiment.plan.candidates
+            self.found = candidates(self.thinned, wanted, self.rng)
+        begun = self._looks_of_given(self.thinned)
+        looks, least = self.found.examined.looks, self.found.least
+        chosen = exchange(self.goal, looks, greedy(self.goal, looks, count, begun), begun)
+        stands = self.found.examined.take(chosen)
+        stands = move(self.goal, self.thinned, stands, least, begun, self.rng)
+        result = self.result(self._stands(stands))
+        if self.goal.criterion is PlanCriterion.worst:
+            factor = result.goal.factor[spread(self.place.nodes, NODES_FOR_SEARCH)]
+            goal = self.goal.with_factor(factor)
+            again = exchange(goal, looks, chosen, begun)
+            stands = self.found.examined.take(again)
+            stands = move(goal, self.thinned, stands, least, begun, self.rng)
+            other = self.result(self._stands(stands))
+            result = min(result, other, key=lambda each: each.asked)
+        return result
+
+    def result(self, added: Sequence[Stand]) -> Plan:
+        """Compute what the given and the new stands see, and their bounds."""
+        e = self.experiment
+        stands = (*self.given.stands, *added)
+        examined = self.place.examine(
+            np.array([s.origin for s in stands]), np.array([s.rotation for s in stands])
+        )
+        images = [*self.given.images, *map(self._image, added, range(len(added)))]
+        expected = expected_bounds(images, self.place.laser, e.volume, e.reconstruction, e.solver)
+        goal = Goal(
+            directions_wanted(e.plan.of, self.place.frame),
+            e.plan.criterion,
+            _factors(examined, expected, self.place.frame),
+        )
+        confidence = getattr(e.reconstruction, "confidence", 0.95)
+        noise = self.given.noise if e.plan.noise is None else None
+        noise = _pixel_noise(e) if noise is None else noise
+        return Plan(stands, len(added), self.place, examined, goal, expected, noise, confidence, {})
+
+    def _looks_of_given(self, place: Place) -> Array:
+        """Give directions from which the given stands see the nodes."""
+        if not self.given.stands:
+            return np.zeros((0, len(place.nodes), 3))
+        stands = self.given.stands
+        return place.examine(
+            np.array([s.origin for s in stands]), np.array([s.rotation for s in stands])
+        ).looks
+
+    def _stands(self, found: Examination) -> tuple[Stand, ...]:
+        """Name the new stands, from left to right as one faces the object."""
+        taken = {stand.name for stand in self.given.stands}
+        numbers = (n for n in map(str, range(1, 1000)) if n not in taken)
+        order = np.argsort(found.origins[:, 0])
+        return tuple(
+            stand_at(name, found.origins[k].round(3), self.place)
+            for name, k in zip(numbers, order, strict=False)
+        )
+
+    def _image(self, stand: Stand, number: int) -> View:
+        """Lay the pixels of a new stand, some of which speckle will cost."""
+        e = self.experiment
+        raster = raster_of(stand, e)
+        part = e.plan.drop_out
+        if part is None:
+            part = e.scene.vibrometer.drop_out if e.scene is not None else USUAL_DROP_OUT
+        lost = np.random.default_rng([e.seed, number]).random(raster.shape[:2]) < part
+        return empty_view(stand.name, stand.rotation, stand.origin, raster, lost)
+
+
+def _factors(examined: Examination, expected: ExpectedBounds, frame: Array) -> Array:
+    """Divide the estimator's standard errors by those of the closed form, (node,)."""
+    wanted = directions_wanted("all", frame) if expected.components[0] == "x" else frame
+    closed = np.einsum("nui,nij,nuj->nu", wanted, covariance_of(examined.looks), wanted)
+    with np.errstate(invalid="ignore"):
+        factor = np.sqrt(np.nanmean(expected.std**2 / closed, axis=1))
+    return np.where(np.isfinite(factor), factor, 1.0)
+
+
+def _pixel_noise(experiment: Experiment) -> float:
+    """Compute the standard error of a pixel's velocity: a sine fitted to n samples of white noise.
+
+    Of real and imaginary part each it is ``sqrt(2 / n)`` times the noise of a sample.
+    """
+    rms = experiment.plan.noise
+    if rms is None and experiment.scene is not None:
+        vibrometer = experiment.scene.noisy_vibrometer
+        rms = vibrometer.noise * vibrometer.full_scale
+    rms = USUAL_NOISE if rms is None else rms
+    return float(rms * np.sqrt(2 / _sampling(experiment.scan).samples))
+
+
+def _sampling(scan: Any) -> Sampling:
+    """Find how the pixels of the images are sampled."""
+    if isinstance(scan, Scan):
+        for part in (p for view in scan.view_names() for p in scan.parts(view)):
+            if part.kind == "image":
+                return part.sampling
+    return Sampling()

@@ -1,0 +1,208 @@
+"""Search for stands: candidates, the greedy choice, exchanges, and moves of each stand in space.
+
+Places are drawn around the object and those kept that the room, the mirrors and the object allow.
+The first layout takes the best candidate after the other. Then each stand in turn is exchanged for
+the candidate that is best with the others (Fedorov), until none helps. At last every stand moves by
+steps in space that help, which become smaller when none does. Every comparison is the closed form
+of `sldvexp.planner.criterion`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from sldvexp.errors import UserError
+from sldvexp.planner.aim import aimed
+from sldvexp.planner.criterion import Goal, covariance_of
+from sldvexp.planner.place import SETTING_OF, Examination, Place, Reason
+from sldvexp.typing import Array
+
+#: Places that are drawn together, and how many are at most drawn for each candidate wanted.
+AT_ONCE, MOST_TRIED = 1000, 40
+#: Length of a surface's mean normal from which places are drawn on its side alone.
+ONE_SIDED = 0.5
+#: Relative improvement that counts.
+BETTER = 1e-6
+#: Steps of the moves in space: the first and the last, m.
+FIRST_STEP, LAST_STEP = 0.16, 0.01
+#: Directions of moves besides those along the axes.
+OTHER_MOVES = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Feasible places.
+
+    Attributes
+    ----------
+    examined : Examination
+    least : float
+        Part of the nodes that each sees at least.
+    """
+
+    examined: Examination
+    least: float
+
+
+def candidates(place: Place, count: int, rng: np.random.Generator) -> Candidates:
+    """Draw places that are feasible.
+
+    Raises
+    ------
+    UserError
+        If there is none; it says which limit forbids most.
+    """
+    found: Examination | None = None
+    refused: Counter[Reason] = Counter()
+    tried = 0
+    while tried < MOST_TRIED * count:
+        origins = _drawn(place, rng)
+        tried += len(origins)
+        kept_out = place.kept_out(origins)
+        refused.update(Reason(r) for r in kept_out[kept_out > 0])
+        some = examined(place, origins[kept_out == 0])
+        useful = some.share > 0
+        refused.update(_main_reason(some.take(~useful)))
+        found = some.take(useful) if found is None else found.and_also(some.take(useful))
+        least = _least(place, found)
+        if (found.share >= least).sum() >= count:
+            break
+    assert found is not None
+    least = _least(place, found)
+    good = found.share >= least
+    if not good.any():
+        refused.update(_main_reason(found))
+        raise UserError(_none_of(refused, tried))
+    return Candidates(found.take(np.flatnonzero(good)[:count]), least)
+
+
+def _least(place: Place, found: Examination) -> float:
+    """Say which part of the nodes a stand must see."""
+    if place.room.seen is not None:
+        return place.room.seen
+    best = float(found.share.max(initial=0.0))
+    return 1.0 if best == 1.0 or best == 0.0 else best / 2
+
+
+def _drawn(place: Place, rng: np.random.Generator) -> Array:
+    """Draw places around the middle of the surface, on its side if it has one."""
+    normal = place.frame[:, 2].mean(axis=0)
+    sided = np.linalg.norm(normal) > ONE_SIDED and not place.both_sides
+    cosine = rng.uniform(0.0 if sided else -1.0, 1.0, AT_ONCE)
+    turn, sine = rng.uniform(0, 2 * np.pi, AT_ONCE), np.sqrt(1 - cosine**2)
+    pole = normal / np.linalg.norm(normal) if sided else np.array([0.0, 0.0, 1.0])
+    first = np.cross(pole, np.eye(3)[np.argmin(np.abs(pole))])
+    first /= np.linalg.norm(first)
+    axes = np.stack([first, np.cross(pole, first), pole])
+    ball = np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine], axis=1)
+    radius = rng.uniform(*place.room.distance, AT_ONCE)
+    return np.asarray(place.middle + radius[:, None] * ball @ axes)
+
+
+def examined(place: Place, origins: Array) -> Examination:
+    """Aim upright instruments at the object and examine what they see."""
+    _, rotations = aimed(origins, place.to_be_seen, place.laser)
+    return place.examine(origins, rotations)
+
+
+def _main_reason(found: Examination) -> list[Reason]:
+    """Find the reason why each stand is no good."""
+    reasons = []
+    for refused, why in zip(found.refused, found.why, strict=True):
+        lost = np.bincount(why[why > 0], minlength=1)
+        reasons.append(Reason(refused) if refused else Reason(int(lost.argmax())))
+    return reasons
+
+
+def _none_of(refused: Counter[Reason], tried: int) -> str:
+    """Say which limit forbids most."""
+    refused.pop(Reason.seen, None)
+    reason, times = refused.most_common(1)[0]
+    others = [r for r, _ in refused.most_common(3)[1:]]
+    more = f"; next come {' and '.join(SETTING_OF[r] for r in others)}" if others else ""
+    return (
+        f"plan: no stand is feasible: of {tried} places tried {times} fail by {SETTING_OF[reason]} "
+        f"({reason.told}){more}; widen that limit, or choose another place for the object"
+    )
+
+
+def greedy(goal: Goal, looks: Array, count: int, begun: Array) -> list[int]:
+    """Choose one candidate after the other, each the best with those before.
+
+    Parameters
+    ----------
+    looks : ndarray, shape (candidate, node, 3)
+    begun : ndarray, shape (stand, node, 3)
+        Of stands that are there already.
+    """
+    chosen: list[int] = []
+    for _ in range(count):
+        covariance = covariance_of(np.concatenate([begun, looks[chosen]]))
+        chosen.append(int(np.argmin(goal.with_one_more(covariance, looks))))
+    return chosen
+
+
+def exchange(goal: Goal, looks: Array, chosen: list[int], begun: Array) -> list[int]:
+    """Exchange each stand for the best candidate with the others, while that helps (Fedorov)."""
+    chosen = list(chosen)
+    best, moved = goal.of(covariance_of(np.concatenate([begun, looks[chosen]]))), True
+    while moved:
+        moved = False
+        for j in range(len(chosen)):
+            others = chosen[:j] + chosen[j + 1 :]
+            covariance = covariance_of(np.concatenate([begun, looks[others]]))
+            values = goal.with_one_more(covariance, looks)
+            k = int(np.argmin(values))
+            if values[k] < best * (1 - BETTER):
+                best, chosen[j], moved = float(values[k]), k, True
+    return chosen
+
+
+def move(
+    goal: Goal,
+    place: Place,
+    stands: Examination,
+    least: float,
+    begun: Array,
+    rng: np.random.Generator,
+) -> Examination:
+    """Move every stand in space while that helps and is feasible, by ever smaller steps."""
+    best = goal.of(covariance_of(np.concatenate([begun, stands.looks])))
+    step, count = FIRST_STEP, len(stands.origins)
+    while step >= LAST_STEP:
+        moved = False
+        for j in range(count):
+            others = np.arange(count) != j
+            covariance = covariance_of(np.concatenate([begun, stands.looks[others]]))
+            free = rng.standard_normal((OTHER_MOVES, 3)) / 2
+            ways = step * np.concatenate([np.eye(3), -np.eye(3), free])
+            tried = stands.origins[j] + ways
+            tried = tried[place.kept_out(tried) == 0]
+            found = examined(place, tried)
+            values = goal.with_one_more(covariance, found.looks)
+            values[found.share < least] = np.inf
+            if len(values) and values.min() < best * (1 - BETTER):
+                best, moved = float(values.min()), True
+                one = found.take([int(values.argmin())])
+                order = np.insert(np.arange(count - 1), j, count - 1)
+                stands = stands.take(others).and_also(one).take(order)
+        if not moved:
+            step /= 2
+    return stands
+
+
+def layout(
+    goal: Goal,
+    place: Place,
+    found: Candidates,
+    count: int,
+    begun: Array,
+    rng: np.random.Generator,
+) -> Examination:
+    """Find so many stands: greedy choice, exchanges, moves."""
+    looks = found.examined.looks
+    chosen = exchange(goal, looks, greedy(goal, looks, count, begun), begun)
+    return move(goal, place, found.examined.take(chosen), found.least, begun, rng)
