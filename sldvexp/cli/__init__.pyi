@@ -5,6 +5,7 @@ from . import export as export
 from . import handbook as handbook
 from . import help as help
 from . import list as list
+from . import plan as plan
 from . import plot as plot
 from . import reference as reference
 from . import report as report

@@ -24,7 +24,9 @@ from sldvexp.limits import YAML_BYTES, load_yaml
 from sldvexp.writing import NEW, READY
 
 #: Each is a module of this room; its `run` gets the words after it and the user's folder.
-COMMANDS = ("check", "compare", "export", "handbook", "list", "plot", "report", "rerun", "show")
+COMMANDS = (
+    *("check", "compare", "export", "handbook", "list", "plan", "plot", "report", "rerun", "show"),
+)
 
 #: Those that read what runs have left.
 OF_RUNS = ("compare", "export", "plot", "report", "rerun")

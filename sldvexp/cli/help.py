@@ -101,6 +101,31 @@ COMMAND_HELP = {
             ("handbook site=manual", "all of it, to open in a browser"),
         ),
     ),
+    "plan": CommandHelp(
+        "[next | check] [run] [key=value]",
+        "where to stand, and which bounds that gives, before anything is measured",
+        (
+            "Finds stands for the object, laser and noise of an experiment, within the limits of "
+            "plan.room, that make the mean or worst bound of a component or direction small, and "
+            "tells the bounds that they reach. plan next finds the one stand that helps most "
+            "after those of a run or of the configuration; plan check tells what given stands do "
+            "not see, and why.",
+            "With --to the plan becomes an experiment in a folder of yours, with the circles and "
+            "regions of every view in DAC steps. Settings of plan: sldvexp handbook planning.",
+        ),
+        (
+            ("plan", "five stands for the default experiment"),
+            ("plan plan.stands=4 plan.of=in_plane plan.criterion=worst", "four for one purpose"),
+            ("plan plan.wanted=6e-5", "as many as a bound of 0.06 mm/s needs"),
+            ("plan --to lab --name monday", "written as lab/experiment/monday.yaml"),
+            (f"plan next {RUN}", "the stand that helps most after those of a run"),
+            ("plan check experiment=curved_panel", "what its stands see"),
+        ),
+        {
+            "to": "folder that the plan is written to, for --config-dir",
+            "name": "name of the experiment there; planned without it",
+        },
+    ),
     "check": CommandHelp(
         "<experiments, matrices or folders>",
         "whether experiments, or all of a folder, work as they expect",

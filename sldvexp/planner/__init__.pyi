@@ -1,3 +1,4 @@
+from . import files as files
 from .planned import Plan as Plan
 from .planned import check_stands as check_stands
 from .planned import next_stand as next_stand

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.config.experiment import Experiment
-from sldvexp.planner.aim import aimed, angles_of
+from sldvexp.planner.aim import aimed, angles_of, rotations_towards
 from sldvexp.planner.place import Place
 from sldvexp.scan.rectangle import Rectangle
 from sldvexp.scan.session import Session
@@ -56,9 +56,9 @@ class Stand:
 
 def stand_at(name: str, origin: Array, place: Place) -> Stand:
     """Aim an upright instrument at the object from a place."""
-    look_at, rotation = aimed(origin[None], place.to_be_seen, place.laser)
-    # Written in millimetres: what is written is what was computed with.
-    return known_stand(name, origin, look_at[0].round(4), rotation[0], place)
+    look_at, _ = aimed(origin[None], place.to_be_seen, place.laser)
+    look_at = look_at.round(3)  # as it is written, so that the angles are those of what is written
+    return known_stand(name, origin, look_at[0], rotations_towards(origin[None], look_at)[0], place)
 
 
 def known_stand(

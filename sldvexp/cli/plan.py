@@ -1,0 +1,212 @@
+"""`sldvexp plan [next | check] [run] [settings]`: where to stand, and which bounds that gives."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf.errors import OmegaConfBaseException
+from rich.console import Console
+from rich.table import Table
+
+from sldvexp import config, dataset, planner
+from sldvexp.cli.help import COMMAND_HELP
+from sldvexp.cli.layout import wrapped
+from sldvexp.config import Origins, messages, schema
+from sldvexp.config.experiment import Experiment
+from sldvexp.config.paths import RUN_FILE
+from sldvexp.config.refusals import refusal
+from sldvexp.dataset import RunData
+from sldvexp.errors import UserError
+from sldvexp.planner.planned import Plan
+from sldvexp.planner.place import Reason
+from sldvexp.sweep import recorded_config
+
+#: Options of this command with what they take.
+OPTIONS = COMMAND_HELP["plan"].options
+#: What is planned, by the word behind the command.
+ACTIONS = ("next", "check")
+USUAL_NAME = "planned"
+
+
+def run(
+    words: list[str], config_dir: str | None, to: str | None = None, name: str | None = None
+) -> int:
+    """Plan stands, print what they see and which bounds they reach, and write them if asked.
+
+    Raises
+    ------
+    UserError
+        If a word means nothing, there is no object to see, or no stand is feasible.
+    """
+    gc.enable()
+    action = words[0] if words and words[0] in ACTIONS else ""
+    others = words[1:] if action else words
+    folders = [w for w in others if "=" not in w and not w.startswith("~")]
+    settings = [w for w in others if w not in folders]
+    if len(folders) > 1 or (folders and not action):
+        raise UserError(
+            f"command line: plan takes settings, and behind next or check the folder of one run, "
+            f"not {' '.join(folders)}"
+        )
+    if name is not None and to is None:
+        raise UserError("command line: --name is of the files that --to=folder writes")
+    if folders:
+        composed, plugins, choices, done = _of_run(Path(folders[0]), settings)
+    else:
+        composed, plugins, choices = _composed(settings, config_dir)
+        done = None
+    experiment = schema.build(composed)
+    found = _planned(action, experiment, done)
+    _print(found, action, experiment)
+    if to is None:
+        return 0
+    written = planner.files.write(
+        found,
+        composed,
+        plugins,
+        choices,
+        Path(to),
+        name or USUAL_NAME,
+        replace=experiment.overwrite,
+    )
+    for path in written:
+        print(path)
+    print(f"sldvexp --config-dir {to} experiment={name or USUAL_NAME} runs it")
+    return 0
+
+
+def _planned(action: str, experiment: Experiment, done: RunData | None) -> Plan:
+    if action == "next":
+        return planner.next_stand(experiment, done)
+    if action == "check":
+        return planner.check_stands(experiment, done)
+    return planner.plan(experiment)
+
+
+def _composed(
+    settings: list[str], config_dir: str | None
+) -> tuple[DictConfig, dict[str, str], dict[str, str]]:
+    """Compose a configuration, with the plugin and the choice of each of its groups."""
+    origins = Origins([*settings, *(["--config-dir", config_dir] if config_dir else [])])
+    try:
+        if origins.may_have_others:
+            config.security.check(origins)
+        composed = origins.compose()
+        choices = dict(composed.hydra.runtime.choices)
+        with open_dict(composed):
+            del composed["hydra"]
+        plugins = schema.plugin_names(composed)
+        schema.build(composed)
+    except Exception as error:  # Hydra's and OmegaConf's have no common base
+        raise UserError(messages.of_composition(error, origins)) from error
+    return composed, plugins, {g: choices[g] for g in plugins if choices.get(g)}
+
+
+def _of_run(
+    given: Path, settings: list[str]
+) -> tuple[DictConfig, dict[str, str], dict[str, str], RunData]:
+    """Take a run with its configuration, and settings of the plan for it."""
+    path = given / RUN_FILE if given.is_dir() else given
+    with dataset.load(path) as tree:
+        recorded = recorded_config.read(path, tree.attrs)
+        groups = {n.path.strip("/"): n.to_dataset(inherit=False) for n in tree.subtree}
+        kept = {k: g.load() for k, g in groups.items() if k == "pose" or k.startswith("image/")}
+        done = RunData(kept, dict(tree.attrs), path.parent)
+    composed = recorded.config()
+    for override in Origins(settings).overrides:
+        if not override.key_or_group.startswith(("plan.", "overwrite")):
+            raise UserError(
+                f"command line: {override.key_or_group}: with a run only settings of plan are "
+                "taken; the others are the run's own"
+            )
+        try:
+            OmegaConf.update(composed, override.key_or_group, override.value())
+        except OmegaConfBaseException as error:
+            raise UserError(
+                f"command line: {override.key_or_group} {refusal(error)}"
+            ) from None
+    return composed, recorded.plugins, {}, done
+
+
+def _print(found: Plan, action: str, experiment: Experiment) -> None:
+    console = Console()
+    console = console if console.is_terminal else Console(width=max(console.width, 132))
+    console.print(_stands(found))
+    console.print(_bounds(found))
+    for line in told(found, action, experiment):
+        console.print("\n".join(wrapped(line)), highlight=False, markup=False)
+
+
+def _stands(found: Plan) -> Table:
+    """Make the table of the stands."""
+    table = Table(title="Stands", title_justify="left")
+    for column in ("stand", "x, y, z, m", "looks at, m", "distance, m", "incidence", "sees"):
+        table.add_column(column)
+    nodes, frame = found.place.nodes, found.place.frame
+    for k, stand in enumerate(found.stands):
+        way = np.linalg.norm(stand.origin - nodes, axis=1)
+        cosine = np.einsum("ni,ni->n", found.examined.directions[k], frame[:, 2])
+        angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+        table.add_row(
+            stand.name,
+            ", ".join(f"{x:.3f}" for x in stand.origin),
+            ", ".join(f"{x:.3f}" for x in stand.look_at),
+            f"{way.min():.2f} to {way.max():.2f}",
+            f"{angle.min():.0f} to {angle.max():.0f} deg",
+            _seen(found, k),
+        )
+    return table
+
+
+def _seen(found: Plan, k: int) -> str:
+    """Say what a stand sees."""
+    why, refused = found.examined.why[k], found.examined.refused[k]
+    seen = int((why == 0).sum())
+    text = "all" if seen == len(why) else f"{seen} of {len(why)} nodes"
+    return f"{text}; {Reason(refused).told}" if refused else text
+
+
+def _bounds(found: Plan) -> Table:
+    """Make the table of the bounds that are reached."""
+    table = Table(title=f"Bounds ({found.confidence:.0%}), mm/s", title_justify="left")
+    table.add_column("over the surface")
+    for component in found.expected.components:
+        table.add_column(component)
+    for name, values in (("r.m.s.", found.mean), ("worst node", found.worst)):
+        table.add_row(name, *(f"{1e3 * v:.3g}" for v in values))
+    return table
+
+
+def told(found: Plan, action: str, experiment: Experiment) -> Iterator[str]:
+    """Yield sentences on what was asked for, what is not seen and what the bounds leave out."""
+    of = experiment.plan.of
+    of = of if isinstance(of, str) else f"the direction {of}"
+    which = "largest" if found.goal.criterion.name == "worst" else "r.m.s."
+    yield f"asked for: the {which} bound of {of}: {1e3 * found.asked:.3g} mm/s"
+    for count, bound in found.by_count.items():
+        yield f"{count} stands reach {1e3 * bound:.3g} mm/s"
+    for k, stand in enumerate(found.stands):
+        why = found.examined.why[k]
+        for reason in Reason:
+            nodes = np.flatnonzero(why == reason)
+            if reason is Reason.seen or not len(nodes):
+                continue
+            x, y, z = found.place.nodes[nodes].mean(axis=0)
+            yield (
+                f"stand {stand.name} does not see {len(nodes)} of {len(why)} nodes, around "
+                f"({x:.3f}, {y:.3f}, {z:.3f}) m: {reason.told}"
+            )
+    if found.undetermined:
+        yield (
+            f"{found.undetermined} of {len(found.place.nodes)} nodes are seen by too few stands: "
+            "a component is not determined there"
+        )
+    yield (
+        f"bounds are of the noise, {1e3 * found.noise:.3g} mm/s at a pixel, of every place by "
+        "itself; poses and the size of elements add to them, a thin shell lessens them"
+    )

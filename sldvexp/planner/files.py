@@ -1,0 +1,199 @@
+"""Files of a plan: an experiment that a run takes as it is, and the poses alone, as YAML.
+
+``experiment/<name>.yaml`` says what differs from the choices of the groups, with the plan's views:
+circles and regions of the scan in DAC steps, and in a virtual lab the true stands. The pose method
+stays, since nobody stands exactly where a plan says. ``pose/<name>.yaml`` has the stands as they
+are planned, for ``pose=<name>``. Both are written whole or not at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import yaml
+from omegaconf import DictConfig, OmegaConf
+
+from sldvexp.config.experiment import SINGLE_GROUPS
+from sldvexp.config.sources import Origins
+from sldvexp.errors import UserError
+from sldvexp.files import unusable
+from sldvexp.geometry import KnownPose
+from sldvexp.planner.images import Stand
+from sldvexp.planner.planned import Plan
+from sldvexp.scan import Scan
+from sldvexp.scan.calibration import CalibrationScan
+from sldvexp.scan.rectangle import Rectangle
+from sldvexp.scan.session import Session
+from sldvexp.writing import make_folder, require_no_link, whole_or_nothing
+
+#: Name of the key of a pose for the place that is looked at.
+LOOK_AT = next(f.name for f in fields(KnownPose) if f.name.startswith("look"))
+#: Settings that a plan does not go on with: they are of other views.
+OF_OTHER_VIEWS = ("expect", "overwrite", "use_repair")
+
+
+def write(
+    plan: Plan,
+    config: DictConfig,
+    plugins: Mapping[str, str],
+    choices: Mapping[str, str],
+    folder: Path,
+    name: str,
+    replace: bool,
+) -> list[Path]:
+    """Write the files of a plan.
+
+    Parameters
+    ----------
+    config : DictConfig
+        The composed configuration that was planned for.
+    plugins : mapping of str to str
+        Plugin of each of its groups.
+    choices : mapping of str to str
+        What was chosen of each; the plugin is taken for others.
+    folder : Path
+        For ``--config-dir``.
+    name : str
+        For ``experiment=`` and ``pose=``.
+    replace : bool
+        Whether files that exist are replaced.
+
+    Raises
+    ------
+    UserError
+        If a file exists and is not to be replaced, or cannot be written.
+    """
+    if wrong := unusable(name):
+        raise UserError(f"command line: --name={name}: {wrong}")
+    texts = {
+        folder / "experiment" / f"{name}.yaml": experiment_text(plan, config, plugins, choices),
+        folder / "pose" / f"{name}.yaml": pose_text(plan),
+    }
+    for path in texts:
+        require_no_link(path)
+        if path.exists() and not replace:
+            raise UserError(f"{path}: exists; overwrite=true puts this plan in its place")
+    for path in texts:
+        make_folder(path.parent)
+    pairs = list(texts.items())
+    (first, one), (second, other) = pairs
+    with whole_or_nothing(first) as new, whole_or_nothing(second) as also:
+        new.write_text(one, encoding="utf-8")
+        also.write_text(other, encoding="utf-8")
+    return list(texts)
+
+
+def experiment_text(
+    plan: Plan, config: DictConfig, plugins: Mapping[str, str], choices: Mapping[str, str]
+) -> str:
+    """Write the experiment with the plan's views."""
+    values = _as_data(config)
+    _put_views(values, plan, plugins)
+    chosen = {g: choices.get(g, f"schema/{plugins[g]}") for g in plugins}
+    base = _base(chosen)
+    wider = [g for g in plugins if _has_more(base.get(g), values[g])]
+    if wider:  # an entry of a table that the plan does not have: from the plugin alone
+        chosen |= {g: f"schema/{plugins[g]}" for g in wider}
+        base = _base(chosen)
+    differing = _differences(values, base)
+    overrides = ({f"override /{g}": chosen[g]} for g in SINGLE_GROUPS if g in chosen)
+    defaults = ["_self_", *overrides]
+    told = [
+        "# @package _global_",
+        f"# {len(plan.stands)} stands, planned: {1e3 * plan.asked:.3g} mm/s at most is the "
+        f"{plan.goal.criterion.name} bound asked for.",
+    ]
+    return "\n".join([*told, _dumped({"defaults": defaults}), _dumped(differing)])
+
+
+def _base(chosen: Mapping[str, str]) -> dict[str, Any]:
+    """Compose the choices alone, as data."""
+    origins = Origins(["~experiment", *(f"{g}={choice}" for g, choice in chosen.items())])
+    return _as_data(origins.compose())
+
+
+def _as_data(config: DictConfig) -> dict[str, Any]:
+    """Turn a configuration into plain values, without Hydra's own and what is of other views."""
+    kept = [str(key) for key in config if key not in ("hydra", *OF_OTHER_VIEWS)]
+    values: Any = OmegaConf.to_container(
+        OmegaConf.masked_copy(config, kept), resolve=True, enum_to_str=True
+    )
+    return dict(values)
+
+
+def _has_more(base: Any, values: Any) -> bool:
+    """Tell whether a table has an entry that another lacks."""
+    if not isinstance(base, dict) or not isinstance(values, dict):
+        return False
+    return any(k not in values or _has_more(base[k], values[k]) for k in base)
+
+
+def _differences(values: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
+    """Keep what is not in the base already."""
+    found: dict[str, Any] = {}
+    for key, value in values.items():
+        if key in base and value == base[key]:
+            continue
+        nested = isinstance(value, dict) and isinstance(base.get(key), dict)
+        found[key] = _differences(value, base[key]) if nested else value
+    return found
+
+
+def _put_views(values: dict[str, Any], plan: Plan, plugins: Mapping[str, str]) -> None:
+    """Put the plan's views into the scan, the virtual lab, and the poses that are given."""
+    circles = {s.name: {"dac": s.circles.tolist()} for s in plan.added if len(s.circles)}
+    corners = {s.name: {"corners": s.corners.tolist()} for s in plan.added}
+    stays = len(plan.added) < len(plan.stands)
+    places = [(values.get("scan"), plugins.get("scan"))]
+    if plugins.get("scan") == "session":
+        scan = values["scan"]
+        places = [(scan["calibration"], "calibration"), (scan["structure"], "rectangle")]
+    for scan, kind in places:
+        if kind in ("calibration", "rectangle") and scan is not None:
+            new = circles if kind == "calibration" else corners
+            scan["views"] = {**(scan["views"] if stays else {}), **new}
+    poses = {s.name: as_pose(s) for s in plan.added}
+    if values.get("scene") is not None:
+        values["scene"]["views"] = {**(values["scene"]["views"] if stays else {}), **poses}
+    if plugins.get("pose") == "given" and not values["pose"]["path"]:
+        values["pose"]["views"] = {**(values["pose"]["views"] if stays else {}), **poses}
+
+
+def as_pose(stand: Stand) -> dict[str, Any]:
+    """Say a stand as a pose: where it is and what it looks at, upright."""
+    return {
+        "origin": [round(float(x), 4) for x in stand.origin],
+        LOOK_AT: [round(float(x), 4) for x in stand.look_at],
+    }
+
+
+def pose_text(plan: Plan) -> str:
+    """Write the stands as poses that are given."""
+    views = {stand.name: as_pose(stand) for stand in plan.stands}
+    told = f"# Poses of {len(views)} stands as they are planned."
+    return "\n".join(
+        [told, _dumped({"defaults": ["schema/given@_here_", "_self_"]}), _dumped({"views": views})]
+    )
+
+
+class _Plain(yaml.SafeDumper):
+    """Writes lists of numbers on one line, and tables over several."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Write everything out."""
+        return True
+
+
+def _flow_of_numbers(dumper: yaml.SafeDumper, values: list[Any]) -> yaml.Node:
+    flow = not any(isinstance(v, dict) for v in values)
+    return dumper.represent_sequence("tag:yaml.org,2002:seq", values, flow_style=flow)
+
+
+_Plain.add_representer(list, _flow_of_numbers)
+
+
+def _dumped(values: Any) -> str:
+    return yaml.dump(values, Dumper=_Plain, sort_keys=False, width=100)
