@@ -11,7 +11,7 @@ from sldvexp import dataset
 from sldvexp.check.base import Check, Examination
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError, nearest
-from sldvexp.geometry import KnownPose, rotation_from_euler, vector_from_rotation
+from sldvexp.geometry import KnownPose, vector_from_rotation
 from sldvexp.lazy import xarray as xr
 
 
@@ -38,10 +38,7 @@ class PoseMethods(Check):
         checks = Checks()
         checks.require(bool(self.methods), "methods", "needs a group of poses, as in {edge: pose}")
         for name, pose in self.truth.items():
-            for key in ("euler", "origin"):
-                values = getattr(pose, key)
-                wrong = f"must be three numbers, not {len(values)}"
-                checks.require(len(values) == 3, f"truth.{name}.{key}", wrong)
+            pose.check(checks, f"truth.{name}")
         checks.done()
 
     def examine(self, run: Examination) -> xr.Dataset:
@@ -80,8 +77,8 @@ class PoseMethods(Check):
                 f"pose; {nearest(missing[0], self.truth)}"
             )
         true = [self.truth[view] for view in views]
-        origin = np.array([t.unit.value * np.array(t.origin) for t in true])
-        rotation = rotation_from_euler([t.euler for t in true])
+        origin = np.array([t.place for t in true])
+        rotation = np.array([t.rotation for t in true])
         turned = vector_from_rotation(pose["rotation"].values @ rotation.swapaxes(1, 2))
         return tuple(  # type: ignore[return-value]
             float(np.sqrt((deviation**2).sum(axis=1).mean()))

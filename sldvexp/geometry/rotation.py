@@ -2,7 +2,7 @@
 
 A rotation `R` takes world vectors into the laser frame, ``P_laser = R (P_world - origin)``.
 All functions work on stacks: leading dimensions are carried through. `KnownPose` is a pose as a
-configuration states it, in Euler angles.
+configuration states it.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sldvexp.errors import Checks
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array
-from sldvexp.units import LengthUnit
+from sldvexp.units import AngleUnit, LengthUnit
 
 #: Below this sine of phi2, only the sum or difference of the other angles is determined.
 GIMBAL_LOCK = 1e-6
@@ -217,15 +218,18 @@ def rigid_transform(source: ArrayLike, destination: ArrayLike) -> tuple[Array, A
 
 @dataclass
 class KnownPose:
-    """One view's pose as numbers.
+    """One view's pose as numbers: Euler angles, or a point that the instrument looks at.
 
     Parameters
     ----------
-    euler : list of float, rad
+    euler : list of float
         phi1, phi2, phi3 in the x-convention, world to laser.
-    looks_at : list of float
-        Instead of euler: a point that the instrument looks at while it stands upright, in the unit
-        of the origin.
+    look_at : list of float
+        Instead of euler: a point of the world that the instrument's z axis goes through, in the
+        unit of the origin.
+    roll : float
+        With look_at: by how much the instrument is turned about its z axis, clockwise as who
+        stands behind it sees it; at 0 its x axis is level, and world y is up.
     origin : list of float
         x, y, z of the laser frame's origin in the world.
     euler_std, origin_std : list of float
@@ -234,7 +238,9 @@ class KnownPose:
         With samples, the deviations are those of a sample of that size and the pose is its mean;
         with 0 they are the standard errors of the pose itself, exactly known.
     unit : LengthUnit
-        Of origin and origin_std.
+        Of origin, look_at and origin_std.
+    angle_unit : AngleUnit
+        Of euler, euler_std and roll.
     """
 
     euler: list[float] = field(default_factory=list)
@@ -243,11 +249,36 @@ class KnownPose:
     origin_std: list[float] = field(default_factory=list)
     samples: int = 0
     unit: LengthUnit = LengthUnit.m
-    looks_at: list[float] = field(default_factory=list)
+    look_at: list[float] = field(default_factory=list)
+    roll: float = 0.0
+    angle_unit: AngleUnit = AngleUnit.rad
+
+    def check(self, checks: Checks, name: str) -> None:
+        """Note under `name` what makes this no pose."""
+        one = bool(self.euler) != bool(self.look_at)
+        checks.require(one, name, "give either euler or look_at, and the origin")
+        there = not self.look_at or self.look_at != self.origin
+        checks.require(there, f"{name}.look_at", "must be another point than the origin")
+        alone = not (self.roll and self.euler)
+        checks.require(alone, f"{name}.roll", "belongs to look_at; euler says it already")
+        checks.finite(f"{name}.roll", self.roll)
+        for key in ("euler", "look_at", "origin", "euler_std", "origin_std"):
+            values = getattr(self, key)
+            sizes = (3,) if key == "origin" else (0, 3)
+            message = f"must be three numbers, not {len(values)}"
+            checks.require(len(values) in sizes, f"{name}.{key}", message)
+            checks.finite(f"{name}.{key}", *values)
 
     @property
     def rotation(self) -> Array:
-        """The rotation from world to laser frame."""
-        if self.looks_at:
-            return rotation_towards(self.origin, self.looks_at)
-        return rotation_from_euler(self.euler)
+        """Rotation from world to laser frame, shape (3, 3)."""
+        if not self.look_at:
+            return rotation_from_euler(self.angle_unit.value * np.array(self.euler))
+        upright = rotation_towards(self.origin, self.look_at)
+        about_z = rotation_from_euler([self.angle_unit.value * self.roll, 0.0, 0.0])
+        return np.asarray(about_z @ upright)
+
+    @property
+    def place(self) -> Array:
+        """Origin of the laser frame in the world, shape (3,), m."""
+        return self.unit.value * np.array(self.origin, float)

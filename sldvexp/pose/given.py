@@ -58,22 +58,10 @@ class Given(PoseMethod):
         )
         checks.probability("confidence", self.confidence)
         for name, view in self.views.items():
-            one = bool(view.euler) != bool(view.looks_at)
-            checks.require(one, f"views.{name}", "give either euler or looks_at")
-            there = not view.looks_at or view.looks_at != view.origin
-            checks.require(there, f"views.{name}.looks_at", "must be another point than the origin")
-            for key in ("euler", "looks_at", "origin", "euler_std", "origin_std"):
-                values = getattr(view, key)
-                sizes = (3,) if key == "origin" else (0, 3)
-                checks.require(
-                    len(values) in sizes,
-                    f"views.{name}.{key}",
-                    f"must be three numbers, not {len(values)}",
-                )
-                checks.finite(f"views.{name}.{key}", *values)
-                if key.endswith("std"):
-                    for value in values:
-                        checks.non_negative(f"views.{name}.{key}", value)
+            view.check(checks, f"views.{name}")
+            for key in ("euler_std", "origin_std"):
+                for value in getattr(view, key):
+                    checks.non_negative(f"views.{name}.{key}", value)
             both = bool(view.euler_std) == bool(view.origin_std)
             message = "give euler_std and origin_std together"
             checks.require(both, f"views.{name}.euler_std", message)
@@ -116,13 +104,14 @@ def known_poses(views: dict[str, KnownPose], confidence: float) -> xr.Dataset:
             continue
         n = p.samples or 1
         by_euler = np.linalg.inv(euler_jacobian(r))
+        std = p.angle_unit.value * np.array(p.euler_std)
         matrix[:] = 0.0
-        matrix[:3, :3] = by_euler @ np.diag(np.square(p.euler_std) / n) @ by_euler.T
+        matrix[:3, :3] = by_euler @ np.diag(np.square(std) / n) @ by_euler.T
         matrix[3:, 3:] = np.diag(np.square(p.origin_std) * p.unit.value**2 / n)
     return pose_to_dataset(
         list(views),
         rotation,
-        np.array([p.origin for p in poses]) * [[p.unit.value] for p in poses],
+        np.array([p.place for p in poses]),
         covariance,
         [p.samples - 1 if p.samples else np.inf for p in poses],
         confidence,

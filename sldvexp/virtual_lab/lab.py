@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.config.registry import register
 from sldvexp.errors import UserError, nearest
-from sldvexp.geometry import rotation_from_euler
 from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples, ScanningPlugin
 from sldvexp.instrument.person import Mark, Place, Steps
 from sldvexp.laser import MIRRORS, TwoMirror, project
@@ -167,7 +166,7 @@ class VirtualLab:
         if view not in self.scene.views:
             raise UserError(f"the scene has no view {view}; {nearest(view, self.scene.views)}")
         pose = self.scene.views[view]
-        return rotation_from_euler(pose.euler), pose.unit.value * np.array(pose.origin)
+        return pose.rotation, pose.place
 
     def true_dac(self, points: ArrayLike) -> Array:
         """Find DAC steps, not rounded, that point the beam at points of the world from this view.

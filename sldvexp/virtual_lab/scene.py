@@ -391,10 +391,6 @@ class Scene(ABC):
 
 
 def _check_view(checks: Checks, name: str, view: KnownPose) -> None:
-    for key in ("euler", "origin"):
-        values = getattr(view, key)
-        message = f"must be three numbers, not {len(values)}"
-        checks.require(len(values) == 3, f"{name}.{key}", message)
-        checks.finite(f"{name}.{key}", *values)
+    view.check(checks, name)
     uncertain = bool(view.euler_std or view.origin_std or view.samples)
     checks.require(not uncertain, name, "is a true pose: it has no standard deviations or samples")

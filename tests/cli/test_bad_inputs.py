@@ -481,6 +481,14 @@ OTHER_POSES = [
         "{euler: [0, 0], origin: [0, 0, 1]}",
         "command line: pose.views.front.euler must be three numbers, not 2",
     ),
+    on_given(
+        "{looks_at: [0, 0, 0], origin: [0, 0, 1]}",
+        "command line: pose.views.front.looks_at is not a known setting; did you mean look_at? …",
+    ),
+    on_given(
+        "{look_at: [0, 0, 0], origin: [0, 0, 1], roll: level}",
+        "command line: pose.views.front.roll must be a number, not level",
+    ),
     Bad(
         "~experiment pose=given pose.path=a.txt",
         "a.txt, line 2: phi1 must be a number, not 'abc'",

@@ -17,6 +17,7 @@ from sldvexp.pose.digitised_points import used_readings
 from sldvexp.pose.digitizer import Digitizer
 from sldvexp.pose.given import _NAMES, read_poses
 from sldvexp.report import pose_text
+from sldvexp.units import AngleUnit, LengthUnit
 
 EULER, ORIGIN = [-1.149, 2.545, 1.928], [0.871, 0.489, 1.554]
 POSTS = {"low": [0.3, -0.25, -0.05], "med": [-0.3, -0.25, 0.1], "high": [0.0, 0.35, -0.2]}
@@ -44,9 +45,9 @@ def test_numbers_with_a_sample_size_become_means_with_student_bounds():
     )
 
 
-def test_upright_instrument_looks_at_a_point():
+def test_upright_instrument_look_at_a_point():
     at, origin = np.array([0.12, 0.08, 0.0]), np.array([-0.8, -0.1, 1.1])
-    pose = Given(views={"left": KnownPose(origin=[*origin], looks_at=[*at])}).read().pose
+    pose = Given(views={"left": KnownPose(origin=[*origin], look_at=[*at])}).read().pose
     rotation = pose["rotation"][0].values
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-14)
     assert np.linalg.det(rotation) > 0
@@ -56,11 +57,38 @@ def test_upright_instrument_looks_at_a_point():
     assert rotation[1, 1] > 0  # and y goes up
 
 
+@pytest.mark.parametrize("degrees", [-30.0, 2.0, 90.0])
+def test_roll_turns_the_instrument_clockwise_about_the_line_to_that_point(degrees):
+    place = {"origin": [-800.0, -100.0, 1100.0], "look_at": [120.0, 80.0, 0.0]}
+    level = KnownPose(**place, unit=LengthUnit.mm)
+    rolled = KnownPose(**place, unit=LengthUnit.mm, roll=degrees, angle_unit=AngleUnit.deg)
+    x, y, ahead = rolled.rotation
+    angle = np.deg2rad(degrees)
+    np.testing.assert_allclose(ahead, level.rotation[2], atol=1e-14)
+    # Who stands behind it has its x axis, which is level, on the left.
+    right, up = -level.rotation[0], level.rotation[1]
+    np.testing.assert_allclose(x, -np.cos(angle) * right + np.sin(angle) * up, atol=1e-14)
+    np.testing.assert_allclose(np.cross(ahead, x), y, atol=1e-14)
+    np.testing.assert_allclose(rolled.place, [-0.8, -0.1, 1.1], rtol=1e-15)
+
+
+def test_angles_may_be_in_degrees():
+    known = KnownPose(EULER, ORIGIN, [0.06, 0.02, 0.05], [0.02] * 3)
+    deg = {"euler": np.rad2deg(EULER).tolist(), "euler_std": np.rad2deg(known.euler_std).tolist()}
+    same = KnownPose(**deg, origin=ORIGIN, origin_std=[0.02] * 3, angle_unit=AngleUnit.deg)
+    ours, theirs = (Given(views={"a": pose}).read().pose for pose in (same, known))
+    for name in ("euler", "origin", "covariance"):
+        np.testing.assert_allclose(ours[name], theirs[name], rtol=1e-12, atol=1e-15)
+
+
 def test_pose_takes_angles_or_a_point_to_look_at_and_not_the_origin():
     for wrong, told in (
-        (KnownPose(EULER, ORIGIN, looks_at=[0, 0, 0]), "give either euler or looks_at"),
-        (KnownPose(origin=ORIGIN), "give either euler or looks_at"),
-        (KnownPose(origin=ORIGIN, looks_at=ORIGIN), "must be another point than the origin"),
+        (KnownPose(EULER, ORIGIN, look_at=[0, 0, 0]), "give either euler or look_at"),
+        (KnownPose(origin=ORIGIN), "give either euler or look_at"),
+        (KnownPose(origin=ORIGIN, look_at=ORIGIN), "must be another point than the origin"),
+        (KnownPose(EULER, ORIGIN, roll=0.1), "views.front.roll: belongs to look_at; euler says it"),
+        (KnownPose(origin=ORIGIN, look_at=[0, 0]), "look_at: must be three numbers, not 2"),
+        (KnownPose(origin=ORIGIN, look_at=[0, 0, 0], roll=np.nan), "roll: must be finite, not nan"),
     ):
         with pytest.raises(ConfigError, match=told):
             Given(views={"front": wrong})

@@ -48,6 +48,15 @@ def test_every_view_sees_everything(lab, phasors, scene, target, laser):
         np.testing.assert_allclose(seen[:, 1], 1.0, atol=1e-3)
 
 
+def test_an_instrument_of_the_lab_looks_where_it_is_said_to_look(lab):
+    place = "{origin: [500, 300, 1600], look_at: [150, 150, 0], unit: mm, roll: 5, angle_unit: deg}"
+    ours = lab("calibration", f"scene.views={{front: {place}}}")
+    ours.use_view("front")
+    np.testing.assert_allclose(ours.true_dac([0.15, 0.15, 0.0]), 0.0, atol=1e-9)
+    above = ours.true_dac([0.15, 0.16, 0.0])  # rolled clockwise: what is above lies to the left
+    assert np.arctan2(above[1], above[0]) == pytest.approx(np.deg2rad(5), abs=0.02)
+
+
 def test_the_same_seed_makes_the_same_lab(lab):
     first, again, other = (lab("plate", seed=s).scan(lines()[0]) for s in (1, 1, 2))
     assert same(first, again)
