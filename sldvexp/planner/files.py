@@ -9,7 +9,6 @@ are planned, for ``pose=<name>``. Both are written whole or not at all.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,6 @@ from sldvexp.config.experiment import SINGLE_GROUPS
 from sldvexp.config.sources import Origins
 from sldvexp.errors import UserError
 from sldvexp.files import unusable
-from sldvexp.geometry import KnownPose
 from sldvexp.planner.images import Stand
 from sldvexp.planner.planned import Plan
 from sldvexp.scan import Scan
@@ -30,7 +28,7 @@ from sldvexp.scan.session import Session
 from sldvexp.writing import make_folder, require_no_link, whole_or_nothing
 
 #: Name of the key of a pose for the place that is looked at.
-LOOK_AT = next(f.name for f in fields(KnownPose) if f.name.startswith("look"))
+LOOK_AT = "look_at"
 #: Settings that a plan does not go on with: they are of other views.
 OF_OTHER_VIEWS = ("expect", "overwrite", "use_repair")
 
