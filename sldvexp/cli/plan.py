@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from functools import reduce
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 import numpy as np
 from omegaconf import DictConfig, OmegaConf, open_dict
@@ -19,11 +20,14 @@ from sldvexp.cli.layout import wrapped
 from sldvexp.config import Origins, messages, schema
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE
+from sldvexp.config.planning import PlanCriterion
 from sldvexp.config.refusals import refusal
 from sldvexp.dataset import RunData
 from sldvexp.errors import UserError
-from sldvexp.planner.planned import Plan
 from sldvexp.planner.place import Reason
+from sldvexp.planner.planned import Plan
+from sldvexp.plot import save
+from sldvexp.plot.catalogue import USUAL
 from sldvexp.sweep import recorded_config
 
 #: Options of this command with what they take.
@@ -31,6 +35,8 @@ OPTIONS = COMMAND_HELP["plan"].options
 #: What is planned, by the word behind the command.
 ACTIONS = ("next", "check")
 USUAL_NAME = "planned"
+#: Folder of the figures beside the experiments.
+FIGURES = "figures"
 
 
 def run(
@@ -74,6 +80,8 @@ def run(
         name or USUAL_NAME,
         replace=experiment.overwrite,
     )
+    drawn = planner.figure.draw(found)
+    written += save(drawn, Path(to) / FIGURES / (name or USUAL_NAME), formats=USUAL)
     for path in written:
         print(path)
     print(f"sldvexp --config-dir {to} experiment={name or USUAL_NAME} runs it")
@@ -125,11 +133,11 @@ def _of_run(
                 "taken; the others are the run's own"
             )
         try:
-            OmegaConf.update(composed, override.key_or_group, override.value())
+            keys = override.key_or_group.split(".")
+            nested = reduce(lambda value, key: {key: value}, reversed(keys), override.value())
+            composed = cast(DictConfig, OmegaConf.merge(composed, nested))
         except OmegaConfBaseException as error:
-            raise UserError(
-                f"command line: {override.key_or_group} {refusal(error)}"
-            ) from None
+            raise UserError(f"command line: {override.key_or_group} {refusal(error)}") from None
     return composed, recorded.plugins, {}, done
 
 
@@ -145,13 +153,21 @@ def _print(found: Plan, action: str, experiment: Experiment) -> None:
 def _stands(found: Plan) -> Table:
     """Make the table of the stands."""
     table = Table(title="Stands", title_justify="left")
-    for column in ("stand", "x, y, z, m", "looks at, m", "distance, m", "incidence", "sees"):
+    for column in (
+        "stand",
+        "x, y, z, m",
+        "looks at, m",
+        "distance, m",
+        "incidence where it sees",
+        "sees",
+    ):
         table.add_column(column)
     nodes, frame = found.place.nodes, found.place.frame
     for k, stand in enumerate(found.stands):
         way = np.linalg.norm(stand.origin - nodes, axis=1)
         cosine = np.einsum("ni,ni->n", found.examined.directions[k], frame[:, 2])
-        angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+        seen = found.examined.seen[k] | ~found.examined.seen[k].any()
+        angle = np.degrees(np.arccos(np.clip(cosine[seen], -1, 1)))
         table.add_row(
             stand.name,
             ", ".join(f"{x:.3f}" for x in stand.origin),
@@ -184,29 +200,39 @@ def _bounds(found: Plan) -> Table:
 
 def told(found: Plan, action: str, experiment: Experiment) -> Iterator[str]:
     """Yield sentences on what was asked for, what is not seen and what the bounds leave out."""
+    for count, bound in found.by_count.items():
+        yield f"{count} stands: about {1e3 * bound:.3g} mm/s"
     of = experiment.plan.of
     of = of if isinstance(of, str) else f"the direction {of}"
-    which = "largest" if found.goal.criterion.name == "worst" else "r.m.s."
-    yield f"asked for: the {which} bound of {of}: {1e3 * found.asked:.3g} mm/s"
-    for count, bound in found.by_count.items():
-        yield f"{count} stands reach {1e3 * bound:.3g} mm/s"
-    for k, stand in enumerate(found.stands):
-        why = found.examined.why[k]
-        for reason in Reason:
-            nodes = np.flatnonzero(why == reason)
-            if reason is Reason.seen or not len(nodes):
-                continue
-            x, y, z = found.place.nodes[nodes].mean(axis=0)
-            yield (
-                f"stand {stand.name} does not see {len(nodes)} of {len(why)} nodes, around "
-                f"({x:.3f}, {y:.3f}, {z:.3f}) m: {reason.told}"
-            )
+    which = "largest" if found.goal.criterion is PlanCriterion.worst else "r.m.s."
+    asked = f"asked for, the {which} bound of {of}: {1e3 * found.asked:.3g} mm/s"
     if found.undetermined:
         yield (
-            f"{found.undetermined} of {len(found.place.nodes)} nodes are seen by too few stands: "
-            "a component is not determined there"
+            f"{found.undetermined} of {len(found.place.nodes)} nodes are seen by too few stands to "
+            "determine all components there; the table is of the others; more stands help, or a "
+            "wider plan.room.incidence"
         )
+    else:
+        yield asked
+    if action == "check":
+        yield from _not_seen(found)
     yield (
         f"bounds are of the noise, {1e3 * found.noise:.3g} mm/s at a pixel, of every place by "
         "itself; poses and the size of elements add to them, a thin shell lessens them"
     )
+
+
+def _not_seen(found: Plan) -> Iterator[str]:
+    """Say which nodes each stand does not see, and why."""
+    for k, stand in enumerate(found.stands):
+        if refused := found.examined.refused[k]:
+            yield f"stand {stand.name}: {Reason(refused).told}"
+        why = found.examined.why[k]
+        for reason in map(Reason, np.unique(why[why > 0])):
+            nodes = np.flatnonzero(why == reason)
+            low, high = (getattr(found.place.nodes[nodes], f)(axis=0) for f in ("min", "max"))
+            places = ", ".join(f"{a:.3f} to {b:.3f}" for a, b in zip(low, high, strict=True))
+            yield (
+                f"stand {stand.name} does not see {len(nodes)} of {len(why)} nodes, within "
+                f"({places}) m: {reason.told}"
+            )

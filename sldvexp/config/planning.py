@@ -120,14 +120,14 @@ class PlanSettings:
     Parameters
     ----------
     stands : int
-        From 3 to 8; with `wanted` the most that are tried.
+        From 3 to 8.
     criterion : PlanCriterion
     of : str or list of 3 float
         What the bounds are of: all components, ``in_plane`` (along the surface), ``x``, ``y`` or
         ``z`` of the world, ``t1``, ``t2`` or ``n`` of the surface, or a direction in the world.
     wanted : float, m/s, optional
         Bound that is to be reached, at the level of the reconstruction; then as many stands are
-        planned as it needs.
+        planned as it needs, whatever `stands` says.
     noise : float, m/s, optional
         Root mean square of the vibrometer's noise before a sine is fitted. Without it that of the
         images of the run that is gone on with, of the virtual lab, or 0.5 % of 0.1 m/s.

@@ -1,4 +1,4 @@
-"""Where to stand: places for the instrument from which bounds are small, before anything is measured.
+"""Planner: places for the instrument from which bounds are small, before anything is measured.
 
 `plan` finds stands for an experiment, `next_stand` the one that helps most after those that are
 there, `check_stands` says what given stands see and why not the rest. `criterion` has the closed

@@ -1,3 +1,4 @@
+from . import figure as figure
 from . import files as files
 from .planned import Plan as Plan
 from .planned import check_stands as check_stands

@@ -7,8 +7,8 @@ view changes the variance along a direction u without any inverse (Sherman and M
 
     u' C+ u = u' C u - (u' C d)^2 / (1 + d' C d).
 
-A small prior, ``C = PRIOR I`` of a node that nobody sees, makes this hold from the first view on; it
-costs a direction that no view sees so much that the next stand goes there.
+A small prior, ``C = PRIOR I`` of a node that nobody sees, makes this hold from the first view on;
+it costs a direction that no view sees so much that the next stand goes there.
 
 Analytic limits: N stands evenly on a cone of half-angle t around the normal give ``sqrt(2/N) /
 sin t`` along the surface and ``1 / (sqrt(N) cos t)`` across it; the mean of all is smallest at
@@ -26,8 +26,6 @@ from sldvexp.typing import Array
 
 #: Variance of what no view sees, in units of the pixels' variance.
 PRIOR = 1e3
-#: Standard error, in units of the pixels' noise, from which a component counts as not determined.
-UNDETERMINED = 0.3 * PRIOR**0.5
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,7 @@ from sldvexp.dataset import RunData
 from sldvexp.errors import UserError
 from sldvexp.field.visibility.view import View, views_of
 from sldvexp.geometry import KnownPose
-from sldvexp.planner.expected import empty_view
-from sldvexp.planner.images import Stand, known_stand, raster_of
+from sldvexp.planner.images import Stand, empty_image, known_stand, raster_of
 from sldvexp.planner.place import Place
 from sldvexp.pose.given import Given
 from sldvexp.scan.rectangle import Rectangle
@@ -78,8 +77,10 @@ def of_experiment(experiment: Experiment, place: Place) -> GivenStands:
             "plan: there are no stands to go on from: give a run's folder, or their poses with "
             "pose=given and pose.views"
         )
-    stands = tuple(_stand(name, origin, rotation, place) for name, (rotation, origin) in poses.items())
-    images = tuple(_image(stand, experiment) for stand in stands)
+    stands = tuple(
+        _stand(name, origin, rotation, place) for name, (rotation, origin) in poses.items()
+    )
+    images = tuple(_image(stand, experiment, k, place) for k, stand in enumerate(stands))
     return GivenStands(stands, images)
 
 
@@ -89,13 +90,13 @@ def _stand(name: str, origin: Array, rotation: Array, place: Place) -> Stand:
     return known_stand(name, origin, origin + ahead * rotation[2], rotation, place)
 
 
-def _image(stand: Stand, experiment: Experiment) -> View:
+def _image(stand: Stand, experiment: Experiment, number: int, place: Place) -> View:
     """Lay the pixels that the configuration's scan has of a stand, or those that it would get."""
     scan = experiment.scan
     part = scan.structure if isinstance(scan, Session) else scan
     scanned = isinstance(part, Rectangle) and stand.name in part.views
     raster = part.grid(stand.name) if scanned else raster_of(stand, experiment)
-    return empty_view(stand.name, stand.rotation, stand.origin, raster)
+    return empty_image(stand, experiment, raster, number, place)
 
 
 def _emptied(view: View) -> View:

@@ -29,7 +29,7 @@ from sldvexp.image import Interpolation
 from sldvexp.laser import TwoMirror
 from sldvexp.reconstruction import Contravariant, Reconstruction
 from sldvexp.signal import Flag
-from sldvexp.typing import Array, IntArray
+from sldvexp.typing import Array, BoolArray, IntArray
 from sldvexp.volume import Coordinates, Volume
 
 
@@ -49,7 +49,7 @@ class ExpectedBounds:
 
 
 def empty_view(
-    name: str, rotation: Array, origin: Array, raster: IntArray, lost: Array | None = None
+    name: str, rotation: Array, origin: Array, raster: IntArray, lost: BoolArray | None = None
 ) -> View:
     """Make a view whose image is still empty, with pixels of unit noise.
 

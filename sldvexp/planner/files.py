@@ -21,10 +21,6 @@ from sldvexp.errors import UserError
 from sldvexp.files import unusable
 from sldvexp.planner.images import Stand
 from sldvexp.planner.planned import Plan
-from sldvexp.scan import Scan
-from sldvexp.scan.calibration import CalibrationScan
-from sldvexp.scan.rectangle import Rectangle
-from sldvexp.scan.session import Session
 from sldvexp.writing import make_folder, require_no_link, whole_or_nothing
 
 #: Name of the key of a pose for the place that is looked at.

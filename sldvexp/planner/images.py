@@ -12,15 +12,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.config.experiment import Experiment
+from sldvexp.field.visibility.view import View
+from sldvexp.laser import direction_cosines
 from sldvexp.planner.aim import aimed, angles_of, rotations_towards
-from sldvexp.planner.place import Place
+from sldvexp.planner.expected import empty_view
+from sldvexp.planner.place import Place, crosses
+from sldvexp.scan.lines import rectangle, strided
 from sldvexp.scan.rectangle import Rectangle
 from sldvexp.scan.session import Session
-from sldvexp.scan.lines import rectangle, strided
 from sldvexp.typing import Array, IntArray
 
 #: Rows and columns of an image where nothing says how many.
 USUAL_PIXELS = (41, 41)
+#: Part of the pixels that speckle costs, where nothing tells it.
+USUAL_DROP_OUT = 0.002
 #: Part by which the region goes beyond what must be in it, so that the outermost nodes have pixels
 #: on all sides.
 BESIDE = 0.015
@@ -61,9 +66,7 @@ def stand_at(name: str, origin: Array, place: Place) -> Stand:
     return known_stand(name, origin, look_at[0], rotations_towards(origin[None], look_at)[0], place)
 
 
-def known_stand(
-    name: str, origin: Array, look_at: Array, rotation: Array, place: Place
-) -> Stand:
+def known_stand(name: str, origin: Array, look_at: Array, rotation: Array, place: Place) -> Stand:
     """Take an instrument as it stands."""
     edge = _dac(origin, rotation, place.outline, place)
     low, high = edge.min(axis=0), edge.max(axis=0)
@@ -93,3 +96,30 @@ def raster_of(stand: Stand, experiment: Experiment) -> IntArray:
         return strided(stand.corners, part.stride)
     pixels = part.pixels if isinstance(part, Rectangle) and part.pixels else USUAL_PIXELS
     return rectangle(stand.corners, *pixels)
+
+
+def empty_image(
+    stand: Stand, experiment: Experiment, raster: IntArray, number: int, place: Place
+) -> View:
+    """Make the image of a stand, still empty, without the pixels that will be lost.
+
+    Those are the ones that speckle costs, and those whose beams a forbidden box stops.
+
+    Parameters
+    ----------
+    raster : ndarray of int, shape (row, column, 2), steps
+    number : int
+        Of the image, so that other pixels are lost in each.
+    """
+    part = experiment.plan.drop_out
+    if part is None:
+        scene = experiment.scene
+        part = USUAL_DROP_OUT if scene is None else scene.vibrometer.drop_out
+    lost = np.random.default_rng([experiment.seed, number]).random(raster.shape[:2]) < part
+    if place.solid:
+        angles = place.laser.angle_from_dac(raster.reshape(-1, 2))
+        far = np.linalg.norm(place.middle - stand.origin)
+        ends = stand.origin - far * direction_cosines(angles, stand.rotation)
+        for box in place.solid:
+            lost |= crosses(stand.origin[None], ends, box).reshape(lost.shape)
+    return empty_view(stand.name, stand.rotation, stand.origin, raster, lost)

@@ -210,7 +210,7 @@ class Place:
         way = origins[:, None] - self.nodes[None]
         distance = np.linalg.norm(way, axis=-1)
         directions = way / distance[..., None]
-        why = np.zeros(distance.shape, np.int8)
+        why = np.zeros(distance.shape, np.int64)
         low, high = limits(self.laser, self.room.mirrors)
         angles = angles_of(origins, rotations, self.nodes, self.laser)
         why[((angles < low) | (angles > high)).any(axis=-1)] = Reason.mirrors
@@ -218,7 +218,7 @@ class Place:
         why[distance < self.room.distance[0]] = Reason.near
         cosine = np.einsum("sni,ni->sn", directions, self.frame[:, 2])
         cosine = np.abs(cosine) if self.both_sides else cosine
-        for box in self._solid:
+        for box in self.solid:
             why[(why == 0) & crosses(origins, self.nodes, box)] = Reason.blocked
         why[cosine < np.cos(np.radians(self.room.incidence))] = Reason.incidence
         why[cosine <= 0] = Reason.behind
@@ -229,13 +229,13 @@ class Place:
 
     def _refused(self, origins: Array, rotations: Array) -> IntArray:
         """Find why stands are refused as a whole; 0 where they are not."""
-        refused = np.zeros(len(origins), np.int8)
+        refused = np.zeros(len(origins), np.int64)
         if len(self.marks.position):
             low, high = limits(self.laser, self.room.mirrors)
             angles = angles_of(origins, rotations, self.marks.position, self.laser)
             beyond = ((angles < low) | (angles > high)).any(axis=(1, 2))
             refused[beyond] = Reason.target_mirrors
-            for box in self._solid:
+            for box in self.solid:
                 behind = crosses(origins, self.marks.position, box).any(axis=1)
                 refused[behind] = Reason.target_blocked
             way = origins[:, None] - self.marks.position[None]
@@ -249,7 +249,7 @@ class Place:
 
     def kept_out(self, origins: Array) -> IntArray:
         """Find which stands the room does not allow, and why; 0 where it does."""
-        refused = np.zeros(len(origins), np.int8)
+        refused = np.zeros(len(origins), np.int64)
         for box in self.room.forbidden.values():
             inside = ((origins > box.low) & (origins < box.high)).all(axis=1)
             refused[inside] = Reason.forbidden
@@ -259,7 +259,7 @@ class Place:
         return refused
 
     @property
-    def _solid(self) -> list[ForbiddenBox]:
+    def solid(self) -> list[ForbiddenBox]:
         """Boxes that stop beams."""
         return [box for box in self.room.forbidden.values() if not box.beams]
 
@@ -278,8 +278,11 @@ class Place:
     def _check_boxes(self) -> None:
         """Refuse boxes in which the object itself stands, and through which no beam passes."""
         for name, box in self.room.forbidden.items():
-            for what, points in (("object", self.nodes), ("calibration object", self.marks.centres)):
-                inside = ((points > box.low) & (points < box.high)).all(axis=1)
+            for what, points in (
+                ("object", self.nodes),
+                ("calibration object", self.marks.centres),
+            ):
+                inside = np.all((points > box.low) & (points < box.high), axis=1)
                 if inside.any() and not box.beams:
                     raise UserError(
                         f"plan.room.forbidden.{name}: holds {inside.sum()} of {len(inside)} points "

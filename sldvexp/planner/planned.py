@@ -17,12 +17,11 @@ from sldvexp.config.experiment import Experiment
 from sldvexp.config.planning import FEWEST_STANDS, MOST_STANDS, PlanCriterion
 from sldvexp.dataset import RunData
 from sldvexp.errors import UserError
-from sldvexp.field.visibility.view import View
 from sldvexp.planner import done
-from sldvexp.planner.criterion import Goal, covariance_of, directions_wanted
+from sldvexp.planner.criterion import Goal, covariance_of, directions_wanted, variances
 from sldvexp.planner.done import NOBODY, GivenStands
-from sldvexp.planner.expected import ExpectedBounds, empty_view, expected_bounds
-from sldvexp.planner.images import Stand, raster_of, stand_at
+from sldvexp.planner.expected import ExpectedBounds, expected_bounds
+from sldvexp.planner.images import Stand, empty_image, raster_of, stand_at
 from sldvexp.planner.place import NODES_FOR_SEARCH, Examination, Place, spread
 from sldvexp.planner.search import Candidates, candidates, exchange, greedy, move
 from sldvexp.scan.base import Sampling, Scan
@@ -30,8 +29,6 @@ from sldvexp.typing import Array
 
 #: Noise of the vibrometer before a sine is fitted, where nothing tells it: 0.5 % of 0.1 m/s, r.m.s.
 USUAL_NOISE = 5e-4
-#: Pixels that speckle costs, where nothing tells it.
-USUAL_DROP_OUT = 0.002
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +93,15 @@ class Plan:
         return int(np.isnan(self.expected.std).any(axis=1).sum())
 
     @property
+    def by_node(self) -> Array:
+        """Bound asked for, of each node by itself, (node,), m/s; NaN where not determined."""
+        square = variances(covariance_of(self.examined.looks), self.goal.wanted)
+        worst = self.goal.criterion is PlanCriterion.worst
+        own = square.max(axis=1) if worst else square.mean(axis=1)
+        known = np.isfinite(self.expected.std).all(axis=1)
+        return np.where(known, self._scale * self.goal.factor * np.sqrt(own), np.nan)
+
+    @property
     def added(self) -> tuple[Stand, ...]:
         """New stands."""
         return self.stands[len(self.stands) - self.new :]
@@ -118,20 +124,16 @@ def plan(experiment: Experiment) -> Plan:
     if settings.wanted is None:
         return task.planned(settings.stands)
     by_count: dict[int, float] = {}
-    for count in range(FEWEST_STANDS, settings.stands + 1):
+    for count in range(FEWEST_STANDS, MOST_STANDS + 1):
+        by_count[count] = task.estimated(count)
+    enough = [n for n, bound in by_count.items() if bound <= settings.wanted]
+    for count in (n for n in by_count if n >= min(enough, default=MOST_STANDS)):
         found = task.planned(count)
-        by_count[count] = found.asked
         if found.asked <= settings.wanted:
-            return replace(found, by_count=by_count)
+            return replace(found, by_count=by_count | {count: found.asked})
     raise UserError(
-        f"plan.wanted: {settings.stands} stands reach {1e3 * by_count[settings.stands]:.3g} mm/s, "
-        f"not {1e3 * settings.wanted:.3g} mm/s; "
-        + (
-            f"allow more of them with plan.stands={MOST_STANDS}, or "
-            if settings.stands < MOST_STANDS
-            else ""
-        )
-        + "sample each pixel longer, or take more pixels"
+        f"plan.wanted: {MOST_STANDS} stands reach {1e3 * found.asked:.3g} mm/s, not "
+        f"{1e3 * settings.wanted:.3g} mm/s; sample each pixel longer, or take more pixels"
     )
 
 
@@ -177,6 +179,7 @@ class _Task:
     goal: Goal
     rng: np.random.Generator
     found: Candidates | None = None
+    fewest: Plan | None = None
 
     @classmethod
     def of(cls, experiment: Experiment, given: GivenStands) -> _Task:
@@ -187,6 +190,26 @@ class _Task:
         goal = Goal(wanted, criterion, np.ones(len(thinned.nodes)))
         rng = np.random.default_rng(experiment.seed)
         return cls(experiment, given, place, thinned, goal, rng)
+
+    def estimated(self, count: int) -> float:
+        """Estimate the bound that so many stands reach, m/s, before they are moved in space.
+
+        The factors of the nodes are those of the fewest stands.
+        """
+        if self.fewest is None:
+            self.fewest = self.planned(FEWEST_STANDS)
+        first = self.fewest
+        factor = first.goal.factor[spread(self.place.nodes, NODES_FOR_SEARCH)]
+        goal, begun = self.goal.with_factor(factor), self._looks_of_given(self.thinned)
+        assert self.found is not None
+        looks = self.found.examined.looks
+        chosen = exchange(goal, looks, greedy(goal, looks, count, begun), begun)
+        of_subset = first.asked / goal.of(covariance_of(self._subset(first)))
+        return of_subset * goal.of(covariance_of(looks[chosen]))
+
+    def _subset(self, plan: Plan) -> Array:
+        """Give the directions of a plan's stands at the nodes that are searched on."""
+        return plan.examined.looks[:, spread(self.place.nodes, NODES_FOR_SEARCH)]
 
     def planned(self, count: int) -> Plan:
         """Find so many stands beside those given.
@@ -220,7 +243,11 @@ class _Task:
         examined = self.place.examine(
             np.array([s.origin for s in stands]), np.array([s.rotation for s in stands])
         )
-        images = [*self.given.images, *map(self._image, added, range(len(added)))]
+        first = len(self.given.stands)
+        images = [
+            *self.given.images,
+            *(empty_image(s, e, raster_of(s, e), k, self.place) for k, s in enumerate(added, first)),
+        ]
         expected = expected_bounds(images, self.place.laser, e.volume, e.reconstruction, e.solver)
         goal = Goal(
             directions_wanted(e.plan.of, self.place.frame),
@@ -250,16 +277,6 @@ class _Task:
             stand_at(name, found.origins[k].round(3), self.place)
             for name, k in zip(numbers, order, strict=False)
         )
-
-    def _image(self, stand: Stand, number: int) -> View:
-        """Lay the pixels of a new stand, some of which speckle will cost."""
-        e = self.experiment
-        raster = raster_of(stand, e)
-        part = e.plan.drop_out
-        if part is None:
-            part = e.scene.vibrometer.drop_out if e.scene is not None else USUAL_DROP_OUT
-        lost = np.random.default_rng([e.seed, number]).random(raster.shape[:2]) < part
-        return empty_view(stand.name, stand.rotation, stand.origin, raster, lost)
 
 
 def _factors(examined: Examination, expected: ExpectedBounds, frame: Array) -> Array:

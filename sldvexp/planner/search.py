@@ -28,6 +28,8 @@ ONE_SIDED = 0.5
 BETTER = 1e-6
 #: Steps of the moves in space: the first and the last, m.
 FIRST_STEP, LAST_STEP = 0.16, 0.01
+#: Places are whole millimetres, as they are written: what was examined is what is said.
+DECIMALS = 3
 #: Directions of moves besides those along the axes.
 OTHER_MOVES = 10
 
@@ -98,8 +100,9 @@ def _drawn(place: Place, rng: np.random.Generator) -> Array:
     first /= np.linalg.norm(first)
     axes = np.stack([first, np.cross(pole, first), pole])
     ball = np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine], axis=1)
-    radius = rng.uniform(*place.room.distance, AT_ONCE)
-    return np.asarray(place.middle + radius[:, None] * ball @ axes)
+    nearest, farthest = place.room.distance
+    radius = rng.uniform(nearest, farthest, AT_ONCE)
+    return np.asarray((place.middle + radius[:, None] * ball @ axes).round(DECIMALS))
 
 
 def examined(place: Place, origins: Array) -> Examination:
@@ -179,7 +182,7 @@ def move(
             covariance = covariance_of(np.concatenate([begun, stands.looks[others]]))
             free = rng.standard_normal((OTHER_MOVES, 3)) / 2
             ways = step * np.concatenate([np.eye(3), -np.eye(3), free])
-            tried = stands.origins[j] + ways
+            tried = (stands.origins[j] + ways).round(DECIMALS)
             tried = tried[place.kept_out(tried) == 0]
             found = examined(place, tried)
             values = goal.with_one_more(covariance, found.looks)

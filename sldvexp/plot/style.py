@@ -462,6 +462,11 @@ def _around(axes: Any) -> tuple[Figure, list[float]]:
     return every[0].figure, [*boxes[:, :2].min(axis=0), *boxes[:, 2:].max(axis=0)]
 
 
+def upright_scale(made: Figure, place: Any, mapped: Any, label: str) -> Any:
+    """Make a scale at a place of the figure: left, bottom, width and height of it."""
+    return _scale(made, place, mapped, label, upright=True)
+
+
 def _scale(made: Figure, place: Any, mapped: Any, label: str, upright: bool) -> Any:
     """Make the axis of a linear scale; one image of its colours, where a colorbar has many."""
     axes: Any = made.add_axes(place, label="<colorbar>")
