@@ -99,7 +99,7 @@ def raster_of(stand: Stand, experiment: Experiment) -> IntArray:
 
 
 def empty_image(
-    stand: Stand, experiment: Experiment, raster: IntArray, number: int, place: Place
+    stand: Stand, experiment: Experiment, raster: IntArray, number: int | None, place: Place
 ) -> View:
     """Make the image of a stand, still empty, without the pixels that will be lost.
 
@@ -108,14 +108,16 @@ def empty_image(
     Parameters
     ----------
     raster : ndarray of int, shape (row, column, 2), steps
-    number : int
-        Of the image, so that other pixels are lost in each.
+    number : int, optional
+        Of the image, so that other pixels are lost in each; without it speckle costs none.
     """
     part = experiment.plan.drop_out
     if part is None:
         scene = experiment.scene
         part = USUAL_DROP_OUT if scene is None else scene.vibrometer.drop_out
-    lost = np.random.default_rng([experiment.seed, number]).random(raster.shape[:2]) < part
+    lost = np.zeros(raster.shape[:2], bool)
+    if number is not None:
+        lost = np.random.default_rng([experiment.seed, number]).random(lost.shape) < part
     if place.solid:
         angles = place.laser.angle_from_dac(raster.reshape(-1, 2))
         far = np.linalg.norm(place.middle - stand.origin)

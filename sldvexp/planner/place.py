@@ -208,55 +208,73 @@ class Place:
     def examine(self, origins: Array, rotations: Array) -> Examination:
         """Find what each stand sees, and why not the rest."""
         way = origins[:, None] - self.nodes[None]
-        distance = np.linalg.norm(way, axis=-1)
-        directions = way / distance[..., None]
-        why = np.zeros(distance.shape, np.int64)
-        low, high = limits(self.laser, self.room.mirrors)
-        angles = angles_of(origins, rotations, self.nodes, self.laser)
-        why[((angles < low) | (angles > high)).any(axis=-1)] = Reason.mirrors
-        why[distance > self.room.distance[1]] = Reason.far
-        why[distance < self.room.distance[0]] = Reason.near
-        cosine = np.einsum("sni,ni->sn", directions, self.frame[:, 2])
-        cosine = np.abs(cosine) if self.both_sides else cosine
-        for box in self.solid:
-            why[(why == 0) & crosses(origins, self.nodes, box)] = Reason.blocked
-        why[cosine < np.cos(np.radians(self.room.incidence))] = Reason.incidence
-        why[cosine <= 0] = Reason.behind
-        refused = self._refused(origins, rotations)
+        directions = way / np.linalg.norm(way, axis=-1, keepdims=True)
+        why = np.zeros(directions.shape[:2], np.int64)
+        for reason, lost in self.losses(origins, rotations).items():
+            why[lost & (why == 0)] = reason
+        refused = np.zeros(len(origins), np.int64)
+        for reason, out in self.refusals(origins, rotations).items():
+            refused[out & (refused == 0)] = reason
         if self.clearance is not None:
             self._hide(origins, rotations, why, refused)
         return Examination(origins, rotations, directions, why, refused)
 
-    def _refused(self, origins: Array, rotations: Array) -> IntArray:
-        """Find why stands are refused as a whole; 0 where they are not."""
-        refused = np.zeros(len(origins), np.int64)
-        if len(self.marks.position):
-            low, high = limits(self.laser, self.room.mirrors)
-            angles = angles_of(origins, rotations, self.marks.position, self.laser)
-            beyond = ((angles < low) | (angles > high)).any(axis=(1, 2))
-            refused[beyond] = Reason.target_mirrors
-            for box in self.solid:
-                behind = crosses(origins, self.marks.position, box).any(axis=1)
-                refused[behind] = Reason.target_blocked
-            way = origins[:, None] - self.marks.position[None]
-            way /= np.linalg.norm(way, axis=-1, keepdims=True)
-            cosine = np.einsum("smi,mi->sm", way, self.marks.normal)
-            faces = np.any(self.marks.normal != 0, axis=1)
-            oblique = (cosine < np.cos(np.radians(self.room.incidence))) & faces
-            refused[oblique.any(axis=1)] = Reason.target_incidence
-        kept_out = self.kept_out(origins)
-        return np.where(kept_out > 0, kept_out, refused)
+    def losses(self, origins: Array, rotations: Array) -> dict[Reason, BoolArray]:
+        """Find the nodes that each limit costs each stand, (stand, node); the first counts."""
+        way = origins[:, None] - self.nodes[None]
+        distance = np.linalg.norm(way, axis=-1)
+        nearest, farthest = self.room.distance
+        cosine = np.einsum("sni,ni->sn", way, self.frame[:, 2]) / distance
+        cosine = np.abs(cosine) if self.both_sides else cosine
+        found = {
+            Reason.behind: cosine <= 0,
+            Reason.incidence: cosine < np.cos(np.radians(self.room.incidence)),
+            Reason.near: distance < nearest,
+            Reason.far: distance > farthest,
+            Reason.mirrors: self._beyond(origins, rotations, self.nodes),
+        }
+        return found | {Reason.blocked: self._blocked(origins, self.nodes)}
 
-    def kept_out(self, origins: Array) -> IntArray:
-        """Find which stands the room does not allow, and why; 0 where it does."""
-        refused = np.zeros(len(origins), np.int64)
+    def refusals(self, origins: Array, rotations: Array) -> dict[Reason, BoolArray]:
+        """Find the stands that each limit refuses as a whole, (stand,); the first counts."""
+        marks = self.marks
+        way = origins[:, None] - marks.position[None]
+        cosine = np.einsum("smi,mi->sm", way, marks.normal) / np.linalg.norm(way, axis=-1)
+        faces = np.any(marks.normal != 0, axis=1)
+        oblique = (cosine < np.cos(np.radians(self.room.incidence))) & faces
+        return {
+            **self.refusals_of_room(origins),
+            Reason.target_incidence: oblique.any(axis=1),
+            Reason.target_mirrors: self._beyond(origins, rotations, marks.position).any(axis=1),
+            Reason.target_blocked: self._blocked(origins, marks.position).any(axis=1),
+        }
+
+    def refusals_of_room(self, origins: Array) -> dict[Reason, BoolArray]:
+        """Find the stands that the room does not allow, (stand,)."""
+        inside = np.zeros(len(origins), bool)
         for box in self.room.forbidden.values():
-            inside = ((origins > box.low) & (origins < box.high)).all(axis=1)
-            refused[inside] = Reason.forbidden
+            inside |= np.all((origins > box.low) & (origins < box.high), axis=1)
         low = [-np.inf if v is None else v for v in self.room.low]
         high = [np.inf if v is None else v for v in self.room.high]
-        refused[((origins < low) | (origins > high)).any(axis=1)] = Reason.outside
-        return refused
+        outside = np.any((origins < low) | (origins > high), axis=1)
+        return {Reason.outside: outside, Reason.forbidden: inside}
+
+    def allowed(self, origins: Array) -> BoolArray:
+        """Tell which stands the room allows, (stand,)."""
+        return ~np.any(list(self.refusals_of_room(origins).values()), axis=0)
+
+    def _beyond(self, origins: Array, rotations: Array, points: Array) -> BoolArray:
+        """Tell which points the mirrors do not reach, (stand, point)."""
+        low, high = limits(self.laser, self.room.mirrors)
+        angles = angles_of(origins, rotations, points, self.laser)
+        return np.asarray(((angles < low) | (angles > high)).any(axis=-1))
+
+    def _blocked(self, origins: Array, points: Array) -> BoolArray:
+        """Tell which points are behind a box that stops beams, (stand, point)."""
+        blocked = np.zeros((len(origins), len(points)), bool)
+        for box in self.solid:
+            blocked |= crosses(origins, points, box)
+        return blocked
 
     @property
     def solid(self) -> list[ForbiddenBox]:

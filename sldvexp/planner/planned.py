@@ -225,19 +225,23 @@ class _Task:
         chosen = exchange(self.goal, looks, greedy(self.goal, looks, count, begun), begun)
         stands = self.found.examined.take(chosen)
         stands = move(self.goal, self.thinned, stands, least, begun, self.rng)
-        result = self.result(self._stands(stands))
         if self.goal.criterion is PlanCriterion.worst:
+            result = self.result(self._stands(stands), drop_outs=False)
             factor = result.goal.factor[spread(self.place.nodes, NODES_FOR_SEARCH)]
             goal = self.goal.with_factor(factor)
             again = exchange(goal, looks, chosen, begun)
             stands = self.found.examined.take(again)
             stands = move(goal, self.thinned, stands, least, begun, self.rng)
-            other = self.result(self._stands(stands))
-            result = min(result, other, key=lambda each: each.asked)
-        return result
+        return self.result(self._stands(stands))
 
-    def result(self, added: Sequence[Stand]) -> Plan:
-        """Compute what the given and the new stands see, and their bounds."""
+    def result(self, added: Sequence[Stand], drop_outs: bool = True) -> Plan:
+        """Compute what the given and the new stands see, and their bounds.
+
+        Parameters
+        ----------
+        drop_outs : bool
+            Whether pixels are lost to speckle, which are others in every layout.
+        """
         e = self.experiment
         stands = (*self.given.stands, *added)
         examined = self.place.examine(
@@ -246,7 +250,10 @@ class _Task:
         first = len(self.given.stands)
         images = [
             *self.given.images,
-            *(empty_image(s, e, raster_of(s, e), k, self.place) for k, s in enumerate(added, first)),
+            *(
+                empty_image(s, e, raster_of(s, e), k if drop_outs else None, self.place)
+                for k, s in enumerate(added, first)
+            ),
         ]
         expected = expected_bounds(images, self.place.laser, e.volume, e.reconstruction, e.solver)
         goal = Goal(

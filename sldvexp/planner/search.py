@@ -9,7 +9,6 @@ of `sldvexp.planner.criterion`.
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,13 +16,15 @@ import numpy as np
 from sldvexp.errors import UserError
 from sldvexp.planner.aim import aimed
 from sldvexp.planner.criterion import Goal, covariance_of
-from sldvexp.planner.place import SETTING_OF, Examination, Place, Reason
+from sldvexp.planner.place import SETTING_OF, Examination, Place
 from sldvexp.typing import Array
 
-#: Places that are drawn together, and how many are at most drawn for each candidate wanted.
+#: Places that are drawn together, and how many at most for each candidate wanted.
 AT_ONCE, MOST_TRIED = 1000, 40
 #: Length of a surface's mean normal from which places are drawn on its side alone.
 ONE_SIDED = 0.5
+#: Part of the nodes from which a limit that costs them counts as forbidding a place.
+HALF = 0.5
 #: Relative improvement that counts.
 BETTER = 1e-6
 #: Steps of the moves in space: the first and the last, m.
@@ -58,27 +59,19 @@ def candidates(place: Place, count: int, rng: np.random.Generator) -> Candidates
         If there is none; it says which limit forbids most.
     """
     found: Examination | None = None
-    refused: Counter[Reason] = Counter()
-    tried = 0
-    while tried < MOST_TRIED * count:
+    for _ in range(-(-MOST_TRIED * count // AT_ONCE)):
         origins = _drawn(place, rng)
-        tried += len(origins)
-        kept_out = place.kept_out(origins)
-        refused.update(Reason(r) for r in kept_out[kept_out > 0])
-        some = examined(place, origins[kept_out == 0])
-        useful = some.share > 0
-        refused.update(_main_reason(some.take(~useful)))
-        found = some.take(useful) if found is None else found.and_also(some.take(useful))
+        some = examined(place, origins[place.allowed(origins)])
+        some = some.take(some.share > 0)
+        found = some if found is None else found.and_also(some)
         least = _least(place, found)
-        if (found.share >= least).sum() >= count:
+        good = np.flatnonzero(found.share >= least)
+        if len(good) >= count:
             break
     assert found is not None
-    least = _least(place, found)
-    good = found.share >= least
-    if not good.any():
-        refused.update(_main_reason(found))
-        raise UserError(_none_of(refused, tried))
-    return Candidates(found.take(np.flatnonzero(good)[:count]), least)
+    if not len(good):
+        raise UserError(_none_of(place, _drawn(place, rng)))
+    return Candidates(found.take(good[:count]), least)
 
 
 def _least(place: Place, found: Examination) -> float:
@@ -111,24 +104,18 @@ def examined(place: Place, origins: Array) -> Examination:
     return place.examine(origins, rotations)
 
 
-def _main_reason(found: Examination) -> list[Reason]:
-    """Find the reason why each stand is no good."""
-    reasons = []
-    for refused, why in zip(found.refused, found.why, strict=True):
-        lost = np.bincount(why[why > 0], minlength=1)
-        reasons.append(Reason(refused) if refused else Reason(int(lost.argmax())))
-    return reasons
-
-
-def _none_of(refused: Counter[Reason], tried: int) -> str:
-    """Say which limit forbids most."""
-    refused.pop(Reason.seen, None)
-    reason, times = refused.most_common(1)[0]
-    others = [r for r, _ in refused.most_common(3)[1:]]
-    more = f"; next come {' and '.join(SETTING_OF[r] for r in others)}" if others else ""
+def _none_of(place: Place, origins: Array) -> str:
+    """Say which limit forbids most of some places."""
+    _, rotations = aimed(origins, place.to_be_seen, place.laser)
+    losses = place.losses(origins, rotations)
+    forbids = {reason: lost.mean(axis=1) > HALF for reason, lost in losses.items()}
+    forbids |= place.refusals(origins, rotations)
+    counts = sorted(((int(out.sum()), reason) for reason, out in forbids.items()), reverse=True)
+    (most, first), *others = counts
+    more = ", ".join(f"{SETTING_OF[reason]} {times}" for times, reason in others[:2] if times)
     return (
-        f"plan: no stand is feasible: of {tried} places tried {times} fail by {SETTING_OF[reason]} "
-        f"({reason.told}){more}; widen that limit, or choose another place for the object"
+        f"plan: no stand is feasible: {SETTING_OF[first]} forbids {most} of {len(origins)} places "
+        f"({first.told}){f', {more}' if more else ''}; widen that limit, or move the object"
     )
 
 
@@ -183,7 +170,7 @@ def move(
             free = rng.standard_normal((OTHER_MOVES, 3)) / 2
             ways = step * np.concatenate([np.eye(3), -np.eye(3), free])
             tried = (stands.origins[j] + ways).round(DECIMALS)
-            tried = tried[place.kept_out(tried) == 0]
+            tried = tried[place.allowed(tried)]
             found = examined(place, tried)
             values = goal.with_one_more(covariance, found.looks)
             values[found.share < least] = np.inf

@@ -1,0 +1,139 @@
+"""Plans: better than chance, as good as promised, and the next stand after others."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from sldvexp import planner
+from sldvexp.planner.criterion import covariance_of
+from sldvexp.planner.place import NODES_FOR_SEARCH, Place, spread
+from sldvexp.planner.search import candidates
+from tests.planner.planned_experiments import SMALL, composed
+
+PLANS = [
+    ("plan.criterion=mean",),
+    ("plan.criterion=worst", "plan.of=in_plane"),
+    ("plan.of=[1,0,1]", "plan.stands=4"),
+]
+
+
+def compared(settings: tuple[str, ...], layouts: int) -> tuple[float, float]:
+    """Compute a plan's closed form and the best of so many random layouts, with its factors."""
+    e = composed("experiment=plate", *settings)
+    found = planner.plan(e)
+    place = Place.from_experiment(e)
+    chosen = spread(place.nodes, NODES_FOR_SEARCH)
+    thinned = place.with_nodes(chosen)
+    looks = candidates(thinned, e.plan.candidates, np.random.default_rng(99)).examined.looks
+    goal = type(found.goal)(
+        found.goal.wanted[chosen], found.goal.criterion, found.goal.factor[chosen]
+    )
+    if found.goal.criterion.name == "mean":  # which a plan has before there are any factors
+        goal = goal.with_factor(np.ones(len(chosen)))
+    rng = np.random.default_rng(7)
+    random = [
+        goal.of(covariance_of(looks[rng.choice(len(looks), e.plan.stands, replace=False)]))
+        for _ in range(layouts)
+    ]
+    return goal.of(covariance_of(found.examined.looks[:, chosen])), min(random)
+
+
+@pytest.mark.parametrize("settings", PLANS)
+def test_a_plan_is_better_than_random_layouts(settings):
+    planned, best = compared((*SMALL, *settings), 300)
+    assert planned < best
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("settings", PLANS)
+def test_a_plan_is_better_than_ten_thousand_random_layouts(settings):
+    begun = time.process_time()
+    planner.plan(composed("experiment=plate", *settings))
+    assert time.process_time() - begun < 10
+    planned, best = compared(settings, 10_000)
+    assert planned < best
+
+
+def test_a_plan_reaches_the_mean_of_the_best_cone():
+    """Within 1 %: all nodes of a plate cannot be seen from one cone."""
+    found = planner.plan(composed("experiment=plate", *SMALL))
+    closed = found.goal.with_factor(np.ones(len(found.place.nodes)))
+    value = closed.of(covariance_of(found.examined.looks))
+    assert 1.0 < value / np.sqrt(3 / 5) < 1.01
+
+
+def test_the_same_seed_gives_the_same_stands_and_another_one_others():
+    one, same, other = (
+        planner.plan(composed("experiment=plate", *SMALL, f"seed={seed}")) for seed in (0, 0, 1)
+    )
+    places = [np.array([s.origin for s in p.stands]) for p in (one, same, other)]
+    np.testing.assert_array_equal(places[0], places[1])
+    assert not np.array_equal(places[0], places[2])
+    assert one.asked == pytest.approx(other.asked, rel=0.02)
+
+
+def test_all_planned_stands_keep_the_limits():
+    found = planner.plan(composed("experiment=plate", *SMALL, "plan.stands=6"))
+    assert len(found.stands) == found.new == 6
+    assert (found.examined.refused == 0).all()
+    assert found.examined.seen.all()
+    low, high = found.place.laser.board.value
+    for stand in found.stands:
+        assert stand.circles.shape == (4, 2)
+        assert (0.96 * low <= stand.circles).all() and (stand.circles <= 0.96 * high).all()
+
+
+def test_stands_go_around_a_pillar():
+    free = planner.plan(composed("experiment=plate", *SMALL))
+    x, y, z = free.stands[0].origin
+    box = f"{{low: [{x - 0.3}, {y - 0.3}, {z - 0.3}], high: [{x + 0.3}, {y + 0.3}, {z + 0.3}]}}"
+    found = planner.plan(
+        composed("experiment=plate", *SMALL, f"plan.room.forbidden={{pillar: {box}}}")
+    )
+    assert (found.examined.refused == 0).all()
+    assert found.examined.seen.all()
+    gap = [np.abs(s.origin - free.stands[0].origin).max() for s in found.stands]
+    assert min(gap) >= 0.3
+
+
+def test_one_planned_stand_after_three_does_what_the_last_two_of_the_dissertation_do():
+    views = ("~scene.views.4", "~scene.views.5")
+    small = ("experiment=plate", "volume.shape=[17,14]", "scan.structure.pixels=[31,37]")
+    given = planner.check_stands(composed(*small))
+    found = planner.next_stand(composed(*small, *views))
+    assert [s.name for s in found.stands] == ["1", "2", "3", "4"]
+    assert found.asked < 1.02 * given.asked
+
+
+def test_a_check_says_what_stands_do_not_see():
+    found = planner.check_stands(composed("experiment=plate", *SMALL, "plan.room.incidence=20"))
+    assert found.new == 0
+    assert not found.examined.seen.all()
+    assert planner.check_stands(composed("experiment=plate", *SMALL)).examined.seen.all()
+
+
+def test_a_wanted_bound_gets_as_many_stands_as_it_needs():
+    settings = ("experiment=plate", *SMALL)
+    four = planner.plan(composed(*settings, "plan.stands=4"))
+    found = planner.plan(composed(*settings, f"plan.wanted={1.01 * four.asked}"))
+    assert len(found.stands) == 4
+    assert found.asked <= 1.01 * four.asked
+    assert list(found.by_count) == [3, 4, 5, 6, 7, 8]
+    assert list(found.by_count.values()) == sorted(found.by_count.values(), reverse=True)
+
+
+def test_a_bound_that_is_out_of_reach_is_refused():
+    with pytest.raises(Exception, match="8 stands reach"):
+        planner.plan(composed("experiment=plate", *SMALL, "plan.wanted=1e-9"))
+
+
+def test_more_noise_makes_bounds_wider_in_proportion():
+    one, two = (
+        planner.plan(composed("experiment=plate", *SMALL, f"plan.noise={noise}"))
+        for noise in (1e-4, 3e-4)
+    )
+    assert one.noise == pytest.approx(1e-4 * np.sqrt(2 / 512))
+    np.testing.assert_allclose(two.bounds, 3 * one.bounds)
