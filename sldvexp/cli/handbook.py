@@ -20,7 +20,10 @@ from sldvexp.errors import UserError, nearest
 #: Pages in the order in which they are read.
 CHAPTERS = {
     "Begin": ("first_hour", "own_plate", "own_files", "other_instruments", "first_instrument"),
-    "Work": ("own_experiments", "sweeps", "figures", "motion", "formats", "python", "how_to"),
+    "Work": (
+        *("own_experiments", "planning", "sweeps", "figures", "motion", "formats", "python"),
+        "how_to",
+    ),
     "Methods": (
         "choosing_a_method",
         "poses",

@@ -152,11 +152,18 @@ def schema_of(cls: type) -> DictConfig:
 def _schema(cls: type) -> DictConfig:
     """Make a schema once, since making one takes several times as long as copying it."""
     schema: DictConfig = OmegaConf.structured(cls)
-    for key in schema:
-        child = schema._get_node(key)
+    _open_tables(schema)
+    return schema
+
+
+def _open_tables(node: DictConfig) -> None:
+    """Let tables of names take entries, also those of tables of settings."""
+    for key in node:
+        child = node._get_node(key)
         if isinstance(child, DictConfig) and OmegaConf.get_type(child) is dict:
             OmegaConf.set_struct(child, False)
-    return schema
+        elif isinstance(child, DictConfig) and not child._is_none():
+            _open_tables(child)
 
 
 @functools.cache

@@ -141,10 +141,12 @@ def test_candidates_are_within_all_limits():
     found = candidates(place, 300, np.random.default_rng(0)).examined
     origins = found.origins
     assert len(origins) == 300
-    assert (origins[:, 0] >= -0.5).all() and (origins <= [1.4, 0.8, 1.6]).all()
+    assert (origins[:, 0] >= -0.5).all()
+    assert (origins <= [1.4, 0.8, 1.6]).all()
     way = origins[:, None] - place.nodes
     far = np.linalg.norm(way, axis=-1)
-    assert far.min() >= 1.2 and far.max() <= 2.5
+    assert far.min() >= 1.2
+    assert far.max() <= 2.5
     assert np.degrees(np.arccos(way[..., 2] / far)).max() <= 50
     assert found.seen.all()
 
