@@ -24,8 +24,8 @@ from sldvexp.config.planning import PlanCriterion
 from sldvexp.config.refusals import refusal
 from sldvexp.dataset import RunData
 from sldvexp.errors import UserError
-from sldvexp.planner.place import Reason
-from sldvexp.planner.planned import Plan
+from sldvexp.planner.place import Unseen
+from sldvexp.planner.planned import StandPlan
 from sldvexp.plot import save
 from sldvexp.plot.catalogue import USUAL
 from sldvexp.sweep import recorded_config
@@ -50,10 +50,10 @@ def run(
         If a word means nothing, there is no object to see, or no stand is feasible.
     """
     gc.enable()
-    action = words[0] if words and words[0] in ACTIONS else ""
-    others = words[1:] if action else words
-    folders = [w for w in others if "=" not in w and not w.startswith("~")]
-    settings = [w for w in others if w not in folders]
+    named = [word for word in words if "=" not in word and not word.startswith("~")]
+    settings = [word for word in words if word not in named]
+    action = named[0] if named and named[0] in ACTIONS else ""
+    folders = named[1:] if action else named
     if len(folders) > 1 or (folders and not action):
         raise UserError(
             f"command line: plan takes settings, and behind next or check the folder of one run, "
@@ -88,7 +88,7 @@ def run(
     return 0
 
 
-def _planned(action: str, experiment: Experiment, done: RunData | None) -> Plan:
+def _planned(action: str, experiment: Experiment, done: RunData | None) -> StandPlan:
     if action == "next":
         return planner.next_stand(experiment, done)
     if action == "check":
@@ -141,7 +141,7 @@ def _of_run(
     return composed, recorded.plugins, {}, done
 
 
-def _print(found: Plan, action: str, experiment: Experiment) -> None:
+def _print(found: StandPlan, action: str, experiment: Experiment) -> None:
     console = Console()
     console = console if console.is_terminal else Console(width=max(console.width, 132))
     console.print(_stands(found))
@@ -150,7 +150,7 @@ def _print(found: Plan, action: str, experiment: Experiment) -> None:
         console.print("\n".join(wrapped(line)), highlight=False, markup=False)
 
 
-def _stands(found: Plan) -> Table:
+def _stands(found: StandPlan) -> Table:
     """Make the table of the stands."""
     table = Table(title="Stands", title_justify="left")
     for column in (
@@ -179,15 +179,15 @@ def _stands(found: Plan) -> Table:
     return table
 
 
-def _seen(found: Plan, k: int) -> str:
+def _seen(found: StandPlan, k: int) -> str:
     """Say what a stand sees."""
     why, refused = found.examined.why[k], found.examined.refused[k]
     seen = int((why == 0).sum())
     text = "all" if seen == len(why) else f"{seen} of {len(why)} nodes"
-    return f"{text}; {Reason(refused).told}" if refused else text
+    return f"{text}; {Unseen(refused).told}" if refused else text
 
 
-def _bounds(found: Plan) -> Table:
+def _bounds(found: StandPlan) -> Table:
     """Make the table of the bounds that are reached."""
     table = Table(title=f"Bounds ({found.confidence:.0%}), mm/s", title_justify="left")
     table.add_column("over the surface")
@@ -198,7 +198,7 @@ def _bounds(found: Plan) -> Table:
     return table
 
 
-def told(found: Plan, action: str, experiment: Experiment) -> Iterator[str]:
+def told(found: StandPlan, action: str, experiment: Experiment) -> Iterator[str]:
     """Yield sentences on what was asked for, what is not seen and what the bounds leave out."""
     for count, bound in found.by_count.items():
         yield f"{count} stands: about {1e3 * bound:.3g} mm/s"
@@ -222,13 +222,13 @@ def told(found: Plan, action: str, experiment: Experiment) -> Iterator[str]:
     )
 
 
-def _not_seen(found: Plan) -> Iterator[str]:
+def _not_seen(found: StandPlan) -> Iterator[str]:
     """Say which nodes each stand does not see, and why."""
     for k, stand in enumerate(found.stands):
         if refused := found.examined.refused[k]:
-            yield f"stand {stand.name}: {Reason(refused).told}"
+            yield f"stand {stand.name}: {Unseen(refused).told}"
         why = found.examined.why[k]
-        for reason in map(Reason, np.unique(why[why > 0])):
+        for reason in map(Unseen, np.unique(why[why > 0])):
             nodes = np.flatnonzero(why == reason)
             low, high = (getattr(found.place.nodes[nodes], f)(axis=0) for f in ("min", "max"))
             places = ", ".join(f"{a:.3f} to {b:.3f}" for a, b in zip(low, high, strict=True))

@@ -1,6 +1,6 @@
 from . import figure as figure
 from . import files as files
-from .planned import Plan as Plan
+from .planned import StandPlan as StandPlan
 from .planned import check_stands as check_stands
 from .planned import next_stand as next_stand
 from .planned import plan as plan

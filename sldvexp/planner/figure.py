@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from sldvexp.config.planning import PlanCriterion
-from sldvexp.planner.planned import Plan
+from sldvexp.planner.planned import StandPlan
 from sldvexp.planner.search import ONE_SIDED
 from sldvexp.plot import style
 from sldvexp.typing import Array
@@ -24,12 +24,12 @@ SAME = 0.02
 
 
 @style.styled
-def draw(plan: Plan) -> Figure:
+def draw(plan: StandPlan) -> Figure:
     """Draw stands and beams in the room, and beside it the bound of every node.
 
     Parameters
     ----------
-    plan : Plan
+    plan : StandPlan
     """
     which = "largest" if plan.goal.criterion is PlanCriterion.worst else "r.m.s."
     title = f"{len(plan.stands)} stands: {which} bound {1e3 * plan.asked:.3g} mm/s"
@@ -49,7 +49,7 @@ def draw(plan: Plan) -> Figure:
     return made
 
 
-def _close(made: Figure, plan: Plan, colours: Any, values: Array) -> None:
+def _close(made: Figure, plan: StandPlan, colours: Any, values: Array) -> None:
     """Draw the surface alone: as one faces it, or in space if it has no side of its own."""
     prisms = plan.place.surface
     normal = prisms.frame[:, 2].mean(axis=0)
@@ -82,7 +82,7 @@ def _coloured(values: Array) -> Any:
     return matplotlib.cm.ScalarMappable(norm, matplotlib.colormaps["viridis"])
 
 
-def _in_space(axes: Any, plan: Plan, colours: Array) -> None:
+def _in_space(axes: Any, plan: StandPlan, colours: Array) -> None:
     """Draw the triangles, each in the mean colour of its corners."""
     prisms = plan.place.surface
     colour = colours[prisms.triangles].mean(axis=1)
@@ -90,7 +90,7 @@ def _in_space(axes: Any, plan: Plan, colours: Array) -> None:
     axes.add_collection3d(Poly3DCollection(prisms.surface[prisms.triangles], **look))
 
 
-def _stands(axes: Any, plan: Plan) -> None:
+def _stands(axes: Any, plan: StandPlan) -> None:
     """Draw every stand with some beams, and the calibration object."""
     outline = plan.place.outline
     ends = outline[np.linspace(0, len(outline) - 1, BEAMS).astype(int)]
@@ -109,7 +109,7 @@ def _stands(axes: Any, plan: Plan) -> None:
         axes.plot(*marks.T, ".", **look)
 
 
-def _scale_room(axes: Any, plan: Plan) -> None:
+def _scale_room(axes: Any, plan: StandPlan) -> None:
     """Show all stands and the object."""
     origins = np.array([stand.origin for stand in plan.stands])
     points = np.concatenate([origins, plan.place.to_be_seen])

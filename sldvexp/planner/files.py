@@ -20,7 +20,7 @@ from sldvexp.config.sources import Origins
 from sldvexp.errors import UserError
 from sldvexp.files import unusable
 from sldvexp.planner.images import Stand
-from sldvexp.planner.planned import Plan
+from sldvexp.planner.planned import StandPlan
 from sldvexp.writing import make_folder, require_no_link, whole_or_nothing
 
 #: Name of the key of a pose for the place that is looked at.
@@ -30,7 +30,7 @@ OF_OTHER_VIEWS = ("expect", "overwrite", "use_repair")
 
 
 def write(
-    plan: Plan,
+    plan: StandPlan,
     config: DictConfig,
     plugins: Mapping[str, str],
     choices: Mapping[str, str],
@@ -68,6 +68,8 @@ def write(
     }
     for path in texts:
         require_no_link(path)
+        if path.is_dir():
+            raise UserError(f"{path}: cannot be written: it is a folder")
         if path.exists() and not replace:
             raise UserError(f"{path}: exists; overwrite=true puts this plan in its place")
     for path in texts:
@@ -81,7 +83,7 @@ def write(
 
 
 def experiment_text(
-    plan: Plan, config: DictConfig, plugins: Mapping[str, str], choices: Mapping[str, str]
+    plan: StandPlan, config: DictConfig, plugins: Mapping[str, str], choices: Mapping[str, str]
 ) -> str:
     """Write the experiment with the plan's views."""
     values = _as_data(config)
@@ -97,8 +99,8 @@ def experiment_text(
     defaults = ["_self_", *overrides]
     told = [
         "# @package _global_",
-        f"# {len(plan.stands)} stands, planned: {1e3 * plan.asked:.3g} mm/s at most is the "
-        f"{plan.goal.criterion.name} bound asked for.",
+        f"# {len(plan.stands)} planned stands; the {plan.goal.criterion.name} bound asked for is "
+        f"{1e3 * plan.asked:.3g} mm/s.",
     ]
     return "\n".join([*told, _dumped({"defaults": defaults}), _dumped(differing)])
 
@@ -136,7 +138,7 @@ def _differences(values: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str
     return found
 
 
-def _put_views(values: dict[str, Any], plan: Plan, plugins: Mapping[str, str]) -> None:
+def _put_views(values: dict[str, Any], plan: StandPlan, plugins: Mapping[str, str]) -> None:
     """Put the plan's views into the scan, the virtual lab, and the poses that are given."""
     circles = {s.name: {"dac": s.circles.tolist()} for s in plan.added if len(s.circles)}
     corners = {s.name: {"corners": s.corners.tolist()} for s in plan.added}
@@ -164,7 +166,7 @@ def as_pose(stand: Stand) -> dict[str, Any]:
     }
 
 
-def pose_text(plan: Plan) -> str:
+def pose_text(plan: StandPlan) -> str:
     """Write the stands as poses that are given."""
     views = {stand.name: as_pose(stand) for stand in plan.stands}
     told = f"# Poses of {len(views)} stands as they are planned."

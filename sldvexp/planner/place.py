@@ -33,7 +33,7 @@ FLAT = 1 - 1e-6
 RIM = 8
 
 
-class Reason(IntEnum):
+class Unseen(IntEnum):
     """Why a stand does not see a node, or is refused as a whole; `seen` is neither."""
 
     seen = 0
@@ -57,40 +57,40 @@ class Reason(IntEnum):
 
 
 _TOLD = {
-    Reason.seen: "seen",
-    Reason.behind: "facing away",
-    Reason.incidence: "beyond the incidence allowed",
-    Reason.hidden: "hidden by the surface itself",
-    Reason.blocked: "behind a forbidden box",
-    Reason.mirrors: "beyond the mirrors",
-    Reason.near: "too near",
-    Reason.far: "too far",
-    Reason.outside: "stands outside of the room",
-    Reason.forbidden: "stands in a forbidden box",
-    Reason.target_mirrors: "calibration object beyond the mirrors",
-    Reason.target_incidence: "calibration object too oblique",
-    Reason.target_blocked: "calibration object behind a forbidden box",
+    Unseen.seen: "seen",
+    Unseen.behind: "facing away",
+    Unseen.incidence: "beyond the incidence allowed",
+    Unseen.hidden: "hidden by the surface itself",
+    Unseen.blocked: "behind a forbidden box",
+    Unseen.mirrors: "beyond the mirrors",
+    Unseen.near: "too near",
+    Unseen.far: "too far",
+    Unseen.outside: "stands outside of the room",
+    Unseen.forbidden: "stands in a forbidden box",
+    Unseen.target_mirrors: "calibration object beyond the mirrors",
+    Unseen.target_incidence: "calibration object too oblique",
+    Unseen.target_blocked: "calibration object behind a forbidden box",
 }
 
 #: Settings that each reason comes from, for messages.
 SETTING_OF = {
-    Reason.behind: "the normals of the volume",
-    Reason.incidence: "plan.room.incidence",
-    Reason.hidden: "the shape of the volume",
-    Reason.blocked: "plan.room.forbidden",
-    Reason.mirrors: "plan.room.mirrors",
-    Reason.near: "plan.room.distance",
-    Reason.far: "plan.room.distance",
-    Reason.outside: "plan.room.low and plan.room.high",
-    Reason.forbidden: "plan.room.forbidden",
-    Reason.target_mirrors: "plan.room.mirrors with the calibration object",
-    Reason.target_incidence: "plan.room.incidence with the calibration object",
-    Reason.target_blocked: "plan.room.forbidden with the calibration object",
+    Unseen.behind: "the normals of the volume",
+    Unseen.incidence: "plan.room.incidence",
+    Unseen.hidden: "the shape of the volume",
+    Unseen.blocked: "plan.room.forbidden",
+    Unseen.mirrors: "plan.room.mirrors",
+    Unseen.near: "plan.room.distance",
+    Unseen.far: "plan.room.distance",
+    Unseen.outside: "plan.room.low and plan.room.high",
+    Unseen.forbidden: "plan.room.forbidden",
+    Unseen.target_mirrors: "plan.room.mirrors with the calibration object",
+    Unseen.target_incidence: "plan.room.incidence with the calibration object",
+    Unseen.target_blocked: "plan.room.forbidden with the calibration object",
 }
 
 
 @dataclass(frozen=True, eq=False)
-class Marks:
+class TargetMarks:
     """Points of the calibration object that beams must reach.
 
     Parameters
@@ -107,7 +107,7 @@ class Marks:
     centres: Array
 
     @classmethod
-    def from_target(cls, target: Target | None) -> Marks:
+    def from_target(cls, target: Target | None) -> TargetMarks:
         """Take the rims of circles, or the points of any other object."""
         if target is None:
             return cls(*(np.zeros((0, 3)) for _ in range(3)))
@@ -145,7 +145,7 @@ class Place:
     nodes: Array
     frame: Array
     outline: Array
-    marks: Marks
+    marks: TargetMarks
     laser: TwoMirror
     room: PlanRoom
     both_sides: bool
@@ -170,7 +170,7 @@ class Place:
         if experiment.laser is None:
             raise UserError("plan: there is no laser, whose mirrors limit where it can stand")
         prisms = volume.prisms()
-        marks = Marks.from_target(experiment.target)
+        marks = TargetMarks.from_target(experiment.target)
         grazing = np.cos(np.radians(experiment.plan.room.incidence))
         flat = (prisms.frame[:, 2] @ prisms.frame[0, 2]).min() > FLAT
         place = cls(
@@ -205,7 +205,7 @@ class Place:
         """Keep so many nodes as stands are compared on, spread over the surface."""
         return self.with_nodes(spread(self.nodes, NODES_FOR_SEARCH))
 
-    def examine(self, origins: Array, rotations: Array) -> Examination:
+    def examine(self, origins: Array, rotations: Array) -> StandExamination:
         """Find what each stand sees, and why not the rest."""
         way = origins[:, None] - self.nodes[None]
         directions = way / np.linalg.norm(way, axis=-1, keepdims=True)
@@ -217,9 +217,9 @@ class Place:
             refused[out & (refused == 0)] = reason
         if self.clearance is not None:
             self._hide(origins, rotations, why, refused)
-        return Examination(origins, rotations, directions, why, refused)
+        return StandExamination(origins, rotations, directions, why, refused)
 
-    def losses(self, origins: Array, rotations: Array) -> dict[Reason, BoolArray]:
+    def losses(self, origins: Array, rotations: Array) -> dict[Unseen, BoolArray]:
         """Find the nodes that each limit costs each stand, (stand, node); the first counts."""
         way = origins[:, None] - self.nodes[None]
         distance = np.linalg.norm(way, axis=-1)
@@ -227,15 +227,15 @@ class Place:
         cosine = np.einsum("sni,ni->sn", way, self.frame[:, 2]) / distance
         cosine = np.abs(cosine) if self.both_sides else cosine
         found = {
-            Reason.behind: cosine <= 0,
-            Reason.incidence: cosine < np.cos(np.radians(self.room.incidence)),
-            Reason.near: distance < nearest,
-            Reason.far: distance > farthest,
-            Reason.mirrors: self._beyond(origins, rotations, self.nodes),
+            Unseen.behind: cosine <= 0,
+            Unseen.incidence: cosine < np.cos(np.radians(self.room.incidence)),
+            Unseen.near: distance < nearest,
+            Unseen.far: distance > farthest,
+            Unseen.mirrors: self._beyond(origins, rotations, self.nodes),
         }
-        return found | {Reason.blocked: self._blocked(origins, self.nodes)}
+        return found | {Unseen.blocked: self._blocked(origins, self.nodes)}
 
-    def refusals(self, origins: Array, rotations: Array) -> dict[Reason, BoolArray]:
+    def refusals(self, origins: Array, rotations: Array) -> dict[Unseen, BoolArray]:
         """Find the stands that each limit refuses as a whole, (stand,); the first counts."""
         marks = self.marks
         way = origins[:, None] - marks.position[None]
@@ -244,12 +244,12 @@ class Place:
         oblique = (cosine < np.cos(np.radians(self.room.incidence))) & faces
         return {
             **self.refusals_of_room(origins),
-            Reason.target_incidence: oblique.any(axis=1),
-            Reason.target_mirrors: self._beyond(origins, rotations, marks.position).any(axis=1),
-            Reason.target_blocked: self._blocked(origins, marks.position).any(axis=1),
+            Unseen.target_incidence: oblique.any(axis=1),
+            Unseen.target_mirrors: self._beyond(origins, rotations, marks.position).any(axis=1),
+            Unseen.target_blocked: self._blocked(origins, marks.position).any(axis=1),
         }
 
-    def refusals_of_room(self, origins: Array) -> dict[Reason, BoolArray]:
+    def refusals_of_room(self, origins: Array) -> dict[Unseen, BoolArray]:
         """Find the stands that the room does not allow, (stand,)."""
         inside = np.zeros(len(origins), bool)
         for box in self.room.forbidden.values():
@@ -257,7 +257,7 @@ class Place:
         low = [-np.inf if v is None else v for v in self.room.low]
         high = [np.inf if v is None else v for v in self.room.high]
         outside = np.any((origins < low) | (origins > high), axis=1)
-        return {Reason.outside: outside, Reason.forbidden: inside}
+        return {Unseen.outside: outside, Unseen.forbidden: inside}
 
     def allowed(self, origins: Array) -> BoolArray:
         """Tell which stands the room allows, (stand,)."""
@@ -291,7 +291,7 @@ class Place:
             surface, triangles = self.surface.surface, self.surface.triangles
             occlusion = Occlusion.prepare(view, self.laser, surface, triangles, self.clearance)
             seen = np.flatnonzero(why[k] == 0)
-            why[k, seen[occlusion.hides(self.nodes[seen])]] = Reason.hidden
+            why[k, seen[occlusion.hides(self.nodes[seen])]] = Unseen.hidden
 
     def _check_boxes(self) -> None:
         """Refuse boxes in which the object itself stands, and through which no beam passes."""
@@ -310,7 +310,7 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False)
-class Examination:
+class StandExamination:
     """What stands see.
 
     Attributes
@@ -334,7 +334,7 @@ class Examination:
     @property
     def seen(self) -> BoolArray:
         """Nodes that each stand sees, shape (stand, node)."""
-        return np.asarray(self.why == Reason.seen)
+        return np.asarray(self.why == Unseen.seen)
 
     @property
     def share(self) -> Array:
@@ -346,14 +346,14 @@ class Examination:
         """Directions, zero where a node is not seen."""
         return self.directions * self.seen[..., None]
 
-    def take(self, chosen: IntArray | BoolArray | list[int]) -> Examination:
+    def take(self, chosen: IntArray | BoolArray | list[int]) -> StandExamination:
         """Keep some stands."""
-        return Examination(*(values[chosen] for values in vars(self).values()))
+        return StandExamination(*(values[chosen] for values in vars(self).values()))
 
-    def and_also(self, other: Examination) -> Examination:
+    def and_also(self, other: StandExamination) -> StandExamination:
         """Put the stands of another behind these."""
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return Examination(*(np.concatenate(pair) for pair in pairs))
+        return StandExamination(*(np.concatenate(pair) for pair in pairs))
 
 
 def outline_of(prisms: Prisms, margin: float) -> Array:

@@ -1,7 +1,7 @@
 """Plan of stands: found, or given, with the bounds that they reach.
 
 `plan` finds stands for a configuration, `next_stand` the one that helps most after those that are
-there, and `check_stands` says what given stands see. All three return a `Plan`.
+there, and `check_stands` says what given stands see. All three return a `StandPlan`.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from sldvexp.planner.criterion import Goal, covariance_of, directions_wanted, va
 from sldvexp.planner.done import NOBODY, GivenStands
 from sldvexp.planner.expected import ExpectedBounds, expected_bounds
 from sldvexp.planner.images import Stand, empty_image, raster_of, stand_at
-from sldvexp.planner.place import NODES_FOR_SEARCH, Examination, Place, spread
-from sldvexp.planner.search import Candidates, candidates, exchange, greedy, move
+from sldvexp.planner.place import NODES_FOR_SEARCH, Place, StandExamination, spread
+from sldvexp.planner.search import FeasiblePlaces, candidates, exchange, greedy, move
 from sldvexp.scan.base import Sampling, Scan
 from sldvexp.typing import Array
 
@@ -32,7 +32,7 @@ USUAL_NOISE = 5e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class StandPlan:
     """Stands with what they see and the bounds that they reach.
 
     Attributes
@@ -43,7 +43,7 @@ class Plan:
         How many of the last are new.
     place : Place
         With all nodes of the surface.
-    examined : Examination
+    examined : StandExamination
         What each stand sees of these.
     goal : Goal
         What was asked for, with the nodes' factors.
@@ -60,7 +60,7 @@ class Plan:
     stands: tuple[Stand, ...]
     new: int
     place: Place
-    examined: Examination
+    examined: StandExamination
     goal: Goal
     expected: ExpectedBounds
     noise: float
@@ -111,13 +111,25 @@ class Plan:
         return NormalDist().inv_cdf(0.5 + self.confidence / 2) * self.noise
 
 
-def plan(experiment: Experiment) -> Plan:
+def plan(experiment: Experiment) -> StandPlan:
     """Find stands for a configuration.
 
     Raises
     ------
     UserError
         If there is no volume, no stand is feasible, or a wanted bound is out of reach.
+
+    Examples
+    --------
+    >>> from sldvexp.config.experiment import Experiment
+    >>> from sldvexp.laser import TwoMirror
+    >>> from sldvexp.volume import Grid
+    >>> plate = Grid(size=[0.3, 0.2], shape=[5, 4], layers=2)
+    >>> experiment = Experiment(volume=plate, laser=TwoMirror())
+    >>> experiment.plan.candidates = 50
+    >>> found = plan(experiment)
+    >>> [stand.name for stand in found.stands], found.undetermined
+    (['1', '2', '3', '4', '5'], 0)
     """
     task = _Task.of(experiment, NOBODY)
     settings = experiment.plan
@@ -137,25 +149,58 @@ def plan(experiment: Experiment) -> Plan:
     )
 
 
-def next_stand(experiment: Experiment, run: RunData | None = None) -> Plan:
+def next_stand(experiment: Experiment, run: RunData | None = None) -> StandPlan:
     """Find the stand that helps most after those that are there.
 
     Parameters
     ----------
     run : RunData, optional
         With the poses and images that are done; without it the stands of the configuration.
+
+    Examples
+    --------
+    >>> from sldvexp.config.experiment import Experiment
+    >>> from sldvexp.laser import TwoMirror
+    >>> from sldvexp.volume import Grid
+    >>> plate = Grid(size=[0.3, 0.2], shape=[5, 4], layers=2)
+    >>> experiment = Experiment(volume=plate, laser=TwoMirror())
+    >>> experiment.plan.candidates = 50
+    >>> from sldvexp.geometry import KnownPose
+    >>> from sldvexp.pose.given import Given
+    >>> places = [0.8, 0.0, 1.3], [-0.8, 0.2, 1.3], [0.0, -0.8, 1.4]
+    >>> poses = [KnownPose(origin=place, look_at=[0.0, 0.0, 0.0]) for place in places]
+    >>> experiment.pose = Given(views=dict(zip("abc", poses)))
+    >>> found = next_stand(experiment)
+    >>> [stand.name for stand in found.stands], found.new
+    (['a', 'b', 'c', '1'], 1)
     """
     task = _Task.of(experiment, _given(experiment, run))
     return task.planned(1)
 
 
-def check_stands(experiment: Experiment, run: RunData | None = None) -> Plan:
+def check_stands(experiment: Experiment, run: RunData | None = None) -> StandPlan:
     """Say what given stands see, and which bounds they reach.
 
     Parameters
     ----------
     run : RunData, optional
         With their poses and images; without it the stands of the configuration.
+
+    Examples
+    --------
+    >>> from sldvexp.config.experiment import Experiment
+    >>> from sldvexp.laser import TwoMirror
+    >>> from sldvexp.volume import Grid
+    >>> plate = Grid(size=[0.3, 0.2], shape=[5, 4], layers=2)
+    >>> experiment = Experiment(volume=plate, laser=TwoMirror())
+    >>> experiment.plan.candidates = 50
+    >>> from sldvexp.geometry import KnownPose
+    >>> from sldvexp.pose.given import Given
+    >>> places = [0.8, 0.0, 1.3], [-0.8, 0.2, 1.3], [0.0, -0.8, 1.4]
+    >>> poses = [KnownPose(origin=place, look_at=[0.0, 0.0, 0.0]) for place in places]
+    >>> experiment.pose = Given(views=dict(zip("abc", poses)))
+    >>> check_stands(experiment).examined.seen.all(axis=1).tolist()
+    [True, True, True]
     """
     task = _Task.of(experiment, _given(experiment, run))
     return task.result(())
@@ -178,8 +223,8 @@ class _Task:
     thinned: Place
     goal: Goal
     rng: np.random.Generator
-    found: Candidates | None = None
-    fewest: Plan | None = None
+    found: FeasiblePlaces | None = None
+    fewest: StandPlan | None = None
 
     @classmethod
     def of(cls, experiment: Experiment, given: GivenStands) -> _Task:
@@ -207,11 +252,11 @@ class _Task:
         of_subset = first.asked / goal.of(covariance_of(self._subset(first)))
         return of_subset * goal.of(covariance_of(looks[chosen]))
 
-    def _subset(self, plan: Plan) -> Array:
+    def _subset(self, plan: StandPlan) -> Array:
         """Give the directions of a plan's stands at the nodes that are searched on."""
         return plan.examined.looks[:, spread(self.place.nodes, NODES_FOR_SEARCH)]
 
-    def planned(self, count: int) -> Plan:
+    def planned(self, count: int) -> StandPlan:
         """Find so many stands beside those given.
 
         Factors of the nodes are not known before there is a layout; the worst node depends on
@@ -234,7 +279,7 @@ class _Task:
             stands = move(goal, self.thinned, stands, least, begun, self.rng)
         return self.result(self._stands(stands))
 
-    def result(self, added: Sequence[Stand], drop_outs: bool = True) -> Plan:
+    def result(self, added: Sequence[Stand], drop_outs: bool = True) -> StandPlan:
         """Compute what the given and the new stands see, and their bounds.
 
         Parameters
@@ -264,7 +309,9 @@ class _Task:
         confidence = getattr(e.reconstruction, "confidence", 0.95)
         noise = self.given.noise if e.plan.noise is None else None
         noise = _pixel_noise(e) if noise is None else noise
-        return Plan(stands, len(added), self.place, examined, goal, expected, noise, confidence, {})
+        return StandPlan(
+            stands, len(added), self.place, examined, goal, expected, noise, confidence, {}
+        )
 
     def _looks_of_given(self, place: Place) -> Array:
         """Give directions from which the given stands see the nodes."""
@@ -275,7 +322,7 @@ class _Task:
             np.array([s.origin for s in stands]), np.array([s.rotation for s in stands])
         ).looks
 
-    def _stands(self, found: Examination) -> tuple[Stand, ...]:
+    def _stands(self, found: StandExamination) -> tuple[Stand, ...]:
         """Name the new stands, from left to right as one faces the object."""
         taken = {stand.name for stand in self.given.stands}
         numbers = (n for n in map(str, range(1, 1000)) if n not in taken)
@@ -286,7 +333,7 @@ class _Task:
         )
 
 
-def _factors(examined: Examination, expected: ExpectedBounds, frame: Array) -> Array:
+def _factors(examined: StandExamination, expected: ExpectedBounds, frame: Array) -> Array:
     """Divide the estimator's standard errors by those of the closed form, (node,)."""
     wanted = directions_wanted("all", frame) if expected.components[0] == "x" else frame
     closed = np.einsum("nui,nij,nuj->nu", wanted, covariance_of(examined.looks), wanted)

@@ -16,7 +16,7 @@ import numpy as np
 from sldvexp.errors import UserError
 from sldvexp.planner.aim import aimed
 from sldvexp.planner.criterion import Goal, covariance_of
-from sldvexp.planner.place import SETTING_OF, Examination, Place
+from sldvexp.planner.place import SETTING_OF, Place, StandExamination
 from sldvexp.typing import Array
 
 #: Places that are drawn together, and how many at most for each candidate wanted.
@@ -36,21 +36,21 @@ OTHER_MOVES = 10
 
 
 @dataclass(frozen=True, eq=False)
-class Candidates:
+class FeasiblePlaces:
     """Feasible places.
 
     Attributes
     ----------
-    examined : Examination
+    examined : StandExamination
     least : float
         Part of the nodes that each sees at least.
     """
 
-    examined: Examination
+    examined: StandExamination
     least: float
 
 
-def candidates(place: Place, count: int, rng: np.random.Generator) -> Candidates:
+def candidates(place: Place, count: int, rng: np.random.Generator) -> FeasiblePlaces:
     """Draw places that are feasible.
 
     Raises
@@ -58,7 +58,7 @@ def candidates(place: Place, count: int, rng: np.random.Generator) -> Candidates
     UserError
         If there is none; it says which limit forbids most.
     """
-    found: Examination | None = None
+    found: StandExamination | None = None
     for _ in range(-(-MOST_TRIED * count // AT_ONCE)):
         origins = _drawn(place, rng)
         some = examined(place, origins[place.allowed(origins)])
@@ -71,10 +71,10 @@ def candidates(place: Place, count: int, rng: np.random.Generator) -> Candidates
     assert found is not None
     if not len(good):
         raise UserError(_none_of(place, _drawn(place, rng)))
-    return Candidates(found.take(good[:count]), least)
+    return FeasiblePlaces(found.take(good[:count]), least)
 
 
-def _least(place: Place, found: Examination) -> float:
+def _least(place: Place, found: StandExamination) -> float:
     """Say which part of the nodes a stand must see."""
     if place.room.seen is not None:
         return place.room.seen
@@ -98,7 +98,7 @@ def _drawn(place: Place, rng: np.random.Generator) -> Array:
     return np.asarray((place.middle + radius[:, None] * ball @ axes).round(DECIMALS))
 
 
-def examined(place: Place, origins: Array) -> Examination:
+def examined(place: Place, origins: Array) -> StandExamination:
     """Aim upright instruments at the object and examine what they see."""
     _, rotations = aimed(origins, place.to_be_seen, place.laser)
     return place.examine(origins, rotations)
@@ -154,11 +154,11 @@ def exchange(goal: Goal, looks: Array, chosen: list[int], begun: Array) -> list[
 def move(
     goal: Goal,
     place: Place,
-    stands: Examination,
+    stands: StandExamination,
     least: float,
     begun: Array,
     rng: np.random.Generator,
-) -> Examination:
+) -> StandExamination:
     """Move every stand in space while that helps and is feasible, by ever smaller steps."""
     best = goal.of(covariance_of(np.concatenate([begun, stands.looks])))
     step, count = FIRST_STEP, len(stands.origins)
@@ -187,11 +187,11 @@ def move(
 def layout(
     goal: Goal,
     place: Place,
-    found: Candidates,
+    found: FeasiblePlaces,
     count: int,
     begun: Array,
     rng: np.random.Generator,
-) -> Examination:
+) -> StandExamination:
     """Find so many stands: greedy choice, exchanges, moves."""
     looks = found.examined.looks
     chosen = exchange(goal, looks, greedy(goal, looks, count, begun), begun)

@@ -12,7 +12,7 @@ from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_towards
 from sldvexp.laser import TwoMirror, project
 from sldvexp.planner.aim import aimed, rotations_towards
-from sldvexp.planner.place import Place, Reason, crosses
+from sldvexp.planner.place import Place, Unseen, crosses
 from sldvexp.planner.search import candidates, examined
 from sldvexp.volume import Prisms, TriangulatedSurface, extruded, vertex_normals
 from sldvexp.volume.surface import node_frames
@@ -24,9 +24,9 @@ def plate() -> Place:
     return Place.from_experiment(composed("experiment=plate", *SMALL))
 
 
-def reasons(place: Place, *origin: float) -> set[Reason]:
+def reasons(place: Place, *origin: float) -> set[Unseen]:
     found = examined(place, np.array([origin]))
-    return {Reason(r) for r in found.why[0]} | {Reason(found.refused[0])}
+    return {Unseen(r) for r in found.why[0]} | {Unseen(found.refused[0])}
 
 
 def test_many_instruments_stand_upright_as_one_does():
@@ -64,18 +64,18 @@ def test_ways_cross_a_box_where_a_point_of_them_is_inside():
 
 
 def test_a_stand_in_front_sees_all_and_one_behind_nothing(plate):
-    assert reasons(plate, 0.4, 0.1, 1.5) == {Reason.seen}
-    assert Reason.behind in reasons(plate, 0.4, 0.1, -1.5)
+    assert reasons(plate, 0.4, 0.1, 1.5) == {Unseen.seen}
+    assert Unseen.behind in reasons(plate, 0.4, 0.1, -1.5)
 
 
 @pytest.mark.parametrize(
     ("origin", "reason"),
     [
-        ((0.4, 0.1, 3.0), Reason.far),
-        ((0.4, 0.1, 0.9), Reason.near),
-        ((0.4, 1.6, 1.2), Reason.outside),
-        ((2.0, 0.1, 0.5), Reason.incidence),
-        ((-1.6, 0.1, 0.3), Reason.target_incidence),
+        ((0.4, 0.1, 3.0), Unseen.far),
+        ((0.4, 0.1, 0.9), Unseen.near),
+        ((0.4, 1.6, 1.2), Unseen.outside),
+        ((2.0, 0.1, 0.5), Unseen.incidence),
+        ((-1.6, 0.1, 0.3), Unseen.target_incidence),
     ],
 )
 def test_limits_of_the_room_say_why(plate, origin, reason):
@@ -84,18 +84,18 @@ def test_limits_of_the_room_say_why(plate, origin, reason):
 
 def test_mirrors_of_a_small_range_do_not_reach_all(plate):
     narrow = replace(plate, room=replace(plate.room, mirrors=0.3))
-    assert {Reason.mirrors, Reason.target_mirrors} <= reasons(narrow, 0.4, 0.1, 1.3)
+    assert {Unseen.mirrors, Unseen.target_mirrors} <= reasons(narrow, 0.4, 0.1, 1.3)
 
 
 def test_forbidden_boxes_keep_stands_out_and_stop_beams(plate):
     box = ForbiddenBox([0.3, 0.0, 0.5], [0.5, 0.2, 2.0])
     shut = replace(plate, room=replace(plate.room, forbidden={"pillar": box}))
-    assert Reason.forbidden in reasons(shut, 0.4, 0.1, 1.5)
-    assert Reason.blocked in reasons(shut, 0.4, 0.1, 2.2)
+    assert Unseen.forbidden in reasons(shut, 0.4, 0.1, 1.5)
+    assert Unseen.blocked in reasons(shut, 0.4, 0.1, 2.2)
     table = replace(box, beams=True)
     over = replace(plate, room=replace(plate.room, forbidden={"table": table}))
-    assert Reason.forbidden in reasons(over, 0.4, 0.1, 1.5)
-    assert reasons(over, 0.4, 0.1, 2.2) == {Reason.seen}
+    assert Unseen.forbidden in reasons(over, 0.4, 0.1, 1.5)
+    assert reasons(over, 0.4, 0.1, 2.2) == {Unseen.seen}
 
 
 def test_a_surface_hides_a_part_of_itself():
@@ -115,7 +115,7 @@ def test_a_surface_hides_a_part_of_itself():
     # From the side of the high part the lower one behind the step is partly hidden.
     x = prisms.surface[:, 0]
     found = examined(place, np.array([[-1.2, 0.0, 1.0], [1.2, 0.0, 1.0]]))
-    hidden, open_ = found.why == Reason.hidden
+    hidden, open_ = found.why == Unseen.hidden
     assert hidden.any()
     shadow = (x > 0.02) & (x < 0.02 + 0.1 * 1.0)
     assert shadow[hidden].all()

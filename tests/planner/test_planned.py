@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sldvexp import planner
-from sldvexp.planner import Plan
+from sldvexp.planner import StandPlan
 from sldvexp.planner.criterion import covariance_of
 from sldvexp.planner.place import NODES_FOR_SEARCH, Place, spread
 from sldvexp.planner.search import candidates
@@ -99,7 +99,7 @@ def test_stands_go_around_a_pillar():
     assert min(gap) >= 0.3
 
 
-def closed_form(found: Plan) -> float:
+def closed_form(found: StandPlan) -> float:
     """Compute what was asked for without the pixels, in units of their noise."""
     plain = found.goal.with_factor(np.ones(len(found.place.nodes)))
     return plain.of(covariance_of(found.examined.looks))

@@ -1,0 +1,137 @@
+"""`sldvexp plan`: what it prints, writes and refuses, through the real command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from tests.planner.planned_experiments import SMALL
+
+QUICK = (*SMALL, "scan.structure.pixels=[17,21]")
+
+
+def words(text: str) -> str:
+    return " ".join(text.split())
+
+
+@pytest.fixture
+def planned(sldvexp):
+    """Plan four stands into the folder lab."""
+    done = sldvexp("plan", *QUICK, "plan.stands=4", "--to", "lab", "--name", "monday")
+    assert (done.status, done.err) == (0, "")
+    return done
+
+
+def test_a_plan_is_written_as_an_experiment_with_poses_and_a_figure(planned):
+    written = ["experiment/monday.yaml", "pose/monday.yaml", "figures/monday.png"]
+    assert all(f"lab/{name}" in planned.out and Path("lab", name).is_file() for name in written)
+    made = yaml.safe_load(Path("lab/experiment/monday.yaml").read_text())
+    views = made["scene"]["views"]
+    assert list(views) == ["1", "2", "3", "4"]
+    assert all(set(view) == {"origin", "look_at"} for view in views.values())
+    scan = made["scan"]
+    assert [len(v["dac"]) for v in scan["calibration"]["views"].values()] == [4] * 4
+    assert [len(v["corners"]) for v in scan["structure"]["views"].values()] == [4] * 4
+    assert yaml.safe_load(Path("lab/pose/monday.yaml").read_text())["views"] == views
+    assert "expect" not in made
+
+
+def test_a_run_takes_a_plan_as_it_is_and_finds_its_stands(planned, sldvexp):
+    done = sldvexp("--config-dir", "lab", "experiment=monday", "report=none", "hydra.run.dir=run")
+    assert (done.status, done.err) == (0, "")
+    from sldvexp import open_run
+
+    tree = open_run("run")
+    made = yaml.safe_load(Path("lab/pose/monday.yaml").read_text())["views"]
+    assert [str(v) for v in tree["pose"]["view"].values] == list(made)
+    off = tree["pose"]["origin"].values - [view["origin"] for view in made.values()]
+    assert np.abs(off).max() < 1e-3
+    again = sldvexp("plan", "next", "run", "plan.candidates=100")
+    assert (again.status, again.err) == (0, "")
+    assert "│ 5     │" in again.out
+    checked = sldvexp("plan", "check", "run", "plan.room.incidence=40")
+    assert "beyond the incidence allowed" in words(checked.out)
+
+
+def test_the_planned_poses_can_be_taken_instead_of_being_found(planned, sldvexp):
+    done = sldvexp("--config-dir", "lab", "experiment=monday", "pose=monday", "--cfg", "job")
+    assert done.status == 0
+    pose = yaml.safe_load(done.out)["pose"]
+    assert pose["views"]["1"]["look_at"]
+
+
+def test_a_plan_replaces_files_only_if_asked(planned, sldvexp):
+    before = Path("lab/experiment/monday.yaml").read_bytes()
+    again = ("plan", *QUICK, "plan.stands=3", "--to", "lab", "--name", "monday")
+    done = sldvexp(*again)
+    assert done.status == 1
+    assert done.err.endswith("exists; overwrite=true puts this plan in its place\n")
+    assert Path("lab/experiment/monday.yaml").read_bytes() == before
+    assert sldvexp(*again, "overwrite=true").status == 0
+    assert Path("lab/experiment/monday.yaml").read_bytes() != before
+    made = yaml.safe_load(Path("lab/experiment/monday.yaml").read_text())
+    assert list(made["scene"]["views"]) == ["1", "2", "3"]
+    assert "overwrite" not in made
+
+
+def test_a_plan_is_written_whole_or_not_at_all(sldvexp):
+    Path("lab/pose/monday.yaml").mkdir(parents=True)
+    done = sldvexp("plan", *QUICK, "--to", "lab", "--name", "monday", "overwrite=true")
+    assert done.status == 1
+    assert not Path("lab/experiment/monday.yaml").exists()
+
+
+def test_the_next_stand_is_written_beside_those_that_are_there(sldvexp):
+    done = sldvexp("plan", "next", *QUICK, "--to", "lab")
+    assert (done.status, done.err) == (0, "")
+    made = yaml.safe_load(Path("lab/experiment/planned.yaml").read_text())
+    assert list(made["scan"]["structure"]["views"]) == ["1", "2", "3", "4", "5", "6"]
+
+
+def test_a_check_names_nodes_and_reasons(sldvexp):
+    pillar = "{pillar: {low: [0.35, 0.0, 0.6], high: [0.4, 0.3, 0.7]}}"
+    done = sldvexp("plan", "check", *QUICK, f"plan.room.forbidden={pillar}")
+    assert done.status == 0
+    assert "does not see" in done.out
+    assert "behind a forbidden box" in words(done.out)
+
+
+REFUSED = [
+    ("experiment=pose", "plan: there is no volume, so that nobody knows what is to be seen; "),
+    ("plan.stands=2", "plan.stands must be from 3 to 8, not 2: fewer views do not determine"),
+    ("plan.stands=9", "plan.stands must be from 3 to 8, not 9"),
+    ("plan.of=q", "plan.of must be one of all, in_plane, x, y, z, t1, t2, n, or a direction"),
+    ("plan.of=[0,0,0]", "plan.of must be one of"),
+    ("plan.wanted=0", "plan.wanted must be a positive number, not 0"),
+    ("plan.room.distance=[2,1]", "plan.room.distance must be a nearest and a larger farthest"),
+    ("plan.room.incidence=95", "plan.room.incidence must lie between 0 and 90 deg, not 95"),
+    ("plan.room.mirrors=2", "plan.room.mirrors must be above 0 and at most 1, not 2"),
+    ("plan.room.low=[0,0]", "plan.room.low must be three numbers or null, not 2"),
+    ("plan.rooms=1", "plan.rooms is not a known setting; did you mean room?"),
+    (
+        "plan.room.forbidden={a:{low:[0,0,-1],high:[1,1,1]}}",
+        "plan.room.forbidden.a: holds ",
+    ),
+    (
+        "plan.room.forbidden={a:{low:[0,0,0],high:[1,0,1]}}",
+        "plan.room.forbidden.a.high must be above low",
+    ),
+    ("plan.room.incidence=2", "plan: no stand is feasible: plan.room.incidence"),
+    ("nowhere", "command line: plan takes settings, and behind next or check the folder of one"),
+    ("check nowhere", "nowhere: "),
+    ("--name x", "command line: --name is of the files that --to=folder writes"),
+    ("~scene next pose=edge instrument=file", "plan: there are no stands to go on from"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "answer"), REFUSED)
+def test_bad_inputs_are_told_in_one_sentence(arguments, answer, sldvexp):
+    done = sldvexp("plan", *arguments.split(), "plan.candidates=50")
+    assert done.status == 1
+    assert done.err.startswith("sldvexp: ")
+    assert answer in done.err
+    assert done.err.count("\n") == 1
+    assert not list(Path().iterdir())
