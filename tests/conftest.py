@@ -9,7 +9,9 @@ import socket
 import subprocess
 import sys
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -28,6 +30,9 @@ from sldvexp.instrument import connection
 from sldvexp.report.html.page import Html
 from sldvexp.stopping import handlers_kept
 from sldvexp.testing import faults
+
+with suppress(ImportError):  # so that no command keeps xarray in this process from it
+    import dask  # noqa: F401
 
 #: Heavy libraries by a module of theirs, since one that is imported lazily stands in sys.modules
 #: from the start.
@@ -54,6 +59,20 @@ PAGES = {name: getattr(Html, name) for name in ("of_run", "of_sweep")}
 def pytest_xdist_auto_num_workers() -> int:
     """One more than processors: tests wait for sockets and for other processes now and then."""
     return (os.cpu_count() or 1) + 1
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave all but every n-th case of a test that is marked ``one_in(n)`` to ``-m whole``."""
+    seen: Counter[str] = Counter()
+    for item in items:
+        marked = item.get_closest_marker("one_in")
+        if marked is None or item.get_closest_marker("long") or item.get_closest_marker("whole"):
+            continue
+        test = item.nodeid.partition("[")[0]
+        if seen[test] % marked.args[0]:
+            item.add_marker(pytest.mark.whole)
+        seen[test] += 1
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:

@@ -32,6 +32,11 @@ OPTIONS = COMMAND_HELP["console"].options
 
 #: Packages of the extra `console`.
 NEEDED = ("starlette", "uvicorn", "websockets")
+#: Advice while the views are too few for any.
+TOO_FEW = (
+    "So few views do not determine three components anywhere; three that stand well apart do. "
+    "sldvexp plan finds stands for all of them."
+)
 #: Folder for what is aimed, without ``--config-dir``.
 OWN_FOLDER = "conf"
 
@@ -46,7 +51,7 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
     """
     if missing := [name for name in NEEDED if importlib.util.find_spec(name) is None]:
         raise UserError(
-            f"console needs {' and '.join(missing)}: pip install 'sldvexp[console]' installs them"
+            f"console needs {' and '.join(missing)}: pip install 'sldvexp[console]' installs it"
         )
     experiment = composed(words, config_dir)
     if experiment.scan is None or not isinstance(experiment.instrument, ScanningPlugin):
@@ -97,11 +102,13 @@ def advice(experiment: Experiment, groups: Mapping[str, xr.Dataset]) -> list[str
     if experiment.volume is None or not any(name.startswith("image/") for name in groups):
         return ["Without a volume and images of it nobody can say where to stand next."]
     done = RunData(dict(groups), {}, Path())
-    now = planner.check_stands(experiment, done)
-    count = len(now.stands)
-    views = f"{count} view{'s' if count > 1 else ''}"
-    told = [f"If you stopped here, with {views}: {_reached(now)}."]
-    after = planner.next_stand(experiment, done)
+    told = []
+    with suppress(UserError):  # of so few views
+        told.append(f"If you stopped here: {_reached(planner.check_stands(experiment, done))}.")
+    try:
+        after = planner.next_stand(experiment, done)
+    except UserError as error:
+        return [*told, f"No stand can be advised: {error}."] if told else [TOO_FEW]
     for stand in after.added:
         place, what = (_metres(point) for point in (stand.origin, stand.look_at))
         told.append(f"Stand next at {place} m and look at {what} m. Then: {_reached(after)}.")

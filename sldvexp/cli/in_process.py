@@ -108,6 +108,8 @@ def watched_run(
 class _Call(Command):
     """A call of the command that keeps what it would print about mistakes."""
 
+    own_process = False
+
     def __init__(self, arguments: list[str], quiet: bool):
         super().__init__(arguments, full_error=False, quiet=quiet)
         self.told: list[str] = []

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib import metadata
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, ClassVar, NoReturn
 
 import hydra
 from hydra._internal.utils import get_args_parser
@@ -31,6 +31,7 @@ from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE, conf_dir
 from sldvexp.errors import UserError, words_of
+from sldvexp.lazy import numpy_alone
 from sldvexp.limits import shown
 from sldvexp.stopping import end_with, exit_status, heed, this_process
 from sldvexp.writing import require_no_links
@@ -128,6 +129,8 @@ class Command:
     operator : Operator, optional
         Is asked, in the place of the person at the terminal, for what must be done by hand.
     """
+
+    own_process: ClassVar[bool] = True  # nothing else goes on in it
 
     def __init__(
         self,
@@ -326,6 +329,8 @@ class Command:
             else:
                 assert self.folder is not None
                 _keep_settings(Path(job.runtime.output_dir))
+                if self.own_process and self.experiment and self.experiment.stream is None:
+                    numpy_alone()
                 with self.held:
                     passed = pipeline.runner.run(
                         cfg,

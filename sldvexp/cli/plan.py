@@ -25,7 +25,7 @@ from sldvexp.config.refusals import refusal
 from sldvexp.dataset import RunData
 from sldvexp.errors import UserError
 from sldvexp.planner.place import Unseen
-from sldvexp.planner.planned import StandPlan
+from sldvexp.planner.planned import StandPlan, sampling_of
 from sldvexp.plot import save
 from sldvexp.plot.catalogue import USUAL
 from sldvexp.sweep import recorded_config
@@ -205,6 +205,7 @@ def told(found: StandPlan, action: str, experiment: Experiment) -> Iterator[str]
         yield f"{count} stands: about {1e3 * bound:.3g} mm/s"
     of = experiment.plan.of
     of = of if isinstance(of, str) else f"the direction {of}"
+    of = "the ends of the gage along it" if found.gage is not None else of
     which = "largest" if found.goal.criterion is PlanCriterion.worst else "r.m.s."
     asked = f"asked for, the {which} bound of {of}: {1e3 * found.asked:.3g} mm/s"
     if found.undetermined:
@@ -215,6 +216,13 @@ def told(found: StandPlan, action: str, experiment: Experiment) -> Iterator[str]
         )
     else:
         yield asked
+    if found.gage is not None:
+        hertz = sampling_of(experiment.scan).frequency[0]
+        strain = found.gage.strain(found.asked, hertz)
+        yield (
+            f"strain over the gage of {1e3 * found.gage.length:.3g} mm, at {hertz:g} Hz: "
+            f"{1e6 * strain:.3g} microstrain"
+        )
     if action == "check":
         yield from _not_seen(found)
     yield (

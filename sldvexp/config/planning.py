@@ -125,6 +125,9 @@ class PlanSettings:
     of : str or list of 3 float
         What the bounds are of: all components, ``in_plane`` (along the surface), ``x``, ``y`` or
         ``z`` of the world, ``t1``, ``t2`` or ``n`` of the surface, or a direction in the world.
+    gage : list of 2 lists of 3 float, m
+        Instead of `of`: ends of a strain gage on the surface, in the world. The bounds are then of
+        the velocities at its ends along it, and of the strain between them.
     wanted : float, m/s, optional
         Bound that is to be reached, at the level of the reconstruction; then as many stands are
         planned as it needs, whatever `stands` says.
@@ -143,6 +146,7 @@ class PlanSettings:
     stands: int = 5
     criterion: PlanCriterion = PlanCriterion.mean
     of: Any = "all"
+    gage: list[Any] = field(default_factory=list)
     wanted: float | None = None
     noise: float | None = None
     drop_out: float | None = None
@@ -157,6 +161,9 @@ class PlanSettings:
         message += few if self.stands < FEWEST_STANDS else ""
         checks.require(FEWEST_STANDS <= self.stands <= MOST_STANDS, "stands", message)
         self._check_of(checks)
+        message = f"must be two ends, [[x, y, z], [x, y, z]], not {self.gage}"
+        ends = all(isinstance(end, list) and _is_vector(end) for end in self.gage)
+        checks.require(len(self.gage) in (0, 2) and ends, "gage", message)
         for key in ("wanted", "noise"):
             value = getattr(self, key)
             if value is not None:
@@ -174,11 +181,12 @@ class PlanSettings:
     def _check_of(self, checks: Checks) -> None:
         """Refuse what is neither a name nor a direction."""
         named = isinstance(self.of, str) and self.of in WANTED_OF
-        vector = (
-            isinstance(self.of, list)
-            and len(self.of) == 3
-            and all(isinstance(v, int | float) and math.isfinite(v) for v in self.of)
-            and any(self.of)
-        )
+        vector = isinstance(self.of, list) and _is_vector(self.of) and any(self.of)
         message = f"must be one of {', '.join(WANTED_OF)}, or a direction [x, y, z], not {self.of}"
         checks.require(named or vector, "of", message)
+
+
+def _is_vector(values: list[Any]) -> bool:
+    """Tell whether these are three finite numbers."""
+    numbers = all(isinstance(v, int | float) and math.isfinite(v) for v in values)
+    return numbers and len(values) == 3

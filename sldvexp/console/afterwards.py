@@ -53,12 +53,14 @@ class Afterwards:
         self._planned = planned or (lambda told: None)
         self._groups: dict[str, xr.Dataset] = {}
         self._told: dict[str, list[str]] = {}
+        self._waiting = 0
         self._work: queue.Queue[tuple[str, Groups] | None] = queue.Queue()
         self._thread = threading.Thread(target=self._do, name="afterwards", daemon=True)
         self._thread.start()
 
     def view_done(self, name: str, groups: Groups) -> None:
         """Take the groups of a view."""
+        self._waiting += 1
         self._work.put((name, dict(groups)))
 
     def end(self) -> None:
@@ -72,6 +74,7 @@ class Afterwards:
     def _do(self) -> None:
         while (taken := self._work.get()) is not None:
             name, groups = taken
+            self._waiting -= 1
             self._groups |= groups
             told = [line for g in groups.values() for line in _summary(g)]
             self._told[name] = told
@@ -85,7 +88,7 @@ class Afterwards:
                         lines = [t for t in self._told[view] if not t.startswith(POSE)]
                         self._told[view] = [*sentences(result, view), *lines]
                 self._tell(self._told)
-                if self._advise is not None and self._work.empty():
+                if self._advise is not None and not self._waiting:
                     self._planned(
                         self._advise(self._experiment, {**self._groups, "pose": result.pose})
                     )

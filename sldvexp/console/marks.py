@@ -42,7 +42,8 @@ def used_parts(scan: Scan, by_hand: bool = False) -> dict[str, ScanPart]:
     if isinstance(scan, ScanPart):
         return {"": scan}
     assert isinstance(scan, Session)
-    parts = {f.name: getattr(scan, f.name) for f in fields(scan)}
+    every = {f.name: getattr(scan, f.name) for f in fields(scan)}
+    parts = {name: part for name, part in every.items() if isinstance(part, ScanPart)}
     used = {name: part for name, part in parts.items() if part.views}
     if used:
         return used

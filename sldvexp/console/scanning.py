@@ -53,7 +53,7 @@ class Scanning(Watcher):
     ) -> None:
         self.board, self.wishes = board, wishes
         self.stopped = self.lost = self.paused = False
-        self._running, self._why = True, ""
+        self._running, self._between, self._why = True, False, ""
         self._rest: Callable[[], None] | None = None
         self._step = ""
         self._views: tuple[ViewAhead, ...] = ()
@@ -74,9 +74,14 @@ class Scanning(Watcher):
 
     def session_begun(self, views: tuple[ViewAhead, ...]) -> None:
         """See `Watcher`."""
-        self._views = views
+        self._views, self._between = views, True
         self._pixels = self._scanned = 0
         self._began, self._waited = time.monotonic(), 0.0
+
+    def session_done(self) -> None:
+        """See `Watcher`."""
+        self._between = False
+        self._tell()
 
     def view_begun(self, view: ViewAhead) -> None:
         """See `Watcher`."""
@@ -167,7 +172,8 @@ class Scanning(Watcher):
         """Tell how far the scan is; in any thread."""
         total = sum(view.pixels for view in self._views)
         part = self._pixels / total if total else 0.0
-        word = {"running": self._running, "paused": self.paused, "part": part}
+        steerable = self._running and self._between
+        word = {"running": steerable, "paused": self.paused, "part": part}
         self.board.tell("scan", word | {"told": self._sentence(part), "facts": self._facts(total)})
 
     def _facts(self, total: int) -> dict[str, str]:
@@ -191,6 +197,8 @@ class Scanning(Watcher):
         if self.paused:
             return self._why
         left = self._left()
+        if not self._between:
+            return f"{self._step} …"
         time_left = f", {in_words(left)} left" if left is not None and part < 1 else ""
         return f"{self._step}: {100 * part:.0f} % of the scan{time_left}"
 

@@ -99,6 +99,7 @@ class Server:
             guarded(self._application()),
             lifespan="off",
             log_config=None,
+            log_level="critical",  # a run has a log of its own
             access_log=False,
             server_header=False,
             proxy_headers=False,

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from sldvexp.export import export_all
 from sldvexp.pipeline import provenance
 from sldvexp.pipeline.run_progress import RunProgress
 from sldvexp.pipeline.steps import SCAN, STEPS, Run, Step
-from sldvexp.report import REPORT_FILE, Report, attempt, pose_text, print_closing
+from sldvexp.report import REPORT_FILE, NoReport, Report, attempt, pose_text, print_closing
 from sldvexp.session import Operator, Watcher
 from sldvexp.session.interruption import how_to_go_on, telling_of_the_scan
 from sldvexp.writing import making, take_over, whole_or_nothing
@@ -31,6 +32,8 @@ from sldvexp.writing import making, take_over, whole_or_nothing
 log = logging.getLogger(__name__)
 
 POSE_FILE = "pose.txt"
+#: What comes after the steps, as a person is told of it.
+RESULTS, PAGE, EXPORTS = "results", "page", "exports"
 
 
 def run(
@@ -85,28 +88,38 @@ def run(
     run = Run(experiment, rng, Path(folder), operator or Operator(watching), watching)
     page = experiment.report if share is None else None
     do = share or (lambda step, run: step.perform(run))
+    report = _page_maker(experiment, one_of_many=share is not None)
+    last = [RESULTS, *[PAGE] * (report is not None), *[EXPORTS] * bool(experiment.export)]
+    begin = partial(_begin, watching, [*(step.name for step in steps), *last])
     with watching:
         with _page_if_unfinished(page, run.folder), _told_how_to_go_on(run.folder):
-            whole = _do(steps, run, do)
+            whole = _do(steps, run, do, begin)
         run.conclude()
         for finding in findings_of(run.tree):
             log.info("%s: %s: %s", run.verdict, finding.severity.name, finding.text)
         attributes = {**provenance.attributes(cfg, run.inputs, start), VERDICT: run.verdict}
         if run.reused:
             attributes["reused_steps"] = ", ".join(run.reused)
-        report = experiment.report
-        if report is not None and share is not None and not report.each_run:
-            report = None
-        last = len(steps) + 1
-        watching.step_begun("results" if report is None else "results and page", last, last)
-        made = _leave(run, attributes, report, list(_texts(OmegaConf.to_container(cfg))))
+        named = list(_texts(OmegaConf.to_container(cfg)))
+        made = _leave(run, attributes, report, named, begin)
     if not quiet:
         print_closing(RunData(run.kept, attributes), made)
     return whole and ("check" not in run.tree or bool(run.tree["check"]["passed"].all()))
 
 
+def _page_maker(experiment: Experiment, one_of_many: bool) -> Report | None:
+    """Find what makes the page of this run, if it gets one."""
+    report: Report | None = experiment.report
+    none = report is None or isinstance(report, NoReport)
+    return None if none or (one_of_many and report and not report.each_run) else report
+
+
 def _leave(
-    run: Run, attributes: dict[str, Any], report: Report | None, named: list[str]
+    run: Run,
+    attributes: dict[str, Any],
+    report: Report | None,
+    named: list[str],
+    begin: Callable[[str], None],
 ) -> list[Path]:
     """Make all files of a run beside those that are there, and put them in their places at once.
 
@@ -114,6 +127,8 @@ def _leave(
     ----------
     named : list of str
         Texts of the configuration; files among them are not outdated.
+    begin : callable
+        Told which files come next.
 
     Returns
     -------
@@ -123,17 +138,22 @@ def _leave(
     folder = run.folder
     path = folder / RUN_FILE
     texts = {POSE_FILE: pose_text(run.tree["pose"])} if "pose" in run.tree else {}
+    begin(RESULTS)
     with making(folder) as new:
         dataset.save(run.kept, attributes, new / RUN_FILE)
         for name, text in texts.items():
             with whole_or_nothing(new / name) as beside:
                 beside.write_text(text)
+        if report:
+            begin(PAGE)
         pages = attempt(lambda: report.of_run(new / RUN_FILE), path) if report else []
         outdated = [
             name
             for name in (POSE_FILE, REPORT_FILE)
             if not ((new / name).exists() or _is_read(folder / name, named))
         ]
+        if run.experiment.export:
+            begin(EXPORTS)
         try:
             exported = export_all(run.experiment.export, RunData(run.tree, attributes), new)
         except UserError as error:
@@ -147,11 +167,21 @@ def _leave(
     return [path, *(folder / file.relative_to(new) for file in made)]
 
 
-def _do(steps: Sequence[Step], run: Run, do: Callable[[Step, Run], None]) -> bool:
+def _begin(watcher: Watcher, names: Sequence[str], name: str) -> None:
+    """Tell which of all steps begins."""
+    watcher.step_begun(name, 1 + names.index(name), len(names))
+
+
+def _do(
+    steps: Sequence[Step],
+    run: Run,
+    do: Callable[[Step, Run], None],
+    begin: Callable[[str], None],
+) -> bool:
     """Do one step after the other; False if doubt has stopped the run."""
     scanned = False
-    for number, step in enumerate(steps, 1):
-        run.watcher.step_begun(step.name, number, len(steps) + 1)  # the last are the results
+    for step in steps:
+        begin(step.name)
         log.info(step.name)
         with telling_of_the_scan(run.folder, scanned):
             do(step, run)

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.config.planning import PlanCriterion
-from sldvexp.typing import Array
+from sldvexp.typing import Array, IntArray
 
 #: Variance of what no view sees, in units of the pixels' variance.
 PRIOR = 1e3
@@ -37,6 +37,8 @@ class Goal:
     wanted : ndarray, shape (node, direction, 3)
         Unit vectors u.
     criterion : PlanCriterion
+    weight : ndarray, shape (node,)
+        Of each node in the mean, together 1; nodes of no weight do not count.
     factor : ndarray, shape (node,)
         Standard error of the reconstruction over that of the closed form, from the pixels, samples
         and elements around each node; ones until it is known.
@@ -44,18 +46,29 @@ class Goal:
 
     wanted: Array
     criterion: PlanCriterion
+    weight: Array
     factor: Array
+
+    @classmethod
+    def evenly(cls, wanted: Array, criterion: PlanCriterion) -> Goal:
+        """Let all nodes count alike, and be as the closed form says."""
+        nodes = len(wanted)
+        return cls(wanted, criterion, np.full(nodes, 1 / nodes), np.ones(nodes))
 
     def with_factor(self, factor: Array) -> Goal:
         """Give the nodes other factors."""
         return replace(self, factor=factor)
 
+    def of_nodes(self, chosen: IntArray) -> Goal:
+        """Keep some nodes."""
+        return Goal(self.wanted[chosen], self.criterion, self.weight[chosen], self.factor[chosen])
+
     def value(self, variance: Array) -> Array:
         """Compute the criterion of variances ``u' C u``, shape (..., node, direction)."""
         square = variance * np.square(self.factor)[:, None]
         if self.criterion is PlanCriterion.worst:
-            return np.asarray(np.sqrt(square.max(axis=(-2, -1))))
-        return np.asarray(np.sqrt(square.mean(axis=(-2, -1))))
+            return np.asarray(np.sqrt(square[..., self.weight > 0, :].max(axis=(-2, -1))))
+        return np.asarray(np.sqrt(square.mean(axis=-1) @ self.weight))
 
     def of(self, covariance: Array) -> float:
         """Compute the criterion of the nodes' covariances, shape (node, 3, 3)."""

@@ -21,11 +21,12 @@ from sldvexp.planner import done
 from sldvexp.planner.criterion import Goal, covariance_of, directions_wanted, variances
 from sldvexp.planner.done import NOBODY, GivenStands
 from sldvexp.planner.expected import ExpectedBounds, expected_bounds
+from sldvexp.planner.gage import PlannedGage
 from sldvexp.planner.images import Stand, empty_image, raster_of, stand_at
 from sldvexp.planner.place import NODES_FOR_SEARCH, Place, StandExamination, spread
 from sldvexp.planner.search import FeasiblePlaces, candidates, exchange, greedy, move
 from sldvexp.scan.base import Sampling, Scan
-from sldvexp.typing import Array
+from sldvexp.typing import Array, IntArray
 
 #: Noise of the vibrometer before a sine is fitted, where nothing tells it: 0.5 % of 0.1 m/s, r.m.s.
 USUAL_NOISE = 5e-4
@@ -55,6 +56,8 @@ class StandPlan:
         Level of the bounds.
     by_count : dict of int to float
         Bound asked for that so many stands reach, m/s; only with a bound wanted.
+    gage : PlannedGage, optional
+        What was planned for, if it is a strain.
     """
 
     stands: tuple[Stand, ...]
@@ -66,6 +69,7 @@ class StandPlan:
     noise: float
     confidence: float
     by_count: dict[int, float]
+    gage: PlannedGage | None = None
 
     @property
     def bounds(self) -> Array:
@@ -221,7 +225,10 @@ class _Task:
     given: GivenStands
     place: Place
     thinned: Place
+    chosen: IntArray
+    whole: Goal
     goal: Goal
+    gage: PlannedGage | None
     rng: np.random.Generator
     found: FeasiblePlaces | None = None
     fewest: StandPlan | None = None
@@ -229,12 +236,22 @@ class _Task:
     @classmethod
     def of(cls, experiment: Experiment, given: GivenStands) -> _Task:
         place = Place.from_experiment(experiment)
-        thinned = place.thinned()
-        of, criterion = experiment.plan.of, experiment.plan.criterion
-        wanted = directions_wanted(of, thinned.frame)
-        goal = Goal(wanted, criterion, np.ones(len(thinned.nodes)))
+        settings = experiment.plan
+        gage = PlannedGage.from_ends(settings.gage, place)
+        chosen = spread(place.nodes, NODES_FOR_SEARCH)
+        if gage is None:
+            wanted = directions_wanted(settings.of, place.frame)
+            whole = Goal.evenly(wanted, settings.criterion)
+            goal = Goal.evenly(wanted[chosen], settings.criterion)
+        else:
+            chosen = np.union1d(chosen, gage.nodes)
+            wanted = directions_wanted(gage.along.tolist(), place.frame)
+            weight = np.bincount(gage.nodes, minlength=len(place.nodes)) / 2
+            whole = replace(Goal.evenly(wanted, settings.criterion), weight=weight)
+            goal = whole.of_nodes(chosen)
         rng = np.random.default_rng(experiment.seed)
-        return cls(experiment, given, place, thinned, goal, rng)
+        thinned = place.with_nodes(chosen)
+        return cls(experiment, given, place, thinned, chosen, whole, goal, gage, rng)
 
     def estimated(self, count: int) -> float:
         """Estimate the bound that so many stands reach, m/s, before they are moved in space.
@@ -244,7 +261,7 @@ class _Task:
         if self.fewest is None:
             self.fewest = self.planned(FEWEST_STANDS)
         first = self.fewest
-        factor = first.goal.factor[spread(self.place.nodes, NODES_FOR_SEARCH)]
+        factor = first.goal.factor[self.chosen]
         goal, begun = self.goal.with_factor(factor), self._looks_of_given(self.thinned)
         assert self.found is not None
         looks = self.found.examined.looks
@@ -254,7 +271,7 @@ class _Task:
 
     def _subset(self, plan: StandPlan) -> Array:
         """Give the directions of a plan's stands at the nodes that are searched on."""
-        return plan.examined.looks[:, spread(self.place.nodes, NODES_FOR_SEARCH)]
+        return plan.examined.looks[:, self.chosen]
 
     def planned(self, count: int) -> StandPlan:
         """Find so many stands beside those given.
@@ -272,7 +289,7 @@ class _Task:
         stands = move(self.goal, self.thinned, stands, least, begun, self.rng)
         if self.goal.criterion is PlanCriterion.worst:
             result = self.result(self._stands(stands), drop_outs=False)
-            factor = result.goal.factor[spread(self.place.nodes, NODES_FOR_SEARCH)]
+            factor = result.goal.factor[self.chosen]
             goal = self.goal.with_factor(factor)
             again = exchange(goal, looks, chosen, begun)
             stands = self.found.examined.take(again)
@@ -301,16 +318,21 @@ class _Task:
             ),
         ]
         expected = expected_bounds(images, self.place.laser, e.volume, e.reconstruction, e.solver)
-        goal = Goal(
-            directions_wanted(e.plan.of, self.place.frame),
-            e.plan.criterion,
-            _factors(examined, expected, self.place.frame),
-        )
+        goal = self.whole.with_factor(_factors(examined, expected, self.place.frame, self.whole))
         confidence = getattr(e.reconstruction, "confidence", 0.95)
         noise = self.given.noise if e.plan.noise is None else None
         noise = _pixel_noise(e) if noise is None else noise
         return StandPlan(
-            stands, len(added), self.place, examined, goal, expected, noise, confidence, {}
+            stands,
+            len(added),
+            self.place,
+            examined,
+            goal,
+            expected,
+            noise,
+            confidence,
+            by_count={},
+            gage=self.gage,
         )
 
     def _looks_of_given(self, place: Place) -> Array:
@@ -333,13 +355,22 @@ class _Task:
         )
 
 
-def _factors(examined: StandExamination, expected: ExpectedBounds, frame: Array) -> Array:
-    """Divide the estimator's standard errors by those of the closed form, (node,)."""
-    wanted = directions_wanted("all", frame) if expected.components[0] == "x" else frame
-    closed = np.einsum("nui,nij,nuj->nu", wanted, covariance_of(examined.looks), wanted)
-    with np.errstate(invalid="ignore"):
-        factor = np.sqrt(np.nanmean(expected.std**2 / closed, axis=1))
-    return np.where(np.isfinite(factor), factor, 1.0)
+def _factors(
+    examined: StandExamination, expected: ExpectedBounds, frame: Array, goal: Goal
+) -> Array:
+    """Divide the estimator's standard errors by those of the closed form, (node,).
+
+    Components count as much as they are part of the directions that are asked for: of one that no
+    stand sees the closed form knows the prior only.
+    """
+    axes = directions_wanted("all", frame) if expected.components[0] == "x" else frame
+    closed = variances(covariance_of(examined.looks), axes)
+    part = np.square(np.einsum("nci,nui->ncu", axes, goal.wanted)).sum(axis=2)
+    part = np.where(np.isfinite(expected.std), part, 0.0)
+    ratio = np.nan_to_num(expected.std**2 / closed)
+    total = part.sum(axis=1)
+    of_known = (ratio * part).sum(axis=1) / np.where(total > 0, total, 1.0)
+    return np.where(total > 0, np.sqrt(of_known), 1.0)
 
 
 def _pixel_noise(experiment: Experiment) -> float:
@@ -352,10 +383,10 @@ def _pixel_noise(experiment: Experiment) -> float:
         vibrometer = experiment.scene.noisy_vibrometer
         rms = vibrometer.noise * vibrometer.full_scale
     rms = USUAL_NOISE if rms is None else rms
-    return float(rms * np.sqrt(2 / _sampling(experiment.scan).samples))
+    return float(rms * np.sqrt(2 / sampling_of(experiment.scan).samples))
 
 
-def _sampling(scan: Any) -> Sampling:
+def sampling_of(scan: Any) -> Sampling:
     """Find how the pixels of the images are sampled."""
     if isinstance(scan, Scan):
         for part in (p for view in scan.view_names() for p in scan.parts(view)):

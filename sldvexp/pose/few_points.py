@@ -2,9 +2,9 @@
 
 Few points leave no majority that robust fits could follow, but their errors are known: n right
 points have a cost that is chi-square of 2n - 6. If theirs is refuted, those explanations are tried
-that a person would think of: two points with each other's angles (as many degrees of freedom), one
-point wrong (two fewer, so that it takes five to tell which). An explanation is believed if the
-points then agree and no other one makes them agree.
+that a person would think of: one point wrong (two degrees of freedom fewer, so that it takes five
+to tell which), two points with each other's angles (as many as before). An explanation is believed
+if the points then agree, and by no other point or pair.
 """
 
 from __future__ import annotations
@@ -86,15 +86,15 @@ def contradiction_of(matched: MatchedPoints) -> Contradiction | None:
     if not p_value < REFUTED:  # three points leave no residuals, and no probability
         mirrored = is_flat(matched.points) and not _in_front(poses[0], matched)
         return Contradiction("mirrored", everything, 0.0, p_value) if mirrored else None
+    wrong = list(_wrong(matched)) if len(matched) > 4 else everything
+    if len(wrong) == 1:
+        return Contradiction("wrong_point", wrong, _beside(matched, wrong[0]), p_value)
     exchanged = list(_exchanged(matched))
     if len(exchanged) == 1:
         # Each stands where the other should.
         one, other = exchanged[0]
         apart = (matched.angles[one] - matched.angles[other]) / matched.step
         return Contradiction("exchanged_points", [one, other], math.hypot(*apart), p_value)
-    wrong = list(_wrong(matched)) if len(matched) > 4 else everything
-    if len(wrong) == 1:
-        return Contradiction("wrong_point", wrong, _beside(matched, wrong[0]), p_value)
     spread = math.sqrt(min(pose.cost for pose in poses) / len(matched) / 2)
     size = spread * float(matched.relative_std.mean())
     kind = "wrong_point" if wrong else "residuals"

@@ -1,4 +1,5 @@
 from .base import REPORT_FILE as REPORT_FILE
+from .base import NoReport as NoReport
 from .base import Report as Report
 from .base import attempt as attempt
 from .base import notes as notes

@@ -26,7 +26,7 @@ from sldvexp.instrument.person import (
     mark_label,
 )
 from sldvexp.laser import TwoMirror
-from sldvexp.session.camera import ViewContext
+from sldvexp.session.camera import Camera, ViewContext
 from sldvexp.session.keyboard import Key, Keyboard
 from sldvexp.typing import Array
 from sldvexp.units import LengthUnit
@@ -78,7 +78,6 @@ class AtKeyboard:
 
     def aim(self, mark: Mark, start: Steps) -> Steps | None:
         """See `Person`."""
-        self.at.camera.look()
         self._report()
         return _Aim(self, mark, start).result()
 
@@ -266,7 +265,7 @@ class _Aim:
         if self.keyboard.is_waiting:  # whoever holds a key down shall not wait for the light
             parts.append(step)
         else:
-            light, *volts = self.person.level.read(self.instrument)
+            light, *volts = self.person.level.read(self.person.at.camera, self.instrument)
             parts += [light, step, *volts]
         self.keyboard.status(fitting(parts, self.keyboard.columns))
 
@@ -277,15 +276,15 @@ class LightLevel:
     def __init__(self) -> None:
         self._can = True
 
-    def read(self, instrument: Instrument) -> list[str]:
+    def read(self, camera: Camera, instrument: Instrument) -> list[str]:
         """Sample a pixel, and say what came back."""
         if not self._can:
             return ["no level"]
         try:
-            pixel = instrument.acquire()
+            pixel = camera.look()
             light = light_level(instrument, pixel)
         except InstrumentError as error:
-            # A dead connection shows at the next move; an instrument may do without a level.
+            # A dead connection shows at the next move; to move, no instrument needs to sample.
             self._can = False
             return ["no level", str(error)]
         volts = pixel.counts[0] * np.asarray(pixel.volts_per_count)[:, None]

@@ -95,12 +95,12 @@ class _Answers:
 
     def _who_aims(self) -> Person:
         """Find who aims; the keys of a terminal are theirs until all marks are answered."""
-        at = self._at
-        if self._guide is not None and not isinstance(at.camera.instrument, Attended):
-            keyboard = self._opened.enter_context(at.operator.keyboard())
-            if keyboard is not None:
-                return AtKeyboard(at, self._guide, keyboard)
-        return person_at(at, taken=self._taken)
+        at, guide = self._at, self._guide
+        somebody = person_at(at, taken=self._taken)
+        if guide is None or not isinstance(somebody, AtTerminal):
+            return somebody
+        keyboard = self._opened.enter_context(at.operator.keyboard())
+        return somebody if keyboard is None else AtKeyboard(at, guide, keyboard)
 
     def _answer(self, mark: Mark) -> Steps | None:
         """Look an answer up, or let a person aim, at other steps than those of other marks."""

@@ -164,9 +164,14 @@ class Camera:
         s = sampling
         self._wanted = Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude)
 
-    def look(self) -> None:
-        """Say that pixels are only looked at from now on: few samples, the generator off."""
-        self._wanted = LOOK
+    def look(self) -> RawSamples:
+        """Sample a pixel where the beam stands: few samples, the generator off."""
+        instrument = self._instrument or self.instrument
+        if self._set != LOOK:
+            self._set = None  # a scan that goes on must configure again, also after a fault
+            instrument.configure(LOOK)
+            self._set = LOOK
+        return instrument.acquire()
 
     def image(self, name: str, lines: Sequence[IntArray], in_part: bool = False) -> ComplexImage:
         """Scan some lines and turn them into complex pixels.

@@ -118,6 +118,7 @@ def pushed():
     return physics.estimated(driven(0.5), np.random.default_rng(40), (BESIDE,))
 
 
+@pytest.mark.whole
 def test_sentences_and_how_much_they_weigh(at_rest, pushed):
     assert said(at_rest).severity is Severity.note
     wrong = said(at_rest, Isotropic(thickness=0.003, rho=2900.0))

@@ -132,6 +132,7 @@ def test_one_side_alone_is_a_note(monkeypatch):
     assert finding.text.startswith("the views see the face of the sheet alone")
 
 
+@pytest.mark.whole
 def test_the_command_holds_the_face_against_the_back(sldvexp):
     """Few pixels miss what all of them are expected to reach; their sentence is the same."""
     few = ("scan.pixels=[11,13]", "volume.shape=[5,4]")

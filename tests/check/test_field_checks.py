@@ -188,6 +188,7 @@ def session_of(views, added=None, motion=as_one, **volume_settings):
     return examined(tree, experiment)
 
 
+@pytest.mark.whole
 def test_the_other_views_predict_what_one_measured():
     found = LeftOut().examine(session_of(VIEWS))
     assert found["view"].values.tolist() == list(VIEWS)
@@ -204,6 +205,7 @@ def test_a_view_that_is_off_is_off_by_as_much_and_named():
     assert found["view"].values[found["named"] == 1].tolist() == ["4"]
 
 
+@pytest.mark.whole
 def test_errors_are_as_large_as_noise_and_poses_let_expect():
     """In the mean of clean sessions, whose poses are drawn from their bounds."""
     square = []
@@ -345,6 +347,7 @@ def test_a_middle_outside_of_the_volume_is_told_from_both_sides(middle):
     assert found["depth"].item() == pytest.approx(middle, abs=1e-12)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("middle", [-0.003, 0.003])
 def test_the_depths_error_is_the_one_it_says(middle):
     """Over seeds of the noise, within four standard errors of a mean and of a std of 60 draws."""
@@ -380,6 +383,7 @@ def seen_bending(given, offset):
     return examined(run.groups | {"field": field}, e)
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("offset", [-0.002, 0.0, 0.002])
 @pytest.mark.parametrize("given", [-0.004, 0.004])
 def test_the_real_surface_is_found_on_both_sides_of_the_given_one(given, offset):

@@ -50,6 +50,7 @@ def four_lines():
     return physics.estimated(plate(tuple(MODES)), np.random.default_rng(1), tuple(MODES))
 
 
+@pytest.mark.whole
 def test_as_many_good_sheets_are_rejected_as_stated(one_line):
     """By either test, and lever arms scatter as they say."""
     rng, trials = np.random.default_rng(2), 40
@@ -61,6 +62,7 @@ def test_as_many_good_sheets_are_rejected_as_stated(one_line):
     assert 0.6 < off.std() < 1.4
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(("offset", "shear"), [(1e-3, 0), (-1e-3, 0), (1e-4, 0), (0, 0.1 / FIRST)])
 def test_a_wrong_surface_and_shear_are_rejected(offset, shear):
     """A millimetre, a tenth of it, and a tenth of the slope."""

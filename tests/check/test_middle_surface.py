@@ -69,6 +69,7 @@ def test_as_many_maps_are_rejected_as_stated(found):
     assert np.abs(z.mean(axis=0)).max() < 4 / np.sqrt(trials)
 
 
+@pytest.mark.whole
 def test_as_many_maps_of_layers_are_rejected_as_stated():
     rng, trials = np.random.default_rng(2), 40
     maps = [mapped(rng) for _ in range(trials)]

@@ -61,6 +61,7 @@ def methods_of(weights):
     }
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("is_complex", [True, False])
 @pytest.mark.parametrize("std", [None, STD])
 @pytest.mark.parametrize("other", ["compare/three", "compare/four"])

@@ -57,6 +57,7 @@ def test_a_running_wave_carries_what_theory_says():
     assert np.all(np.abs(flow.power[:, 1]) < 4 * flow.std[:, 1])
 
 
+@pytest.mark.whole
 def test_bounds_are_those_of_products():
     """Against draws of the coefficients, of the noise alone."""
     wave = Wave({HERTZ: None})
@@ -127,6 +128,7 @@ def test_nothing_enters_a_plate_in_one_mode(monkeypatch):
     assert entered <= most_by_chance(trials, 0.05)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("settings", "told"),
     [

@@ -192,6 +192,7 @@ def test_defect_of_a_command_is_not_called_a_mistake(sldvexp, monkeypatch):
         sldvexp("list")
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("word", ["list", "--help"])
 def test_reader_may_stop_reading(word):
     end, start = os.pipe()

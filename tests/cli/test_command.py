@@ -28,6 +28,7 @@ QUICK = ("~experiment", "target=dissertation")
 POSE = ("experiment=pose", "check.pose_repeats.repeats=20")
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("arguments", "answer"),
     [
@@ -225,6 +226,7 @@ def test_first_defect_of_a_sweep_is_the_one_that_is_raised(sldvexp, monkeypatch)
         sldvexp("-m", *QUICK, "seed=1,2", "hydra.sweep.dir=sweep")
 
 
+@pytest.mark.whole
 def test_resume_keeps_the_configuration_and_any_folder(sldvexp, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine/other.yaml").write_text("defaults: [config, _self_]\nseed: 77\n")
@@ -242,6 +244,7 @@ def contents(folder):
     return {f: f.read_bytes() for f in folder.rglob("*") if f.is_file()}
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [

@@ -65,6 +65,7 @@ def test_last_word_goes_on(offered, tmp_path, line, endings):
     assert offered(line) == [line.split()[-1] + ending for ending in endings.split()]
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     "line",
     [

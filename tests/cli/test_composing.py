@@ -51,6 +51,7 @@ def described(node):
     return kind, flags, node._value()
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("mode", RunMode, ids=lambda mode: mode.name)
 @pytest.mark.parametrize("overrides", OVERRIDES.values(), ids=OVERRIDES)
 def test_what_is_composed(loaders, overrides, mode):
@@ -64,6 +65,7 @@ def test_the_master_configuration_of_a_sweep(loaders):
     assert described(quick) == described(usual)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("overrides", REFUSED.values(), ids=REFUSED)
 def test_what_is_refused(loaders, overrides):
     told = []

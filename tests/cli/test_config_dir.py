@@ -46,6 +46,7 @@ def one_composition(monkeypatch):
     monkeypatch.setattr("hydra._internal.hydra.Hydra.get_mode", lambda *_, **__: None)
 
 
+@pytest.mark.whole
 def test_own_experiment_with_own_choices_runs(sldvexp, lab, tmp_path):
     done = sldvexp("-m", *MONDAY, "laser=ours,ometron_16bit", "hydra.sweep.dir=sweep")
     assert done.status == 0, done.err
@@ -81,6 +82,7 @@ def test_own_choices_are_listed_and_shown(sldvexp, lab):
     assert "ometron, ours, ometron_16bit" in out
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("file", "old", "new", "told"),
     [

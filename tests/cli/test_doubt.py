@@ -8,6 +8,7 @@ from sldvexp.cli.rerun import AgreementLevel, compare
 SPOILED = ("experiment=spoiled/sign", "scan.pixels=[13,15]")
 
 
+@pytest.mark.whole
 def test_stopped_run_says_that_it_stopped(sldvexp):
     done = sldvexp(*SPOILED, "on_doubt=stop")
     assert done.status == 2

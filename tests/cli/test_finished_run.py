@@ -140,6 +140,7 @@ FAILED = {
 }
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", FAILED)
 def test_a_failed_run_leaves_its_sentence_and_what_was_there(
     sldvexp, finished, tmp_path, monkeypatch, name
@@ -351,6 +352,7 @@ def variables(folder):
 part = np.random.default_rng(31).uniform(size=CUTS)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("part", "names"),
     [

@@ -37,6 +37,7 @@ def lab(tmp_path):
     return write
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     "line",
     [
@@ -54,6 +55,7 @@ def test_sweep_may_be_asked_for_anywhere(sldvexp, tmp_path, line):
     assert len(list((tmp_path / "swept").glob("*/run.nc"))) == 2
 
 
+@pytest.mark.whole
 def test_file_may_ask_for_a_sweep(sldvexp, lab, tmp_path):
     lab(
         x=POSE
@@ -64,6 +66,7 @@ def test_file_may_ask_for_a_sweep(sldvexp, lab, tmp_path):
     assert (tmp_path / "swept/sweep.nc").is_file()
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     "line",
     [
@@ -79,6 +82,7 @@ def test_folder_of_configurations_may_be_named_anywhere(sldvexp, lab, line):
     assert "seed: 4\n" in sldvexp(*line, "--cfg", "job").out
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", ["1", "'1'", '"1"'])
 def test_view_has_the_same_name_with_quotes_and_without(sldvexp, lab, name):
     lab(x=SCAN.replace("NAME", name))
@@ -144,6 +148,7 @@ def test_mistake_is_told_with_its_file_whatever_lies_beside(
     assert (done.status, done.err) == (1, f"sldvexp: {told}\n")
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("setting", "told"),
     [
@@ -183,6 +188,7 @@ def test_run_says_which_views_come_from_the_example(sldvexp, lab):
     assert "scene.plate.modes" not in done.err  # of which nothing is the user's
 
 
+@pytest.mark.whole
 def test_entry_of_the_example_that_is_changed_is_no_mixture(sldvexp, lab):
     place = "{euler: [0.024, 2.910, -3.117], origin: [0.290, 0.530, 1.655]}"
     lab(x=SCAN.replace("NAME", '"1"') + f"scene: {{views: {{1: {place}}}}}\n")

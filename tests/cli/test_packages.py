@@ -81,6 +81,7 @@ def test_without_the_package_there_is_no_such_method(sldvexp):
     assert done.err.startswith("sldvexp: command line: there is no reconstruction=neighbours; ")
 
 
+@pytest.mark.whole
 def test_choices_of_a_package_are_listed_and_shown(sldvexp, installed, site):
     out = sldvexp("list").out
     assert "  neighbours     Rows are differences of neighbouring views" in out
@@ -220,6 +221,7 @@ class Failing(Reconstruction):
 """
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("at_once", "later", "told"),
     [

@@ -9,6 +9,7 @@ import pytest
 from sldvexp.errors import UserError
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("setting", "told"),
     {
@@ -44,6 +45,7 @@ def test_bare_off_in_a_file_is_told_from_a_word(sldvexp, tmp_path):
     assert sldvexp(*called).status == 0
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("entries", "told"),
     {
@@ -68,6 +70,7 @@ def test_report_of_a_pipe_says_that_it_is_none_of_a_file(sldvexp, tmp_path, name
         assert sldvexp("report", f"{tmp_path}/x").err == said
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("more", [(), ("-m", "seed=1,2")])
 @pytest.mark.parametrize("fault", [UserError("lab/x.yaml: is gone"), OSError("is gone")])
 def test_fault_among_tables_is_a_warning_and_no_job_ends_by_it(sldvexp, monkeypatch, more, fault):

@@ -28,6 +28,7 @@ def test_an_honest_folder_goes_on(sldvexp, unfinished):
     assert (unfinished / "run.nc").is_file()
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("line", "told"),
     [
@@ -77,6 +78,7 @@ def test_a_file_that_is_chosen_from_elsewhere_cannot_name_code(sldvexp, unfinish
     assert "own.yaml: hydra.callbacks.x._target_ is refused" in done.err
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("key", "value"),
     [
@@ -98,6 +100,7 @@ def test_what_hydra_left_is_data(sldvexp, unfinished, key, value):
     assert done.err.count("\n") == 1
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("content", ["{", "!!python/object/apply:os.abort []", "\0", "3"])
 def test_files_that_hydra_did_not_write(sldvexp, unfinished, content):
     for name in ("overrides.yaml", "hydra.yaml"):

@@ -46,10 +46,26 @@ SLOW = {
     "spoiled/wrong_mirror_gain",
     "tube_strain",
 }
+#: Take more than 0.9 s.
+WHOLE = {
+    "dissertation/automated_pose",
+    "dissertation/measured",
+    "dissertation/point_conventions",
+    "spoiled/base",
+    "spoiled/circles",
+    "spoiled/clean",
+    "spoiled/hysteresis",
+    "spoiled/phase",
+    "spoiled/pointing",
+    "spoiled/poor_distance",
+    "spoiled/sign",
+    "spoiled/wrong_size",
+}
 BOUNDS = ("at_least", "at_most")
 #: Has its other side by itself: no more than all.
 SHARE = re.compile(r"examined/\w+/(peak_)?covered")
-MARKED = [pytest.param(n, marks=pytest.mark.long if n in SLOW else ()) for n in EXPERIMENTS]
+MARKS = dict.fromkeys(SLOW, pytest.mark.long) | dict.fromkeys(WHOLE, pytest.mark.whole)
+MARKED = [pytest.param(n, marks=MARKS.get(n, ())) for n in EXPERIMENTS]
 
 
 @pytest.mark.parametrize("name", MARKED)

@@ -330,6 +330,7 @@ def test_gif_has_a_period_of_frames_that_is_repeated(strained, tmp_path):
     np.testing.assert_array_equal(pictures[0], shape.picture(2 * np.pi))
 
 
+@pytest.mark.whole
 def test_film_has_its_periods(world, tmp_path):
     pytest.importorskip("cv2")
     export = Mp4(frequency=440.0, width=320, height=200, fps=10.0, seconds=0.8, periods=3)

@@ -69,6 +69,7 @@ def squares(result: FieldResult, position: np.ndarray) -> np.ndarray:
     return np.square(np.stack([error.real, error.imag])).mean(axis=(1, 3))
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("method", [Absolute(), Contravariant(rows="all")])
 def test_parts_add_up_to_the_bound(make_views: Make, laser: TwoMirror, method: Any) -> None:
     pose = np.diag(np.square([3e-5] * 3 + [1e-4] * 3))
@@ -95,6 +96,7 @@ def test_harmonics_are_named_where_they_can_fall_on_another_line() -> None:
     assert not_included(two) == [*not_included(one), OF_SEVERAL_LINES]
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
 @pytest.mark.parametrize(
     ("draws", "off"), [(50, 0.05), pytest.param(1000, 0.03, marks=pytest.mark.long)]

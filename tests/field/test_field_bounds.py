@@ -51,6 +51,7 @@ def smooth(views: list[View]) -> list[View]:
     ]
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("local", [pytest.param(False, marks=pytest.mark.long), True])
 @pytest.mark.parametrize(("name", "fields"), METHODS)
 def test_noise_of_shared_pixels(
@@ -81,6 +82,7 @@ def test_noise_of_shared_pixels(
     assert np.abs(result.chi2_ratio.mean(axis=1) - 1).max() < 4.5 * np.sqrt(2 * 30 / degrees)
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("local", [pytest.param(False, marks=pytest.mark.long), True])
 @pytest.mark.parametrize(("name", "fields"), METHODS)
 def test_derivative_by_the_poses(
@@ -138,6 +140,7 @@ def test_both_parts_add_up_and_poses_may_be_joint(
     np.testing.assert_allclose(none.std, result.std_noise)
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("at_once", [pytest.param(10**6, marks=pytest.mark.long), 0])
 @pytest.mark.parametrize("uneven", [False, True])
 @pytest.mark.parametrize(("name", "fields"), METHODS[:1] + METHODS[4:])
@@ -176,6 +179,7 @@ def test_large_fields(
     )
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(("name", "fields"), METHODS[:1] + METHODS[4:])
 def test_large_fields_with_a_hole(
     make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror,

@@ -54,6 +54,7 @@ def nodal_values(nodes: int, model: Model, seed: int = 1) -> np.ndarray:
     return rng.normal(size=shape) + 1j * rng.normal(size=shape)
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("local", [False, True])
 @pytest.mark.parametrize(("name", "rows", "model", "fewest"), METHODS)
 @pytest.mark.parametrize("count", [3, 5, pytest.param(12, marks=pytest.mark.long)])
@@ -77,6 +78,7 @@ def test_a_field_of_the_element_space(
     assert not result.messages
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("rule", ["tensor", "list"])
 @pytest.mark.parametrize("solver", names("solver"))
 @pytest.mark.parametrize(("name", "rows", "model", "fewest"), METHODS)

@@ -405,6 +405,7 @@ def test_cholesky_is_direct(
         np.testing.assert_allclose(cholesky, direct, rtol=1e-9, atol=1e-9 * size)
 
 
+@pytest.mark.whole
 def test_cholesky_needs_its_extra(sldvexp: Callable[..., Any], monkeypatch: Any) -> None:
     """Which is told before anything is scanned."""
     monkeypatch.setitem(sys.modules, "cholespy", None)
@@ -442,6 +443,7 @@ QUICK = (
 )
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [

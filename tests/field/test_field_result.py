@@ -38,6 +38,7 @@ def mode(position: np.ndarray) -> np.ndarray:
     return np.stack([-9 * z * np.cos(9 * x + 1), np.sin(5 * x * y) + z, deflection], axis=-1)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", ["absolute", "contravariant"])
 def test_refinement(
     make_plate: Make, make_every_sample: Make, six_points: SampleRule, name: str

@@ -67,6 +67,7 @@ def test_beam_of_the_image_point_meets_the_point() -> None:
     assert sum(seen.lost.values()) == 0
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("curved", [False, True])
 def test_velocity_of_a_plate(curved: bool) -> None:
     """A velocity image's samples are the true velocities along D; the error falls with pixels."""

@@ -105,6 +105,7 @@ def test_origin_of_the_coordinates_does_not_matter() -> None:
         assert near[:2] + points[0] == pytest.approx(far[:2], abs=1e-8)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_likelihood_reaches_the_cramer_rao_bound(shape: str) -> None:
     found, ellipse = trials(shape, "likelihood"), SHAPES[shape]
@@ -139,6 +140,7 @@ def test_stated_covariance_is_that_of_repeats(method: str) -> None:
     assert np.all(np.abs(coefficients / stated - 1.0) < 4.5 / np.sqrt(2 * COUNT) + 0.05)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("method", METHODS)
 def test_one_edge_in_ten_may_be_wrong(method: str) -> None:
     """The bound is that of the 40 good edges, at most a tenth above that of all 44."""

@@ -80,6 +80,7 @@ def test_points_of_any_dimension_agree_with_their_coordinates(x, dimensions, see
     )
 
 
+@pytest.mark.whole
 @given(four, st.floats(0.5, 20), st.floats(-1, 1), st.floats(-1, 1), st.floats(0, 0.06))
 def test_up_down_mirror_keeps_the_cross_ratio(x, distance, slant, tilt, offset):
     """Any line: the up-down mirror's planes all pass through its axis (Section 4.4.3.8)."""

@@ -53,6 +53,17 @@ BARE = "sldvexp hydra.run.dir=outputs/first"
 BACKGROUND = re.compile(r"(sldvexp-lab .*) &$")
 #: Comment behind a command that ends with another exit status than zero.
 STATUS = re.compile(r"# exit status (\d)")
+#: Pages whose blocks are whole sessions.
+SESSIONS = {
+    "choosing_a_method",
+    "figures",
+    "first_instrument",
+    "other_instruments",
+    "own_experiments",
+    "own_files",
+    "own_plate",
+    "sweeps",
+}
 OUTPUT_IS_CUT = "..."
 
 
@@ -209,7 +220,10 @@ def read(
     record_property("handbook blocks", sum(done))
 
 
-@pytest.mark.parametrize("topic", [topic for topic in PAGES if blocks(topic)])
+@pytest.mark.parametrize(
+    "topic",
+    [pytest.param(t, marks=[pytest.mark.whole] * (t in SESSIONS)) for t in PAGES if blocks(t)],
+)
 def test_blocks_of_a_page_run_as_they_stand(topic, reader, record_property):
     read(topic, reader, record_property, long=False)
 

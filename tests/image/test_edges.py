@@ -87,6 +87,7 @@ def test_profile_is_unbiased_and_as_good_as_its_stated_errors(width: float) -> N
     assert np.median(found.width) == pytest.approx(width, rel=0.02)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("width", [0.6, 1.5, 2.5])
 def test_gradient_is_nearly_unbiased_and_worse_than_the_profile(width: float) -> None:
     count = 3000

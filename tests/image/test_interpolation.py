@@ -152,6 +152,7 @@ def test_gradient(kind: str, method: Interpolation) -> None:
         np.testing.assert_allclose((gradient @ values)[same], difference[same], atol=1e-6)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("kind", ["even", "oblique", "scattered"])
 @methods
 def test_rate(kind: str, method: Interpolation) -> None:

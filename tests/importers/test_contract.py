@@ -56,6 +56,7 @@ def test_instruments_scan_or_import():
         assert issubclass(cls, ScanningPlugin | PointImporter | ImageImporter), name
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("wrong", WRONG)
 @pytest.mark.parametrize("name", IMPORTERS)
 def test_wrong_file_is_refused_in_a_sentence_that_names_it(name, wrong, tmp_path):

@@ -163,6 +163,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("name", MISTAKES)
 def test_mistakes_of_a_mapping(truth, tmp_path, name):
     changes, variables, said = MISTAKES[name]

@@ -198,6 +198,7 @@ def test_contradiction_within_one_file_is_answered_by_its_view(uff, tmp_path):
     assert "instrument.views.b.quantity=velocity wins" in finding.text
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", ["left", "left side"])
 def test_answer_as_it_is_proposed_is_right_on_the_command_line(tmp_path, sldvexp, name):
     texts = {"front": table("mm/s pk", 1.0), name: table("m/s", 1e-3), "below": table("mm/s pk", 1)}

@@ -214,6 +214,7 @@ def try_all(path, content, damages, trials, seed):
     return count
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("frequency", [EVEN, UNEVEN], ids=["even", "uneven"])
 def test_any_damage_of_a_file_of_ours_is_harmless_or_refused(tmp_path, frequency):
     content = sealed(frequency)
@@ -317,6 +318,7 @@ FORM = (
 )
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("frequency", [EVEN, UNEVEN], ids=["even", "uneven"])
 def test_damage_of_the_form_of_any_file_is_harmless_or_refused(tmp_path, frequency):
     content = bare(frequency)

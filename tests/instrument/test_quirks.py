@@ -259,6 +259,7 @@ def wanted(lab, line):
     return reference.scan(line, stream=1)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", [name for name, habit in HABITS.items() if habit.told])
 def test_a_habit_is_told_with_the_key_of_the_profile(scanned, name):
     habit = HABITS[name]
@@ -269,6 +270,7 @@ def test_a_habit_is_told_with_the_key_of_the_profile(scanned, name):
     assert "\n" not in said
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("name", [n for n, h in HABITS.items() if h.keys or not h.told])
 def test_samples_are_right_as_soon_as_the_profile_is(scanned, wanted, same, name):
     habit = replace(HABITS[name], silent=False)

@@ -154,6 +154,7 @@ def test_by_default_it_is_the_lab_of_the_automated_pose():
     assert type(made.target).__name__ == "Circles"
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("settings", "told"),
     [

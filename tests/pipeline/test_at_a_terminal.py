@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import fcntl
 import os
 import pty
@@ -53,22 +54,23 @@ class Terminal:
 
     def read(self, until="", then=None):
         """Show what comes until a text stands on the screen, do something, and go on to the end."""
-        left, text = b"", None
+        decoder, left = codecs.getincrementaldecoder("utf-8")(), ""
         while self.process.poll() is None or select.select([self.master], [], [], 0.2)[0]:
             assert time.monotonic() - self.begun < LONGEST
             if not select.select([self.master], [], [], 0.1)[0]:
                 continue
             try:
-                came = left + os.read(self.master, 65536)
+                came = left + decoder.decode(os.read(self.master, 65536))
             except OSError:
                 break
-            cut = max(came.rfind(b"\n"), came.rfind(b"m"), came.rfind(b"s")) + 1
-            text, left = came[:cut].decode(), came[cut:]
-            self.screen.feed(text)
+            begun = re.search(r"\x1b(\[[?\d;]*)?$", came)  # a sequence whose end is to come
+            cut = begun.start() if begun else len(came)
+            self.screen.feed(came[:cut])
+            left = came[cut:]
             self.shown.append(self.screen.text)
             if then and any(until in line for line in self.screen.text):
                 then, _ = None, then()
-        self.screen.feed(left.decode())
+        self.screen.feed(left)
         self.status = self.process.wait(LONGEST)
         return self.screen.text
 
@@ -165,7 +167,7 @@ def test_a_dumb_terminal_gets_plain_lines(tmp_path):
     terminal = Terminal(tmp_path, 80, "experiment=point", "hydra.run.dir=r", TERM="dumb")
     text = terminal.read()
     assert text[:2] == [
-        "step 1 of 5: line-of-sight velocities",
-        "step 2 of 5: comparison of the views of points",
+        "step 1 of 6: line-of-sight velocities",
+        "step 2 of 6: comparison of the views of points",
     ]
     assert not terminal.screen.colours

@@ -9,6 +9,7 @@ from sldvexp.config.planning import PlanCriterion
 from sldvexp.planner.criterion import PRIOR, Goal, covariance_of, directions_wanted, variances
 
 FRAME = np.eye(3)[None]
+CRITERIA = (PlanCriterion.worst, PlanCriterion.mean)
 #: Relative, of the prior: its share of information that is at least 0.5 along every axis.
 SMALL = 2 / PRIOR
 
@@ -21,7 +22,7 @@ def cone(count: int, t: float) -> np.ndarray:
 
 
 def goal_of(of: str | list[float], criterion: PlanCriterion = PlanCriterion.mean) -> Goal:
-    return Goal(directions_wanted(of, FRAME), criterion, np.ones(1))
+    return Goal.evenly(directions_wanted(of, FRAME), criterion)
 
 
 @pytest.mark.parametrize("count", range(3, 9))
@@ -49,8 +50,9 @@ def test_one_more_stand_changes_bounds_as_its_information_does():
     looks = rng.standard_normal((9, 4, 3))
     looks /= np.linalg.norm(looks, axis=-1, keepdims=True)
     looks[7, 2] = 0  # this stand does not see that node
-    for criterion in PlanCriterion:
-        goal = Goal(np.broadcast_to(np.eye(3), (4, 3, 3)), criterion, np.array([1, 2, 0.5, 1]))
+    for criterion in CRITERIA:
+        goal = Goal.evenly(np.broadcast_to(np.eye(3), (4, 3, 3)), criterion)
+        goal = goal.with_factor(np.array([1, 2, 0.5, 1]))
         fast = goal.with_one_more(covariance_of(looks[:5]), looks[5:])
         slow = [goal.of(covariance_of(looks[[0, 1, 2, 3, 4, k]])) for k in range(5, 9)]
         np.testing.assert_allclose(fast, slow, rtol=1e-10)
@@ -60,10 +62,9 @@ def test_the_worst_is_the_largest_of_all_nodes_and_directions():
     variance = np.array([[1.0, 4.0], [9.0, 1.0]])
     factor = np.array([2.0, 1.0])
     wanted = np.zeros((2, 2, 3))
-    assert Goal(wanted, PlanCriterion.worst, factor).value(variance) == 4.0
-    assert Goal(wanted, PlanCriterion.mean, factor).value(variance) == pytest.approx(
-        np.sqrt((4 + 16 + 9 + 1) / 4)
-    )
+    worst, mean = (Goal.evenly(wanted, each).with_factor(factor) for each in CRITERIA)
+    assert worst.value(variance) == 4.0
+    assert mean.value(variance) == pytest.approx(np.sqrt((4 + 16 + 9 + 1) / 4))
 
 
 @pytest.mark.parametrize(

@@ -167,7 +167,10 @@ REFUSED = [
     ("nowhere", "command line: plan takes settings, and behind next or check the folder of one"),
     ("check nowhere", "nowhere: "),
     ("--name x", "command line: --name is of the files that --to=folder writes"),
-    ("~scene next pose=edge instrument=file", "plan: there are no stands to go on from"),
+    (
+        "~scene next instrument=file instrument.path=a.csv",
+        "plan: there are no stands to go on from",
+    ),
 ]
 
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from sldvexp import planner
+from sldvexp.errors import UserError
 from sldvexp.planner import StandPlan
-from sldvexp.planner.criterion import covariance_of
+from sldvexp.planner.criterion import Goal, covariance_of
 from sldvexp.planner.place import NODES_FOR_SEARCH, Place, spread
 from sldvexp.planner.search import candidates
 from tests.planner.planned_experiments import SMALL, composed
@@ -29,9 +30,8 @@ def compared(settings: tuple[str, ...], layouts: int) -> tuple[float, float]:
     chosen = spread(place.nodes, NODES_FOR_SEARCH)
     thinned = place.with_nodes(chosen)
     looks = candidates(thinned, e.plan.candidates, np.random.default_rng(99)).examined.looks
-    goal = type(found.goal)(
-        found.goal.wanted[chosen], found.goal.criterion, found.goal.factor[chosen]
-    )
+    goal = Goal.evenly(found.goal.wanted[chosen], found.goal.criterion)
+    goal = goal.with_factor(found.goal.factor[chosen])
     if found.goal.criterion.name == "mean":  # which a plan has before there are any factors
         goal = goal.with_factor(np.ones(len(chosen)))
     rng = np.random.default_rng(7)
@@ -140,7 +140,7 @@ def test_a_wanted_bound_gets_as_many_stands_as_it_needs():
 
 
 def test_a_bound_that_is_out_of_reach_is_refused():
-    with pytest.raises(Exception, match="8 stands reach"):
+    with pytest.raises(UserError, match="8 stands reach"):
         planner.plan(composed("experiment=plate", *SMALL, "plan.wanted=1e-9"))
 
 
@@ -151,3 +151,32 @@ def test_more_noise_makes_bounds_wider_in_proportion():
     )
     assert one.noise == pytest.approx(1e-4 * np.sqrt(2 / 512))
     np.testing.assert_allclose(two.bounds, 3 * one.bounds)
+
+
+def test_a_gage_counts_its_ends_alone_and_has_the_bound_of_its_strain():
+    ends = "[[0.30,0.14,0],[0.52,0.14,0]]"
+    found = planner.plan(
+        composed("experiment=plate", *SMALL, "plan.drop_out=0", f"plan.gage={ends}")
+    )
+    gage = found.gage
+    assert gage is not None
+    assert np.abs(gage.along) == pytest.approx([1, 0, 0])
+    x = found.expected.components.index("x")
+    at_ends = found.bounds[gage.nodes, x]
+    assert found.asked == pytest.approx(np.sqrt(np.mean(at_ends**2)), rel=0.05)
+    difference = np.sqrt(np.sum(at_ends**2)) / gage.length / (2 * np.pi * 197)
+    assert gage.strain(found.asked, 197) == pytest.approx(difference, rel=0.05)
+    everywhere = planner.plan(composed("experiment=plate", *SMALL, "plan.drop_out=0"))
+    assert found.asked < 0.9 * np.sqrt(np.mean(everywhere.bounds[gage.nodes, x] ** 2))
+
+
+@pytest.mark.parametrize(
+    ("ends", "told"),
+    [
+        ("[[0.3,0.14,0],[0.3,0.14,1]]", "is 1 m away from the surface"),
+        ("[[0.3,0.14,0],[0.301,0.14,0]]", "both ends are at the same node"),
+    ],
+)
+def test_gages_that_are_none_are_refused(ends, told):
+    with pytest.raises(UserError, match=told):
+        planner.plan(composed("experiment=plate", *SMALL, f"plan.gage={ends}"))

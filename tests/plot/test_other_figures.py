@@ -268,6 +268,7 @@ def test_a_folder_that_is_a_file_is_refused(tmp_path):
         sldvexp.plot.save(sldvexp.plot.point({"point": groups.point(1)}), tmp_path / "taken" / "p")
 
 
+@pytest.mark.whole
 def test_the_command_writes_beside_the_run(sldvexp, tmp_path):
     dataset.save({"point": groups.point(1)}, {}, tmp_path / "run.nc")
     done = sldvexp("plot", str(tmp_path))

@@ -105,6 +105,7 @@ def strain():
     return made_strain(grid.group())
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("width", [COLUMN, PAGE])
 @pytest.mark.parametrize("name", [*OF_SESSION, *OF_GROUPS])
 def test_letters_are_large_enough_inside_and_apart(tree, name, width):
@@ -139,6 +140,7 @@ def test_letters_stay_letters(tmp_path):
     assert again[0].read_bytes() == data
 
 
+@pytest.mark.whole
 def test_a_style_of_ones_own_stands_over_ours(tmp_path):
     tree = {"point": groups.point(1)}
     file = tmp_path / "mine.mplstyle"

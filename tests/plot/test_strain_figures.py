@@ -26,6 +26,7 @@ def made(request):
     return group(request.param)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("draw", [strain, hot_spots])
 def test_labels_are_inside_and_apart(made, draw):
     figure = draw({"strain": made})
@@ -54,6 +55,7 @@ def test_a_tube_is_cut_open_where_its_first_coordinate_comes_back():
     assert len(wide) == len(tube["triangle"]) - 2 * 8  # cells of one row
 
 
+@pytest.mark.one_in(2)
 def test_maps_are_of_the_strains_at_the_strongest_frequency(made):
     shown = strain({"strain": made})
     values = np.abs(made["strain"].values[:, 0, 0])

@@ -105,15 +105,17 @@ def test_residuals_of_right_marks_err_as_much_as_they_say():
 
 def test_three_marks_leave_no_pose_out():
     """The right one is always among those that fit, however the instrument is turned."""
-    for view in views(12, 40, roll=60):
-        marks = view.rng.choice(8, 3, replace=False)
+    rng = np.random.default_rng(5)
+    for view in views(8, 150, roll=60):
+        marks = rng.choice(8, 3, replace=False)
         found = view.aiming(marks, np.rint(view.true)).poses
         assert min(np.linalg.norm(pose.origin - view.origin) for pose in found) < 0.3
 
 
 def test_right_marks_seldom_contradict():
     told = [view.aiming(range(n)).contradiction() for n in (4, 5, 8) for view in views(n, 30)]
-    assert sum(map(bool, told)) <= 2
+    rough = [view.aiming(range(6)).contradiction() for view in views(13, 30, std=0.001)]
+    assert sum(map(bool, told + rough)) <= 2
 
 
 def test_a_wrong_mark_names_itself():

@@ -229,6 +229,7 @@ def check_joint(errors, covariances):
     assert np.abs(expected[:6, 6:12]).max() > 0.2
 
 
+@pytest.mark.whole
 def test_points_scatter_as_the_joint_covariance_says(poses):
     true = {"mirror_offset": 0.045}
     check_joint(*joint_errors(first(poses, 2), {"mirror_offset": INF}, true, 5, 60))

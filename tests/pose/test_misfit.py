@@ -84,6 +84,7 @@ def test_an_object_of_another_size_is_told_with_the_mirror_offset(edge_lab):
     assert float(size[1]) == pytest.approx(50, abs=3)
 
 
+@pytest.mark.whole
 def test_a_misfit_that_nothing_explains_multiplies_the_bounds(edge_lab, make_circles, monkeypatch):
     """All circles are worse than the target tells."""
     lab, told = edge_lab(views=2, target=make_circles(ROUGH), **SCANNED), make_circles(ROUGH / 6)

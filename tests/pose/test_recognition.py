@@ -98,6 +98,7 @@ def refuse(edges, target, laser=LASER, upright=True):
     return str(refused.value)
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("target", "offset"),
     [(ONE, 0.0), (ONE, 0.045), (TWO, 0.0)],
@@ -151,6 +152,7 @@ def test_what_is_not_the_object_at_all_is_no_wiring():
         check_wiring("front", scanned(other), ONE, LASER, {}, upright=True)
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     "true",
     [

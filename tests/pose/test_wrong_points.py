@@ -152,6 +152,7 @@ def test_exchanged_points_are_named_together(views):
     assert np.median(session.errors(found)) <= 1.1 * np.median(session.oracle(wrong))
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("views", [2, pytest.param(150, marks=pytest.mark.long)])
 @pytest.mark.parametrize("depth", [0.05, 0.15])
 def test_mirrored_solids_are_seen(views, depth):
@@ -283,6 +284,7 @@ def test_an_instrument_behind_a_planar_object_is_doubted():
     assert (finding.kind, finding.severity.name) == ("mirrored", "doubtful")
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(("depth", "scale"), [(0.0, 0.0254), (0.1, 0.0254), (0.0, 1000.0)])
 def test_a_wrong_unit_is_seen_by_where_the_instrument_would_stand(depth, scale):
     session = Session(12, 1, points=8, depth=depth)

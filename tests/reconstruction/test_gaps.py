@@ -51,6 +51,7 @@ def marked(group, gone):
     return made
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("std", [True, False])
 @pytest.mark.parametrize("name", METHODS)
 def test_each_point_and_frequency_is_solved_from_the_views_that_are_there(name, std):

@@ -34,6 +34,7 @@ def method_of(name: str, **fields: object) -> Reconstruction:
     return get("reconstruction", name)(**fields)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("weights", Weights)
 @pytest.mark.parametrize("name", METHODS)
 @given(seed=SEEDS, views=st.integers(5, 9))
@@ -46,6 +47,7 @@ def test_exact_data_is_recovered(name: str, weights: Weights, seed: int, views: 
         assert error < 1e-13 / result.rcond[p]
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", METHODS)
 @given(seed=SEEDS)
 @FEW
@@ -93,6 +95,7 @@ def test_order_of_views_does_not_matter(name: str, seed: int) -> None:
     np.testing.assert_allclose(other.std, one.std, rtol=1e-7)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("weights", Weights)
 @pytest.mark.parametrize("name", METHODS)
 @given(seed=SEEDS, with_std=st.booleans())

@@ -165,6 +165,7 @@ def test_the_mouse_turns_the_shape_and_picks_a_node(shown, browser):
     assert shown.joined("picked") == [7]
 
 
+@pytest.mark.whole
 def test_a_shape_follows_the_one_beside_it(browser, write_run, small_volume, small_field, tmp_path):
     around, paths = small_volume(), []
     for name in "ab":
@@ -254,6 +255,7 @@ def test_undetermined_nodes_are_marked_on_a_phone_too(open_at, small_volume, sma
     nothing_is_wider_than_the_window(shown)
 
 
+@pytest.mark.whole
 def test_points_that_no_triangle_joins_are_coloured_and_move(browser, small_points, tmp_path):
     point, lines_of_sight = small_points
     groups = {"point": point, "line_of_sight": lines_of_sight.drop_vars("triangle")}

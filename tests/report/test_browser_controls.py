@@ -86,6 +86,7 @@ def changes(shown, act):
     return json.loads(shown.js(EFFECT)) != json.loads(before)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", SELECTS)
 def test_a_list_is_chosen_from(shown, browser, name):
     start = shown.js("return document.getElementById('shape-' + arguments[0]).selectedIndex", name)
@@ -113,6 +114,7 @@ def test_a_slider_slides(shown, browser, name):
     assert changes(shown, lambda: shown.click(name, across=0.3))
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", NUMBERS)
 def test_a_number_is_typed(shown, browser, name):
     shown.focus(name)
@@ -124,6 +126,7 @@ def test_a_number_is_typed(shown, browser, name):
     assert changes(shown, lambda: browser.key("Backspace"))
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", TICKS)
 def test_a_box_is_ticked_and_cleared(shown, browser, name):
     start = shown.js(EFFECT)
@@ -134,6 +137,7 @@ def test_a_box_is_ticked_and_cleared(shown, browser, name):
         assert json.loads(shown.js(EFFECT)) == json.loads(start)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", BUTTONS)
 def test_a_button_is_pressed(shown, browser, name):
     if name == "reset":
@@ -147,6 +151,7 @@ def test_a_button_is_pressed(shown, browser, name):
     assert changes(shown, lambda: browser.key("Enter"))
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     "key", ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "+", "-", "Home", " "]
 )
@@ -302,6 +307,7 @@ def test_components_have_one_scale_or_their_own(shown):
     assert max(own) == common[0]
 
 
+@pytest.mark.whole
 def test_all_of_256_frequencies_are_reached_by_keys_and_are_the_fields(
     open_at, browser, small_volume, small_field, monkeypatch
 ):
@@ -325,6 +331,7 @@ def test_all_of_256_frequencies_are_reached_by_keys_and_are_the_fields(
     assert many.js("return document.getElementById('shape-frequency').options.length") == 256
 
 
+@pytest.mark.whole
 def test_a_frame_of_10000_nodes_takes_little_script(open_at, small_field):
     around = Grid(size=[0.4, 0.3], shape=[100, 100], layers=2, thickness=0.005).group()
     many = open_at(DESKTOP, volume=around, field=small_field(around))

@@ -87,7 +87,7 @@ def test_what_a_file_says_cannot_act_on_a_terminal(capsys):
 
 def test_show_tells_every_number_of_a_run(sldvexp):
     done = sldvexp("experiment=point")
-    assert len(done.out.splitlines()) == 5 + 5
+    assert len(done.out.splitlines()) == 6 + 5
     for given in (done.folder, done.folder / "run.nc"):
         told = sldvexp("show", str(given))
         assert (told.status, told.err) == (0, "")

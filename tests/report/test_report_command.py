@@ -61,6 +61,7 @@ def test_failing_page_does_not_lose_the_run(sldvexp, pages, monkeypatch):
     assert not (done.folder / "report.html").exists()
 
 
+@pytest.mark.whole
 def test_sweep_leaves_one_page_and_its_runs_none(sldvexp, pages, tmp_path):
     done = sldvexp(*SWEEP)
     page = tmp_path / "sweep/report.html"
@@ -122,6 +123,7 @@ def test_failed_runs_come_first_in_a_sweeps_page(sldvexp, pages, no_figures, tmp
     assert "<b>" not in text
 
 
+@pytest.mark.whole
 def test_compared_runs_have_a_page_that_names_them(sldvexp, pages, no_figures, tmp_path):
     folders = [str(sldvexp(POINT, f"seed={seed}").folder) for seed in (1, 2)]
     done = sldvexp("compare", *folders)

@@ -25,7 +25,7 @@ from sldvexp.instrument import InstrumentError, RawSamples, Status
 from sldvexp.instrument.person import read_answer
 from sldvexp.laser import Mirror, TwoMirror
 from sldvexp.pose.aiming import aiming_at_marks
-from sldvexp.session import Operator
+from sldvexp.session import Camera, Journal, Operator
 from sldvexp.session.by_keys import LightLevel, fitting, typed
 from sldvexp.session.keyboard import Key
 from sldvexp.session.session import scan_views
@@ -49,11 +49,13 @@ class Keys:
         if not self.keys:
             raise KeyboardInterrupt
         key = self.keys.pop(0)
+        if key == "idle":
+            return None
         return key if isinstance(key, Key) else Key({"_": " "}.get(key, key))
 
     @property
     def is_waiting(self):
-        return bool(self.keys)
+        return self.keys[:1] not in ([], ["idle"])
 
     def say(self, text):
         self.lines.append(text)
@@ -242,6 +244,21 @@ def test_two_marks_are_not_at_one_place(session):
     assert session.kept()[2] == [session.true[0][0] + 1, session.true[0][1]]
 
 
+def test_light_is_looked_at_while_no_key_is_pressed(session):
+    keys = session.press("idle", session.at(1))
+    assert any("light [" in line and "velocity" in line for line in keys.shown)
+
+
+def test_an_instrument_that_cannot_sample_is_aimed_all_the_same(session, monkeypatch):
+    def cannot(lab, acquisition):
+        raise InstrumentError("no board")
+
+    monkeypatch.setattr(VirtualLab, "configure", cannot)
+    keys = session.press("idle", session.at(1), "idle", session.at(2), "idle")
+    assert "mark 1  beam 0 0  no level  step 10  no board" in keys.shown
+    assert session.kept() == {k: session.true[k - 1] for k in (1, 2)}
+
+
 def test_a_narrow_terminal_shows_what_matters_most():
     parts = ["mark 1", "beam 0 0", "to go +3 -2", "light [####......]"]
     assert fitting(parts, 100) == "mark 1  beam 0 0  to go +3 -2  light [####......]"
@@ -256,35 +273,64 @@ def test_a_line_is_typed_with_mistakes():
 
 
 class Seen:
-    """An instrument with one pixel."""
+    """A camera with one pixel."""
 
     def __init__(self, status=Status.good):
         counts = np.array([[[0, 100, -100, 0], [0, 0, 0, 0]]], np.int16)
         self.pixel = RawSamples(counts, np.array([0.01, 0.01]), 1.0, np.array([status], np.uint8))
 
-    def acquire(self):
+    def look(self):
         return self.pixel
 
 
 def test_the_level_is_told():
     bright = ["light [##########]", "velocity 0.7071 V", "reference 0.0000 V"]
-    assert LightLevel().read(Seen()) == bright
-    assert LightLevel().read(Seen(Status.dropped_out))[0] == "light [..........]"
-    assert LightLevel().read(Seen(Status.over_range))[0] == "light [##########] over range"
+    assert LightLevel().read(Seen(), None) == bright
+    assert LightLevel().read(Seen(Status.dropped_out), None)[0] == "light [..........]"
+    assert LightLevel().read(Seen(Status.over_range), None)[0] == "light [##########] over range"
 
 
 def test_an_instrument_without_a_level_is_asked_once():
     class Blind:
         asked = 0
 
-        def acquire(self):
+        def look(self):
             self.asked += 1
             raise InstrumentError("no such command")
 
     level, blind = LightLevel(), Blind()
-    assert level.read(blind) == ["no level", "no such command"]
-    assert level.read(blind) == ["no level"]
+    assert level.read(blind, None) == ["no level", "no such command"]
+    assert level.read(blind, None) == ["no level"]
     assert blind.asked == 1
+
+
+def test_who_has_aimed_elsewhere_is_not_asked_for_keys(session, monkeypatch):
+    """A page that has aimed in a view answers for it, also if it was started from a terminal."""
+
+    class Aimed:
+        def aim(self, mark, start):
+            return (mark.number, 0)
+
+    monkeypatch.setattr(AtKeys, "person", lambda self, view: Aimed())
+    assert session.press().lines == []
+    assert session.kept() == {k: [k, 0] for k in range(1, 7)}
+
+
+def test_a_scan_after_a_look_samples_as_it_should(composed, tmp_path):
+    """Neither a look before the pixels nor one between them changes what is scanned."""
+    settings = ["scan=rectangle", "scan.pixels=[2,2]"]
+    corners = "scan.views={a: {corners: [[0, 0], [40, 0], [40, -40], [0, -40]]}}"
+    part = (e := composed(*settings, corners)).scan.parts("a")[0]
+    camera = Camera(lambda: VirtualLab(e.scene, e.laser, None, 0), e.signal, Journal(tmp_path))
+    lines = [np.array([[0, 0], [5, 0]]), np.array([[0, 9], [5, 9]])]
+    with camera:
+        assert camera.look().counts.shape == (1, 2, 64)
+        camera.sample(part.sampling)
+        first = camera.image("one", lines)
+        camera.look()
+        again = camera.image("two", lines)
+    assert first.velocity.shape == again.velocity.shape == (4, 1)
+    np.testing.assert_allclose(first.velocity, again.velocity, rtol=0.2)
 
 
 def test_nobody_is_asked_for_keys_where_there_are_none(composed, tmp_path, monkeypatch):

@@ -175,6 +175,7 @@ def test_what_was_cut_off_goes_on(experiment, tmp_path, monkeypatch):
     assert {p: p.stat().st_mtime_ns for p in kept} == kept
 
 
+@pytest.mark.one_in(2)
 def test_a_person_is_replayed(experiment, tmp_path):
     first = scan_views(experiment, tmp_path / "first" / JOURNAL)
     replayed = replace(experiment, instrument=Replay(str(tmp_path / "first")), scene=None)
@@ -246,6 +247,7 @@ def test_nothing_to_point_at(composed, tmp_path, scan, told):
         scan_views(experiment, tmp_path)
 
 
+@pytest.mark.whole
 def test_mistakes_in_the_configuration(composed):
     for scan, told in {
         "scan=by_digitizer scan.samples=0": "scan.samples: must be at least 1, not 0",

@@ -254,6 +254,7 @@ def profiles(tmp_path):
         (tmp_path / f"{name}.yaml").write_text(text.replace(old, new))
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.usefixtures("profiles")
 @pytest.mark.parametrize(
     "row", [pytest.param(r, id=str(r), marks=[pytest.mark.long] * r.long) for r in TABLE]
@@ -317,6 +318,7 @@ TWO_VIEWS = (
 LINES = 4 * (3 + 8)
 
 
+@pytest.mark.whole
 def test_samples_that_run_backwards_in_one_view_are_noted(sldvexp):
     """Every phase is conjugated there; of the pose it makes nothing."""
     behind = laboratory(TWO_VIEWS[1], "scene.speaker.phase=0.7")

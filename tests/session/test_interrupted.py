@@ -169,6 +169,7 @@ class Halved(Fault):
         send(answer[half:])
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("signals", "number"),
     [
@@ -262,6 +263,7 @@ class Terminal:
         return self.process.returncode
 
 
+@pytest.mark.whole
 def test_a_terminal_that_is_closed_leaves_the_instrument_in_order(terminal, tmp_path):
     """SIGHUP comes, and every word to the terminal is an error from then on."""
     folder = tmp_path / "run"

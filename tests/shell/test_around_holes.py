@@ -112,6 +112,7 @@ def test_strain_at_the_edge_of_a_hole_is_not_smoothed(monkeypatch):
     assert covered < 0.9
 
 
+@pytest.mark.whole
 def test_a_mesh_of_the_same_outline_serves_as_well(tmp_path):
     surface, truth = ring().surface(), disc()
     lines = [f"v {x} {y} {z}" for x, y, z in surface.position]

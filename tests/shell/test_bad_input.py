@@ -88,6 +88,7 @@ def test_what_a_surface_needs(told, words, sentence):
     assert told(*words).startswith(sentence)
 
 
+@pytest.mark.whole
 def test_a_surface_that_crosses_itself(told, tmp_path):
     """A flat band once around and a sixth more."""
     angles = np.radians(35 * np.arange(13))

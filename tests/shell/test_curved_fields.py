@@ -129,6 +129,7 @@ def test_motion_and_strain_of_a_cap(cap):
     assert held.mean() > 0.9
 
 
+@pytest.mark.whole
 def test_free_splines_follow_a_cap_too(cap):
     errors, held = compared(estimated(views(np.random.default_rng(3)), cap, Spline()))
     assert np.all(errors[:2] < 0.25)
@@ -136,6 +137,7 @@ def test_free_splines_follow_a_cap_too(cap):
     assert held.mean() > 0.9
 
 
+@pytest.mark.whole
 def test_a_cap_taken_for_flat_is_wrong(cap):
     """Its normal motion strains the surface by curvature: what a plane would leave out."""
     found = estimated(views(np.random.default_rng(2)), cap)

@@ -36,6 +36,7 @@ def notes(found):
     return [n for g in (found.field(), found.strain()) for n in g.attrs["notes"].splitlines()]
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("view", range(len(lab.PLACES)))
 def test_one_image_tells_the_strain_of_bending(view):
     """Pixels as many as those of bare sldvexp, with their noise."""
@@ -45,6 +46,7 @@ def test_one_image_tells_the_strain_of_bending(view):
     assert np.all(errors(found, truth, np.imag) < 0.03)  # resonant: strain lags velocity by 90 deg
 
 
+@pytest.mark.whole
 def test_one_image_does_not_tell_what_stretches_the_middle():
     """Bounds hold it nevertheless, and a note says so; five views find it."""
     truth, rng = lab.plate(), np.random.default_rng(1)
@@ -97,6 +99,7 @@ def test_a_part_without_pixels_is_named_and_the_rest_given():
     assert np.abs(error[place[:, 0] < -0.02]).max() < 0.01 * np.abs(true).max()
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("method", [None, FREE])
 def test_pixels_on_a_line_leave_the_rest_open(method):
     views = lab.views(lab.plate(), np.random.default_rng(4), pixels=(60, 11))

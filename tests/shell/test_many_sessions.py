@@ -48,6 +48,7 @@ def test_bounds_hold_what_moves_in_phase_with_the_bending(name):
     assert np.all(shares.low_places < 0.05)
 
 
+@pytest.mark.whole
 def test_bounds_hold_motion_of_the_middle_that_cannot_be_found():
     """Of two sessions; bounds of the average over all weights hold it in a third of the places."""
     sessions = [session(IN_PHASE["in_phase_9"], seed) for seed in range(2)]

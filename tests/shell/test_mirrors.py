@@ -32,6 +32,7 @@ def estimated(views, own, poses=PoseTreatment.propagate):
     )
 
 
+@pytest.mark.whole
 def test_bounds_hold_what_each_error_does():
     """Of both gains and zeros, against fields that are solved with them."""
     views = lab.views(lab.plate(), np.random.default_rng(1))

@@ -153,6 +153,7 @@ def session(seed, noise=lab.NOISE, pixels=(20, 20), method=METHOD, std=None):
     return tubes.compared(found, truth, FREQUENCIES)
 
 
+@pytest.mark.whole
 def test_without_noise_the_motion_of_a_tube_is_exact():
     """To what the splines can follow, of an oval and of four waves around."""
     errors, _ = session(0, noise=1e-9, pixels=(16, 14))
@@ -181,6 +182,7 @@ def test_a_tube_without_least_stretch_has_no_strain_that_is_of_use():
     assert errors[0] > 4 * errors[1]
 
 
+@pytest.mark.whole
 def test_a_mode_that_stretches_the_wall_is_found_too():
     """Around, as fast as the bending: what the prior by energy has against it, data overrule."""
     modes = {"wave": TubeMode(2, 1, 0.0, TubeMotion.shear, tubes.OVAL, velocity=0.01)}
@@ -270,6 +272,7 @@ def cup_session(seed):
     return np.array(errors), np.array(held)
 
 
+@pytest.mark.whole
 def test_motion_and_strain_of_a_cup_that_bends_both_ways():
     errors, held = cup_session(1)
     assert np.all(errors[:3] < 0.004)

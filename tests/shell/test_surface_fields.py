@@ -54,6 +54,7 @@ def test_motion_and_strain_of_a_sheet(radius):
     assert np.all(errors[3:] < 0.12)
 
 
+@pytest.mark.whole
 def test_a_shell_beats_free_splines():
     truth = lab.plate()
     views = lab.views(truth, np.random.default_rng(2))
@@ -95,6 +96,7 @@ def shares_held(stretch, seeds):
     return np.array(held)
 
 
+@pytest.mark.whole
 def test_intervals_hold_in_some_sessions():
     held = shares_held(0.1, 5)
     spread = held.std(axis=0, ddof=1) / np.sqrt(5)
@@ -195,6 +197,7 @@ def test_all_nodes_move_as_love_says():
     assert (low - high)[:, 0] / height == pytest.approx(found.fit.evaluate(rows)[0][:, 0])
 
 
+@pytest.mark.whole
 def test_parts_of_the_budget_add_up():
     truth, rng = lab.plate(), np.random.default_rng(11)
     errors, covariance = turned(rng, 0.3e-3, 0.5e-3)

@@ -34,6 +34,7 @@ def fitted(samples, times=TIMES, frequencies=(F,), **settings):
     return SineFit(**settings).demodulate(samples, times, frequencies)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("intercept", list(Intercept))
 @pytest.mark.parametrize("samples_per_record", [24, 128])
 def test_a_harmonic_is_found_in_one_record_of_twenty_that_has_none(intercept, samples_per_record):

@@ -31,6 +31,7 @@ def rounded(sigma):
     return np.sqrt(sigma**2 + 1 / 12)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("times", [TIMES, UNEVEN], ids=["even", "uneven"])
 @pytest.mark.parametrize(
     "intercept", [Intercept.always, pytest.param(Intercept.never, marks=pytest.mark.long)]
@@ -100,6 +101,7 @@ def _parts_covariance(times):
     return np.linalg.inv(design.T @ design)[:2, :2]
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("intercept", list(Intercept))
 @pytest.mark.parametrize("samples_per_record", [8, 128])
 def test_standard_errors_cover(intercept, samples_per_record):
@@ -123,6 +125,7 @@ def test_standard_errors_cover(intercept, samples_per_record):
     assert max(inside) < 0.95 + slack
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     "confidence", [0.95, *(pytest.param(c, marks=pytest.mark.long) for c in (0.9, 0.99))]
 )

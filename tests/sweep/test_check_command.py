@@ -113,6 +113,7 @@ def test_other_sentence_or_none_is_not_as_expected(sldvexp, lab):
     )
 
 
+@pytest.mark.whole
 def test_not_run(sldvexp, lab, tmp_path):
     text = MATRIX + "  - {when: {seed: 1}, run: false}\n"
     done = sldvexp("check", str(lab({"m.yaml": text}) / "m.yaml"))

@@ -14,6 +14,7 @@ def compared(done):
         return table.load()
 
 
+@pytest.mark.whole
 def test_runs_are_told_apart_by_their_settings(sldvexp):
     runs = {
         method: sldvexp("experiment=point", f"reconstruction={method}").folder
@@ -43,6 +44,7 @@ def test_same_run_twice_is_told_apart_by_nothing(sldvexp):
     assert compared(sldvexp("compare", *folders))["state"].dims == ("run",)
 
 
+@pytest.mark.whole
 def test_failed_runs_are_left_out(sldvexp):
     good = [sldvexp("experiment=point", f"seed={seed}").folder for seed in (1, 2)]
     failed = sldvexp("experiment=point", "reconstruction.rows=nonsense")

@@ -62,6 +62,7 @@ def sentences(done):
     return lines
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("left", [0, 4096, 20000], ids="{} bytes left".format)
 def test_sweep_that_begins_on_a_full_disk(sldvexp, disk, left):
     space = disk.folder.parent / "space"
@@ -115,6 +116,7 @@ def test_disk_that_becomes_full_while_a_file_is_written(size, disk):
     assert sorted(p.name for p in path.parent.iterdir()) == ["run.nc", "space"]
 
 
+@pytest.mark.whole
 def test_disk_that_becomes_read_only(sldvexp, disk):
     where = f"hydra.sweep.dir={disk.folder}"
     assert sldvexp(*SWEEP, "seed=1,2", where).status == 0
@@ -130,6 +132,7 @@ def test_disk_that_becomes_read_only(sldvexp, disk):
     assert kept.items() <= runs(disk.folder).items()
 
 
+@pytest.mark.whole
 def test_folder_of_one_run_that_cannot_be_written(sldvexp, tmp_path):
     """Others are done all the same, and their results are there at the end."""
     sldvexp(*SWEEP, "seed=1,2", "hydra.sweep.dir=swept")

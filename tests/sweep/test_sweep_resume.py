@@ -114,6 +114,7 @@ def test_clock_that_goes_backwards_changes_nothing(sweep, monkeypatch):
     assert sweep(seeds="seed=1,3")[1] == set()
 
 
+@pytest.mark.whole
 def test_changed_input_file_does_it_again(sldvexp, tmp_path):
     mine = tmp_path / "mine.csv"
     mine.write_bytes((conf_dir() / "data" / "point_example.csv").read_bytes())
@@ -164,6 +165,7 @@ def test_interrupted_sweep_leaves_what_it_has(sldvexp, tmp_path, monkeypatch):
         assert table["reason"].values.tolist() == ["", "the run was cut off", "not begun"]
 
 
+@pytest.mark.whole
 def test_a_choice_that_does_not_exist_leaves_the_sweep_as_it_is(sldvexp, tmp_path):
     swept = ("-m", "~experiment", "report=none", WHERE)
     assert sldvexp(*swept, "target=dissertation,fiducials", "seed=1").status == 0

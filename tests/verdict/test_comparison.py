@@ -39,9 +39,10 @@ def rejected(sessions: int, first: int, views: int, std=LOOSE, noise=NOISE) -> i
     return count
 
 
-def test_clean_views_are_believed():
-    """At 1 % of 20 sessions three rejections have a probability of 0.001."""
-    assert rejected(20, 0, 5) <= binom.isf(1e-3, 20, FAMILY)
+@pytest.mark.parametrize("sessions", [5, pytest.param(20, marks=pytest.mark.whole)])
+def test_clean_views_are_believed(sessions):
+    """At 1 % of 20 sessions three rejections have a probability of 0.001, of 5 two."""
+    assert rejected(sessions, 0, 5) <= binom.isf(1e-3, sessions, FAMILY)
 
 
 @pytest.mark.long
@@ -52,6 +53,7 @@ def test_clean_views_are_rejected_once_in_a_hundred(views, noise, std):
     assert rejected(200, 1000, views, std, noise) / 200 <= 0.03
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize(("mistake", "size", "kind"), GROSS, ids=[m for m, *_ in GROSS])
 def test_wrong_view_is_named_with_its_kind(mistake, size, kind):
     rng = np.random.default_rng(7)
@@ -140,6 +142,7 @@ def power_of(on: Bench, size: float, numbers: int) -> float:
     return float(np.mean(found))
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("std", "size", "pixels", "lines", "powers"),
     [

@@ -55,6 +55,7 @@ def test_clean_points_are_believed():
     assert wrong <= binom.isf(1e-3, 100, 0.01)
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("mistake", MISTAKES)
 @pytest.mark.parametrize("views", [5, 6])
 def test_wrong_view_is_named(mistake, views):
@@ -79,6 +80,7 @@ def test_without_a_stated_noise_a_wrong_view_is_found_too():
     assert kinds(group) == [("sign", wrong)]
 
 
+@pytest.mark.whole
 def test_clean_points_without_a_stated_noise_are_believed():
     """A kind that is tried is a test of its own, at a hundredth for all of them together."""
     for views in (4, 5):

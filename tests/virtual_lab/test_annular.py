@@ -29,6 +29,7 @@ PUBLISHED = {
 PRINTED = 0.005
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(("edge", "ratio"), PUBLISHED)
 def test_frequencies_are_the_published_ones(edge, ratio):
     plate = Annulus(1.0, ratio, NU, edge)
@@ -43,6 +44,7 @@ def test_frequencies_of_a_ring_clamped_at_its_hole_are_the_published_ones():
     assert found == pytest.approx([13.0, 13.3, 14.7, 18.5], rel=PRINTED)
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("edge", EdgeCondition)
 @pytest.mark.parametrize(("diameters", "circles"), [(0, 0), (1, 0), (2, 1), (3, 0), (12, 2)])
 def test_shapes_solve_the_plate_equation_and_keep_the_edges(edge, diameters, circles):
@@ -152,6 +154,7 @@ def test_natural_frequencies_are_those_of_the_sheet():
     )
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("settings", "told"),
     [

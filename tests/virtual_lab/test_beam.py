@@ -27,6 +27,7 @@ def light(lab, dac):
     return beams(lab.mirrors, wired, rotation, origin, lab.scene.spot)
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("swapped", [False, True])
 @pytest.mark.parametrize("laser", ["ometron", "ometron_16bit"])
 @pytest.mark.parametrize("view", ["1", "2", "4"])

@@ -26,6 +26,7 @@ def same(a: RawSamples, b: RawSamples) -> bool:
     return bool((a.counts == b.counts).all() and (a.status == b.status).all())
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("scene", ["calibration", "plate"])
 @pytest.mark.parametrize("target", ["dissertation", "two_planes"])
 @pytest.mark.parametrize("laser", ["ometron", "ometron_16bit"])
@@ -63,6 +64,7 @@ def test_the_same_seed_makes_the_same_lab(lab):
     assert (first.counts != other.counts).mean() > 0.9
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("scene", ["calibration", "plate"])
 def test_how_a_list_is_split_makes_no_difference(lab, scene):
     """Also across the blocks in which the lab computes."""
@@ -129,6 +131,7 @@ def test_a_scan_ends_where_its_list_ends(quiet):
     assert ours.position == tuple(lines()[0][-1])
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("setting", "message"),
     [

@@ -67,6 +67,7 @@ def test_a_lab_without_mistakes_is_the_same_to_the_bit(lab):
     assert (plain.scan(dac, stream=1).counts != told.scan(dac, stream=1).counts).mean() > 0.4
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize(
     ("mistakes", "recorded"),
     [
@@ -147,6 +148,7 @@ def test_a_knocked_tripod_sees_the_structure_from_elsewhere(quiet, phasors):
     assert (right.scan(rim, stream=1).counts == wrong.scan(rim, stream=1).counts).all()
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("view", "mistake", "told"),
     [

@@ -106,6 +106,7 @@ def test_jitter_moves_each_mirror_by_itself():
     np.testing.assert_allclose(found, 3e-5 * normal)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("swapped", [False, True])
 @pytest.mark.parametrize("pointing", ["modern", "chapter_4"])
 def test_how_a_list_is_split_makes_no_difference_to_where_it_points(lab, pointing, swapped):
@@ -167,6 +168,7 @@ def test_a_circle_at_a_poor_distance_has_more_noise(quiet):
     np.testing.assert_allclose(noise[1] / noise[0], expected, rtol=0.01)
 
 
+@pytest.mark.whole
 def test_the_pointing_noise_grows_with_the_other(quiet, phasors):
     jitter = f"scene.mirrors.jitter={TwoMirror().step[1]}"
     lab = quiet("plate")
@@ -177,6 +179,7 @@ def test_the_pointing_noise_grows_with_the_other(quiet, phasors):
     np.testing.assert_allclose(three.std() / one.std(), 3, rtol=0.01)  # the same random numbers
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("setting", "told"),
     [

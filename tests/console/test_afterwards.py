@@ -1,0 +1,92 @@
+"""After a view its pose is told, and advice if there is any, while the next one is scanned."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sldvexp.console.afterwards import Afterwards, of_view, sentences
+from sldvexp.dataset import Finding, Severity
+from sldvexp.errors import UserError
+from sldvexp.session.session import scan_views
+
+
+@pytest.fixture(scope="module")
+def scanned(lab_experiment, tmp_path_factory):
+    """Circles of two views, and the experiment that has nothing else."""
+    calibration = lab_experiment.scan.calibration
+    fine = replace(calibration.fine, lines=12)
+    views = {name: calibration.views[name] for name in ("1", "2")}
+    scan = replace(calibration, views=views, fine=fine)
+    made = replace(lab_experiment, scan=scan)
+    return made, scan_views(made, tmp_path_factory.mktemp("journal"))
+
+
+def test_pose_of_every_view_is_told_with_bounds_and_verdict(scanned):
+    made, groups = scanned
+    told, advised = [], []
+
+    def advise(experiment, so_far):
+        assert experiment is made
+        return [", ".join(sorted(so_far))]
+
+    after = Afterwards(made, lambda views: told.append(dict(views)), advise, advised.append)
+    after.view_done("1", {"edge/1": groups["edge/1"]})
+    after.view_done("2", {"edge/2": groups["edge/2"]})
+    after.end()
+    after.join()
+    last = told[-1]
+    assert list(last) == ["1", "2"]
+    for view in last.values():
+        assert view[0].startswith("Pose: origin (")
+        assert "95 % bounds; trusted" in view[0]
+        assert view[-1].startswith("the circle around DAC steps")
+    assert advised[-1] == ["edge/1, edge/2, pose"]
+    result = made.pose.estimate(made.laser, made.target, groups)
+    origin = result.pose["origin"].sel(view="2").values
+    assert ", ".join(f"{x:.4f}" for x in origin) in last["2"][0]
+
+
+def test_pose_that_cannot_be_found_is_told_and_the_next_one_is(scanned, monkeypatch):
+    made, groups = scanned
+    told = []
+
+    def refused(self, *_):
+        raise UserError("three circles are needed")
+
+    monkeypatch.setattr(type(made.pose), "estimate", refused)
+    after = Afterwards(made, lambda views: told.append(dict(views)))
+    after.view_done("1", {"edge/1": groups["edge/1"]})
+    after.end()
+    after.join()
+    assert told[-1]["1"][-1] == "Pose: not known yet, three circles are needed"
+
+
+def test_fault_of_what_advises_ends_nothing(scanned):
+    made, groups = scanned
+    told = []
+
+    def broken(*_):
+        raise ZeroDivisionError
+
+    after = Afterwards(made, lambda views: told.append(dict(views)), broken)
+    after.view_done("1", {"edge/1": groups["edge/1"]})
+    after.view_done("2", {"edge/2": groups["edge/2"]})
+    after.end()
+    after.join()
+    assert "Pose: origin" in told[-1]["2"][0]
+
+
+def test_doubt_is_told_of_its_view_alone(scanned):
+    made, groups = scanned
+    result = made.pose.estimate(made.laser, made.target, groups)
+    doubt = Finding("odd", "view 2", "its circles lie elsewhere", Severity.doubtful)
+    found = replace(result, findings=[doubt])
+    assert "trusted" in sentences(found, "1")[0]
+    first, second = sentences(found, "2")
+    assert "doubtful" in first
+    assert second == "Pose doubtful: its circles lie elsewhere"
+    assert of_view(replace(doubt, subject="run"), "1")
+    assert np.isfinite(result.origin).all()
