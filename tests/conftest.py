@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fcntl
+import hashlib
 import math
 import os
 import select
@@ -11,7 +13,7 @@ import sys
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import chdir, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -141,6 +143,39 @@ def pages(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let runs leave their pages."""
     for name, make in PAGES.items():
         monkeypatch.setattr(Html, name, make)
+
+
+@pytest.fixture(scope="session")
+def run_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Run the command once for all processes of the tests, in this one; nobody changes its folder.
+
+    Who comes second waits, and finds the folder of whoever came first.
+    """
+    base = tmp_path_factory.getbasetemp()
+    runs = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "runs"
+
+    def run(*words: str, pages: bool = False) -> Path:
+        name = hashlib.sha256(repr((words, pages)).encode()).hexdigest()[:12]
+        folder = runs / name / "run"
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with (folder.parent / "lock").open("w") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            if not folder.exists():
+                run_here(folder, *words, pages=pages)
+        return folder
+
+    return run
+
+
+def run_here(folder: Path, *words: str, pages: bool) -> None:
+    """Run the command in this process, quietly; expectations may be missed."""
+    command = main.Command([*words, f"hydra.run.dir={folder}"], full_error=True, quiet=True)
+    with handlers_kept(), chdir(folder.parent), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["sldvexp"])
+        for name, make in PAGES.items() if pages else ():
+            patch.setattr(Html, name, make)
+        with main.hydra_raises():
+            assert command.run() in (main.DONE, main.MISSED)
 
 
 @pytest.fixture

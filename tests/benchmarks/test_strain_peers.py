@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-import scipy.signal
+import scipy
 
 #: Windows and orders of the filter, and settings of the radial basis functions, that are tried.
 FILTERS = [(w, p) for w in (7, 11, 15, 19, 23, 27) for p in (2, 3, 4)]

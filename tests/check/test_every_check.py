@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -52,17 +50,12 @@ def made(name):
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory) -> dataset.RunData:
+def run(run_once) -> dataset.RunData:
     """A small session, and a point besides."""
-    folder = tmp_path_factory.mktemp("runs")
-    call = "from sldvexp.cli.main import main; main()"
     point = ["experiment=point", "report=none", "compare={three: {plugin: combined}}"]
-    for name, words in (("session", SMALL), ("point", point)):
-        command = [sys.executable, "-c", call, *words, f"hydra.run.dir={folder}/{name}"]
-        subprocess.run(command, cwd=folder, capture_output=True, check=False)
-    session = dataset.RunData.from_source(open_run(folder / "session"))
+    session = dataset.RunData.from_source(open_run(run_once(*SMALL)))
     del session.groups["compare/samplewise"]  # no field among points
-    points = open_run(folder / "point")
+    points = open_run(run_once(*point))
     for one in ("point", "line_of_sight", "compare/three"):
         session.groups[one] = points[one].to_dataset()
     return session

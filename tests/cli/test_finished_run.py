@@ -24,11 +24,10 @@ OTHER = ("experiment=point", "seed=1", "overwrite=true")
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def made(run_once, tmp_path_factory):
     """A run with a page, exports and a note of its owner's."""
     folder = tmp_path_factory.mktemp("made") / "run"
-    command = [sys.executable, "-m", "sldvexp.cli.main", *POINT, f"hydra.run.dir={folder}"]
-    subprocess.run(command, check=True, capture_output=True, cwd=folder.parent)
+    shutil.copytree(run_once(*POINT, pages=True), folder)
     (folder / "note.txt").write_text("the left speaker rattles")
     return folder
 

@@ -20,7 +20,6 @@ With the word long a block takes longer, and runs with ``-m long`` only.
 
 from __future__ import annotations
 
-import contextlib
 import re
 import shlex
 import shutil
@@ -35,10 +34,8 @@ import yaml
 from handbook_pages import PAGES, group_of, sections
 
 from sldvexp import dataset
-from sldvexp.cli import main
 from sldvexp.config import Origins, schema
 from sldvexp.dataset import CONVENTIONS
-from sldvexp.stopping import handlers_kept
 
 BLOCK = re.compile(r"^```(\w*)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 KINDS = {"console", "python", "yaml", "text", "sh", "csv"}
@@ -192,15 +189,9 @@ def check_configuration(block: Block) -> None:
 
 
 @pytest.fixture(scope="module")
-def bare(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def bare(run_once: Callable[..., Path]) -> Path:
     """Folder of a small run of the default session."""
-    folder = tmp_path_factory.mktemp("bare") / "run"
-    command = main.Command([*SMALL, f"hydra.run.dir={folder}"], full_error=False, quiet=True)
-    with handlers_kept(), contextlib.chdir(folder.parent), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", ["sldvexp"])
-        with main.hydra_raises():
-            assert command.run() == main.MISSED  # a page shows what was missed
-    return folder
+    return run_once(*SMALL)
 
 
 @pytest.fixture

@@ -157,14 +157,14 @@ def mat_header(kind: int, size: int, shape: tuple[int, int]) -> bytes:
     return head + struct.pack("<II", kind, len(body) + size % 2**31) + body
 
 
-def mat_bomb() -> bytes:
-    """A MATLAB file of 1 MB that unpacks to 1 GB."""
+def mat_bomb(path: Path) -> None:
+    """Write a MATLAB file of 1 MB that unpacks to 1 GB."""
     packer, parts = zlib.compressobj(9), []
     parts.append(packer.compress(mat_header(14, 2**30, (2**27, 1))[128:]))
     parts += [packer.compress(bytes(2**24)) for _ in range(64)]
     body = b"".join([*parts, packer.flush()])
     head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
-    return head + struct.pack("<II", 15, len(body)) + body
+    path.write_bytes(head + struct.pack("<II", 15, len(body)) + body)
 
 
 def function(values: object, kind: int = 5, more: str = "") -> str:
@@ -257,7 +257,7 @@ CLAIMS: list[tuple[str, str, str, Content]] = [
         f"{VELOCITIES}nc",
         b"CDF\x05" + b"\0" * 8 + b"\0\0\0\x0a" + b"\x7f" * 8 + b"\0" * 200,
     ),
-    ("MAT", "1 GB in 1 MB", f"{VELOCITIES}mat", mat_bomb()),
+    ("MAT", "1 GB in 1 MB", f"{VELOCITIES}mat", mat_bomb),
     ("MAT", "8 TB", f"{VELOCITIES}mat", mat_header(14, 2**31 - 8, (2**31 - 1, 2**31 - 1))),
     ("MAT", "less than nothing", f"{VELOCITIES}mat", mat_header(14, 8, (-1, -5))),
     ("MAT", "texts", f"{VELOCITIES}mat", mat(velocity="x" * 1000, direction_cosines=["a", "b"])),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -25,15 +23,9 @@ SMALL = [
 
 
 @pytest.fixture(scope="session")
-def run_file(tmp_path_factory):
+def run_file(run_once) -> Path:
     """run.nc of a small session, with its journal beside it."""
-    folder = tmp_path_factory.mktemp("small")
-    call = "from sldvexp.cli.main import main; main()"
-    words = [sys.executable, "-c", call, *SMALL, f"hydra.run.dir={folder}/run"]
-    subprocess.run(words, cwd=folder, capture_output=True, check=False)
-    path = Path(folder / "run" / "run.nc")
-    assert path.is_file()
-    return path
+    return run_once(*SMALL) / "run.nc"
 
 
 @pytest.fixture(scope="session")

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -25,7 +23,6 @@ SMALL = [
     "~expect.truth",
     "~expect.residuals",
 ]
-COMMAND = [sys.executable, "-m", "sldvexp.cli.main"]
 
 
 def variables(folder):
@@ -38,11 +35,8 @@ def variables(folder):
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("whole")
-    subprocess.run([*COMMAND, *SMALL, f"hydra.run.dir={folder}"], cwd=folder, check=True,
-                   capture_output=True)  # fmt: skip
-    return folder
+def whole(run_once):
+    return run_once(*SMALL)
 
 
 def test_only_a_run_can_be_resumed(sldvexp, tmp_path):

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -20,16 +17,9 @@ CHECK = "+check={{g: {{plugin: gages, path: {}, gages: {{a: {{place: {}}}}}}}}}"
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def run(run_once):
     """Images of a small session."""
-    folder = tmp_path_factory.mktemp("run")
-    call = "from sldvexp.cli.main import main; main()"
-    words = [*SMALL, f"hydra.run.dir={folder}/r"]
-    subprocess.run(
-        [sys.executable, "-c", call, *words], cwd=folder, capture_output=True, check=False
-    )
-    assert (folder / "r/run.nc").exists()
-    return folder / "r"
+    return run_once(*SMALL)
 
 
 @pytest.fixture
