@@ -304,6 +304,18 @@ def test_an_instrument_without_a_level_is_asked_once():
     assert blind.asked == 1
 
 
+def test_who_has_aimed_elsewhere_is_not_asked_for_keys(session, monkeypatch):
+    """A page that has aimed in a view answers for it, also if it was started from a terminal."""
+
+    class Aimed:
+        def aim(self, mark, start):
+            return (mark.number, 0)
+
+    monkeypatch.setattr(AtKeys, "person", lambda self, view: Aimed())
+    assert session.press().lines == []
+    assert session.kept() == {k: [k, 0] for k in range(1, 7)}
+
+
 def test_a_scan_after_a_look_samples_as_it_should(composed, tmp_path):
     """Neither a look before the pixels nor one between them changes what is scanned."""
     settings = ["scan=rectangle", "scan.pixels=[2,2]"]
