@@ -27,8 +27,8 @@ from sldvexp.volume import Prisms, Volume
 
 #: Nodes that stands are compared on while they are looked for.
 NODES_FOR_SEARCH = 150
-#: Cosine between normals of a surface that counts as flat, which hides nothing of itself.
-FLAT = 1 - 1e-6
+#: Of its extent: height over a tangent plane that is only round-off.
+ROUNDING = 1e-6
 #: Points on the rim of each circle that beams must reach.
 RIM = 8
 
@@ -172,7 +172,6 @@ class Place:
         prisms = volume.prisms()
         marks = TargetMarks.from_target(experiment.target)
         grazing = np.cos(np.radians(experiment.plan.room.incidence))
-        flat = (prisms.frame[:, 2] @ prisms.frame[0, 2]).min() > FLAT
         place = cls(
             prisms.surface,
             prisms.frame,
@@ -182,7 +181,9 @@ class Place:
             experiment.plan.room,
             volume.sight.both_sides,
             prisms,
-            None if flat else float(np.ptp(prisms.depth)) / 2 / grazing,
+            float(np.ptp(prisms.depth)) / 2 / grazing
+            if hides_itself(prisms, volume.sight.both_sides)
+            else None,
         )
         place._check_boxes()
         return place
@@ -366,6 +367,26 @@ def outline_of(prisms: Prisms, margin: float) -> Array:
     every = np.concatenate(points).reshape(-1, 3)
     hull = scipy.spatial.ConvexHull(every, qhull_options="QJ")
     return np.asarray(every[hull.vertices])
+
+
+def hides_itself(prisms: Prisms, both_sides: bool) -> bool:
+    """Tell whether a surface can hide a part of itself that faces the instrument.
+
+    It cannot if all of it is below the tangent plane of each node, ``n_i . (P_j - P_i) <= 0``: then
+    it is convex. From behind only a flat one does not.
+
+    Examples
+    --------
+    >>> from sldvexp.volume import Grid
+    >>> bent = Grid(size=[0.3, 0.2], shape=[5, 4], layers=2, radius=0.5)
+    >>> hides_itself(bent.prisms(), both_sides=False), hides_itself(bent.prisms(), both_sides=True)
+    (False, True)
+    """
+    nodes, normal = prisms.surface, prisms.frame[:, 2]
+    some = spread(nodes, NODES_FOR_SEARCH)
+    height = nodes @ normal[some].T - np.einsum("ni,ni->n", nodes[some], normal[some])
+    above = ROUNDING * np.ptp(nodes, axis=0).max()
+    return bool((np.abs(height) if both_sides else height).max() > above)
 
 
 def spread(points: Array, count: int) -> IntArray:

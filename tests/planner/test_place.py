@@ -12,7 +12,7 @@ from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_towards
 from sldvexp.laser import TwoMirror, project
 from sldvexp.planner.aim import aimed, rotations_towards
-from sldvexp.planner.place import Place, Unseen, crosses
+from sldvexp.planner.place import Place, Unseen, crosses, hides_itself
 from sldvexp.planner.search import candidates, examined
 from sldvexp.volume import Prisms, TriangulatedSurface, extruded, vertex_normals
 from sldvexp.volume.surface import node_frames
@@ -120,6 +120,13 @@ def test_a_surface_hides_a_part_of_itself():
     shadow = (x > 0.02) & (x < 0.02 + 0.1 * 1.0)
     assert shadow[hidden].all()
     assert not open_.any()
+
+
+def test_only_a_surface_that_is_not_convex_is_asked_what_it_hides():
+    plate, panel = (composed(f"experiment={name}") for name in ("plate", "curved_panel"))
+    assert Place.from_experiment(plate).clearance is None
+    assert Place.from_experiment(panel).clearance is None
+    assert hides_itself(stairs(), both_sides=False)
 
 
 def stairs() -> Prisms:
