@@ -182,6 +182,7 @@ def test_bounds_of_flagged_nodes(
     assert (result.std[known] > 0).all()
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("frequencies", [None, [50.0, 60.0]])
 def test_group(
     make_plate: Make, make_every_sample: Make, six_points: SampleRule, tmp_path: Any,

@@ -375,6 +375,7 @@ def waving(image: Image, noise: float = 0.0) -> Image:
     return image
 
 
+@pytest.mark.one_in(2)
 @cases
 def test_auto_takes_cubic_where_it_predicts_pixels_better(kind: str) -> None:
     make = KINDS[kind][0]

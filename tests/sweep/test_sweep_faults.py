@@ -158,6 +158,7 @@ class Backwards(datetime):
         return datetime(2026, 3, 4, 12, tzinfo=UTC) - timedelta(hours=cls.read)
 
 
+@pytest.mark.whole
 def test_clock_that_is_set_back(sldvexp, tmp_path, monkeypatch):
     """Nothing is computed again, and no time is less than nothing."""
     for module in ("sldvexp.pipeline.runner", "sldvexp.pipeline.provenance"):
