@@ -106,6 +106,7 @@ def test_same_configuration_and_seed_give_the_same_bits(sldvexp):
     assert not np.array_equal(one[repeats], other[repeats])
 
 
+@pytest.mark.whole
 def test_run_says_how_it_was_made(sldvexp, tmp_path):
     reg = tmp_path / "mine.reg"
     reg.write_bytes((CONF / "data/figure_4_28.reg").read_bytes())

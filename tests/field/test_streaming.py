@@ -304,6 +304,7 @@ def test_replayed_session(sldvexp: Callable[..., Any]) -> None:
         assert_same(a, b, 1e-12 if group == "field" else 0.0)
 
 
+@pytest.mark.whole
 def test_what_is_refused(sldvexp: Callable[..., Any], tmp_path: Path) -> None:
     """One sentence each."""
     path = tmp_path / "images.nc"

@@ -483,6 +483,7 @@ def test_a_wrong_choice_is_named(tree, name, options, said):
         getattr(sldvexp.plot, name)(tree, **options)
 
 
+@pytest.mark.whole
 def test_a_run_at_a_prompt_is_short_and_its_file_is_opened_once(run_file, monkeypatch):
     opened, load = [], dataset.load
     monkeypatch.setattr(dataset, "load", lambda path: opened.append(path) or load(path))

@@ -198,6 +198,7 @@ def test_folder_that_belongs_to_another_sweep(tmp_path):
     claim("experiment=pose", "seed=1,2")
 
 
+@pytest.mark.whole
 def test_command_leaves_the_folder_of_another_sweep_alone(sldvexp, tmp_path):
     assert sldvexp(*SWEEP, "seed=1,2", "hydra.sweep.dir=swept").status == 0
     before = {p: p.stat().st_mtime_ns for p in (tmp_path / "swept").rglob("*")}
@@ -221,6 +222,7 @@ def test_two_sweeps_at_once(sldvexp, tmp_path):
     assert len(kept) == 2
 
 
+@pytest.mark.whole
 def test_misspelt_key_leaves_a_sweep_as_it_was(sldvexp, tmp_path):
     assert sldvexp(*SWEEP, "seed=1,2", "hydra.sweep.dir=swept").status == 0
     before = {p: p.stat().st_mtime_ns for p in (tmp_path / "swept").glob("*/*")}
