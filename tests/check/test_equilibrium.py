@@ -74,6 +74,7 @@ def test_covariances_are_those_of_sums(at_rest):
     assert got == pytest.approx(wanted, rel=1e-6)
 
 
+@pytest.mark.whole
 def test_no_force_is_found_where_none_acts():
     trials = 3
     found = [forces_of(free(), 10 + seed) for seed in range(trials)]

@@ -82,6 +82,7 @@ def told_of(truth, seed, **settings):
     return told(arms_of(found), 0.01)
 
 
+@pytest.mark.whole
 def test_a_trend_tells_shear_from_height():
     lines = tuple(MODES)
     sheared = told_of(plate(lines, shear=0.02 / FIRST), 4)

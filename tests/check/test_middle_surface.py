@@ -59,6 +59,7 @@ def mapped(rng, offset=0.0):
     return by_layers(run, "field", Outline.of(grid, grid.prisms(), 0.0), PATCHES)
 
 
+@pytest.mark.whole
 def test_as_many_maps_are_rejected_as_stated(found):
     rng, trials = np.random.default_rng(1), 12
     again = [physics.renoised(found, plate(LINES), rng) for _ in range(trials)]

@@ -101,6 +101,7 @@ SCENE = [
 ]
 
 
+@pytest.mark.whole
 def test_named_scans_feed_the_pose_methods_of_their_names(sldvexp):
     spots = "[[-450, -1250], [-450, -50], [450, -650], [300, -300]]"
     done = sldvexp(

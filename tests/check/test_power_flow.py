@@ -105,6 +105,7 @@ def force(**settings):
     return PointForce(**{"place": list(PLACE), "amplitude": [0.5], "phase": [0.0], **settings})
 
 
+@pytest.mark.whole
 def test_the_check_compares_forces(monkeypatch, found):
     right = examined(monkeypatch, found, forces={"shaker": force()})
     where, balance = take_findings({"examined/power_flow": right})

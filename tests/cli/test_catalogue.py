@@ -143,6 +143,7 @@ def test_every_plugin_can_be_shown(group, name):
         assert f"\n  {one.name}:" in page
 
 
+@pytest.mark.whole
 def test_every_choice_that_is_no_plugins_name_can_be_shown(sldvexp):
     files = [f for group in registry.GROUPS for f in (ROOT / "conf" / group).glob("*.yaml")]
     for file in files:

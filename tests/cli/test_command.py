@@ -91,6 +91,7 @@ def test_configuration_is_shown_without_a_run(sldvexp, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.whole
 def test_same_configuration_and_seed_give_the_same_bits(sldvexp):
     arguments = (*POSE, "instrument=file", "instrument.path=conf://data/point_measured.csv")
     arguments += ("reconstruction=absolute", "seed=3")
@@ -105,6 +106,7 @@ def test_same_configuration_and_seed_give_the_same_bits(sldvexp):
     assert not np.array_equal(one[repeats], other[repeats])
 
 
+@pytest.mark.whole
 def test_run_says_how_it_was_made(sldvexp, tmp_path):
     reg = tmp_path / "mine.reg"
     reg.write_bytes((CONF / "data/figure_4_28.reg").read_bytes())
@@ -267,6 +269,7 @@ def test_a_refused_command_leaves_a_finished_run_as_it_was(sldvexp, tmp_path, ar
     assert contents(tmp_path) == before
 
 
+@pytest.mark.whole
 def test_results_are_replaced_only_by_better_ones(sldvexp, tmp_path, monkeypatch):
     folder = tmp_path / "same"
     where = (f"hydra.run.dir={folder}", "overwrite=true")

@@ -34,6 +34,7 @@ def test_groups_settings_and_commands_are_offered_first(offered):
     assert not {"list", "show"} & set(offered("sldvexp seed=1 "))
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("line", "endings"),
     [

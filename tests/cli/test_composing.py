@@ -51,7 +51,7 @@ def described(node):
     return kind, flags, node._value()
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("mode", RunMode, ids=lambda mode: mode.name)
 @pytest.mark.parametrize("overrides", OVERRIDES.values(), ids=OVERRIDES)
 def test_what_is_composed(loaders, overrides, mode):
@@ -59,6 +59,7 @@ def test_what_is_composed(loaders, overrides, mode):
     assert described(quick) == described(usual)
 
 
+@pytest.mark.whole
 def test_the_master_configuration_of_a_sweep(loaders):
     overrides = ["seed=1,2", "solver=iterative,direct", "volume.size=[0.2,0.1]"]
     quick, usual = (x.load_configuration("config", overrides, RunMode.MULTIRUN) for x in loaders)

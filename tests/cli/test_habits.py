@@ -173,6 +173,7 @@ def test_bad_file_is_one_line_of_a_check(sldvexp, lab):
     assert "passed  experiment=good: " in done.out
 
 
+@pytest.mark.whole
 def test_run_says_which_views_come_from_the_example(sldvexp, lab):
     place = "{euler: [0.024, 2.910, -3.117], origin: [0.290, 0.530, 1.655]}"
     lab(x=SCAN.replace("NAME", "a") + f"scene: {{views: {{a: {place}}}}}\n")

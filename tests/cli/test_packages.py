@@ -100,6 +100,7 @@ def test_choices_of_a_package_are_listed_and_shown(sldvexp, installed, site):
     assert ", neighbours" in sldvexp("--help").out
 
 
+@pytest.mark.whole
 def test_users_folder_builds_on_a_package(sldvexp, installed, tmp_path):
     file = tmp_path / "lab/experiment/mine.yaml"
     file.parent.mkdir(parents=True)

@@ -32,6 +32,7 @@ def test_refused_value(sldvexp, setting, told):
     assert (done.status, done.err) == (1, f"sldvexp: command line: {told}\n")
 
 
+@pytest.mark.whole
 def test_bare_off_in_a_file_is_told_from_a_word(sldvexp, tmp_path):
     mine = tmp_path / "lab" / "experiment" / "mine.yaml"
     mine.parent.mkdir(parents=True)

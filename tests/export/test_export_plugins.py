@@ -191,7 +191,7 @@ def read_vtu(path: Path) -> Read:
 READERS = {"csv": read_csv, "mat": read_mat, "uff": read_uff, "ugrid": read_ugrid, "vtu": read_vtu}
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("run", RUNS)
 @pytest.mark.parametrize("name", FORMATS)
 def test_format_holds_what_the_run_has(name, run, request, tmp_path):

@@ -302,6 +302,7 @@ def furthest(found, pictures):
     return away.argmin(axis=1).tolist(), away.min(axis=1).max()
 
 
+@pytest.mark.whole
 def test_gif_has_a_period_of_frames_that_is_repeated(strained, tmp_path):
     export = Gif(frequency=440.0, width=320, height=200, fps=10.0, seconds=0.8)
     found = frames(export.export(strained.run, tmp_path, "mine"))

@@ -145,6 +145,7 @@ def test_pointing_noise_moves_the_field_as_stated(make_views: Make, laser: TwoMi
     np.testing.assert_array_equal(by_pose.variance["pointing"], still.variance["pointing"])
 
 
+@pytest.mark.whole
 def test_a_stated_zero_of_all_mirrors_is_a_rotation_of_all_views(
     make_views: Make, laser: TwoMirror
 ) -> None:

@@ -140,7 +140,7 @@ def test_both_parts_add_up_and_poses_may_be_joint(
     np.testing.assert_allclose(none.std, result.std_noise)
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize("at_once", [pytest.param(10**6, marks=pytest.mark.long), 0])
 @pytest.mark.parametrize("uneven", [False, True])
 @pytest.mark.parametrize(("name", "fields"), METHODS[:1] + METHODS[4:])
@@ -244,6 +244,7 @@ def test_noise_that_changes_with_frequency(
     np.testing.assert_allclose(result.std_noise, one.std_noise * [1.0, 3.0])
 
 
+@pytest.mark.whole
 def test_efficiency(
     make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror
 ) -> None:

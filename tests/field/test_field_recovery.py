@@ -101,6 +101,7 @@ def test_every_solver(
         assert error.max() < EXACT * np.abs(nodal).max()
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("weights", Weights)
 @pytest.mark.parametrize(
     ("name", "kept"), [("absolute", 0.2), ("relative", 0.6), ("contravariant", 0.6)]
@@ -147,6 +148,7 @@ def test_parts_of_a_volume_give_the_same(
         assert [c.seen for c in parts.coverage] == [c.seen for c in whole.coverage]
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("model", Model)
 @pytest.mark.parametrize("weights", Weights)
 @pytest.mark.parametrize("name", ["absolute", "relative", "combined"])

@@ -106,6 +106,7 @@ def test_structural_numbers(volume_of_section_5_4: PointSurface, make_every_samp
     np.testing.assert_allclose(pooled, relative.residual_std[0, 0], rtol=1e-9)
 
 
+@pytest.mark.whole
 def test_intercepts(make_plate: Make, make_every_sample: Make, six_points: SampleRule) -> None:
     """Of independent samples F compares both models' sums of squares; it grows with intercepts."""
     prisms = make_plate((4, 4), 3)
@@ -182,6 +183,7 @@ def test_bounds_of_flagged_nodes(
     assert (result.std[known] > 0).all()
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("frequencies", [None, [50.0, 60.0]])
 def test_group(
     make_plate: Make, make_every_sample: Make, six_points: SampleRule, tmp_path: Any,

@@ -194,11 +194,11 @@ def test_the_same_as_in_memory(
 ) -> None:
     """Every variable and attribute, to rounding; blocks and images do not stay."""
     path = tmp_path / "images.nc"
-    write_images(path, (24, 22), 20, each)
+    write_images(path, (24, 22), 8, each)
     called = arguments(path, (8, 7), 3, *method)
     whole = sldvexp(*called)
     assert whole.status == 0, whole.err
-    streamed = sldvexp(*called, "stream=dask", "stream.frequencies=6", "stream.pixels=100")
+    streamed = sldvexp(*called, "stream=dask", "stream.frequencies=3", "stream.pixels=100")
     assert streamed.status == 0, streamed.err
     field, blocks = (run.tree["field"].to_dataset() for run in (whole, streamed))
     assert field["velocity_std_pose"].min() > 0
@@ -304,6 +304,7 @@ def test_replayed_session(sldvexp: Callable[..., Any]) -> None:
         assert_same(a, b, 1e-12 if group == "field" else 0.0)
 
 
+@pytest.mark.whole
 def test_what_is_refused(sldvexp: Callable[..., Any], tmp_path: Path) -> None:
     """One sentence each."""
     path = tmp_path / "images.nc"

@@ -178,6 +178,7 @@ def test_unknown_standard_errors_are_estimated_from_the_residuals() -> None:
     assert np.all(np.abs(seen / stated - 1.0) < 4.5 / np.sqrt(2 * COUNT))
 
 
+@pytest.mark.whole
 def test_errors_along_oblique_scan_lines_count_by_their_part_across_the_edge() -> None:
     """Horizontal lines: an edge that runs along them is known far better than its position."""
     rng = np.random.default_rng(7)

@@ -21,6 +21,7 @@ def nested(depth: int) -> str:
     return "[" * depth + "]" * depth
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("good", "bad", "told"),
     [

@@ -219,6 +219,7 @@ def test_nothing_outside(kind: str, method: Interpolation) -> None:
     assert np.diff(w.value.indptr)[:3].tolist() == [0, 0, 0]
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("n", [240, 300])
 def test_oblique_lattice_of_few_steps_a_cell(n: int) -> None:
     """Rounding moves corners by up to a quarter of a cell; no place falls between cells."""
@@ -375,6 +376,7 @@ def waving(image: Image, noise: float = 0.0) -> Image:
     return image
 
 
+@pytest.mark.one_in(2)
 @cases
 def test_auto_takes_cubic_where_it_predicts_pixels_better(kind: str) -> None:
     make = KINDS[kind][0]

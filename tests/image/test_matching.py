@@ -81,6 +81,7 @@ def test_points_of_figure_4_1_are_found_in_the_image(
     assert 0.02 < np.linalg.norm(error, axis=1).max() < 0.3
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("wiring", ["right", pytest.param("swapped", marks=pytest.mark.long)])
 def test_covariance_of_the_points_is_that_of_repeats(
     wiring: str, view: Make, figure_4_1: Circles
@@ -102,6 +103,7 @@ def test_covariance_of_the_points_is_that_of_repeats(
     assert deviation.max() < 0.25
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("wiring", WIRINGS)
 def test_covariance_follows_the_mirroring(wiring: str, view: Make, figure_4_1: Circles) -> None:
     matrix, _ = WIRINGS[wiring]
@@ -191,6 +193,7 @@ def test_many_circles_on_a_plane_are_matched_without_trying_all_orders(view: Mak
     assert {n: order[k] for n, k in match.ellipse.items()} == {n: n for n in order}
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("wiring", WIRINGS)
 def test_planes_with_the_same_circles_are_told_apart_by_their_depth(
     wiring: str, view: Make

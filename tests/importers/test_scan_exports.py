@@ -355,6 +355,7 @@ FUZZED = TABLES | {n: f"{h}\n" + rows(INDEX, *XYZ, *c.T) for n, (h, c, _) in WID
 SPICE = ["\t", ";", ",", "\n", "9e99", "-1", "[Hz]", "[m]", "nan", "\0", "²"]
 
 
+@pytest.mark.whole
 @settings(max_examples=150, deadline=None, derandomize=True, database=None)
 @given(
     st.sampled_from(sorted(FUZZED)),

@@ -44,6 +44,7 @@ def right(group, frequency):
 OTHERS = "Bandwidth:\t2 kHz\nResolution:\t0.625 Hz\nSample Freq.:\t5.12 kHz\nBand: 190 - 200 Hz\n"
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("line", "frequency"),
     [

@@ -134,6 +134,7 @@ def served():
         process.communicate()
 
 
+@pytest.mark.whole
 def test_the_command_serves_the_lab_of_its_configuration(served, lab, line, same):
     chosen = ("scene=plate", "target=two_planes", "laser=ometron_16bit", "seed=5")
     process, resource = served(*chosen)

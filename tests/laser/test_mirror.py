@@ -26,6 +26,7 @@ def mirrors(draw):
     return Mirror(gain, zero, [bend * gain * a, bend * gain * b])
 
 
+@pytest.mark.whole
 @given(mirrors(), mirrors(), st.sampled_from(Board), st.integers(0, 2**32 - 1))
 def test_there_and_back(up_down, left_right, board, seed):
     laser = TwoMirror(board=board, up_down=up_down, left_right=left_right)

@@ -95,6 +95,7 @@ def ratios(promised: StandPlan, reported: np.ndarray) -> tuple[float, float]:
     return float(mean), float(worst)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("seed", [1, 3])
 def test_a_session_reports_the_bounds_that_were_promised(seed, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -39,6 +39,7 @@ def test_a_plan_is_written_as_an_experiment_with_poses_and_a_figure(planned):
     assert "expect" not in made
 
 
+@pytest.mark.whole
 def test_a_run_takes_a_plan_as_it_is_and_finds_its_stands(planned, sldvexp):
     done = sldvexp("--config-dir", "lab", "experiment=monday", "report=none", "hydra.run.dir=run")
     assert (done.status, done.err) == (0, "")
@@ -56,6 +57,7 @@ def test_a_run_takes_a_plan_as_it_is_and_finds_its_stands(planned, sldvexp):
     assert "beyond the incidence allowed" in words(checked.out)
 
 
+@pytest.mark.whole
 def test_the_planned_poses_can_be_taken_instead_of_being_found(planned, sldvexp):
     done = sldvexp("--config-dir", "lab", "experiment=monday", "pose=monday", "--cfg", "job")
     assert done.status == 0
@@ -88,6 +90,7 @@ STANDS = {
 POSES = f"scan.poses={STANDS}".replace("'", "")
 
 
+@pytest.mark.whole
 def test_rough_poses_of_a_folder_of_ones_own_are_checked_and_planned_anew(sldvexp):
     file = Path("lab/laser/mine.yaml")
     file.parent.mkdir(parents=True)
@@ -107,6 +110,7 @@ def test_rough_poses_of_a_folder_of_ones_own_are_checked_and_planned_anew(sldvex
     assert "out of reach" not in told.out
 
 
+@pytest.mark.whole
 def test_a_plan_replaces_files_only_if_asked(planned, sldvexp):
     before = Path("lab/experiment/monday.yaml").read_bytes()
     again = ("plan", *QUICK, "plan.stands=3", "--to", "lab", "--name", "monday")
@@ -128,6 +132,7 @@ def test_a_plan_is_written_whole_or_not_at_all(sldvexp):
     assert not Path("lab/experiment/monday.yaml").exists()
 
 
+@pytest.mark.whole
 def test_the_next_stand_is_written_beside_those_that_are_there(sldvexp):
     done = sldvexp("plan", "next", *QUICK, "--to", "lab")
     assert (done.status, done.err) == (0, "")
@@ -174,6 +179,7 @@ REFUSED = [
 ]
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(("arguments", "answer"), REFUSED)
 def test_bad_inputs_are_told_in_one_sentence(arguments, answer, sldvexp):
     done = sldvexp("plan", *arguments.split(), "plan.candidates=50")

@@ -404,6 +404,7 @@ def test_surface_is_the_moment_of_the_largest_velocity(figures, tree):
     np.testing.assert_allclose(shares, shares[0])
 
 
+@pytest.mark.whole
 def test_noise_is_pale_and_not_drawn_at_full_height(tree):
     groups = {n.path.strip("/"): n.to_dataset() for n in tree.subtree if n.has_data}
     noise = groups["field"].copy(deep=True)
@@ -482,6 +483,7 @@ def test_a_wrong_choice_is_named(tree, name, options, said):
         getattr(sldvexp.plot, name)(tree, **options)
 
 
+@pytest.mark.whole
 def test_a_run_at_a_prompt_is_short_and_its_file_is_opened_once(run_file, monkeypatch):
     opened, load = [], dataset.load
     monkeypatch.setattr(dataset, "load", lambda path: opened.append(path) or load(path))

@@ -108,6 +108,7 @@ def check_figures(bound, errors, std, dof):
     return cover
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     "accuracy",
     [pytest.param(1e-9, id="exact circles", marks=pytest.mark.long),

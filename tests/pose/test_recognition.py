@@ -98,7 +98,7 @@ def refuse(edges, target, laser=LASER, upright=True):
     return str(refused.value)
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(7)
 @pytest.mark.parametrize(
     ("target", "offset"),
     [(ONE, 0.0), (ONE, 0.045), (TWO, 0.0)],
@@ -173,6 +173,7 @@ def test_miscalibrated_mirrors_are_not_taken_for_wrong_ones(true):
         assert f"the mirrors look wired wrongly, {wiring}: " in told
 
 
+@pytest.mark.whole
 def test_right_mirrors_are_right_with_noise_that_is_not_as_stated():
     """A circle ten times as noisy as it says is not explained, but nothing fits better."""
     for seed in range(4):

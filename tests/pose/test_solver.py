@@ -138,6 +138,7 @@ def scenes(**kwargs: object) -> st.SearchStrategy[Scene]:
 quick = settings(max_examples=40, deadline=None, derandomize=True)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("shape", Scene.SHAPES)
 @quick
 @given(data=st.data())

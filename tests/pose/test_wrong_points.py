@@ -117,6 +117,7 @@ def at_least(rate, trials):
 VIEWS = [8, pytest.param(150, marks=pytest.mark.long)]
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("views", VIEWS)
 def test_clean_registrations_keep_all_their_points(views):
     session = Session(1, views)
@@ -293,6 +294,7 @@ def test_a_wrong_unit_is_seen_by_where_the_instrument_would_stand(depth, scale):
     assert finding.remedy.endswith("unit of marks.csv")
 
 
+@pytest.mark.whole
 def test_a_wrong_unit_without_a_pose_is_named():
     method = Registration(path="not read", max_iterations=30)
     told = "no pose was found in 30 iterations.* the angles fit object points in m, to"
@@ -361,6 +363,7 @@ def test_a_run_stops_at_a_doubtful_pose_if_told_to(sldvexp):
     assert [sldvexp(c, "on_doubt=stop").status for c in calls] == [2, 0]
 
 
+@pytest.mark.whole
 def test_a_view_without_a_pose_is_told_by_the_command(sldvexp, tmp_path):
     session = Session(18, 2)
     short, whole = session.tables()

@@ -68,6 +68,7 @@ def test_rotating_the_axes_rotates_the_velocity(name: str, seed: int) -> None:
     np.testing.assert_allclose(difference[keep], 0, atol=1e-8)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", METHODS)
 @given(seed=SEEDS, factor=st.floats(1e-6, 1e6))
 @FEW

@@ -38,6 +38,7 @@ def test_page_is_quiet_and_fetches_nothing(shown, browser):
     assert (len(fetched) > 0, outside) == (True, [])
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("size", [PHONE, DESKTOP])
 def test_numbers_and_names_of_the_box_stand_apart(open_at, size):
     boxes = open_at(size).js(
@@ -212,6 +213,7 @@ def test_what_lies_below_its_bound_is_pale(open_at, small_volume, small_field):
     assert "pale" not in shown.text("told")
 
 
+@pytest.mark.whole
 def test_the_shape_is_coloured_by_strain(open_at, small_volume):
     around = small_volume()
     strain = made_strain(around)
@@ -225,6 +227,7 @@ def test_the_shape_is_coloured_by_strain(open_at, small_volume):
     np.testing.assert_allclose(shown.colours, stress, rtol=1e-4)
 
 
+@pytest.mark.whole
 def test_rounded_numbers_are_shown_as_near_as_their_bounds_ask(
     open_at, small_volume, small_field, monkeypatch
 ):
@@ -243,6 +246,7 @@ def test_rounded_numbers_are_shown_as_near_as_their_bounds_ask(
         np.testing.assert_allclose(shown.colours, bound[:, 2, hertz], rtol=0.006)
 
 
+@pytest.mark.whole
 def test_undetermined_nodes_are_marked_on_a_phone_too(open_at, small_volume, small_field):
     around = small_volume()
     field = small_field(around)

@@ -110,6 +110,7 @@ def test_runs_that_are_done_get_the_pages_that_they_lack(sldvexp, pages, no_figu
     assert done == {path: path.stat().st_mtime_ns for path in done}  # and no run is done again
 
 
+@pytest.mark.whole
 def test_failed_runs_come_first_in_a_sweeps_page(sldvexp, pages, no_figures, tmp_path):
     sldvexp("-m", POINT, "reconstruction.rows='1,2,3','1,2,<b>'", "hydra.sweep.dir=sweep")
     text = (tmp_path / "sweep/report.html").read_text()

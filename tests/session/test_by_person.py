@@ -201,6 +201,7 @@ def test_the_group_holds_what_was_found(composed, tmp_path):
         np.testing.assert_allclose(own["angle"], experiment.laser.angle_from_dac(own["dac"]))
 
 
+@pytest.mark.whole
 def test_digitised_spots_are_points_of_their_own_in_every_view(composed, tmp_path):
     experiment = composed(*DIGITIZER, "scan.samples=9", "scene.operator.digitizer=0.001")
     group = scan_views(experiment, tmp_path)["registration"]

@@ -113,6 +113,7 @@ def compared(found):
     return np.array(errors), np.mean(held, axis=1)
 
 
+@pytest.mark.whole
 def test_without_noise_the_motion_is_exact(cap):
     found = estimated(views(np.random.default_rng(1), noise=1e-9), cap)
     assert isinstance(found.fit.outline.chart, HeightChart)
@@ -147,6 +148,7 @@ def test_a_cap_taken_for_flat_is_wrong(cap):
     assert bent > 0.2 * np.abs(found.strain()["strain"].values).max()
 
 
+@pytest.mark.whole
 def test_the_field_at_all_nodes_is_in_the_world(cap):
     found = estimated(views(np.random.default_rng(4)), cap)
     group = found.field()

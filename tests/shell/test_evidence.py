@@ -74,6 +74,7 @@ def test_the_average_is_that_of_its_points():
     assert variance.item() == pytest.approx(spread, rel=1e-2)
 
 
+@pytest.mark.whole
 def test_intervals_hold_as_often_as_they_say():
     """Coefficients drawn from the priors with weights from the grid; 400 draws, 12 coefficients."""
     rng, design, penalties = problem(2)

@@ -170,6 +170,7 @@ def test_motion_and_strain_of_a_tube():
     assert held.mean() > 0.93
 
 
+@pytest.mark.whole
 def test_a_tube_without_least_stretch_has_no_strain_that_is_of_use():
     """Free splines, whose strains are differences of what is far larger."""
     truth = tubes.tube()

@@ -234,6 +234,7 @@ def test_principal_strains_and_stresses_of_a_plate_are_those_of_its_truth(found,
     assert np.median(off[clear]) < 3
 
 
+@pytest.mark.whole
 def test_free_splines_have_strains_of_the_face_alone():
     group = estimated(2, None, Spline()).strain()
     assert "principal_strain" in group

@@ -44,6 +44,7 @@ def estimated(views, volume, method=None, sheet=lab.SHEET, **known):
     )
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("radius", [None, 0.5])
 def test_motion_and_strain_of_a_sheet(radius):
     truth = lab.plate(radius)
@@ -73,6 +74,7 @@ def test_without_noise_the_motion_is_exact():
     assert np.all(errors[3:] < 1e-3)
 
 
+@pytest.mark.whole
 def test_a_faster_structure_comes_out_alike():
     """All velocities times 1000: relative errors are nearly the same."""
     truth = lab.plate()
@@ -137,6 +139,7 @@ def test_poses_are_adjusted_with_the_field():
     assert np.all(propagated.fit.nuisances.mean == 0)
 
 
+@pytest.mark.whole
 def test_a_declared_height_is_found():
     """A surface that is given 0.5 mm too low, and may be off by a millimetre."""
     truth, volume = lab.plate(), lab.volume()
@@ -148,6 +151,7 @@ def test_a_declared_height_is_found():
     assert abs(height - 0.5e-3) < 4 * std
 
 
+@pytest.mark.whole
 def test_a_thickness_that_is_not_known_well_widens_the_bounds():
     truth = lab.plate()
     views = lab.views(truth, np.random.default_rng(7))
@@ -162,6 +166,7 @@ def test_a_thickness_that_is_not_known_well_widens_the_bounds():
     assert np.median(relative) == pytest.approx(0.1 / 3, rel=0.3)
 
 
+@pytest.mark.whole
 def test_the_given_surface_may_be_the_face():
     truth, volume = lab.plate(), lab.volume()
     volume.center = [*volume.center[:2], 0.0015]

@@ -101,6 +101,7 @@ def test_folder_of_experiments_and_matrices(sldvexp, lab, tmp_path):
     assert done.out.splitlines()[-1].startswith("4 of 5 as expected")
 
 
+@pytest.mark.whole
 def test_other_sentence_or_none_is_not_as_expected(sldvexp, lab):
     text = MATRIX.replace("seed: -1}, refused: '^seed", "seed: [1, -1]}, refused: '^sede")
     done = sldvexp("check", str(lab({"m.yaml": text}) / "m.yaml"))

@@ -34,7 +34,7 @@ def repeats(sldvexp, name):
     assert path != str(first.folder / "run.nc")
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", QUICK)
 def test_repeats_to_the_bit(name, sldvexp):
     repeats(sldvexp, name)
@@ -75,6 +75,7 @@ def test_differences_are_told_quantity_by_quantity(point, sldvexp):
     assert f"packages: numpy 0.1 -> {np.__version__}\n" in done.out
 
 
+@pytest.mark.whole
 def test_input_files_are_known_by_their_content(point, sldvexp, tmp_path, monkeypatch):
     mine = tmp_path / "mine.csv"
     content = mine.read_text()
@@ -167,7 +168,7 @@ HOSTILE = {
 }
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize("way", HOSTILE)
 def test_file_from_a_stranger_runs_no_code(way, point, sldvexp, tmp_path):
     attributes, sentence = HOSTILE[way]
@@ -179,6 +180,7 @@ def test_file_from_a_stranger_runs_no_code(way, point, sldvexp, tmp_path):
     assert not (tmp_path / "pwned").exists()
 
 
+@pytest.mark.whole
 def test_measured_run_is_repeated_from_its_scan_lines_only(point, sldvexp):
     """A file from a stranger moves no instrument either."""
     settings = {"resource": "TCPIP::127.0.0.1::5025::SOCKET"}

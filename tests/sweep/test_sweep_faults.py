@@ -158,6 +158,7 @@ class Backwards(datetime):
         return datetime(2026, 3, 4, 12, tzinfo=UTC) - timedelta(hours=cls.read)
 
 
+@pytest.mark.whole
 def test_clock_that_is_set_back(sldvexp, tmp_path, monkeypatch):
     """Nothing is computed again, and no time is less than nothing."""
     for module in ("sldvexp.pipeline.runner", "sldvexp.pipeline.provenance"):
@@ -197,6 +198,7 @@ def test_folder_that_belongs_to_another_sweep(tmp_path):
     claim("experiment=pose", "seed=1,2")
 
 
+@pytest.mark.whole
 def test_command_leaves_the_folder_of_another_sweep_alone(sldvexp, tmp_path):
     assert sldvexp(*SWEEP, "seed=1,2", "hydra.sweep.dir=swept").status == 0
     before = {p: p.stat().st_mtime_ns for p in (tmp_path / "swept").rglob("*")}
@@ -220,6 +222,7 @@ def test_two_sweeps_at_once(sldvexp, tmp_path):
     assert len(kept) == 2
 
 
+@pytest.mark.whole
 def test_misspelt_key_leaves_a_sweep_as_it_was(sldvexp, tmp_path):
     assert sldvexp(*SWEEP, "seed=1,2", "hydra.sweep.dir=swept").status == 0
     before = {p: p.stat().st_mtime_ns for p in (tmp_path / "swept").glob("*/*")}

@@ -85,6 +85,7 @@ def test_everything_that_a_sweep_leaves(swept):
     assert "4 of 6 done, 2 failed: " in told[-1]
 
 
+@pytest.mark.whole
 def test_ranked_by_what_the_user_says(sldvexp, tmp_path):
     done = sldvexp(*METHODS[:3], "sweep.rank=point.sse", WHERE)
     assert done.status == 0
@@ -103,6 +104,7 @@ REFUSED = [
 ]
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(("settings", "sentence"), REFUSED)
 def test_mistake_in_one_setting_starts_nothing(settings, sentence, sldvexp, tmp_path):
     done = sldvexp("-m", "experiment=point", *settings.split(), WHERE)

@@ -78,6 +78,7 @@ def test_view_with_nine_of_ten_pixels_flagged_is_compared():
     assert not [f for f in examined(changed(flagged(0.9), 1)).findings if f.kind != "noise"]
 
 
+@pytest.mark.whole
 def test_view_with_hardly_a_pixel_does_not_keep_the_others_from_being_compared():
     views = changed(flagged(0.98), 1)
     views[3] = replace(views[3], velocity=-views[3].velocity)

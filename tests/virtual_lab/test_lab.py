@@ -86,6 +86,7 @@ def test_pixel_by_pixel_is_the_same_as_a_list(lab):
         assert (ours.acquire().counts[0] == listed.counts[i]).all()
 
 
+@pytest.mark.whole
 def test_a_resumed_session_repeats_its_lines_to_the_bit(lab):
     """Whatever was measured before, in whatever order: a line's number decides its noise."""
     first = lab("plate")

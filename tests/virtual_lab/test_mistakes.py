@@ -105,6 +105,7 @@ def test_a_view_of_another_frequency(image):
     np.testing.assert_allclose(image(frequency=1.1), elsewhere, atol=COUNTS)
 
 
+@pytest.mark.whole
 def test_a_view_of_another_field(quiet, image):
     """Without its strongest mode the others are left; twice that mode adds it again."""
     right = image()
@@ -224,6 +225,7 @@ def test_a_hole_is_not_there(radius):
     np.testing.assert_array_equal(found[2:], known[2:])
 
 
+@pytest.mark.whole
 def test_behind_a_hole_something_rests_or_nothing(quiet, phasors):
     hole = "+scene.plate.holes={one: {center: [0.03, 0.02]}}"
     whole, backed, empty = (

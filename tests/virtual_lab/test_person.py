@@ -26,6 +26,7 @@ def aimed(lab, those):
     return np.array([lab.person.aim(mark, (0, 0)) for mark in those])
 
 
+@pytest.mark.whole
 def test_pointing_errs_by_its_part_of_the_spot_and_whole_steps(lab):
     made = lab("plate", "scene.operator.mark_error=false", target=None)
     those = marks(2000)

@@ -64,6 +64,7 @@ def steps(quiet, phasors, pixels, *settings):
     return (80 * (found[:, 0] / found[:, 1] - middle) / (further - beside)).real
 
 
+@pytest.mark.whole
 def test_the_beam_falls_where_hysteresis_puts_it(quiet):
     """Five steps short of where it is sent, from whatever side it comes."""
     step = TwoMirror().step[1]

@@ -309,6 +309,7 @@ def test_volume_is_a_step_of_a_run(sldvexp, tmp_path):
     assert "volume: nowhere.csv: there is no such file" in refused.err
 
 
+@pytest.mark.whole
 def test_million_nodes_take_less_than_a_loop_and_little_memory():
     volume = Grid(shape=[378, 378], radius=0.5, samples=SampleSettings(1, 1))
     tracemalloc.start()

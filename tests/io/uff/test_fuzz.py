@@ -159,9 +159,10 @@ def peak():
     return used if sys.platform == "darwin" else 1024 * used
 
 
-def test_mutated_files(sound, tmp_path):
+@pytest.mark.parametrize("count", [80, pytest.param(300, marks=pytest.mark.whole)])
+def test_mutated_files(sound, tmp_path, count):
     before = peak()
-    fuzz(sound, tmp_path / "fuzzed.uff", 300)
+    fuzz(sound, tmp_path / "fuzzed.uff", count)
     assert peak() - before < MOST_MEMORY
 
 
