@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import gc
 import hashlib
 import math
 import os
@@ -61,6 +62,17 @@ PAGES = {name: getattr(Html, name) for name in ("of_run", "of_sweep")}
 def pytest_xdist_auto_num_workers() -> int:
     """One more than processors: tests wait for sockets and for other processes now and then."""
     return (os.cpu_count() or 1) + 1
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Look for no garbage among thousands of tests, neither as they are found nor later."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.freeze()
 
 
 @pytest.hookimpl(tryfirst=True)
