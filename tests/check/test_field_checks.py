@@ -199,6 +199,7 @@ def test_the_other_views_predict_what_one_measured():
     assert not found["named"].any()
 
 
+@pytest.mark.whole
 def test_a_view_that_is_off_is_off_by_as_much_and_named():
     found = LeftOut().examine(session_of(VIEWS, {"4": 0.003j}))
     np.testing.assert_allclose(found["error"].sel(view="4"), 0.003, rtol=1e-2)

@@ -140,6 +140,7 @@ def test_time_left_is_true_after_a_quarter_of_the_work(tmp_path, hitch):
     require_true(scanned(IMAGES, tmp_path, hitch=hitch)[1])
 
 
+@pytest.mark.whole
 def test_time_left_knows_of_the_longer_records_of_the_next_part(tmp_path):
     require_true(scanned(SESSION, tmp_path)[1])
 

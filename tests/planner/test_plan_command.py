@@ -80,6 +80,7 @@ def test_a_plan_replaces_files_only_if_asked(planned, sldvexp):
     assert "overwrite" not in made
 
 
+@pytest.mark.whole
 def test_a_plan_is_written_whole_or_not_at_all(sldvexp):
     Path("lab/pose/monday.yaml").mkdir(parents=True)
     done = sldvexp("plan", *QUICK, "--to", "lab", "--name", "monday", "overwrite=true")

@@ -200,6 +200,7 @@ def test_a_hidden_mark_can_be_taken_back(session):
     assert session.kept() == {k: session.true[k - 1] for k in (1, 2, 3)}
 
 
+@pytest.mark.whole
 def test_what_was_taken_back_stays_so_after_a_cut(session):
     """Neither the answer that was taken back counts, nor is one lost that counted."""
     session.press(session.at(1), session.at(2), session.at(3, (9, 9)), "u")

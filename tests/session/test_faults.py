@@ -294,6 +294,7 @@ def require_right(pose, lab, view="1"):
     assert (np.abs(error) < WITHIN * np.sqrt(np.diag(pose["covariance"].values))).all()
 
 
+@pytest.mark.whole
 def test_what_a_sentence_says_puts_it_right(sldvexp):
     """A cable that is plugged in, what was measured without it deleted, and the run resumed."""
     behind = laboratory()
