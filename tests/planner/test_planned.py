@@ -59,6 +59,7 @@ def test_a_plan_is_better_than_ten_thousand_random_layouts(settings):
     assert planned < best
 
 
+@pytest.mark.whole
 def test_a_plan_reaches_the_mean_of_the_best_cone():
     """Within 1 %: all nodes of a plate cannot be seen from one cone."""
     found = planner.plan(composed("experiment=plate", *SMALL))
@@ -126,6 +127,7 @@ def test_one_planned_stand_after_three_does_what_the_last_two_of_the_dissertatio
     assert found.asked < 1.02 * given.asked
 
 
+@pytest.mark.whole
 def test_a_check_says_what_stands_do_not_see():
     found = planner.check_stands(composed("experiment=plate", *SMALL, "plan.room.incidence=20"))
     assert found.new == 0

@@ -193,6 +193,7 @@ def test_undo_and_repeat_go_back_to_where_the_mark_was(session):
     assert kept == [".mark_1.1.json", ".mark_2.1.json"]
 
 
+@pytest.mark.whole
 def test_a_hidden_mark_can_be_taken_back(session):
     session.press(session.at(1), "h", session.at(3))
     assert session.kept()[2] is None

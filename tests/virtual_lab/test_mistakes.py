@@ -115,6 +115,7 @@ def test_a_view_of_another_field(quiet, image):
     np.testing.assert_allclose(twice - right, right - without, atol=2 * COUNTS)
 
 
+@pytest.mark.whole
 def test_two_views_that_are_exchanged(quiet, phasors, image):
     """Each is seen from where the other one is said to stand."""
     exchanged = image(seen_from="2", _2={"seen_from": "4"})
