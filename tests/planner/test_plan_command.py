@@ -135,7 +135,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize(("arguments", "answer"), REFUSED)
 def test_bad_inputs_are_told_in_one_sentence(arguments, answer, sldvexp):
     done = sldvexp("plan", *arguments.split(), "plan.candidates=50")

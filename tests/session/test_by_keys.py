@@ -160,6 +160,7 @@ def test_a_whole_view_by_keys(session):
     assert keys.keys == []
 
 
+@pytest.mark.whole
 def test_one_place_of_several_is_not_taken_unseen(session):
     """Who presses g and Enter would confirm whichever pose the place was predicted by."""
     keys = session.press(*map(session.at, (1, 2, 3)), "g enter", "h")
@@ -212,6 +213,7 @@ def test_what_was_taken_back_stays_so_after_a_cut(session):
     np.testing.assert_array_equal(session.group["dac"].values[0], session.true)
 
 
+@pytest.mark.whole
 def test_who_only_goes_on_reviews_nothing(session):
     session.press(*map(session.at, range(1, 7)))
     assert session.group is None  # cut off at the review
