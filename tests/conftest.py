@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import gc
 import hashlib
 import math
 import os
@@ -22,6 +23,7 @@ from typing import Any
 import hypothesis
 import pytest
 import xarray as xr
+from hydra._internal.hydra import Hydra
 from hydra.core.config_search_path import ConfigSearchPath
 
 from sldvexp import dataset, writing
@@ -61,6 +63,17 @@ PAGES = {name: getattr(Html, name) for name in ("of_run", "of_sweep")}
 def pytest_xdist_auto_num_workers() -> int:
     """One more than processors: tests wait for sockets and for other processes now and then."""
     return (os.cpu_count() or 1) + 1
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Look for no garbage among thousands of tests, neither as they are found nor later."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.freeze()
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -194,8 +207,12 @@ def sldvexp(
         where = [] if given else [f"hydra.run.dir={folder}"]
         monkeypatch.setattr(sys, "argv", ["sldvexp", *arguments, *where])
         capsys.readouterr()
-        with pytest.raises(SystemExit) as stop, handlers_kept():
-            main.main()
+        with monkeypatch.context() as patch:
+            # Hydra composes once more for `hydra.mode`, which a file of one's own may set as well.
+            if not any(a.startswith("-") or "hydra.mode" in a for a in arguments):
+                patch.setattr(Hydra, "get_mode", lambda *_, **__: None)
+            with pytest.raises(SystemExit) as stop, handlers_kept():
+                main.main()
         said = capsys.readouterr()
         return Done(int(stop.value.code or 0), said.out, said.err, folder)
 

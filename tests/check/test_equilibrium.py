@@ -94,6 +94,7 @@ def test_a_force_is_found_in_its_patch():
     assert -found.gamma.imag == pytest.approx(0.02, abs=4 * found.gamma_std[1])
 
 
+@pytest.mark.whole
 def test_a_small_force_is_felt_and_not_placed():
     """A thirtieth of a newton, at which the plate moves 0.2 mm/s."""
     found = forces_of(driven(0.033), 21, level=0.01)

@@ -58,6 +58,7 @@ def test_shear_is_told_without_a_height_and_within_its_bound():
     assert "too far apart" in finding.text
 
 
+@pytest.mark.whole
 def test_sides_that_are_registered_too_close_are_told():
     found = session(8, moved=np.array([0, 0, 0, 0, 0, 0.5e-3]))
     assert found.change == pytest.approx(0.5e-3, abs=3 * found.std)
@@ -66,6 +67,7 @@ def test_sides_that_are_registered_too_close_are_told():
     assert "shear" not in finding.text
 
 
+@pytest.mark.whole
 def test_a_side_that_is_beside_where_it_is_said_is_told_by_its_normal_motion():
     """The back by 1 mm along the plate."""
     found = session(9, moved=np.array([0, 0, 0, 1e-3, 0, 0]))
@@ -146,6 +148,7 @@ def test_the_command_holds_the_face_against_the_back(sldvexp):
     assert std < 0.15e-3
 
 
+@pytest.mark.whole
 def test_the_lever_arm_of_the_face_is_that_of_views_of_the_face():
     truth = lab.plate(stretch=0.0)
     views = lab.views_of_both_sides(truth, np.random.default_rng(13))

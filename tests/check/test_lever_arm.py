@@ -122,6 +122,7 @@ def test_motion_of_the_middle_a_quarter_of_a_period_off_shifts_nothing(four_line
     assert np.all(arms.chi_square[1] > 3 * arms.freedom[1])
 
 
+@pytest.mark.whole
 def test_poses_are_in_the_bounds_and_common_to_all_lines():
     found = physics.estimated(
         plate(tuple(MODES)), np.random.default_rng(10), tuple(MODES), pose_std=(1.5e-5, 2e-5)

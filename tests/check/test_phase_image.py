@@ -52,6 +52,7 @@ def test_the_spread_is_the_standard_deviation_of_normal_phases(std):
     np.testing.assert_allclose(found["phase"], 0, atol=4 * std / np.sqrt(PIXELS * 5 / 9))
 
 
+@pytest.mark.whole
 def test_the_p_value_is_uniform_where_phases_are():
     rng = np.random.default_rng(3)
     repeats = 300

@@ -73,6 +73,7 @@ def test_bounds_are_those_of_products():
     assert np.all(spread > 0.2 * own.std[0])
 
 
+@pytest.mark.whole
 def test_power_enters_where_the_force_acts(found):
     places, sides = patch_places(found.fit, PATCHES)
     flow = leaving(found, places, sides, 0, LOSS)

@@ -143,6 +143,7 @@ def test_sweep_leaves_one_run_for_each_value(sldvexp, tmp_path):
     assert {xr.open_datatree(f, engine="netcdf4").attrs["seed"] for f in files} == {1, 2}
 
 
+@pytest.mark.whole
 def test_sweep_goes_on_after_a_mistake(sldvexp, tmp_path):
     done = sldvexp("-m", *QUICK, "seed=-1,2", "hydra.sweep.dir=sweep")
     assert done.status == 1
@@ -191,6 +192,7 @@ def test_broken_plugin_of_others_only_warns(sldvexp, installed):
     assert sldvexp(*QUICK).status == 0
 
 
+@pytest.mark.whole
 def test_plugin_of_others_is_found(sldvexp, installed):
     from sldvexp.targets import FiducialPoints
 
@@ -246,7 +248,7 @@ def contents(folder):
     return {f: f.read_bytes() for f in folder.rglob("*") if f.is_file()}
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [

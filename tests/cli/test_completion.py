@@ -93,6 +93,7 @@ def test_query_by_hand_and_unknown_shell_get_one_sentence(sldvexp, monkeypatch):
     )
 
 
+@pytest.mark.whole
 def test_bash_completes_after_the_line_of_the_readme(tmp_path):
     line = "sldvexp reconstruction=contra"
     script = f"""

@@ -140,6 +140,7 @@ def test_own_experiment_extends_one_of_the_programs(sldvexp, lab, name, mine):
     assert "seed: 5\n" in done.out
 
 
+@pytest.mark.whole
 def test_an_own_configuration_chooses_an_experiment_of_the_programs(sldvexp, lab):
     (lab / "mine.yaml").write_text(
         "defaults: [config, override experiment: spoiled/sign, _self_]\nseed: 5\n"

@@ -18,6 +18,7 @@ from sldvexp.volume import Grid
 from tests.console.served import Served
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -49,6 +50,7 @@ def test_packages_that_are_missing_are_named_with_what_installs_them(sldvexp, mo
     )
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_console_ends_in_order(tmp_path, number):
     served = Served(tmp_path)

@@ -139,7 +139,7 @@ FAILED = {
 }
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("name", FAILED)
 def test_a_failed_run_leaves_its_sentence_and_what_was_there(
     sldvexp, finished, tmp_path, monkeypatch, name

@@ -37,7 +37,7 @@ def lab(tmp_path):
     return write
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize(
     "line",
     [

@@ -60,6 +60,7 @@ def test_only_settings_are_taken(here, word):
     assert list(here.iterdir()) == []
 
 
+@pytest.mark.whole
 def test_folders_of_ones_own(here):
     (here / "lab" / "experiment").mkdir(parents=True)
     (here / "lab" / "experiment" / "mine.yaml").write_text(

@@ -195,6 +195,7 @@ def test_one_module_has_no_folder_of_files(sldvexp, installed, tmp_path, monkeyp
     assert "there is no pose=y; " in sldvexp("show", "pose=y").err
 
 
+@pytest.mark.whole
 def test_files_of_a_package_are_no_strangers(sldvexp, installed, tmp_path):
     for folder, key in (("package", "JOB"), ("lab", "LAB")):
         file = tmp_path / f"{folder}/experiment/of_{folder}.yaml"

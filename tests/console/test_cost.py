@@ -89,6 +89,7 @@ def test_console_adds_no_more_than_a_twentieth_to_a_scan(
     assert min(used[True]) - min(used[False]) < 0.05 * min(took[False])
 
 
+@pytest.mark.whole
 def test_pixel_is_seen_within_half_a_second(small_view, board, wishes, join, tmp_path):
     heard, seen = join(), {}
 

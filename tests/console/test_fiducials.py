@@ -56,6 +56,7 @@ def test_marks_of_the_target_are_wanted_and_predicted_from_the_third_on(
     bench.leave()
 
 
+@pytest.mark.whole
 def test_scan_gets_the_places_that_were_aimed_at_and_hides_the_others(
     by_hand, lab, board, wishes, tmp_path
 ):

@@ -102,6 +102,7 @@ def test_places_of_each_kind_of_scan_have_their_own_key():
         assert marks.settings(Experiment(scan=scan)) == {"views": {"a": {key: [[1, 2], [3, 4]]}}}
 
 
+@pytest.mark.whole
 def test_session_without_views_wants_circles_and_corners_in_every_view_of_the_lab(folder):
     made = composed(["experiment=bench"], str(folder))
     assert isinstance(made.scan, Session)

@@ -117,6 +117,7 @@ def test_sum_is_the_error_of_draws(
     np.testing.assert_allclose(ratio, 1.0, atol=off)
 
 
+@pytest.mark.whole
 def test_pointing_noise_moves_the_field_as_stated(make_views: Make, laser: TwoMirror) -> None:
     """Pixels beside where they are said to be: what that does to nodal values, over 40 draws."""
     step, draws, rng = 8.0, 40, np.random.default_rng(3)

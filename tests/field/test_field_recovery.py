@@ -126,6 +126,7 @@ def test_uneven_coverage(
     assert result.samples > kept * samples
 
 
+@pytest.mark.whole
 def test_parts_of_a_volume_give_the_same(
     make_plate: Make, make_every_sample: Make, six_points: SampleRule,
     monkeypatch: pytest.MonkeyPatch,

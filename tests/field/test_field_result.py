@@ -218,6 +218,7 @@ def test_group(
             xr.testing.assert_identical(tree["field"].to_dataset().load(), group)
 
 
+@pytest.mark.whole
 def test_velocities_that_are_zero(
     make_plate: Make, make_every_sample: Make, six_points: SampleRule
 ) -> None:

@@ -117,6 +117,7 @@ def test_likelihood_reaches_the_cramer_rao_bound(shape: str) -> None:
     assert chi_square == pytest.approx(LINES - 5, abs=4.5 * np.sqrt(2 * (LINES - 5) / COUNT))
 
 
+@pytest.mark.whole
 def test_algebraic_fit_of_a_slender_ellipse_is_worse() -> None:
     """Eq 4.19 weighs a point by its gradient: more at the flat sides than at the ends.
 
@@ -163,6 +164,7 @@ def test_edges_far_off_do_not_pull_the_start() -> None:
     assert fit.ellipse.parameters == pytest.approx(ELLIPSE, rel=1e-9)
 
 
+@pytest.mark.whole
 def test_unknown_standard_errors_are_estimated_from_the_residuals() -> None:
     rng = np.random.default_rng(6)
     points, normals = edge(ELLIPSE, LINES)

@@ -70,6 +70,7 @@ def test_invariant_under_a_projectivity_of_the_line(x, c, scale, shift):
     )
 
 
+@pytest.mark.whole
 @given(four, st.integers(2, 5), st.integers(0, 2**32 - 1))
 def test_points_of_any_dimension_agree_with_their_coordinates(x, dimensions, seed):
     assume(spread(x))

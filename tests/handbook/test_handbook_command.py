@@ -67,6 +67,7 @@ def test_word_is_found_in_sections(sldvexp):
     assert "Points: Section 5.2; Fields: Table 5.7" in done.out
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("arguments", [[], TOPICS[:1]])
 def test_command_loads_neither_numpy_nor_other_heavy_libraries(loaded_by, arguments):
     code = "from sldvexp.cli import main; main.main()"

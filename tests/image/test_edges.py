@@ -255,6 +255,7 @@ def test_a_slope_that_is_no_edge_fits_no_profile() -> None:
     assert found.rejected == ((3, Reason.profile),)
 
 
+@pytest.mark.whole
 def test_component_in_phase_is_unbiased_where_the_magnitude_is_not() -> None:
     """Complex noise of a twentieth of the motion makes the edge of a magnitude move inwards."""
     rng = np.random.default_rng(7)

@@ -427,6 +427,7 @@ def test_flagged_pixels_have_no_part_in_predictions(method: Interpolation) -> No
     assert np.abs(matrix @ np.ones(len(image.dac))).max() < 1e-12
 
 
+@pytest.mark.whole
 def test_auto_stays_linear_where_its_error_is_lost_in_the_noise() -> None:
     """Cubic has more work and passes more of the noise on."""
     image = waving(even(121), noise=3e-2)

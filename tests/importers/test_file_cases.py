@@ -322,6 +322,7 @@ def test_netcdf_has_positions_and_gaps(tmp_path):
     np.testing.assert_allclose(other["position"], POSITIONS)
 
 
+@pytest.mark.whole
 def test_a_run_of_a_table_with_positions_is_a_shape_and_is_exported(tmp_path, sldvexp, pages):
     x, y = np.meshgrid(np.linspace(0, 0.2, 4), np.linspace(0, 0.1, 3))
     places = np.column_stack([x.ravel(), y.ravel(), np.zeros(12)])

@@ -38,6 +38,7 @@ def test_there_and_back(up_down, left_right, board, seed):
     assert np.abs(back - dac).max() <= 1e-12 * high
 
 
+@pytest.mark.whole
 @given(mirrors(), st.sampled_from(Board))
 def test_whole_steps_come_back_whole(mirror, board):
     laser = TwoMirror(board=board, up_down=mirror, left_right=mirror)

@@ -134,12 +134,14 @@ def require_true(errors, limit=0.2):
     assert max(map(abs, late)) <= limit, late
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("hitch", [0, 4])
 def test_time_left_is_true_after_a_quarter_of_the_work(tmp_path, hitch):
     """The three views are opened one after the other, which is in it too."""
     require_true(scanned(IMAGES, tmp_path, hitch=hitch)[1])
 
 
+@pytest.mark.whole
 def test_time_left_knows_of_the_longer_records_of_the_next_part(tmp_path):
     require_true(scanned(SESSION, tmp_path)[1])
 

@@ -125,6 +125,7 @@ def test_a_plan_replaces_files_only_if_asked(planned, sldvexp):
     assert "overwrite" not in made
 
 
+@pytest.mark.whole
 def test_a_plan_is_written_whole_or_not_at_all(sldvexp):
     Path("lab/pose/monday.yaml").mkdir(parents=True)
     done = sldvexp("plan", *QUICK, "--to", "lab", "--name", "monday", "overwrite=true")
@@ -179,7 +180,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize(("arguments", "answer"), REFUSED)
 def test_bad_inputs_are_told_in_one_sentence(arguments, answer, sldvexp):
     done = sldvexp("plan", *arguments.split(), "plan.candidates=50")

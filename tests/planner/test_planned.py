@@ -59,12 +59,14 @@ def test_a_plan_is_better_than_ten_thousand_random_layouts(settings):
     assert planned < best
 
 
+@pytest.mark.whole
 def test_a_plan_reaches_the_mean_of_the_best_cone():
     """Within 1 %: all nodes of a plate cannot be seen from one cone."""
     found = planner.plan(composed("experiment=plate", *SMALL))
     assert 1.0 < closed_form(found) / np.sqrt(3 / 5) < 1.01
 
 
+@pytest.mark.whole
 def test_the_same_seed_gives_the_same_stands_and_another_one_others():
     one, same, other = (
         planner.plan(composed("experiment=plate", *SMALL, f"seed={seed}")) for seed in (0, 0, 1)
@@ -87,6 +89,7 @@ def test_all_planned_stands_keep_the_limits():
         assert (stand.circles <= 0.96 * high).all()
 
 
+@pytest.mark.whole
 def test_stands_go_around_a_pillar():
     free = planner.plan(composed("experiment=plate", *SMALL))
     x, y, z = free.stands[0].origin
@@ -109,6 +112,7 @@ def closed_form(found: StandPlan) -> float:
 THREE = ("~scene.views.4", "~scene.views.5")
 
 
+@pytest.mark.whole
 def test_one_planned_stand_after_three_sees_what_the_last_two_of_the_dissertation_see():
     given = planner.check_stands(composed("experiment=plate", *SMALL))
     found = planner.next_stand(composed("experiment=plate", *SMALL, *THREE))
@@ -123,6 +127,7 @@ def test_one_planned_stand_after_three_does_what_the_last_two_of_the_dissertatio
     assert found.asked < 1.02 * given.asked
 
 
+@pytest.mark.whole
 def test_a_check_says_what_stands_do_not_see():
     found = planner.check_stands(composed("experiment=plate", *SMALL, "plan.room.incidence=20"))
     assert found.new == 0
@@ -130,6 +135,7 @@ def test_a_check_says_what_stands_do_not_see():
     assert planner.check_stands(composed("experiment=plate", *SMALL)).examined.seen.all()
 
 
+@pytest.mark.whole
 def test_a_wanted_bound_gets_as_many_stands_as_it_needs():
     settings = ("experiment=plate", *SMALL)
     four = planner.plan(composed(*settings, "plan.stands=4"))
@@ -140,11 +146,13 @@ def test_a_wanted_bound_gets_as_many_stands_as_it_needs():
     assert list(found.by_count.values()) == sorted(found.by_count.values(), reverse=True)
 
 
+@pytest.mark.whole
 def test_a_bound_that_is_out_of_reach_is_refused():
     with pytest.raises(UserError, match="8 stands reach"):
         planner.plan(composed("experiment=plate", *SMALL, "plan.wanted=1e-9"))
 
 
+@pytest.mark.whole
 def test_more_noise_makes_bounds_wider_in_proportion():
     one, two = (
         planner.plan(composed("experiment=plate", *SMALL, f"plan.noise={noise}"))

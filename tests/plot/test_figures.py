@@ -182,6 +182,7 @@ def test_pixels_of_an_uneven_grid_are_where_they_are(tree):
     assert not np.allclose(middles[:, 3, 0], dac[:, 2:5:2, 1].mean(axis=1), atol=2)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("far", [(-1510.0, 10.0), (-32000.0, 32000.0)])
 def test_labels_of_images_are_apart_wherever_the_pixels_are(tree, far):
     group = tree["image/1"].to_dataset().isel(frequency=0, drop=True).copy(deep=True)
@@ -291,6 +292,7 @@ def test_distances_of_all_edges_stand_beside_their_circle(figures, tree):
             np.testing.assert_allclose(y, fit.residual, atol=1e-9)
 
 
+@pytest.mark.whole
 def test_one_view_is_enough(tree):
     for name in ("edges", "bitangents", "images"):
         figure = getattr(sldvexp.plot, name)(tree, view="2")

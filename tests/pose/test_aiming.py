@@ -68,6 +68,7 @@ def require_unit_variance(z):
     assert np.mean(z) == pytest.approx(0, abs=4 / np.sqrt(len(z)))
 
 
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize("count", [4, 5, 7])
 @pytest.mark.parametrize("std", [0.0, 0.0006])
 def test_predictions_err_as_much_as_they_say(count, std):
@@ -79,6 +80,7 @@ def test_predictions_err_as_much_as_they_say(count, std):
     require_unit_variance(np.array(z)[:, 1])
 
 
+@pytest.mark.whole
 def test_three_marks_tell_poses_of_which_one_is_right():
     """Up to four fit; bounds reach to the others, and the likeliest is right in most views."""
     right, within, close = 0, 0, 0
@@ -103,6 +105,7 @@ def test_residuals_of_right_marks_err_as_much_as_they_say():
     require_unit_variance(np.array(z)[:, 1])
 
 
+@pytest.mark.whole
 def test_three_marks_leave_no_pose_out():
     """The right one is always among those that fit, however the instrument is turned."""
     rng = np.random.default_rng(5)
@@ -112,6 +115,7 @@ def test_three_marks_leave_no_pose_out():
         assert min(np.linalg.norm(pose.origin - view.origin) for pose in found) < 0.3
 
 
+@pytest.mark.whole
 def test_right_marks_seldom_contradict():
     told = [view.aiming(range(n)).contradiction() for n in (4, 5, 8) for view in views(n, 30)]
     rough = [view.aiming(range(6)).contradiction() for view in views(13, 30, std=0.001)]
@@ -130,6 +134,7 @@ def test_a_wrong_mark_names_itself():
             np.testing.assert_allclose(aiming.residual("mark 3").steps, [25, -30], atol=15)
 
 
+@pytest.mark.whole
 def test_exchanged_marks_are_named():
     for count in (5, 6, 8):
         for view in views(30 + count, 5):
@@ -153,6 +158,7 @@ def test_marks_in_a_plane_are_seen_from_behind_when_two_are_exchanged():
     assert told.startswith("marks 1, 2, 3 and 4 are seen from behind")
 
 
+@pytest.mark.whole
 def test_invented_places_contradict():
     rng = np.random.default_rng(43)
     for _ in range(20):

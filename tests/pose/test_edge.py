@@ -38,6 +38,7 @@ def test_exact_edges_give_the_exact_pose(exact):
     assert abs(found.poses[0].rim) < 1e-12
 
 
+@pytest.mark.whole
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_derivatives_equal_differences(edge_lab, make_circles, seed):

@@ -256,6 +256,7 @@ def edge_errors(lab, shared, seed, repeats):
     return np.array(errors), np.array(covariances)
 
 
+@pytest.mark.whole
 def test_edges_scatter_as_the_joint_covariance_says(edge_lab):
     lab = edge_lab(views=2, mirrors=MirrorErrors(0.01))
     check_joint(*edge_errors(lab, {"mirror_offset": INF}, 7, 60))

@@ -74,6 +74,7 @@ def test_a_wrong_gain_is_named_and_its_remedy_repairs_it(edge_lab, method):
     assert farthest(lab, repaired) < 4
 
 
+@pytest.mark.whole
 def test_an_object_of_another_size_is_told_with_the_mirror_offset(edge_lab):
     """Scaled poses and a scaled offset fit a scaled object exactly."""
     lab = edge_lab(views=3, nominal=0.03, **SCANNED)

@@ -112,6 +112,7 @@ def test_clean_edges_are_passed_over_in_silence(edge_lab, method):
         assert kinds(estimate(lab, rng, method)[0]) == []
 
 
+@pytest.mark.whole
 def test_a_circle_that_is_noisier_than_the_others_is_named_and_weighed_less(edge_lab):
     lab = edge_lab(pointing=[0.2, 0.2, 0.2, 0.9], **STATED)
     found, pose, _ = estimate(lab, np.random.default_rng(7), Edge())
@@ -140,6 +141,7 @@ def test_circles_with_the_same_noise_differ_no_oftener_than_said(edge_lab):
     assert differ.min() > FALSE_ALARM
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
 def test_a_wrong_gain_is_not_taken_for_pointing_noise(edge_lab, method):
     wrong = MirrorErrors(up_down=MirrorError(gain=0.02))

@@ -151,6 +151,7 @@ def test_pointing_noise_of_a_whole_scan_is_found(method):
     assert (np.abs(errors) < 4 * std).all()
 
 
+@pytest.mark.whole
 def test_edges_are_freed_from_the_spot():
     """A finite spot sees every edge 1 um inside of its circle, more where it falls at a slant."""
     scans = Scans(1, [*SMALL, "scene.vibrometer.noise=1e-4", "scene.machine_error=false"])

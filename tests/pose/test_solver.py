@@ -169,6 +169,7 @@ def test_a_rigid_motion_of_the_world_moves_the_pose_only(scene: Scene, seed: int
     )
 
 
+@pytest.mark.whole
 @quick
 @given(scene=scenes(), seed=st.integers(0, 2**32))
 def test_the_order_of_the_points_does_not_matter(scene: Scene, seed: int) -> None:

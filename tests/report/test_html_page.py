@@ -209,6 +209,7 @@ def test_every_figure_of_a_page_is_one_that_there_is():
     assert set(FIGURES) - names == left_out
 
 
+@pytest.mark.whole
 def test_a_page_shows_the_setup_and_the_nodes(run_file, monkeypatch):
     monkeypatch.setattr(figures, "_address", lambda _: "data:,")
     pose = {

@@ -68,6 +68,7 @@ def test_two_runs_are_shown_beside_each_other_with_their_mac(two_runs, small_vol
     np.testing.assert_allclose(told, [[alike, 1], [1, alike]], rtol=5e-3)
 
 
+@pytest.mark.whole
 def test_components_along_the_surface_are_compared_along_the_worlds_axes(
     tmp_path, write_run, small_volume, small_field
 ):

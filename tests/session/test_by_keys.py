@@ -162,6 +162,7 @@ def test_a_whole_view_by_keys(session):
     assert keys.keys == []
 
 
+@pytest.mark.whole
 def test_one_place_of_several_is_not_taken_unseen(session):
     """Who presses g and Enter would confirm whichever pose the place was predicted by."""
     keys = session.press(*map(session.at, (1, 2, 3)), "g enter", "h")
@@ -195,6 +196,7 @@ def test_undo_and_repeat_go_back_to_where_the_mark_was(session):
     assert kept == [".mark_1.1.json", ".mark_2.1.json"]
 
 
+@pytest.mark.whole
 def test_a_hidden_mark_can_be_taken_back(session):
     session.press(session.at(1), "h", session.at(3))
     assert session.kept()[2] is None
@@ -202,6 +204,7 @@ def test_a_hidden_mark_can_be_taken_back(session):
     assert session.kept() == {k: session.true[k - 1] for k in (1, 2, 3)}
 
 
+@pytest.mark.whole
 def test_what_was_taken_back_stays_so_after_a_cut(session):
     """Neither the answer that was taken back counts, nor is one lost that counted."""
     session.press(session.at(1), session.at(2), session.at(3, (9, 9)), "u")
@@ -212,6 +215,7 @@ def test_what_was_taken_back_stays_so_after_a_cut(session):
     np.testing.assert_array_equal(session.group["dac"].values[0], session.true)
 
 
+@pytest.mark.whole
 def test_who_only_goes_on_reviews_nothing(session):
     session.press(*map(session.at, range(1, 7)))
     assert session.group is None  # cut off at the review

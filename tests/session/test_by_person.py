@@ -149,6 +149,7 @@ def require_same(one, two):
     assert one["registration"].identical(two["registration"])
 
 
+@pytest.mark.whole
 def test_what_was_cut_off_goes_on(experiment, tmp_path, monkeypatch):
     whole = scan_views(experiment, tmp_path / "whole")
     asked = []
@@ -227,6 +228,7 @@ def test_marks_and_images_from_one_place(composed, tmp_path):
     assert found.keys() == {"image/a", "image/b", "registration"}
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("scan", "told"),
     [

@@ -254,7 +254,7 @@ def profiles(tmp_path):
         (tmp_path / f"{name}.yaml").write_text(text.replace(old, new))
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(5)
 @pytest.mark.usefixtures("profiles")
 @pytest.mark.parametrize(
     "row", [pytest.param(r, id=str(r), marks=[pytest.mark.long] * r.long) for r in TABLE]
@@ -294,6 +294,7 @@ def require_right(pose, lab, view="1"):
     assert (np.abs(error) < WITHIN * np.sqrt(np.diag(pose["covariance"].values))).all()
 
 
+@pytest.mark.whole
 def test_what_a_sentence_says_puts_it_right(sldvexp):
     """A cable that is plugged in, what was measured without it deleted, and the run resumed."""
     behind = laboratory()

@@ -81,6 +81,7 @@ def test_flagged_pixels_are_kept_and_counted(composed, tmp_path):
     assert dict(zip(names, flags.attrs["flag_masks"], strict=True)) == Flag.__members__
 
 
+@pytest.mark.whole
 def test_refined_frequencies_stand_beside_those_that_were_set(composed, tmp_path):
     chosen = image_scan("scene.generator_error=0.001", "signal.refine=true", "signal.search=2")
     image = scan_views(composed(*chosen), tmp_path)["image/a"]

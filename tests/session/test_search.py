@@ -158,6 +158,7 @@ def test_rough_poses_of_a_hundred_views_find_their_circles(composed, tmp_path):
             scan_views(replace(e, scan=scan, seed=seed), tmp_path / f"{view}{seed}")
 
 
+@pytest.mark.whole
 def test_a_pose_that_is_farther_off_than_the_margin_is_told_with_what_remains(composed, tmp_path):
     e = session(composed, 0.0, 0.0, "scan.calibration.margin=0.02")
     moved = replace(e.scan.poses["a"], origin=[0.40, 0.53, 1.655])

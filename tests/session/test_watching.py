@@ -114,6 +114,7 @@ def test_a_line_that_is_scanned_again_takes_the_place_of_the_first_whole(compose
     require_same(scan_views(experiment, tmp_path / "again"), found)
 
 
+@pytest.mark.whole
 def test_a_session_that_is_stopped_goes_on_to_the_same_bits(composed, tmp_path):
     experiment = composed(*PLATE)
     whole = scan_views(experiment, tmp_path / "whole")
@@ -124,6 +125,7 @@ def test_a_session_that_is_stopped_goes_on_to_the_same_bits(composed, tmp_path):
     require_same(scan_views(experiment, tmp_path / "stopped"), whole)
 
 
+@pytest.mark.whole
 def test_a_skipped_image_keeps_the_lines_that_are_done_also_when_resumed(composed, tmp_path):
     experiment = composed(*IMAGE)
     whole = scan_views(experiment, tmp_path / "whole")

@@ -76,6 +76,7 @@ def test_free_splines_refuse_the_back():
         estimated(views, both_sided(), Spline())
 
 
+@pytest.mark.whole
 def test_predictions_of_the_back_change_with_pose_height_and_thickness_as_they_say():
     """Differences of whole predictions, on a panel."""
     truth = lab.plate(0.5)

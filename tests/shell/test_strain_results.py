@@ -172,6 +172,7 @@ def group(found):
     return found.strain()
 
 
+@pytest.mark.whole
 def test_bending_and_membrane_make_face_and_back(group):
     middle, bending = group["middle_strain"].values, group["bending_strain"].values
     assert group["strain"].values == pytest.approx(middle + bending, abs=1e-15)
@@ -251,6 +252,7 @@ def test_directions_of_a_panel_lie_in_its_surface():
     assert frame[:, 2] @ frame[:, 2].mean(axis=0) == pytest.approx(1, abs=0.05)
 
 
+@pytest.mark.whole
 @pytest.mark.filterwarnings("error")
 def test_a_velocity_at_no_frequency_has_no_strain_and_the_others_keep_theirs():
     group = estimated(4, frequency=[0.0, lab.FREQUENCY]).strain()

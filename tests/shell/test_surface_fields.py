@@ -65,6 +65,7 @@ def test_a_shell_beats_free_splines():
     assert np.all(1.2 * shell[3:] < free[3:])
 
 
+@pytest.mark.whole
 def test_without_noise_the_motion_is_exact():
     """To what the splines can follow."""
     truth = lab.plate()
@@ -176,6 +177,7 @@ def test_the_given_surface_may_be_the_face():
     assert face == pytest.approx(middle, abs=1e-9 * np.abs(middle).max())
 
 
+@pytest.mark.whole
 def test_noise_that_is_not_stated_is_estimated():
     truth = lab.plate()
     views = lab.views(truth, np.random.default_rng(9))

@@ -52,6 +52,7 @@ def test_variance_reaches_the_cramer_rao_bound(times, intercept):
     assert ratio <= 1.02
 
 
+@pytest.mark.whole
 def test_variance_with_a_noisy_reference_reaches_the_joint_bound():
     """The reference's phase noise adds |V|^2 var(phase) across the pixel, and nothing along it."""
     rng = np.random.default_rng(12)

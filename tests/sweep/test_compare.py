@@ -39,6 +39,7 @@ def test_runs_of_a_sweep_and_others(sldvexp):
     assert sorted(compared(done)["seed"].values.tolist()) == [1, 2, 5]
 
 
+@pytest.mark.whole
 def test_same_run_twice_is_told_apart_by_nothing(sldvexp):
     folders = [str(sldvexp("experiment=point").folder) for _ in range(2)]
     assert compared(sldvexp("compare", *folders))["state"].dims == ("run",)

@@ -59,6 +59,7 @@ def changed(folder, **attributes):
             file.setncattr(name, change(file.getncattr(name)))
 
 
+@pytest.mark.whole
 def test_differences_are_told_quantity_by_quantity(point, sldvexp):
     with netCDF4.Dataset(point / "run.nc", "a", auto_complex=True) as file:
         std = file["point/velocity_std"]

@@ -172,6 +172,7 @@ def test_entry_is_what_was_kept(perform, step):
     assert not taken["x"].encoding
 
 
+@pytest.mark.whole
 def test_what_a_step_reads_decides(perform):
     assert perform()[0]
     assert perform("target=dissertation")[0]  # which it does not read

@@ -78,6 +78,7 @@ def test_sweep_that_begins_on_a_full_disk(sldvexp, disk, left):
     assert sldvexp(*SWEEP, "seed=1,2", f"hydra.sweep.dir={disk.folder}").status == 0
 
 
+@pytest.mark.whole
 def test_disk_that_is_full(sldvexp, disk):
     where = f"hydra.sweep.dir={disk.folder}"
     assert sldvexp(*SWEEP, "seed=1,2", where).status == 0

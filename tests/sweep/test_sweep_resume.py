@@ -89,6 +89,7 @@ def test_what_is_missing_is_done_again(damage, sweep, tmp_path):
     assert not list(run.glob(".run.*"))
 
 
+@pytest.mark.whole
 def test_other_version_of_a_package_does_it_again(sweep, monkeypatch):
     sweep(seeds="seed=1,3")
     monkeypatch.setattr(provenance, "versions", lambda: {"sldvexp": "0.0.0"})

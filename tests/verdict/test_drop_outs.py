@@ -27,6 +27,7 @@ def spoil(rng, view, pixels, size=0.02):
     return replace(view, velocity=velocity)
 
 
+@pytest.mark.whole
 def test_hardly_a_good_pixel_is_lost():
     lost = total = 0
     for seed in range(6):

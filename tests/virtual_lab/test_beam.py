@@ -195,6 +195,7 @@ def test_a_mirrored_object(quiet):
     np.testing.assert_allclose(back, ours.edge(6, i), atol=1e-15)
 
 
+@pytest.mark.whole
 def test_machine_errors_belong_to_the_object(quiet):
     def circles(seed, error):
         lab = quiet("plate", f"scene.machine_error={error}", seed=seed)

@@ -67,7 +67,7 @@ def test_a_lab_without_mistakes_is_the_same_to_the_bit(lab):
     assert (plain.scan(dac, stream=1).counts != told.scan(dac, stream=1).counts).mean() > 0.4
 
 
-@pytest.mark.one_in(5)
+@pytest.mark.one_in(7)
 @pytest.mark.parametrize(
     ("mistakes", "recorded"),
     [
@@ -99,6 +99,7 @@ def test_a_delay_turns_every_frequency_by_its_own_angle():
     )
 
 
+@pytest.mark.whole
 def test_a_view_of_another_frequency(image):
     """It says 443 Hz and shows what moves at 1.1 times that."""
     elsewhere = image(1.1 * FREQUENCY)
@@ -115,6 +116,7 @@ def test_a_view_of_another_field(quiet, image):
     np.testing.assert_allclose(twice - right, right - without, atol=2 * COUNTS)
 
 
+@pytest.mark.whole
 def test_two_views_that_are_exchanged(quiet, phasors, image):
     """Each is seen from where the other one is said to stand."""
     exchanged = image(seen_from="2", _2={"seen_from": "4"})

@@ -134,6 +134,7 @@ def test_terms_that_are_zero_leave_the_lab_as_it_is(lab):
     assert not same.all()
 
 
+@pytest.mark.whole
 def test_one_setting_chooses_the_scanner(lab):
     assert lab("plate", "scene.pointing=ideal").scene.pointing_terms == PointingTerms()
     chosen = lab("plate", "scene.pointing=chapter_4", "scene.mirrors.hysteresis=2e-5").scene
