@@ -59,6 +59,7 @@ SESSIONS = {
     "own_experiments",
     "own_files",
     "own_plate",
+    "planning",
     "sweeps",
 }
 OUTPUT_IS_CUT = "..."

@@ -1,6 +1,7 @@
 """Whatever comes in: a sentence in time, with little memory, and nothing outside is touched.
 
-One of thirty-five by default, all of them with ``-m long``.
+One of a hundred and forty by default, one of thirty-five with ``-m whole``, and all of them with
+``-m long``.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ INPUTS: list[Hostile] = [
     )
     for each in module.INPUTS
 ]
-#: One of so many is tried by default.
+#: One of so many is not left to the long tests.
 OF = 35
 
 
