@@ -303,7 +303,10 @@ def require_circles(looks: Sequence[CoarseScan], folder: Path, suspicion: str = 
 
 def _no_ellipse(look: CoarseScan) -> str:
     """Say what may be wrong with lines that show a motion, but no circle."""
-    longer = "give the lines more scan.coarse.pixels or a larger scan.coarse.stride"
+    longer = (
+        "give the lines more pixels or a larger stride: coarse.pixels and coarse.stride, below "
+        "scan, or in a session below scan.calibration; a 16-bit board needs eight times the stride"
+    )
     if np.mean(moving(look.image)) > NEARLY_ALL:
         return f"{look.name}: everything on its lines moves, they do not reach its edge; {longer}"
     return f"{look.problem}; put the rough centre nearer to the circle's middle, or {longer}"

@@ -187,7 +187,7 @@ TABLE = [
         settings=("laser=ometron_16bit", f"scan.views.1.dac=[{ROUGH},[748,-646]]")),
     Row("lines too short", r"the circle around DAC steps \(-142, -704\): an ellipse needs 5 edge "
         r"points or more, not \d \(seen: .*\); put the rough centre nearer to .* or give the lines "
-        "more scan.coarse.pixels", settings=("scan.coarse.pixels=90",), long=True),
+        "more pixels or a larger stride", settings=("scan.coarse.pixels=90",), long=True),
     Row("lines within the circle", r"the circle around DAC steps \(-1136, -5632\): everything on "
         "its lines moves, they do not reach its edge; give .* or a larger scan.coarse.stride",
         settings=("laser=ometron_16bit", "scan.views.1.dac=[[-1136,-5632],[-3208,-10608],"
