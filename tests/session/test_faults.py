@@ -189,7 +189,7 @@ TABLE = [
         r"points or more, not \d \(seen: .*\); put the rough centre nearer to .* or give the lines "
         "more pixels or a larger stride", settings=("scan.coarse.pixels=90",), long=True),
     Row("lines within the circle", r"the circle around DAC steps \(-1136, -5632\): everything on "
-        "its lines moves, they do not reach its edge; give .* or a larger scan.coarse.stride",
+        "its lines moves, they do not reach its edge; give .* or a larger stride",
         settings=("laser=ometron_16bit", "scan.views.1.dac=[[-1136,-5632],[-3208,-10608],"
                   "[5384,-13056],[5984,-5168]]"), long=True),
     Row("one circle twice", r"the circle around DAC steps \(673, -1632\) and the circle around DAC "
