@@ -33,12 +33,17 @@ class Assignment:
         Root mean square of what the best projective map leaves at the bitangent points.
     upright : bool
         False for a camera that would see near planes far and far planes near.
+    obliqueness : float
+        Largest cosine between the axes of a camera's image and its line of sight: 0 for one that
+        looks straight ahead, as a scanner nearly does, whatever the gains of its mirrors. Points on
+        a single plane do not tell it.
     """
 
     ellipse: dict[int, int]
     mirrored: bool
     residual: float
     upright: bool = True
+    obliqueness: float = 0.0
 
 
 class _Image:
@@ -202,7 +207,14 @@ def _by_camera(
     camera, residual = fit_projection(in_space, np.concatenate(images))
     _, depth = apply(camera, in_space)
     turn = np.linalg.det(camera[:, :3]) * np.sign(depth[0])
-    return Assignment(ellipse, mirrored, float(residual), bool((turn > 0) == mirrored))
+    upright = bool((turn > 0) == mirrored)
+    return Assignment(ellipse, mirrored, float(residual), upright, _obliqueness(camera))
+
+
+def _obliqueness(camera: Array) -> float:
+    """Compute the largest cosine between rows of ``M``, of a camera ``[M t] = diag(f, g, 1) R``."""
+    rows = camera[:, :3] / np.linalg.norm(camera[:, :3], axis=1, keepdims=True)
+    return float(np.abs(rows @ rows.T - np.eye(3)).max())
 
 
 def fit_projection(points: Array, image: Array) -> tuple[Array, Array]:

@@ -22,6 +22,8 @@ from sldvexp.targets import Circles
 #: Residual, in steps, that the projective approximation may leave, and the factor by which the
 #: second best assignment must be worse than the best.
 APPROXIMATION, DISTINCT = 0.3, 2.0
+#: Obliqueness that the approximation may leave of a scanner's image.
+STRAIGHT = 0.15
 #: Residual, as a fraction of the smallest semi-axis, above which the image is of something else.
 ALIEN = 0.2
 
@@ -86,7 +88,7 @@ def match_circles(
             f"no bitangents to be matched by; put a second circle on all but one of these planes"
         )
     found = assignments(target, ellipses, [False, True] if mirrored is None else [mirrored])
-    found = _upright(found)
+    found = _straight(_upright(found))
     _check(found, ellipses)
     best = found[0]
     left = set(range(len(ellipses))) - set(best.ellipse.values())
@@ -134,6 +136,20 @@ def _upright(found: list[Assignment]) -> list[Assignment]:
     if not any(a.upright for a in near):
         return found
     return [a for a in found if a.upright or a not in near]
+
+
+def _straight(found: list[Assignment]) -> list[Assignment]:
+    """Leave out assignments that rival that of a scanner, but of which none could take the image.
+
+    Two equal circles on each of two planes look the same when each pair changes places: to a camera
+    whose image is oblique to its line of sight.
+    """
+    near = [a for a in found if not _worse(a, found[0])]
+    least = min((a.obliqueness for a in near), default=np.inf)
+    if least > STRAIGHT:
+        return found
+    most = max(STRAIGHT, DISTINCT * least)
+    return [a for a in found if a.obliqueness <= most or a not in near]
 
 
 def _worse(other: Assignment, best: Assignment) -> bool:

@@ -211,6 +211,26 @@ def test_planes_with_the_same_circles_are_told_apart_by_their_depth(
     assert match.mirrored is mirrored
 
 
+@pytest.mark.one_in(3)
+@pytest.mark.parametrize("wiring", WIRINGS)
+def test_two_equal_circles_on_each_of_two_planes_are_told_apart_by_a_straight_look(
+    wiring: str, view: Make
+) -> None:
+    """Each pair could change places for a camera whose image is oblique to its line of sight."""
+    matrix, mirrored = WIRINGS[wiring]
+    low = {1: Circle(1.2, 1.2, 1.6), 3: Circle(5.9, 8.9, 1.6)}
+    high = {2: Circle(8.7, 2.4, 1.6, "high"), 4: Circle(1.2, 8.5, 1.6, "high")}
+    target = target_of(low | high, {"high": Plane([0.0, 0.0, 4.0], [0.0, 0.0, 1.0])})
+    rng = np.random.default_rng(7)
+    for roll in np.linspace(-3.0, 3.0, 6):
+        order = rng.permutation(sorted(target.circles)).tolist()
+        tilt = tuple(rng.uniform(-0.35, 0.35, 2))
+        found = images(target, view(roll=roll, tilt=tilt), order, matrix, rng)
+        match = match_circles(target, found)
+        assert {n: order[k] for n, k in match.ellipse.items()} == {n: n for n in order}
+        assert match.mirrored is mirrored
+
+
 def test_one_circle_alone_on_its_plane_takes_the_ellipse_that_is_left(
     view: Make, figure_4_1: Circles
 ) -> None:
