@@ -23,6 +23,7 @@ from sldvexp.field.visibility.view import View, views_of
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.shell.around_holes import HoleFunctions
+from sldvexp.shell.beyond_rim import strangers
 from sldvexp.shell.calibration import CalibrationError, calibration_errors
 from sldvexp.shell.least_stretch import wall_stretch
 from sldvexp.shell.linear_form import summed
@@ -36,6 +37,7 @@ from sldvexp.shell.shell import Shell
 from sldvexp.shell.splines import TensorSplines
 from sldvexp.shell.surface_fit import TYPICAL, PriorErrors, SurfaceFit, fit
 from sldvexp.shell.surface_strain import SurfaceStrain
+from sldvexp.signal import Flag
 from sldvexp.statistics import student_factor
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 from sldvexp.volume import Coordinates, Prisms, Volume
@@ -44,6 +46,8 @@ from sldvexp.volume import Coordinates, Prisms, Volume
 BEYOND = 1e-6
 #: The splines' unit is this part of the longer side.
 UNIT = 1 / 3
+#: How often pixels beyond the surface are judged anew.
+AGAIN = 6
 #: Length over which the middle's motion along itself varies, over the longer side.
 LENGTH = 2 / 3
 
@@ -430,8 +434,41 @@ def _estimate(
     )
     nu = material.nu if method.of_middle and material is not None else None
     shell = _splines(outline, method, longest, nu)
-    found = fit(views, images, std, laser, outline, shell, face, length, level, errors)
-    return SurfaceField(found, prisms, volume, method, material, frequency, [*notes, *_told(found)])
+
+    def fitted(views: Sequence[View]) -> SurfaceFit:
+        return fit(views, images, std, laser, outline, shell, face, length, level, errors)
+
+    found, told = _without_strangers(fitted, views)
+    notes += [*_told(found), *told]
+    return SurfaceField(found, prisms, volume, method, material, frequency, notes)
+
+
+def _without_strangers(
+    fitted: Callable[[Sequence[View]], SurfaceFit], views: Sequence[View]
+) -> tuple[SurfaceFit, list[str]]:
+    """Fit without pixels beyond the surface that are not of the structure, and name these."""
+    found, left = fitted(views), [np.zeros(0, np.intp) for _ in views]
+    for _ in range(AGAIN):
+        more = strangers(found)
+        if not sum(map(len, more)):
+            break
+        left = [np.concatenate(pair) for pair in zip(left, more, strict=True)]
+        found = fitted([_without(v, out) for v, out in zip(views, left, strict=True)])
+    told = [
+        f"{len(out)} {'pixel' if len(out) == 1 else 'pixels'} of view {view.name} beyond the "
+        "surface's rim left out, which do not move as the structure does: something stands in the "
+        "beam there, or the structure ends before volume.margin does"
+        for view, out in zip(views, left, strict=True)
+        if len(out)
+    ]
+    return found, told
+
+
+def _without(view: View, pixels: IndexArray) -> View:
+    """Flag some pixels of a view as unlike."""
+    flags = np.array(view.flags)
+    flags[pixels] |= int(Flag.unlike)
+    return replace(view, flags=flags)
 
 
 def _interpolating(z: Array, known: Array) -> Array:
