@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,8 @@ from tests.report.devtools import Browser
 
 PATIENCE = 120.0
 ROOT = Path(__file__).parents[2]
+#: Who runs tests in the background has them ignore Ctrl-C, and their processes too.
+HEEDS = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
 
 
 class Served:
@@ -36,6 +39,7 @@ class Served:
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 env={**os.environ, "PYTHONPATH": str(ROOT)},
+                preexec_fn=HEEDS,
             )
         end = time.monotonic() + PATIENCE
         while not self.output.read_text().startswith("http"):
