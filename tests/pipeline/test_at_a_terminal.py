@@ -14,6 +14,7 @@ import subprocess
 import sys
 import termios
 import time
+from functools import partial
 
 import pytest
 from screen import Screen
@@ -47,6 +48,7 @@ class Terminal:
         self.process = subprocess.Popen(
             [sys.executable, "-m", "sldvexp.cli.main", *arguments],
             stdin=slave, stdout=slave, stderr=slave, cwd=folder, start_new_session=True,
+            preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),  # in a background too
             env={**known, "TERM": "xterm-256color", **environment},
         )  # fmt: skip
         os.close(slave)
