@@ -44,9 +44,9 @@ def photograph(objects: Sequence[SceneObject], rotation: Array, origin: Array) -
     -------
     ndarray of uint8, shape `SIZE`
     """
-    rows, columns = (np.linspace(-f, f, n) for f, n in zip(FIELD, SIZE, strict=True))
-    # Up in the picture is y of the laser's frame, which is up.
-    y, x = np.meshgrid(-rows, columns, indexing="ij")
+    # Up in the picture is y of the laser's frame, which is up, and left is x, which is left.
+    up, left = (np.linspace(f, -f, n) for f, n in zip(FIELD, SIZE, strict=True))
+    y, x = np.meshgrid(up, left, indexing="ij")
     along = np.stack([x, y, np.ones(SIZE)], axis=-1).reshape(-1, 3)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     start = np.broadcast_to(origin, along.shape)
@@ -72,6 +72,6 @@ def with_spot(picture: NDArray[np.uint8], spot: Array) -> NDArray[np.uint8]:
     """
     rows, columns = np.indices(picture.shape)
     row = (1.0 - spot[1] / spot[2] / FIELD[0]) * (picture.shape[0] - 1) / 2
-    column = (1.0 + spot[0] / spot[2] / FIELD[1]) * (picture.shape[1] - 1) / 2
+    column = (1.0 - spot[0] / spot[2] / FIELD[1]) * (picture.shape[1] - 1) / 2
     away = np.hypot(rows - row, columns - column)
     return np.where(away <= BLOOM, 255, picture).astype(np.uint8)

@@ -123,7 +123,7 @@ class Page(Browser):
         for key, size in (("2", 10), ("1", 1)):
             self.key(key)
             for mirror, (more, less) in enumerate(
-                (("ArrowUp", "ArrowDown"), ("ArrowRight", "ArrowLeft"))
+                (("ArrowUp", "ArrowDown"), ("ArrowLeft", "ArrowRight"))
             ):
                 while abs(off := wanted[mirror] - self.beam[mirror]) >= size:
                     before = self.beam

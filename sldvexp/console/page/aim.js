@@ -44,6 +44,10 @@ export class Aim {
   setUp(word) {
     this.wanted = word.wanted;
     this.limits = [word.low, word.high];
+    this.ways = word.ways;
+    for (const cells of [this.map, $("image").cells]) cells.turn(word.ways);
+    $("slide-left").dir = word.ways[1] > 0 ? "rtl" : "ltr";
+    $("slide-up").dir = word.ways[0] > 0 ? "ltr" : "rtl";
     for (const slide of [$("slide-up"), $("slide-left")]) { slide.min = word.low; slide.max = word.high; }
     this.window([word.low, word.low], [word.high, word.high]);
   }
@@ -54,6 +58,11 @@ export class Aim {
     const from = low.map((v) => Math.round(Math.min(Math.max(v, least), most - side)));
     this.map.show(from, from.map((v) => Math.round(v + side)));
     $("window").textContent = `shown: up-down ${this.map.low[0]} to ${this.map.high[0]}, left-right ${this.map.low[1]} to ${this.map.high[1]}`;
+  }
+
+  /** Steps of an arrow: up and left are 1. */
+  steps(arrow, size) {
+    return arrow.map((v, k) => v * size * this.ways[k]);
   }
 
   zoom(factor) {
@@ -240,7 +249,7 @@ export class Aim {
 
   /** A press of an arrow moves once; held longer, the beam runs until it is let go. */
   listenToArrow(arrow) {
-    const by = () => arrow.dataset.by.split(",").map((v) => Number(v) * this.step);
+    const by = () => this.steps(arrow.dataset.by.split(",").map(Number), this.step);
     let timer = null;
     const release = () => {
       if (timer === null) return;
@@ -262,7 +271,7 @@ export class Aim {
   key(event) {
     const writes = event.target.closest("input:not([type=radio]):not([type=checkbox]), select, textarea, [role=tab]");
     if (writes || $("aim").hidden || event.ctrlKey || event.metaKey || event.altKey) return;
-    const arrows = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
+    const arrows = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], ArrowRight: [0, -1] };
     const keys = { m: () => this.mark(), n: () => this.chooseBy(1), p: () => this.chooseBy(-1), g: () => this.go(), l: () => this.look() };
     keys.u = () => this.page.wish("undo");
     keys.r = () => this.page.wish("redo");
@@ -271,7 +280,7 @@ export class Aim {
     STEPS.forEach((step, i) => { keys[String(i + 1)] = () => this.setStep(step); });
     const arrow = arrows[event.key], action = keys[event.key];
     if (arrow && event.target.type === "radio") return;
-    if (arrow && this.steering) this.page.wish("nudge", { by: arrow.map((v) => v * this.step * (event.shiftKey ? 10 : 1)) });
+    if (arrow && this.steering) this.page.wish("nudge", { by: this.steps(arrow, this.step * (event.shiftKey ? 10 : 1)) });
     else if (action && (this.steering || "np+-123".includes(event.key))) action();
     else return;
     event.preventDefault();

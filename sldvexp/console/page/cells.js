@@ -27,6 +27,7 @@ export class Cells {
     this.after = drawn;
     this.low = [-4096, -4096];
     this.high = [4096, 4096];
+    this.ways = [1, 1];
     this.forget();
   }
 
@@ -66,6 +67,13 @@ export class Cells {
     this.ask();
   }
 
+  /** Which way steps grow, as the eye sees it: 1 is up, and to the left. */
+  turn(ways) {
+    this.ways = ways;
+    this.painted = 0;
+    this.ask();
+  }
+
   show(low, high) {
     this.low = low;
     this.high = high;
@@ -91,9 +99,10 @@ export class Cells {
     const perUp = height / (this.high[0] - this.low[0]), perLeft = width / (this.high[1] - this.low[1]);
     const shade = this.top > 0 ? (SHADES - 1) / this.top : 0;
     const { up, left, value, flag, tall, wide, pixels } = this;
-    const top = this.high[0], from = this.low[1];
+    const [upwards, leftwards] = this.ways.map((way) => way > 0);
+    const top = this.high[0], bottom = this.low[0], most = this.high[1], least = this.low[1];
     for (let i = this.painted; i < this.count; i++) {
-      const y = (top - up[i]) * perUp, x = (left[i] - from) * perLeft;
+      const y = (upwards ? top - up[i] : up[i] - bottom) * perUp, x = (leftwards ? most - left[i] : left[i] - least) * perLeft;
       const h = tall[i] * perUp * 0.5, w = wide[i] * perLeft * 0.5;
       if (y + h < 0 || y - h > height || x + w < 0 || x - w > width) continue;
       const y0 = Math.max(0, Math.floor(y - h)), x0 = Math.max(0, Math.floor(x - w));
@@ -112,13 +121,14 @@ export class Cells {
 
   /** Where DAC steps are seen, from 0 to 1 across and down. */
   placeOf([up, left]) {
-    return [(left - this.low[1]) / (this.high[1] - this.low[1]), (this.high[0] - up) / (this.high[0] - this.low[0])];
+    const across = (this.high[1] - left) / (this.high[1] - this.low[1]), down = (this.high[0] - up) / (this.high[0] - this.low[0]);
+    return [this.ways[1] > 0 ? across : 1 - across, this.ways[0] > 0 ? down : 1 - down];
   }
 
   /** DAC steps of a place. */
   stepsAt(across, down) {
-    const at = [this.high[0] - down * (this.high[0] - this.low[0]), this.low[1] + across * (this.high[1] - this.low[1])];
-    return at.map(Math.round);
+    const back = [this.ways[0] > 0 ? down : 1 - down, this.ways[1] > 0 ? across : 1 - across];
+    return back.map((share, k) => Math.round(this.high[k] - share * (this.high[k] - this.low[k])));
   }
 }
 
