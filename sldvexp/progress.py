@@ -77,7 +77,8 @@ class Progress:
         stream = None if self._quiet else live_stream()
         if stream is not None:
             self._live = self._made(stream)
-            self._live.start()
+            # Drawn here first: a line that is printed before knows nothing of the rows to clear.
+            self._live.start(refresh=True)
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -100,7 +101,7 @@ class Progress:
         try:
             yield
         finally:
-            self._live.start()
+            self._live.start(refresh=True)
 
     def _made(self, stream: TextIO) -> Live:
         console = Console(file=stream)
@@ -184,7 +185,9 @@ class TimeLeft:
                 most = math.inf
             usual = sum(min(seconds, most * units) for units, seconds in done)
             return usual / sum(units for units, _ in done)
-        if (measured := self.rate(self._last) if self._last else None) is None:
+        # Of the last kind nothing may be known for a moment, while its parts are put right.
+        measured = self.rate(self._last) if self._last not in ("", kind) else None
+        if measured is None:
             return None
         own, other = self._known.get(kind, 0.0), self._known.get(self._last, 0.0)
         if measured >= other or not other:

@@ -9,6 +9,7 @@ proportion.
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -42,6 +43,7 @@ class RunProgress(Watcher):
         self._progress = Progress(self.rows, quiet)
         self._step, self._begun = "", clock()
         self._scan: ScanProgress | None = None
+        self._lock = threading.Lock()  # of the scan, which is drawn in a thread of its own
 
     def __enter__(self) -> None:
         self._progress.__enter__()
@@ -52,8 +54,9 @@ class RunProgress(Watcher):
     def rows(self, width: int) -> Sequence[str]:
         """Make the rows for a width."""
         title = f"{self._title}, " if self._title else ""
-        if self._scan is not None:
-            return self._scan.rows(f"{title}{self._step}", width)
+        if (scan := self._scan) is not None:
+            with self._lock:
+                return scan.rows(f"{title}{self._step}", width)
         seconds = span(self._clock() - self._begun)
         long = f"{title}{self._step}  {seconds}"
         return [first_that_fits([long, f"{title}{self._step}", self._step], width)]
@@ -70,24 +73,29 @@ class RunProgress(Watcher):
     def view_begun(self, view: ViewAhead) -> None:
         """See `Watcher`."""
         if self._scan is not None:
-            self._scan.view_begun(view)
-            self._say(self._scan.line)
+            with self._lock:
+                self._scan.view_begun(view)
+                line = self._scan.line
+            self._say(line)  # not with the lock: who draws has that of the terminal, and waits here
 
     def between_lines(self, view: str, lines: str, done: int, count: int) -> Wish:
         """See `Watcher`."""
         if self._scan is not None:
-            self._scan.between_lines(lines, done, count)
+            with self._lock:
+                self._scan.between_lines(lines, done, count)
         return GO_ON
 
     def line_done(self, line: LineDone) -> None:
         """See `Watcher`."""
         if self._scan is not None:
-            self._scan.line_done(line)
+            with self._lock:
+                self._scan.line_done(line)
 
     def view_done(self, view: ViewAhead, groups: Mapping[str, xr.Dataset]) -> None:
         """See `Watcher`."""
         if self._scan is not None:
-            self._scan.view_done(view)
+            with self._lock:
+                self._scan.view_done(view)
 
     def session_done(self) -> None:
         """See `Watcher`."""

@@ -84,11 +84,12 @@ def rows(terminal, pattern):
 @pytest.mark.whole
 @pytest.mark.parametrize("columns", [80, 40])
 def test_rows_fit_and_five_lines_stay(tmp_path, columns):
-    terminal = Terminal(tmp_path, columns, *SCAN, "hydra.run.dir=r")
+    # Rows are drawn five times a second: the scan must last longer than that, also here.
+    terminal = Terminal(tmp_path, columns, *SCAN, "scan.pixels=[60,60]", "hydra.run.dir=r")
     text = terminal.read()
     assert terminal.status == 0, text
     assert rows(terminal, r"step 2 of 9: scan, view \d of 5")
-    assert rows(terminal, r"\d+ of 975 pixels, \d+ %")
+    assert rows(terminal, r"\d+ of 18000 pixels, \d+ %")
     assert rows(terminal, "step 5 of 9: velocity field")
     whole = " ".join(text)
     assert "step" not in whole.replace("steps", "")

@@ -192,6 +192,8 @@ def test_one_stuck_line_does_not_spoil_the_estimate():
     assert left.left({"image": 500}) == pytest.approx(100.0, rel=0.3)
     assert left.left({"image": 0}) == 0
     assert TimeLeft({}).left({"image": 500}) is None
+    left.forget("image")
+    assert left.left({"image": 500}) is None
 
 
 VIEW = ViewAhead("a view of a long name", 2, 4, (PartAhead("image", 10, 310, 0, 60.0),))
