@@ -79,10 +79,14 @@ def euler_from_rotation(rotation: ArrayLike) -> Array:
 
 
 def rotation_towards(origin: ArrayLike, point: ArrayLike) -> Array:
-    """Make the rotation of an upright instrument that looks at a point.
+    """Make the rotations of upright instruments that look at a point, shape (..., 3, 3).
 
     The laser frame's z points there, and its x is level: across the world's y, which is up, or
     across the world's z where the instrument looks along y.
+
+    Parameters
+    ----------
+    origin, point : array_like, shape (..., 3)
 
     Examples
     --------
@@ -92,11 +96,11 @@ def rotation_towards(origin: ArrayLike, point: ArrayLike) -> Array:
            [ 0.,  0., -1.]])
     """
     ahead = np.asarray(point, float) - np.asarray(origin, float)
-    ahead /= np.linalg.norm(ahead)
-    up = np.array([0.0, 1.0, 0.0] if np.hypot(ahead[0], ahead[2]) > GIMBAL_LOCK else [0, 0, 1.0])
-    level = np.cross(up, ahead)
-    level /= np.linalg.norm(level)
-    return np.array([level, np.cross(ahead, level), ahead]) + 0.0
+    ahead /= np.linalg.norm(ahead, axis=-1, keepdims=True)
+    along_up = np.hypot(ahead[..., 0], ahead[..., 2]) <= GIMBAL_LOCK
+    level = np.cross(np.where(along_up[..., None], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]), ahead)
+    level /= np.linalg.norm(level, axis=-1, keepdims=True)
+    return np.stack([level, np.cross(ahead, level), ahead], axis=-2) + 0.0
 
 
 def euler_jacobian(rotation: ArrayLike) -> Array:

@@ -183,6 +183,12 @@ class TwoMirror:
         largest = self.board.value[1]
         return np.array([abs(getattr(self, m).coefficients[1]) / largest for m in MIRRORS])
 
+    @property
+    def reach(self) -> tuple[Array, Array]:
+        """Smallest and largest angle of each mirror, shape (mirror,), rad."""
+        ends = self.angle_from_dac(np.array([[step, step] for step in self.board.value]))
+        return ends.min(axis=0), ends.max(axis=0)
+
     def angle_from_dac(self, dac: ArrayLike, labels: ArrayLike | None = None) -> Array:
         """Give the mirror angles of DAC steps.
 

@@ -9,33 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from sldvexp.field.visibility.projection import reach
+from sldvexp.geometry import rotation_towards
 from sldvexp.laser import TwoMirror, project, rays
 from sldvexp.typing import Array
 
 #: Steps of aiming; each makes what is off smaller by a factor of ten or more.
 STEPS = 4
-#: Horizontal part of a direction below which up is taken for the world's z.
-ALONG_UP = 1e-6
-
-
-def rotations_towards(origins: Array, points: Array) -> Array:
-    """Make the rotations of upright instruments that each look at a point, shape (stand, 3, 3).
-
-    Parameters
-    ----------
-    origins, points : ndarray, shape (stand, 3), m
-
-    Examples
-    --------
-    >>> rotations_towards(np.array([[0, 0, 1.5]]), np.zeros((1, 3)))[0].tolist()
-    [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]
-    """
-    ahead = _unit(points - origins)
-    steep = np.hypot(ahead[:, 0], ahead[:, 2]) <= ALONG_UP
-    up = np.where(steep[:, None], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0])
-    level = _unit(np.cross(up, ahead))
-    return np.stack([level, np.cross(ahead, level), ahead], axis=1) + 0.0
 
 
 def angles_of(origins: Array, rotations: Array, points: Array, laser: TwoMirror) -> Array:
@@ -60,25 +39,21 @@ def aimed(origins: Array, points: Array, laser: TwoMirror) -> tuple[Array, Array
     look_at : ndarray, shape (stand, 3), m
     rotations : ndarray, shape (stand, 3, 3)
     """
-    low, high = reach(laser)
+    low, high = laser.reach
     look_at = np.broadcast_to(points.mean(axis=0), origins.shape)
-    rotations = rotations_towards(origins, look_at)
+    rotations = rotation_towards(origins, look_at)
     for _ in range(STEPS):
         angles = angles_of(origins, rotations, points, laser)
         middle = (angles.max(axis=1) + angles.min(axis=1)) / 2 - (low + high) / 2
         _, beam = rays(middle)
         far = np.linalg.norm(look_at - origins, axis=1, keepdims=True)
         look_at = origins + far * np.einsum("sji,sj->si", rotations, beam)
-        rotations = rotations_towards(origins, look_at)
+        rotations = rotation_towards(origins, look_at)
     return look_at, rotations
 
 
 def limits(laser: TwoMirror, share: float) -> tuple[Array, Array]:
     """Give the least and largest angle of each mirror, of a part of its range, rad."""
-    low, high = reach(laser)
+    low, high = laser.reach
     middle, half = (low + high) / 2, share * (high - low) / 2
     return middle - half, middle + half
-
-
-def _unit(vectors: Array) -> Array:
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))

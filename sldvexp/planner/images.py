@@ -13,8 +13,9 @@ import numpy as np
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.field.visibility.view import View
+from sldvexp.geometry import rotation_towards
 from sldvexp.laser import direction_cosines
-from sldvexp.planner.aim import aimed, angles_of, rotations_towards
+from sldvexp.planner.aim import aimed, angles_of
 from sldvexp.planner.expected import empty_view
 from sldvexp.planner.place import Place, crosses
 from sldvexp.scan.lines import rectangle, strided
@@ -63,7 +64,7 @@ def stand_at(name: str, origin: Array, place: Place) -> Stand:
     """Aim an upright instrument at the object from a place."""
     look_at, _ = aimed(origin[None], place.to_be_seen, place.laser)
     look_at = look_at.round(3)  # as it is written, so that the angles are those of what is written
-    return known_stand(name, origin, look_at[0], rotations_towards(origin[None], look_at)[0], place)
+    return known_stand(name, origin, look_at[0], rotation_towards(origin, look_at[0]), place)
 
 
 def known_stand(name: str, origin: Array, look_at: Array, rotation: Array, place: Place) -> Stand:
@@ -82,8 +83,7 @@ def _dac(origin: Array, rotation: Array, points: Array, place: Place) -> Array:
     if not len(points):
         return np.zeros((0, 2))
     angles = angles_of(origin[None], rotation[None], points, place.laser)[0]
-    ends = place.laser.angle_from_dac(np.array([[s, s] for s in place.laser.board.value]))
-    return place.laser.dac_from_angle(np.clip(angles, ends.min(axis=0), ends.max(axis=0)))
+    return place.laser.dac_from_angle(np.clip(angles, *place.laser.reach))
 
 
 def raster_of(stand: Stand, experiment: Experiment) -> IntArray:

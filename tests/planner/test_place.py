@@ -11,7 +11,7 @@ from sldvexp.config.planning import ForbiddenBox
 from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_towards
 from sldvexp.laser import TwoMirror, project
-from sldvexp.planner.aim import aimed, rotations_towards
+from sldvexp.planner.aim import aimed
 from sldvexp.planner.place import Place, Unseen, crosses, hides_itself
 from sldvexp.planner.search import candidates, examined
 from sldvexp.volume import Prisms, TriangulatedSurface, extruded, vertex_normals
@@ -34,7 +34,7 @@ def test_many_instruments_stand_upright_as_one_does():
     origins, points = rng.uniform(-1, 1, (2, 20, 3))
     points[0] = origins[0] + [0, 0.5, 0]  # straight up
     each = [rotation_towards(o, p) for o, p in zip(origins, points, strict=True)]
-    np.testing.assert_allclose(rotations_towards(origins, points), each, atol=1e-12)
+    np.testing.assert_allclose(rotation_towards(origins, points), each, atol=1e-12)
 
 
 def test_what_is_to_be_seen_lies_evenly_in_the_ranges_of_the_mirrors():

@@ -198,7 +198,7 @@ def sight(view: View, laser: TwoMirror, points: Array) -> ProjectedPoints:
     laser = view.laser(laser)
     in_laser = to_laser(view, points)
     angles = project(in_laser, laser.mirror_offset)
-    low, high = reach(laser)
+    low, high = laser.reach
     behind = in_laser[:, 2] <= 0
     off_board = ~behind & ((angles < low) | (angles > high)).any(axis=1)
     dac = laser.dac_from_angle(np.clip(angles, low, high))
@@ -209,12 +209,6 @@ def sight(view: View, laser: TwoMirror, points: Array) -> ProjectedPoints:
 def to_laser(view: View, points: Array) -> Array:
     """Turn points into the view's laser frame, ``R (P - origin)``, shape (point, 3), m."""
     return points @ view.rotation.T - view.rotation @ view.origin
-
-
-def reach(laser: TwoMirror) -> tuple[Array, Array]:
-    """Find the smallest and largest angle of each mirror, shape (mirror,), rad."""
-    ends = laser.angle_from_dac(np.array([[step, step] for step in laser.board.value]))
-    return ends.min(axis=0), ends.max(axis=0)
 
 
 def pose_derivative(view: View, laser: TwoMirror, points: Array, dac: Array) -> tuple[Array, Array]:
