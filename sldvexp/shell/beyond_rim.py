@@ -29,7 +29,7 @@ AMONG_THE_FARTHEST = 0.25
 
 
 def strangers(found: SurfaceFit) -> list[IndexArray]:
-    """Find each view's pixels beyond the surface that the splines do not fit, the farthest first.
+    """Find pixels beyond the surface that the splines do not fit, the worst of all views.
 
     Returns
     -------
