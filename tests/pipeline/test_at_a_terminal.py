@@ -54,8 +54,8 @@ class Terminal:
         os.close(slave)
         self.begun = begun
 
-    def read(self, until="", then=None):
-        """Show what comes until a text stands on the screen, do something, and go on to the end."""
+    def read(self, until=lambda: True, then=None):
+        """Show what comes until something has happened, do something then, and go on to the end."""
         decoder, left = codecs.getincrementaldecoder("utf-8")(), ""
         while self.process.poll() is None or select.select([self.master], [], [], 0.2)[0]:
             assert time.monotonic() - self.begun < LONGEST
@@ -70,11 +70,19 @@ class Terminal:
             self.screen.feed(came[:cut])
             left = came[cut:]
             self.shown.append(self.screen.text)
-            if then and any(until in line for line in self.screen.text):
+            if then and until():
                 then, _ = None, then()
         self.screen.feed(left)
         self.status = self.process.wait(LONGEST)
         return self.screen.text
+
+
+def shows_and_has_written(terminal, folder):
+    """Tell when rows of the scan are on the screen and a line of it is in the journal."""
+    return lambda: (
+        any("pixels, " in line for line in terminal.screen.text)
+        and any((folder / "r" / "journal").rglob("[!.]*.npz"))
+    )
 
 
 def rows(terminal, pattern):
@@ -114,7 +122,7 @@ def test_an_interruption_leaves_the_terminal_clean(tmp_path, how, status):
         else:
             terminal.process.send_signal(how)
 
-    text = terminal.read("pixels, ", stop)
+    text = terminal.read(shows_and_has_written(terminal, tmp_path), stop)
     assert terminal.status == status, text
     assert terminal.screen.cursor
     last = " ".join(text)
@@ -132,9 +140,9 @@ def test_a_terminal_that_is_closed_ends_the_run_in_order(tmp_path):
         terminal.process.send_signal(signal.SIGHUP)
 
     with pytest.raises((OSError, ValueError)):
-        terminal.read("pixels, ", close)
+        terminal.read(shows_and_has_written(terminal, tmp_path), close)
     assert terminal.process.wait(LONGEST) == 129
-    assert list((tmp_path / "r" / "journal").rglob("*.npz"))
+    assert list((tmp_path / "r" / "journal").rglob("[!.]*.npz"))
 
 
 @pytest.mark.whole
