@@ -107,19 +107,25 @@ class Responses:
             return float("nan")
         return float(np.sqrt(np.mean(self.reference**2)))
 
+    @property
+    def level(self) -> Array:
+        """Factors from the images' velocities to those for the nominal excitation, (line,)."""
+        if self.reference is None:
+            return np.ones(len(self.place))
+        return self.nominal / self.reference
+
+    def _std(self, image: xr.Dataset) -> Array:
+        """Read the standard errors of an image, (pixel, line)."""
+        std = image["velocity_std"].values.astype(float)
+        std = std[:, self.place] if std.ndim == 2 else std[:, None]
+        return np.asarray(std * self.level)
+
     def views(self, flagged: bool = False) -> Iterator[ViewResponses]:
         """Read view after view, with pixels that have a flag or without them."""
-        level = np.ones(len(self.place))
-        if self.reference is not None:
-            level = self.nominal / self.reference
         for name, image in self.images.items():
             pixel = np.flatnonzero((image["flags"].values == 0) | flagged)
-            velocity = np.asarray(image["velocity"].values[pixel][:, self.place], complex)
-            std = image["velocity_std"].values.astype(float)[pixel]
-            std = std[:, self.place] if std.ndim == 2 else std[:, None]
-            if not (flagged or (np.isfinite(std) & (std > 0)).all()):
-                raise UserError(f"view {name}: has pixels whose noise is not known, and no flag")
-            yield ViewResponses(name, np.asarray(velocity * level, complex), std * level)
+            seen = np.asarray(image["velocity"].values[pixel][:, self.place] * self.level, complex)
+            yield ViewResponses(name, seen, self._std(image)[pixel])
 
     def noise(self) -> tuple[dict[str, Array], Array]:
         """Find the factors of the noise.
@@ -131,11 +137,16 @@ class Responses:
         line : ndarray, shape (line,)
             Root of the mean of the squares over all pixels, in units of the pixel's.
         """
-        line = np.ones(len(self.place))
+        line, pixel = np.ones(len(self.place)), {}
         for _ in range(2):  # weights of lines by rough factors of the pixels, then these again
-            pixel = {v.name: np.sqrt(np.mean((v.std / line) ** 2, axis=1)) for v in self.views()}
-            squares = [np.sum((v.std / pixel[v.name][:, None]) ** 2, axis=0) for v in self.views()]
-            line = np.sqrt(np.sum(squares, axis=0) / sum(map(len, pixel.values())))
+            squares = np.zeros(len(line))
+            for name, image in self.images.items():
+                std = self._std(image)[image["flags"].values == 0]
+                if not (np.isfinite(std) & (std > 0)).all():
+                    raise UserError(f"view {name}: has unflagged pixels of unknown noise")
+                pixel[name] = np.sqrt(np.mean((std / line) ** 2, axis=1))
+                squares += np.sum((std / pixel[name][:, None]) ** 2, axis=0)
+            line = np.sqrt(squares / sum(map(len, pixel.values())))
         return pixel, line
 
 
