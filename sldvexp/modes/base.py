@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sldvexp.modes.responses import Responses
@@ -25,6 +26,8 @@ class ModalFit:
         Weighted squares of what the modes leave over of the lines, and their expectation.
     by_line : ndarray, shape (line,)
         Ratio of the two, line by line.
+    responses : int
+        How many responses stand out of the noise, whose squares these are.
     noise_ratio : float
         Root of the variance of all that is no signal, over the stated one.
     stabilisation : Stabilisation
@@ -36,6 +39,7 @@ class ModalFit:
     chi_square: float
     dof: float
     by_line: Array
+    responses: int
     noise_ratio: float
     stabilisation: Stabilisation
 
@@ -59,6 +63,11 @@ class ModalMethod(ABC):
     @abstractmethod
     def lines(self) -> tuple[float, float] | None:
         """Band whose lines are used, Hz; all of them without one."""
+
+    @property
+    def left_out(self) -> Sequence[float]:
+        """Lines that are not used, Hz."""
+        return ()
 
     @abstractmethod
     def identify(self, responses: Responses) -> ModalFit:

@@ -8,7 +8,7 @@ of standard errors that a few records tell.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,7 +62,10 @@ class Responses:
 
     @classmethod
     def from_images(
-        cls, images: Mapping[str, xr.Dataset], band: tuple[float, float] | None = None
+        cls,
+        images: Mapping[str, xr.Dataset],
+        band: tuple[float, float] | None = None,
+        left_out: Sequence[float] = (),
     ) -> Responses:
         """Take the lines of a band of images that all have the same lines.
 
@@ -71,6 +74,8 @@ class Responses:
         images : mapping of str to xarray.Dataset
             By the name of the view.
         band : pair of float, Hz, optional
+        left_out : sequence of float, Hz
+            Lines that are not taken.
 
         Raises
         ------
@@ -96,6 +101,11 @@ class Responses:
             place = place[(lines[place] >= low) & (lines[place] <= high)]
             if not len(place):
                 raise UserError(f"band: no line lies between {low:g} and {high:g} Hz")
+        for hertz in left_out:
+            same = np.isclose(lines[place], hertz, rtol=SAME_LINE, atol=0)
+            if not same.any():
+                raise UserError(f"leave_out: there is no line at {hertz:g} Hz")
+            place = place[~same]
         if (twice := np.flatnonzero(np.diff(lines[place]) <= 0)).size:
             raise UserError(f"the line at {lines[place][twice[0]]:g} Hz is there twice")
         return cls(lines[place], images, place, _reference(images, place))

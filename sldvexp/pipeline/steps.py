@@ -207,6 +207,7 @@ def _modes(run: Run) -> None:
     except UserError as error:
         raise UserError(f"modal: {error}") from None
     run.tree |= found.groups()
+    run.tree[f"{VERDICT}/modes"] = findings_to_dataset(found.findings)
 
 
 def _point(run: Run) -> None:
@@ -450,7 +451,7 @@ STEPS: tuple[Step, ...] = (
         "modes",
         lambda e: e.modal is not None,
         _modes,
-        makes=("modes", modes.estimate.MODAL_IMAGES),
+        makes=("modes", modes.estimate.MODAL_IMAGES, f"{VERDICT}/modes"),
         needs=("image/",),
         reads=("modal",),
     ),
