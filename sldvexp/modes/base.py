@@ -19,6 +19,8 @@ class ModalFit:
     ----------
     pole : ndarray of complex, shape (mode,), rad/s
         In rising order of their natural frequencies, with positive imaginary parts.
+    beyond : ndarray of complex, shape (other,), rad/s
+        Of modes beside the band that are in the model, but no result.
     covariance : ndarray, shape (2 mode, 2 mode)
         Of ``ln w_r`` of all modes, then of ``ln zeta_r``, as the stated noise makes it. NaN of a
         method that has none.
@@ -35,6 +37,7 @@ class ModalFit:
     """
 
     pole: ComplexArray
+    beyond: ComplexArray
     covariance: Array
     chi_square: float
     dof: float

@@ -94,7 +94,7 @@ def estimate_modes(images: Mapping[str, xr.Dataset], method: ModalMethod) -> Mod
     wider = inflation(fit.chi_square / fit.dof, p_value)
     fit = replace(fit, covariance=fit.covariance * wider)
     line_std = responses.noise()[1]
-    projection = ModalProjection(fit.pole, responses.frequency, 1 / line_std)
+    projection = ModalProjection(fit.pole, fit.beyond, responses.frequency, 1 / line_std)
     mixing = projection.mixing(fit.covariance)
     found, sums, quality = {}, PhaseSums.empty(len(fit.pole)), LineSums.empty(len(line_std))
     for modal in projection.images(responses):

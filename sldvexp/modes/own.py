@@ -92,21 +92,22 @@ class MostLikelyModes(ModalMethod):
             )
         poles = poles_by_order(principal, self._highest_order(principal))
         found = stabilise(poles, principal, self.rules)
+        band = f"between {responses.frequency[0]:g} and {responses.frequency[-1]:g} Hz"
         if not found.modes:
-            raise UserError(
-                f"no mode lies between {responses.frequency[0]:g} and {responses.frequency[-1]:g} "
-                "Hz: no pole stays as the order grows"
-            )
+            raise UserError(f"no mode lies {band}: no pole stays as the order grows")
         fit = most_likely(principal, found.starts())
+        if not len(fit.pole):
+            raise UserError(f"no mode lies {band}: those that are seen lie beside it")
         return ModalFit(
             fit.pole,
+            fit.beyond,
             fit.covariance,
             fit.chi_square,
             fit.dof,
             fit.by_line,
             len(principal.values),
             principal.noise_ratio,
-            found,
+            found.renumbered(fit.start),
         )
 
     @property
