@@ -1,0 +1,15 @@
+from .assurance import Assurance as Assurance
+from .assurance import assurance as assurance
+from .expansion import expand as expand
+from .finite_elements import FiniteElementModel as FiniteElementModel
+from .frequency_agreement import FrequencyData as FrequencyData
+from .frequency_agreement import examine_frequencies as examine_frequencies
+from .mapping import map_shapes as map_shapes
+from .mapping import modal_pixels as modal_pixels
+from .pairing import assurance_matrix as assurance_matrix
+from .pairing import pair_modes as pair_modes
+from .shape_agreement import StackedPixels as StackedPixels
+from .shape_agreement import examine_shape as examine_shape
+from .shape_agreement import join_shapes as join_shapes
+from .updating import UpdatedParameters as UpdatedParameters
+from .updating import update_parameters as update_parameters
