@@ -35,9 +35,10 @@ def expand(motion: Array, tests: Sequence[ShapeTest]) -> tuple[ComplexArray, Arr
     Examples
     --------
     >>> from sldvexp.models.shape_agreement import StackedPixels, examine_shape
-    >>> shape, zero = np.eye(4)[:, :2], np.zeros((4, 2))
+    >>> shape = np.eye(4)[:, :2]
+    >>> exact = (np.zeros((4, 2, 1)), np.zeros((4, 2)), np.zeros((1, 1)))
     >>> both = shape @ np.array([[2.0], [0.5]])
-    >>> seen = StackedPixels(both + 0j, np.full((4, 1), 0.1), shape, zero[..., None], zero)
+    >>> seen = StackedPixels(both + 0j, np.full((4, 1), 0.1), shape, *exact)
     >>> velocity, std = expand(np.ones((1, 3, 2)), [examine_shape(seen, 0, 0)])
     >>> velocity[0, 0].round(6).tolist(), std[0, 0].round(6).tolist()
     ([(2.5+0j)], [0.141421])

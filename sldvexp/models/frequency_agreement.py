@@ -20,8 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.lazy import scipy
+from sldvexp.lazy import xarray as xr
 from sldvexp.statistics import chi_square_p_value
-from sldvexp.typing import Array
+from sldvexp.typing import Array, IntArray
 
 #: Distance in standard errors that a two-sided test at 5 % sees in 95 % of all cases.
 SEEN = 3.605
@@ -33,7 +34,9 @@ class FrequencyData:
 
     Parameters
     ----------
-    measured, measured_std : ndarray, shape (pair,), Hz
+    measured : ndarray, shape (pair,), Hz
+    measured_covariance : ndarray, shape (pair, pair)
+        Of the logarithms of the measured frequencies.
     computed : ndarray, shape (pair,), Hz
     discretisation : ndarray, shape (pair,)
         Relative standard uncertainty of each computed frequency from the mesh.
@@ -44,7 +47,7 @@ class FrequencyData:
     """
 
     measured: Array
-    measured_std: Array
+    measured_covariance: Array
     computed: Array
     discretisation: Array
     sensitivity: Mapping[str, Array]
@@ -57,11 +60,61 @@ class FrequencyData:
 
     def covariance(self, without: Sequence[str] = ()) -> Array:
         """Compute C, with the tolerances of all parameters but some, shape (pair, pair)."""
-        found = np.diag((self.measured_std / self.measured) ** 2 + self.discretisation**2)
+        found = self.measured_covariance + np.diag(self.discretisation**2)
         for name, column in self.sensitivity.items():
             if name not in without:
                 found += self.tolerance[name] ** 2 * np.outer(column, column)
         return np.asarray(found)
+
+
+@dataclass(frozen=True, eq=False)
+class KnownFrequencies:
+    """Frequencies of all modes of a model, and what is known of them.
+
+    Parameters
+    ----------
+    computed, discretisation, sensitivity, tolerance
+        As of `FrequencyData`, of all modes.
+    value : mapping of str to float
+        Of each parameter, that the model was made with.
+    """
+
+    computed: Array
+    discretisation: Array
+    sensitivity: Mapping[str, Array]
+    tolerance: Mapping[str, float]
+    value: Mapping[str, float]
+
+    @property
+    def std(self) -> Array:
+        """Standard uncertainty of each frequency, shape (mode,), Hz."""
+        variance = self.discretisation**2
+        for name, column in self.sensitivity.items():
+            variance = variance + (self.tolerance[name] * column) ** 2
+        return np.asarray(self.computed * np.sqrt(variance))
+
+    def of_pairs(self, modes: xr.Dataset, paired: IntArray, partner: IntArray) -> FrequencyData:
+        """Take the frequencies of measured modes and their partners, from 0 both.
+
+        Parameters
+        ----------
+        modes : xarray.Dataset
+            The group ``modes``.
+        """
+        measured = modes["natural_frequency"].values
+        if "pole_covariance" in modes:
+            covariance = modes["pole_covariance"].values[np.ix_(paired, paired)]
+        else:
+            relative = modes["natural_frequency_std"].values[paired] / measured[paired]
+            covariance = np.diag(relative**2)
+        return FrequencyData(
+            measured[paired],
+            covariance,
+            self.computed[partner],
+            self.discretisation[partner],
+            {name: column[partner] for name, column in self.sensitivity.items()},
+            self.tolerance,
+        )
 
 
 @dataclass(frozen=True)
@@ -95,7 +148,7 @@ def examine_frequencies(data: FrequencyData) -> FrequencyTest:
     --------
     >>> f = np.array([100.0, 250.0])
     >>> data = FrequencyData(
-    ...     1.02 * f, 1e-5 * f, f, np.zeros(2), {"E": np.full(2, 0.5)}, {"E": 0.01}
+    ...     1.02 * f, 1e-10 * np.eye(2), f, np.zeros(2), {"E": np.full(2, 0.5)}, {"E": 0.01}
     ... )
     >>> found = examine_frequencies(data)
     >>> round(found.common, 4), round(found.common_std, 4), found.common_p_value < 0.001

@@ -66,7 +66,7 @@ class ModalPixels:
     std: Array
     pointing: float = 0.0
 
-    def some(self, kept: Array) -> ModalPixels:
+    def some(self, kept: IndexArray) -> ModalPixels:
         """Keep some of the pixels."""
         return replace(
             self,

@@ -9,6 +9,9 @@ is chi-square of 2 (n - 1) degrees of freedom. Poses that are off by delta, of c
 the places that beams meet: G is what that does to P (`sldvexp.models.mapping`). Turned by the phase
 of alpha it acts on the real part alone; so does the mirrors' pointing noise, which adds to s^2.
 
+The measured modes have an error of their own that is common to all pixels: poles that are not exact
+mix a share of each other mode into a shape, of known standard error. It is one more unknown.
+
 Directed: what the other shapes of the model explain of the residuals is chi-square of 2 (k - 1),
 few enough to see a small fault, and tells which modes are mixed. Poses are common to all modes:
 the joint test of all has one delta.
@@ -42,6 +45,8 @@ class StackedPixels:
         Derivatives of `shape` by unknowns of variance 1 that make all poses' errors.
     pointing : ndarray, shape (pixel, model_mode)
         Variance of `shape` from the mirrors' pointing noise.
+    mixing : ndarray, shape (mode, mode)
+        Standard error of each part of the share of the second measured mode in the first.
     """
 
     measured: ComplexArray
@@ -49,10 +54,14 @@ class StackedPixels:
     shape: Array
     by_pose: Array
     pointing: Array
+    mixing: Array
 
     @classmethod
-    def of_views(cls, views: Sequence[PredictedPixels]) -> StackedPixels:
+    def of_views(
+        cls, views: Sequence[PredictedPixels], mixing: Array | None = None
+    ) -> StackedPixels:
         """Stack views; a pose without covariance counts as exact."""
+        modes = views[0].pixels.velocity.shape[1]
         own = []
         for k, view in enumerate(views):
             whole = np.zeros((*view.shape.shape, 6 * len(views)))
@@ -65,7 +74,14 @@ class StackedPixels:
             np.concatenate([v.shape for v in views]),
             np.concatenate(own),
             np.concatenate([(v.by_dac**2).sum(axis=-1) * v.pixels.pointing**2 for v in views]),
+            np.zeros((modes, modes)) if mixing is None else mixing,
         )
+
+    def mixed_in(self, mode: int) -> ComplexArray:
+        """List what other measured modes may add to one, shape (pixel, other)."""
+        other = np.arange(self.measured.shape[1]) != mode
+        found = self.measured[:, other] * self.mixing[mode, other]
+        return np.asarray(found[:, self.mixing[mode, other] > 0])
 
 
 def root(covariance: Array) -> Array:
@@ -102,6 +118,15 @@ class Squares(NamedTuple):
         """Add another with the same unknowns."""
         return Squares(self.sse + other.sse, self.side + other.side, self.gram + other.gram)
 
+    def spread(self, dof: int) -> tuple[float, float]:
+        """Compute mean and standard deviation of `sse` for a right shape.
+
+        Errors of variance 1 add ``x'gram x`` to the chi-square of the noise.
+        """
+        mean = dof + np.trace(self.gram)
+        variance = 2 * dof + 4 * np.trace(self.gram) + 2 * np.sum(self.gram**2)
+        return float(mean), float(np.sqrt(variance))
+
     @property
     def errors(self) -> Array:
         """Most probable errors, those of variance 1 beforehand."""
@@ -121,7 +146,7 @@ class ShapeFit:
     ----------
     coefficient : ndarray of complex, shape (model_mode,), m/s per unit of the shape
     covariance : ndarray, shape (model_mode, model_mode)
-        Of the real parts, which the poses' errors act on.
+        Of the parts in phase, which the poses' errors act on.
     squares : Squares
     """
 
@@ -223,11 +248,11 @@ def examine_shape(pixels: StackedPixels, mode: int, model_mode: int) -> ShapeTes
     >>> rng = np.random.default_rng(0)
     >>> shape = rng.normal(size=(400, 3))
     >>> noise = 0.1 * (rng.normal(size=(400, 1)) + 1j * rng.normal(size=(400, 1)))
-    >>> zero = np.zeros((400, 3))
+    >>> exact = (np.zeros((400, 3, 1)), np.zeros((400, 3)), np.zeros((1, 1)))
     >>> both = shape[:, :1] + 0.05 * shape[:, 1:2]
     >>> std = np.full((400, 1), 0.1)
-    >>> right = StackedPixels(2 * shape[:, :1] + noise, std, shape, zero[..., None], zero)
-    >>> wrong = StackedPixels(2 * both + noise, std, shape, zero[..., None], zero)
+    >>> right = StackedPixels(2 * shape[:, :1] + noise, std, shape, *exact)
+    >>> wrong = StackedPixels(2 * both + noise, std, shape, *exact)
     >>> found = [examine_shape(one, 0, 0) for one in (right, wrong)]
     >>> [one.directed_p_value > 0.01 for one in found], abs(found[1].mixed).round(2).tolist()
     ([True, False], [0.0, 0.05, 0.0])
@@ -236,38 +261,56 @@ def examine_shape(pixels: StackedPixels, mode: int, model_mode: int) -> ShapeTes
     own = pixels.shape[:, [model_mode]]
     scale = complex(np.sum(own[:, 0] * a / s**2) / np.sum(own[:, 0] ** 2 / s**2))
     phase = scale / abs(scale)
-    turned = a / phase
     # In phase with alpha the pointing noise and the poses act too, across it only the noise.
     in_phase = np.sqrt(s**2 + abs(scale) ** 2 * pixels.pointing[:, model_mode])
-    moved = abs(scale) * pixels.by_pose[:, model_mode]
-    fits = [_fit(columns, turned, in_phase, s, moved, phase) for columns in (own, pixels.shape)]
+    std = np.concatenate([in_phase, s])[:, None]
+    y = _parts(np.asarray(a[:, None] / phase)) / std
+    by_pose = _parts(np.asarray(abs(scale) * pixels.by_pose[:, model_mode], complex)) / std
+    others = np.asarray(pixels.mixed_in(mode) / phase)
+    by_mixing = np.concatenate([_parts(others), _parts(1j * others)], axis=1) / std
+    one, every = (
+        _fit(_both(columns) / std, y[:, 0], by_pose, by_mixing, phase)
+        for columns in (own, pixels.shape)
+    )
     rms = np.sqrt(np.mean(pixels.shape**2, axis=0))
-    return ShapeTest(mode, model_mode, *fits, len(a), rms / rms[model_mode])
+    return ShapeTest(mode, model_mode, one, every, len(a), rms / rms[model_mode])
 
 
-def _fit(
-    columns: Array,
-    turned: ComplexArray,
-    in_phase: Array,
-    across: Array,
-    moved: Array,
-    phase: complex,
-) -> ShapeFit:
-    """Fit shapes to a mode that is turned to the phase of its scale."""
-    basis, triangle = np.linalg.qr(columns / in_phase[:, None])
-    y, g = turned.real / in_phase, moved / in_phase[:, None]
-    left, moving = y - basis @ (basis.T @ y), g - basis @ (basis.T @ g)
-    basis_across, triangle_across = np.linalg.qr(columns / across[:, None])
-    z = turned.imag / across
-    rest = z - basis_across @ (basis_across.T @ z)
-    squares = Squares(float(left @ left + rest @ rest), moving.T @ left, moving.T @ moving)
-    real = np.linalg.solve(triangle, basis.T @ (y - g @ squares.errors))
-    imaginary = np.linalg.solve(triangle_across, basis_across.T @ z)
+def _parts(values: ComplexArray) -> Array:
+    """Put imaginary parts below the real ones."""
+    return np.concatenate([values.real, values.imag])
+
+
+def _both(columns: Array) -> Array:
+    """Give real and imaginary part a coefficient of their own, those of the real part first."""
+    zero = np.zeros_like(columns)
+    return np.block([[columns, zero], [zero, columns]])
+
+
+def _fit(columns: Array, y: Array, by_pose: Array, by_mixing: Array, phase: complex) -> ShapeFit:
+    """Fit shapes to a mode that is turned to the phase of its scale, all rows of variance 1."""
+    basis, triangle = np.linalg.qr(columns)
+
+    def beside(rows: Array) -> Array:
+        return np.asarray(rows - basis @ (basis.T @ rows))
+
+    left, poses, mixing = beside(y), beside(by_pose), beside(by_mixing)
+    # Mixing is this mode's alone, the poses are those of all: only these stay open.
+    known = np.linalg.inv(np.eye(mixing.shape[1]) + mixing.T @ mixing)
+    of_y, of_poses = mixing.T @ left, mixing.T @ poses
+    squares = Squares(
+        float(left @ left - of_y @ known @ of_y),
+        poses.T @ left - of_poses.T @ known @ of_y,
+        poses.T @ poses - of_poses.T @ known @ of_poses,
+    )
+    nuisance, own = np.hstack([by_pose, by_mixing]), np.hstack([poses, mixing])
+    errors = np.linalg.inv(np.eye(own.shape[1]) + own.T @ own)
+    found = np.linalg.solve(triangle, basis.T @ (y - nuisance @ (errors @ (own.T @ left))))
     inverse = np.linalg.inv(triangle)
-    shift = inverse @ (basis.T @ g)
-    errors = np.linalg.inv(np.eye(g.shape[1]) + squares.gram)
+    shift = inverse @ (basis.T @ nuisance)
     covariance = inverse @ inverse.T + shift @ errors @ shift.T
-    return ShapeFit(phase * (real + 1j * imaginary), covariance, squares)
+    half = len(found) // 2
+    return ShapeFit(phase * (found[:half] + 1j * found[half:]), covariance[:half, :half], squares)
 
 
 class JointTest(NamedTuple):
@@ -295,10 +338,11 @@ def join_shapes(tests: Sequence[ShapeTest]) -> JointTest:
     Examples
     --------
     >>> rng = np.random.default_rng(1)
-    >>> shape, zero = rng.normal(size=(300, 2)), np.zeros((300, 2))
+    >>> shape = rng.normal(size=(300, 2))
+    >>> exact = (np.zeros((300, 2, 1)), np.zeros((300, 2)), np.zeros((2, 2)))
     >>> noise = 0.1 * (rng.normal(size=(300, 2)) + 1j * rng.normal(size=(300, 2)))
     >>> stacked = StackedPixels(
-    ...     shape + noise, np.full((300, 2), 0.1), shape, zero[..., None], zero
+    ...     shape + noise, np.full((300, 2), 0.1), shape, *exact
     ... )
     >>> joint = join_shapes([examine_shape(stacked, k, k) for k in (0, 1)])
     >>> joint.dof, joint.directed_dof, joint.p_value > 0.01
