@@ -130,7 +130,9 @@ def modal_pixels(tree: Mapping[str, xr.Dataset], laser: TwoMirror) -> list[Modal
     UserError
         If there are no modal images, or no poses.
     """
-    images = {k.removeprefix(MODAL_IMAGES): v for k, v in tree.items() if MODAL_IMAGES in k}
+    images = {
+        k.removeprefix(MODAL_IMAGES): v for k, v in tree.items() if k.startswith(MODAL_IMAGES)
+    }
     if not images:
         raise UserError("there are no modes to test a model on; choose modal=own")
     if "pose" not in tree:
