@@ -8,7 +8,7 @@ from functools import partial
 from itertools import chain, count
 
 from sldvexp import field as velocity_field
-from sldvexp import importers, modes, session, shell, verdict, virtual_lab
+from sldvexp import importers, models, modes, session, shell, verdict, virtual_lab
 from sldvexp.check import Examination, evaluate
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import JOURNAL
@@ -208,6 +208,21 @@ def _modes(run: Run) -> None:
         raise UserError(f"modal: {error}") from None
     run.tree |= found.groups()
     run.tree[f"{VERDICT}/modes"] = findings_to_dataset(found.findings)
+
+
+def _model(run: Run) -> None:
+    """Put a finite element model to the test by the measured modes."""
+    e = run.experiment
+    run.inputs += e.model.inputs()
+    if e.laser is None:
+        raise UserError("model: needs a laser, whose beams tell where pixels meet it")
+    images = {k.removeprefix("image/"): v for k, v in run.tree.items() if k.startswith("image/")}
+    try:
+        found = models.examine_model(run.tree, e.laser, e.model)
+    except UserError as error:
+        raise UserError(f"model: {error}") from None
+    run.tree |= models.model_to_datasets(found, images)
+    run.tree[f"{VERDICT}/model"] = findings_to_dataset(models.findings_about(found))
 
 
 def _point(run: Run) -> None:
@@ -454,6 +469,13 @@ STEPS: tuple[Step, ...] = (
         makes=("modes", modes.estimate.MODAL_IMAGES, f"{VERDICT}/modes"),
         needs=("image/",),
         reads=("modal",),
+    ),
+    Step(
+        "finite element model",
+        lambda e: e.model is not None,
+        _model,
+        makes=("model", "model/", f"{VERDICT}/model"),
+        needs=("modes", modes.estimate.MODAL_IMAGES, "pose", "volume", "image/"),
     ),
     Step(
         "shapes of the modes",
