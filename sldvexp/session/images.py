@@ -10,7 +10,7 @@ from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan import ImageScan
 from sldvexp.session.camera import ViewContext, line_name
-from sldvexp.signal import ComplexImage, Flag, instrument_fault
+from sldvexp.signal import ComplexImage, Flag, RecordFault, ResponseImage, instrument_fault
 from sldvexp.typing import Array, IntArray
 
 #: Of an image's lines in the journal.
@@ -95,12 +95,66 @@ def image_to_dataset(
         f_p_value=np.stack([test.p_value for test in tests], axis=1),
         harmonics=np.stack([each.used for each in tried], axis=1) if tried else None,
         harmonic_p_value=np.stack([each.p_value for each in tried], axis=1) if tried else None,
+        reference_amplitude=_reference_amplitude(image),
     )
+    return _with_flags(group, image.flags)
+
+
+def response_to_dataset(image: ResponseImage, dac: IntArray, angle: Array) -> xr.Dataset:
+    """Make the group ``image/<view>`` of response functions.
+
+    Parameters
+    ----------
+    dac : ndarray of int, shape (pixel, 2), steps
+    angle : ndarray, shape (pixel, 2), rad
+
+    Returns
+    -------
+    xarray.Dataset
+        As `image_to_dataset` makes it, with the records behind each pixel.
+    """
+    design = image.design
+    group = dataset.group(
+        "image",
+        {
+            "pixel": np.arange(len(dac)),
+            "frequency": image.frequencies,
+            "fault": [str(fault.name) for fault in RecordFault],
+        },
+        velocity=image.velocity,
+        velocity_std=image.std,
+        angle=angle,
+        dac=dac,
+        flags=image.flags,
+        reference_amplitude=image.reference_amplitude,
+        coherence=image.coherence,
+        records=image.records,
+        left_out=image.left_out,
+    )
+    group.attrs |= {
+        "excitation": design.excitation.kind.name,
+        "estimator": image.estimator.name,
+        "record_seconds": design.record_seconds,
+    }
+    if design.excitation.decay > 0:
+        group.attrs["window_decay"] = design.excitation.decay
+    return _with_flags(group, image.flags)
+
+
+def _reference_amplitude(image: ComplexImage) -> Array:
+    """Take the median of the good pixels' references, or of all if none is good, V."""
+    amplitude = np.abs(image.reference_fit.phasor)
+    good = image.flags == 0
+    return np.asarray(np.median(amplitude[good] if good.any() else amplitude, axis=0), float)
+
+
+def _with_flags(group: xr.Dataset, flags: NDArray[np.uint8]) -> xr.Dataset:
+    """Say what flags mean, and how many pixels have them."""
     group["flags"].attrs |= {
         "flag_masks": np.array([flag.value for flag in Flag], np.uint8),
         "flag_meanings": " ".join(str(flag.name) for flag in Flag),
     }
-    group.attrs["summary"] = describe_flagged_pixels(image.flags)
+    group.attrs["summary"] = describe_flagged_pixels(flags)
     return group
 
 
