@@ -330,11 +330,8 @@ class VibratingPlate(SceneObject):
             center=plate.place,
         )
 
-    def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:
-        """Compute the distance to the surface and the velocity at the beam's axis.
-
-        See `SceneObject`.
-        """
+    def terms(self, beams: Beams) -> tuple[Array, Array]:
+        """See `SceneObject`: the modes' motion at the beam's axis, along the line of sight."""
         direction = beams.direction @ self.rotation.T
         origin = (beams.origin - self.center) @ self.rotation.T
         distance, along_sight, behind = self._seen_of_side(origin, direction)
@@ -342,8 +339,11 @@ class VibratingPlate(SceneObject):
             back = replace(self, surface=self.surface.back)
             own = back._seen_of_side(origin[behind], direction[behind])
             distance[behind], along_sight[behind] = own[:2]
-        response = self.modes.response(frequency)
-        return distance, np.einsum("bm,mf->bf", along_sight, response)
+        return distance, along_sight
+
+    def spectra(self, frequency: Array) -> ComplexArray:
+        """See `SceneObject`: the modes' responses."""
+        return self.modes.response(frequency)
 
     def _seen_of_side(self, origin: Array, direction: Array) -> tuple[Array, Array, BoolArray]:
         """Compute distances, velocities of modes along beams, and which beams come from behind."""
