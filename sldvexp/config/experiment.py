@@ -176,7 +176,9 @@ class Experiment:
             "visa": "sldvexp.instrument.visa",
         },
     )
-    signal: Any = one_of("signal", {"sine_fit": "sldvexp.signal.sine_fit"})
+    signal: Any = one_of(
+        "signal", {"sine_fit": "sldvexp.signal.sine_fit", "response": "sldvexp.signal.response"}
+    )
     pose: Any = one_of(
         "pose",
         {

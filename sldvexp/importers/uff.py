@@ -29,7 +29,6 @@ from sldvexp.importers.uff_conventions import (
     length_unit,
 )
 from sldvexp.importers.uff_estimators import (
-    Estimator,
     coherence,
     estimate_response,
     find_reference,
@@ -41,6 +40,7 @@ from sldvexp.importers.uff_estimators import (
 from sldvexp.io.uff import Function, UniversalFile, UniversalGeometry, universal_file
 from sldvexp.io.uff.functions import DIRECTIONS, NODAL
 from sldvexp.io.uff.geometry import CARTESIAN, WORLD
+from sldvexp.signal import Estimator
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 from sldvexp.unit_labels import same_unit
 
@@ -81,7 +81,9 @@ class UffImport(PointwiseImport):
         set 55) are read if there are no functions, or as set.
     estimator : Estimator, optional
         Of response functions from cross and auto spectra: h1 by the reference's auto spectrum, h2
-        by the response's.
+        by the response's, hv by both.
+    noise_ratio : float
+        Of hv: noise power of the responses over that of the reference, in the file's units.
     nodal_axes : NodalAxes, optional
         Needed of nodal values with directions=dof if nodes have coordinate systems of their own.
     containing : str
@@ -100,6 +102,7 @@ class UffImport(PointwiseImport):
     geometry: str = ""
     function: FunctionKind | None = None
     estimator: Estimator | None = None
+    noise_ratio: float = 1.0
     nodal_axes: NodalAxes | None = None
     containing: str = ""
     reference_dof: str = ""
@@ -123,6 +126,11 @@ class UffImport(PointwiseImport):
         checks.require(not both, "averages", "give either std or averages, not both")
         message = f"must be zero or a positive integer, not {self.averages}"
         checks.require(self.averages >= 0, "averages", message)
+        one = "of one spectrum no standard error can be told; leave it out, or set std"
+        checks.require(self.averages != 1, "averages", one)
+        checks.positive("noise_ratio", self.noise_ratio)
+        useless = self.noise_ratio != 1.0 and self.estimator is not Estimator.hv
+        checks.require(not useless, "noise_ratio", "has no effect without estimator: hv")
 
     def inputs(self) -> list[str]:
         """Name the universal files."""
@@ -311,9 +319,13 @@ def _view(
         values = _at_lines(file, functions, frequency, lines)
         require_witnesses_agree(file, functions, rules, frequency, lines, questions)
         if functions[0].kind == FunctionKind.cross.value:
-            made_by, containing = settings.estimator, settings.containing
+            made_by, ratio, containing = (
+                settings.estimator,
+                settings.noise_ratio,
+                settings.containing,
+            )
             values = estimate_response(
-                made_by, containing, file, functions, values, frequency, lines
+                made_by, ratio, containing, file, functions, values, frequency, lines
             )
             told = told | ({"estimator": made_by.name} if made_by else {})
         velocity = rules.velocity(values, frequency)

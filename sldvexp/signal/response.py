@@ -1,0 +1,202 @@
+"""`signal=response`: response functions of broadband records, and sines where there is but one.
+
+Each pixel has several records. Those without a fault go into `ResponseSums`, of which the pixel's
+response H to the reference is made. The pixel's velocity is ``H`` times the nominal amplitude of
+the reference at that line, so that all views have one scale, and its standard error comes from the
+scatter of the records.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sldvexp.config.registry import register
+from sldvexp.errors import Checks, UserError
+from sldvexp.signal.excitation import RecordDesign
+from sldvexp.signal.pixel_quality import Flag
+from sldvexp.signal.record_faults import RecordFault, find_record_faults, noise_power
+from sldvexp.signal.response_function import (
+    LEAST_RECORDS,
+    Estimator,
+    ResponseFunction,
+    response_function,
+)
+from sldvexp.signal.response_sums import ResponseSums
+from sldvexp.signal.sine_fit import SineFit
+from sldvexp.typing import Array, ComplexArray, IntArray
+
+#: Share of a record at its end that must be quiet after a burst or a hit.
+END = 0.05
+#: Samples that are transformed at once, so that memory does not grow with the pixels.
+CHUNK_SAMPLES = 2**20
+
+
+@dataclass(frozen=True, repr=False)
+class ResponseImage:
+    """Pixels of one view from response functions, flagged ones included.
+
+    Attributes
+    ----------
+    velocity : ndarray of complex, shape (pixel, line), m/s
+        Peak amplitude, exp(+i w t), relative to the reference, positive towards the instrument:
+        H times `reference_amplitude`.
+    std : ndarray, shape (pixel, line), m/s
+        Standard error of real and imaginary part each.
+    flags : ndarray of int, shape (pixel,)
+        `Flag`: why too few of a pixel's records are left, zero for a good pixel.
+    frequencies : ndarray, shape (line,), Hz
+    reference_amplitude : ndarray, shape (line,), V
+    coherence : ndarray, shape (pixel, line)
+    records : ndarray of int, shape (pixel,)
+    left_out : ndarray of int, shape (pixel, fault)
+        See `ResponseSums`.
+    design : RecordDesign
+    estimator : Estimator
+    """
+
+    velocity: ComplexArray
+    std: Array
+    flags: NDArray[np.uint8]
+    frequencies: Array
+    reference_amplitude: Array
+    coherence: Array
+    records: IntArray
+    left_out: IntArray
+    design: RecordDesign
+    estimator: Estimator
+
+    def __repr__(self) -> str:
+        count, hertz = self.velocity.shape
+        flagged = int((self.flags != 0).sum())
+        return f"{count} complex pixels at {hertz} lines, {flagged} flagged"
+
+
+@register("signal", "response")
+@dataclass
+class Response(SineFit):
+    """Response functions by averages of records; its other settings are those of `sine_fit`.
+
+    Where a pixel has one record of sines, as the circles of a calibration object have, they are
+    fitted as `sine_fit` does.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        h1 with noise in the response alone, h2 in the reference alone, hv in both.
+    noise_ratio : float, ((m/s)/V)2
+        Of hv: noise power of the response over that of the reference.
+    """
+
+    estimator: Estimator = Estimator.h1
+    noise_ratio: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        checks = Checks()
+        checks.positive("noise_ratio", self.noise_ratio)
+        useless = self.noise_ratio != 1.0 and self.estimator is not Estimator.hv
+        checks.require(not useless, "noise_ratio", "has no effect without estimator: hv")
+        checks.done()
+
+    def sums(
+        self,
+        records: ArrayLike,
+        design: RecordDesign,
+        *,
+        volts_per_count: ArrayLike = 1.0,
+        limits: ArrayLike | None = None,
+        good: ArrayLike | None = None,
+    ) -> ResponseSums:
+        """Sum records of some pixels; more of the same pixels can be merged with them.
+
+        Parameters
+        ----------
+        records : array_like, shape (pixel, record, 2, sample)
+            Counts; channels are velocity, reference. Lead records are cut off already.
+        design : RecordDesign
+        volts_per_count : array_like, shape () or (2,)
+        limits : array_like, shape (2,) or (2, 2), optional
+            Smallest and largest sample that the converter can give, for each channel.
+        good : array_like of bool, shape (pixel, record), optional
+            False where the instrument itself reported a lost signal.
+
+        Raises
+        ------
+        UserError
+            If the records do not have the design's samples.
+        """
+        counts = np.asarray(records)
+        if counts.ndim != 4 or counts.shape[2:] != (2, design.samples):
+            raise UserError(
+                "signal: records must have the shape (pixel, record, 2, "
+                f"{design.samples}) with the channels velocity and reference, not {counts.shape}"
+            )
+        faults = find_record_faults(
+            counts,
+            design,
+            volts_per_count=volts_per_count,
+            limits=limits,
+            good=good,
+            rules=self.flags,
+        )
+        scale = np.broadcast_to(np.asarray(volts_per_count, float), (2,)).copy()
+        scale[0] *= self.velocity_per_volt
+        sums = ResponseSums.zeros(len(counts), design.hertz(design.read_lines))
+        chunk = max(1, CHUNK_SAMPLES // max(1, counts[0].size)) if len(counts) else 1
+        for first in range(0, len(counts), chunk):
+            part = slice(first, min(first + chunk, len(counts)))
+            spoilt = (faults[part] != 0)[..., None, None]
+            volts = np.where(spoilt, 0.0, counts[part]) * scale[:, None]
+            spectra = design.spectra(volts)
+            sums.add(
+                spectra[:, :, 1],
+                spectra[:, :, 0],
+                faults[part],
+                _quiet(volts[:, :, 0], design),
+                part,
+            )
+        return sums
+
+    def response(self, sums: ResponseSums, design: RecordDesign) -> ResponseFunction:
+        """Make response functions at the excited lines."""
+        excited = np.isin(design.read_lines, design.lines)
+        return response_function(sums.at(excited), self.estimator, self.noise_ratio)
+
+    def image(self, sums: ResponseSums, design: RecordDesign) -> ResponseImage:
+        """Make the pixels of a view; those with fewer than two good records are flagged."""
+        found = self.response(sums, design)
+        amplitude = design.reference_amplitude
+        return ResponseImage(
+            velocity=found.response * amplitude,
+            std=found.std * amplitude,
+            flags=_flags(sums),
+            frequencies=found.frequency,
+            reference_amplitude=amplitude,
+            coherence=found.coherence,
+            records=found.records,
+            left_out=sums.left_out,
+            design=design,
+            estimator=self.estimator,
+        )
+
+
+def _flags(sums: ResponseSums) -> NDArray[np.uint8]:
+    """Flag pixels with too few records, for the faults of those that are left out."""
+    flags = np.zeros(len(sums.count), np.uint8)
+    for k, fault in enumerate(RecordFault):
+        # A pulse twice is no signal to refer to, and has no flag of its own.
+        flag = Flag.reference_missing if fault is RecordFault.double_hit else Flag(fault)
+        flags |= np.where(sums.left_out[:, k] > 0, np.uint8(flag), np.uint8(0))
+    few = sums.count < LEAST_RECORDS
+    flags[few & (flags == 0)] = np.uint8(Flag.dropped_out)
+    return np.where(few, flags, np.uint8(0))
+
+
+def _quiet(velocity: Array, design: RecordDesign) -> Array:
+    """Compute mean squares of each record's end, noise and whole, (pixel, record, 3)."""
+    end = velocity[..., -max(1, int(END * design.samples)) :]
+    noise = noise_power(velocity, design)
+    return np.stack([np.mean(end**2, axis=-1), noise, np.mean(velocity**2, axis=-1)], axis=-1)
