@@ -70,6 +70,12 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "velocity_std": _V(
             "pixel [frequency]", "m/s", "its standard error, per real and imaginary part"
         ),
+        "reference_amplitude": _V(
+            "[frequency]", "V", "peak amplitude of the reference that the velocity belongs to"
+        ),
+        "coherence": _V("pixel [frequency]", "1", "coherence of velocity and reference"),
+        "records": _V("pixel", "1", "records that are averaged"),
+        "left_out": _V("pixel fault", "1", "records that are left out, by what is wrong with them"),
         "uncorrected": _V("pixel [frequency]", "m/s", "velocity before the phase correction"),
         "refined_frequency": _V("[frequency]", "Hz", "frequency as the reference channel has it"),
         "refined_frequency_std": _V("[frequency]", "Hz", "its standard error"),

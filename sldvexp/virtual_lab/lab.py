@@ -16,6 +16,7 @@ from sldvexp.errors import UserError, nearest
 from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples, ScanningPlugin
 from sldvexp.instrument.person import Mark, Place, Steps
 from sldvexp.laser import MIRRORS, TwoMirror, project
+from sldvexp.signal import ExcitationKind
 from sldvexp.targets import Target
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 from sldvexp.virtual_lab import camera
@@ -25,6 +26,7 @@ from sldvexp.virtual_lab.electronics import Electronics, PixelNoise
 from sldvexp.virtual_lab.plate import VibratingPlate
 from sldvexp.virtual_lab.pointing import MirrorPath
 from sldvexp.virtual_lab.scene import Scene
+from sldvexp.virtual_lab.transients import Motion, long_period
 
 #: Pixels computed at once, filled up if they are fewer: arithmetic in arrays of one shape gives a
 #: pixel the same last bits wherever it stands in a list.
@@ -66,6 +68,7 @@ class VirtualLab:
         rng = np.random.default_rng(np.random.SeedSequence([*self._seed, len(self._seed)]))
         self.objects = scene.objects(target, rng)
         self._acquisition: Acquisition | None = None
+        self._moved: tuple[object, Motion] | None = None
         self.start_stream(0)
         self.use_view(next(iter(scene.views)))
 
@@ -153,15 +156,18 @@ class VirtualLab:
         steps = self._checked(np.asarray(dac))
         if stream is not None:
             self.start_stream(stream)
-        counts = np.empty((len(steps), 2, self._acquisition.samples), np.int16)
-        status = np.empty(len(steps), np.uint8)
+        records = self._acquisition.records
+        counts = np.empty((len(steps) * records, 2, self._acquisition.samples), np.int16)
+        status = np.empty(len(steps) * records, np.uint8)
+        block = self._block if self._acquisition.drive is None else self._moving_block
         for begin in range(0, len(steps), BLOCK):
-            part = slice(begin, min(begin + BLOCK, len(steps)))
-            counts[part], status[part] = self._block(steps[part])
+            end = min(begin + BLOCK, len(steps))
+            rows = slice(begin * records, end * records)
+            counts[rows], status[rows] = block(steps[begin:end])
         if len(steps):
             self.position = (int(steps[-1, 0]), int(steps[-1, 1]))
         scales = self._electronics.volts_per_count
-        return RawSamples(counts, scales, self._acquisition.rate, status)
+        return RawSamples(counts, scales, self._acquisition.rate, status, records)
 
     def true_pose(self, view: str) -> tuple[Array, Array]:
         """Return rotation (3, 3), world to laser, and origin (3,), m, of a view."""
@@ -312,6 +318,85 @@ class VirtualLab:
         own = None if noisier is None else noisier[:n]
         return self._electronics.record(velocity, lit, uniform, normal, own)
 
+    def _moving_block(self, dac: IntArray) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
+        """Acquire all records of at most BLOCK pixels that move in any way."""
+        a, n = self._acquisition, len(dac)
+        assert a is not None and a.drive is not None
+        filled = dac[np.minimum(np.arange(BLOCK), n - 1)]
+        noisier = self._noisier(filled)
+        coefficient, lit = self._terms(filled, self._pointing_error(filled, n, noisier))
+        self._spoil_terms(coefficient[:n])
+        motion = self._motion()
+        power = motion.power(coefficient)
+        found = []
+        for pixel in range(n):
+            first = (self._pixel + pixel) * a.records
+            uniform, normal = self._noise.draw(self._stream, first, a.records, a.samples)
+            start = _start(a, float(uniform[0, 0]), len(motion.played))
+            rows = [
+                motion.record(coefficient[pixel], start + k * a.samples, a.samples)
+                for k in range(a.records)
+            ]
+            velocity, played = (np.stack(each) for each in zip(*rows, strict=True))
+            own = None if noisier is None else np.full(a.records, noisier[pixel])
+            seen = np.full(a.records, lit[pixel])
+            how = (float(power[pixel]), seen, (uniform, normal), own)
+            found.append(self._electronics.record_motion(velocity, played, *how))
+        self._pixel += n
+        counts, status = zip(*found, strict=True)
+        return np.concatenate(counts), np.concatenate(status)
+
+    def _motion(self) -> Motion:
+        """Compute, once a view and acquisition, how all terms move; the last is flat: the rest."""
+        a = self._acquisition
+        assert a is not None and a.drive is not None
+        key = (self.view, a.drive)
+        if self._moved is None or self._moved[0] != key:
+            played = self.scene.generator_gain * long_period(a.drive)
+            self._moved = key, Motion.computed(played, a.rate, self._spectra)
+        return self._moved[1]
+
+    def _spectra(self, frequency: Array) -> ComplexArray:
+        """Compute the spectra of the terms of all objects, and of what rests, (term, line)."""
+        mistakes, rows = self._mistakes, []
+        for thing in self.objects:
+            if mistakes is None or thing.calibrates:
+                rows.append(thing.spectra(frequency))
+            else:
+                spoilt = thing.in_modes(mistakes.modes)
+                rows.append(spoilt.spectra(mistakes.frequency * frequency))
+        rows.append(np.ones((1, len(frequency)), complex))
+        every = np.concatenate(rows)
+        return every if mistakes is None else mistakes.recorded(every, frequency)
+
+    def _terms(self, dac: IntArray, error: Array | None) -> tuple[Array, BoolArray]:
+        """Look along the beams: coefficients (pixel, term), and whether light comes back."""
+        light = self._beams(dac, (self._rotation, self._origin), error)
+        seen = []
+        for thing in self.objects:
+            mistakes = self._mistakes
+            if mistakes is None or thing.calibrates:
+                seen.append(thing.terms(light))
+            else:
+                pose = mistakes.knocked(*self.true_pose(mistakes.seen_from or self.view))
+                seen.append(thing.terms(self._beams(dac, pose, error)))
+        distance = np.stack([d for d, _ in seen])
+        first, hit = distance.argmin(axis=0), np.isfinite(distance.min(axis=0))
+        own = [c * (hit & (first == k))[:, None] for k, (_, c) in enumerate(seen)]
+        resting = np.where(hit, 0.0, -light.direction[:, 2] * self.scene.residual)
+        coefficient = np.concatenate([*own, resting[:, None]], axis=1)
+        return coefficient, (hit | self.scene.backdrop) & self.shutter_open
+
+    def _spoil_terms(self, coefficient: Array) -> None:
+        """Let some pixels, (pixel, term), follow the excitation in a random size instead."""
+        v = self.scene.vibrometer
+        if not v.unflagged:
+            return
+        uniform, normal = self._speckle.draw(self._stream, self._pixel, len(coefficient), 1)
+        wrong = uniform[:, 0] < v.unflagged
+        coefficient[wrong] = 0.0
+        coefficient[wrong, -1] = normal[wrong, 0, 0] * v.unflagged_velocity
+
     def _noisier(self, dac: IntArray) -> Array | None:
         """Compute the factor of noise by the distance of what the beams hit, shape (pixel,)."""
         if self._pointing.worst == 1:
@@ -363,6 +448,17 @@ class VirtualLab:
         pose = mistakes.knocked(*self.true_pose(mistakes.seen_from or self.view))
         light = self._beams(dac, pose, error)
         return thing.in_modes(mistakes.modes).seen(light, mistakes.frequency * self._frequency)
+
+
+def _start(acquisition: Acquisition, chance: float, length: int) -> int:
+    """Choose where in a long period a pixel's first record starts, by a number in [0, 1)."""
+    drive, samples = acquisition.drive, acquisition.samples
+    assert drive is not None
+    if drive.excitation.kind is ExcitationKind.hammer:
+        return 0
+    if acquisition.triggered:
+        return samples * int(chance * (length // samples))
+    return int(chance * length)
 
 
 @register("instrument", "simulated")
