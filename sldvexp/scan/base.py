@@ -132,16 +132,16 @@ class Sampling:
             "holds a part of it"
         )
         begun = self.excitation in (ExcitationKind.burst_random, ExcitationKind.hammer)
-        checks.require(
-            self.trigger is Trigger.generator or not begun, f"{name}.trigger", told
-        )
+        checks.require(self.trigger is Trigger.generator or not begun, f"{name}.trigger", told)
         if len(checks.problems) > known:
             return
         low, high = self.band
         too_high = f"up to {high:g} Hz needs a rate above {2 * high:g} Hz"
         checks.require(2 * high < self.rate, f"{name}.band", too_high)
         spacing = self.rate / self.samples
-        empty = f"has no line of a record of {1 / spacing:g} s, whose lines are {spacing:g} Hz apart"
+        empty = (
+            f"has no line of a record of {1 / spacing:g} s, whose lines are {spacing:g} Hz apart"
+        )
         lines = int(high / spacing) >= max(1, low / spacing)
         checks.require(lines, f"{name}.band", empty)
 

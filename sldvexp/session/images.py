@@ -153,9 +153,7 @@ def image_to_dataset(
     return _with_meanings(group, image.flags)
 
 
-def responses_to_dataset(
-    image: ResponseImage, dac: IntArray, angle: Array
-) -> xr.Dataset:
+def responses_to_dataset(image: ResponseImage, dac: IntArray, angle: Array) -> xr.Dataset:
     """Make the group ``image/<view>`` of averaged records.
 
     Parameters
