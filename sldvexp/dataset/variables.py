@@ -70,12 +70,6 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "velocity_std": _V(
             "pixel [frequency]", "m/s", "its standard error, per real and imaginary part"
         ),
-        "reference_amplitude": _V(
-            "[frequency]", "V", "peak amplitude of the reference that the velocity belongs to"
-        ),
-        "coherence": _V("pixel [frequency]", "1", "coherence of velocity and reference"),
-        "records": _V("pixel", "1", "records that are averaged"),
-        "left_out": _V("pixel fault", "1", "records that are left out, by what is wrong with them"),
         "uncorrected": _V("pixel [frequency]", "m/s", "velocity before the phase correction"),
         "refined_frequency": _V("[frequency]", "Hz", "frequency as the reference channel has it"),
         "refined_frequency_std": _V("[frequency]", "Hz", "its standard error"),
@@ -88,6 +82,14 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "harmonic_p_value": _V(
             "pixel channel harmonic", "1", "probability of such an F without that harmonic"
         ),
+        "reference_amplitude": _V(
+            "[frequency]", "V", "amplitude of the reference to which the velocity belongs"
+        ),
+        "coherence": _V(
+            "pixel [frequency]", "1", "share of the response that is the reference's, g^2"
+        ),
+        "records": _V("pixel", "1", "good records behind the pixel"),
+        "left_out": _V("pixel fault", "1", "records that have the fault and were left out"),
     },
     "pose": {
         "origin": _V("view axis", "m", "origin of the laser frame in the world"),

@@ -59,6 +59,7 @@ def write_line(
     lasting : bool
         See `sldvexp.writing.whole_or_nothing`.
     """
+    found: dict[str, Any]
     if isinstance(samples, ResponseSums):
         found = samples.to_arrays()
     else:

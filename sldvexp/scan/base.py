@@ -40,11 +40,6 @@ class Trigger(Enum):
     free = "free"
 
 
-def _as(name: str) -> Any:
-    """Make a field with the default that an `Excitation` has."""
-    return field(default_factory=lambda: getattr(Excitation(), name))
-
-
 @dataclass
 class Sampling:
     """How each pixel is sampled.
@@ -89,11 +84,11 @@ class Sampling:
     frequency: list[float] = field(default_factory=lambda: [450.0])
     amplitude: float = 1.0
     excitation: ExcitationKind = ExcitationKind.sine
-    band: list[float] = _as("band")
-    lines: LineChoice = _as("lines")
-    seed: int = _as("seed")
-    burst: float = _as("burst")
-    decay: float = _as("decay")
+    band: list[float] = field(default_factory=lambda: Excitation().band)
+    lines: LineChoice = Excitation.lines
+    seed: int = Excitation.seed
+    burst: float = Excitation.burst
+    decay: float = Excitation.decay
     records: int = 10
     lead: int = 1
     trigger: Trigger = Trigger.generator

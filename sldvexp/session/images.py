@@ -44,7 +44,11 @@ def scan_image(scan: ImageScan, at: ViewContext) -> dict[str, xr.Dataset]:
     scan = scan.aimed(at.laser, at.target, at.poses)
     lines = scan.lines(at.view)
     every = np.concatenate(lines)
-    image = _responses(scan, at, lines, every) if scan.sampling.broadband else _sines(at, lines)
+    image: ComplexImage | ResponseImage
+    if scan.sampling.broadband:
+        image = _responses(at, lines, every, scan.sampling.spare)
+    else:
+        image = at.camera.image(NAME, lines, in_part=True)
     if (image.flags != 0).all():
         why = _fault(image) or "for more than one reason"
         raise UserError(
@@ -55,7 +59,7 @@ def scan_image(scan: ImageScan, at: ViewContext) -> dict[str, xr.Dataset]:
     dac = every[: len(image.flags)]  # all, unless the rest was skipped
     angle = at.laser.angle_from_dac(dac)
     if isinstance(image, ResponseImage):
-        group = responses_to_dataset(image, dac, angle)
+        group = response_to_dataset(image, dac, angle)
     else:
         group = image_to_dataset(image, dac, angle, scan.sampling.frequency)
     if (shape := scan.shape(at.view)) and len(dac) == len(every):
@@ -63,19 +67,15 @@ def scan_image(scan: ImageScan, at: ViewContext) -> dict[str, xr.Dataset]:
     return {f"image/{at.view}": group}
 
 
-def _sines(at: ViewContext, lines: list[IntArray]) -> ComplexImage:
-    return at.camera.image(NAME, lines, in_part=True)
-
-
 def _responses(
-    scan: ImageScan, at: ViewContext, lines: list[IntArray], every: IntArray
+    at: ViewContext, lines: list[IntArray], every: IntArray, spare: float
 ) -> ResponseImage:
     """Average the records of all pixels, then those of the worst once more."""
     camera = at.camera
     found = [s for s in camera.scanned(NAME, lines, in_part=True) if isinstance(s, ResponseSums)]
     sums = ResponseSums.concatenated(found)
     if not camera.skipped:
-        worst = once_more(sums, every, camera.acquisition.seconds, scan.sampling.spare)
+        worst = once_more(sums, every, camera.acquisition.seconds, spare)
         for place, (pixels, dac) in enumerate(worst):
             more = camera.once_more(ONCE_MORE, place, dac)
             assert isinstance(more, ResponseSums)
@@ -149,12 +149,13 @@ def image_to_dataset(
         f_p_value=np.stack([test.p_value for test in tests], axis=1),
         harmonics=np.stack([each.used for each in tried], axis=1) if tried else None,
         harmonic_p_value=np.stack([each.p_value for each in tried], axis=1) if tried else None,
+        reference_amplitude=_reference_amplitude(image),
     )
-    return _with_meanings(group, image.flags)
+    return _with_flags(group, image.flags)
 
 
-def responses_to_dataset(image: ResponseImage, dac: IntArray, angle: Array) -> xr.Dataset:
-    """Make the group ``image/<view>`` of averaged records.
+def response_to_dataset(image: ResponseImage, dac: IntArray, angle: Array) -> xr.Dataset:
+    """Make the group ``image/<view>`` of response functions.
 
     Parameters
     ----------
@@ -164,8 +165,9 @@ def responses_to_dataset(image: ResponseImage, dac: IntArray, angle: Array) -> x
     Returns
     -------
     xarray.Dataset
-        As `image_to_dataset`, with what the averages tell.
+        As `image_to_dataset` makes it, with the records behind each pixel.
     """
+    design = image.design
     group = dataset.group(
         "image",
         {
@@ -175,24 +177,33 @@ def responses_to_dataset(image: ResponseImage, dac: IntArray, angle: Array) -> x
         },
         velocity=image.velocity,
         velocity_std=image.std,
+        angle=angle,
+        dac=dac,
+        flags=image.flags,
         reference_amplitude=image.reference_amplitude,
         coherence=image.coherence,
         records=image.records,
         left_out=image.left_out,
-        angle=angle,
-        dac=dac,
-        flags=image.flags,
     )
     group.attrs |= {
-        "excitation": image.design.excitation.kind.name,
+        "excitation": design.excitation.kind.name,
         "estimator": image.estimator.name,
-        "record_seconds": image.design.record_seconds,
+        "record_seconds": design.record_seconds,
     }
-    return _with_meanings(group, image.flags)
+    if design.excitation.decay > 0:
+        group.attrs["window_decay"] = design.excitation.decay
+    return _with_flags(group, image.flags)
 
 
-def _with_meanings(group: xr.Dataset, flags: NDArray[np.uint8]) -> xr.Dataset:
-    """Add what flags mean, and how many there are."""
+def _reference_amplitude(image: ComplexImage) -> Array:
+    """Take the median of the good pixels' references, or of all if none is good, V."""
+    amplitude = np.abs(image.reference_fit.phasor)
+    good = image.flags == 0
+    return np.asarray(np.median(amplitude[good] if good.any() else amplitude, axis=0), float)
+
+
+def _with_flags(group: xr.Dataset, flags: NDArray[np.uint8]) -> xr.Dataset:
+    """Say what flags mean, and how many pixels have them."""
     group["flags"].attrs |= {
         "flag_masks": np.array([flag.value for flag in Flag], np.uint8),
         "flag_meanings": " ".join(str(flag.name) for flag in Flag),

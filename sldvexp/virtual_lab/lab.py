@@ -321,7 +321,8 @@ class VirtualLab:
     def _moving_block(self, dac: IntArray) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
         """Acquire all records of at most BLOCK pixels that move in any way."""
         a, n = self._acquisition, len(dac)
-        assert a is not None and a.drive is not None
+        assert a is not None
+        assert a.drive is not None
         filled = dac[np.minimum(np.arange(BLOCK), n - 1)]
         noisier = self._noisier(filled)
         coefficient, lit = self._terms(filled, self._pointing_error(filled, n, noisier))
@@ -349,7 +350,8 @@ class VirtualLab:
     def _motion(self) -> Motion:
         """Compute, once a view and acquisition, how all terms move; the last is flat: the rest."""
         a = self._acquisition
-        assert a is not None and a.drive is not None
+        assert a is not None
+        assert a.drive is not None
         key = (self.view, a.drive)
         if self._moved is None or self._moved[0] != key:
             played = self.scene.generator_gain * long_period(a.drive)

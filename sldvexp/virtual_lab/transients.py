@@ -50,7 +50,7 @@ class Motion:
             Of frequencies (line,) in Hz: what each term does, shape (term, line), m/s per V.
         """
         lines = np.fft.rfft(played)
-        found = spectra(np.fft.rfftfreq(len(played), 1.0 / rate))
+        found = spectra(np.asarray(np.fft.rfftfreq(len(played), 1.0 / rate), float))
         responses = [np.fft.irfft(row * lines, len(played)) for row in found]
         return cls(played.astype(np.float32), np.array(responses, np.float32))
 
