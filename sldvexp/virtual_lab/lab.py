@@ -209,6 +209,27 @@ class VirtualLab:
         """
         return self.true_dac(self.calibration_object.edge(circle, np.asarray(azimuth)))
 
+    def true_velocity(self, dac: ArrayLike, frequency: Array) -> ComplexArray:
+        """Compute what moves along the beams of DAC steps from this view, without any mistake.
+
+        Parameters
+        ----------
+        dac : array_like, shape (pixel, 2), steps
+        frequency : ndarray, shape (tone,), Hz
+
+        Returns
+        -------
+        ndarray of complex, shape (pixel, tone), m/s per V of excitation
+        """
+        light = self.light(dac)
+        seen = [thing.seen(light, frequency) for thing in self.objects]
+        distance = np.stack([d for d, _ in seen])
+        velocity = np.stack([v for _, v in seen])[
+            distance.argmin(axis=0), np.arange(len(light.origin))
+        ]
+        hit = np.isfinite(distance.min(axis=0))[:, None]
+        return np.where(hit, velocity, -light.direction[:, 2:] * self.scene.residual)
+
     def light(self, dac: ArrayLike) -> Beams:
         """Send the beams of DAC steps, whole or not, shape (beam, 2), from this view."""
         return self._beams(np.asarray(dac), (self._rotation, self._origin))
