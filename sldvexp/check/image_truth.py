@@ -3,7 +3,10 @@
 Over the good pixels p of a line, with the truth t_p, the errors e_p and their standard errors s_p,
 the bias is the common factor that pixels are off by,
 
-    b = sum conj(t_p) e_p / sum |t_p|^2,    std = sqrt(sum |t_p|^2 s_p^2) / sum |t_p|^2 of each part.
+    b = sum conj(t_p) e_p / sum |t_p|^2,
+
+whose real and imaginary part each have the standard error
+``sqrt(sum |t_p|^2 s_p^2) / sum |t_p|^2``.
 
 The truth is that of the beams' axes, as the virtual lab's mirrors truly point without jitter.
 """
