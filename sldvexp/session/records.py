@@ -87,7 +87,7 @@ class Averages:
             few = np.flatnonzero(missing > 0)
             if not len(few) or left <= 0:
                 break
-            records = int(min(missing[few].max(), left))
+            records = int(min(missing[few].min(), left))
             fewer = replace(self.acquisition, records=records)
             instrument.configure(fewer)
             more = self._taken(instrument, fewer, dac[few], stream + round_ * AGAIN)
